@@ -1,4 +1,4 @@
-"""The captures that are measured, and a database of their messages: generated, the same in every run."""
+"""Generates the captures to measure and a DBC of their messages, identical in every run."""
 
 import gzip
 import os
@@ -19,7 +19,7 @@ GENERATED = {
     "10M.log": ["--frames", "10000000"],
 }
 
-# The PDOs of each node of that machine, and its heartbeat: base of the identifier, length, signals as
+# PDOs and heartbeat of each node of the machine: base of the identifier, length, signals as
 # (name, first bit, bits, signed).
 MESSAGES = {
     "TPDO1": (0x180, 8, [("status", 0, 16, False), ("position", 16, 32, True), ("velocity", 48, 16, True)]),
@@ -33,7 +33,7 @@ MESSAGES = {
 
 
 def database():
-    """Those messages as DBC."""
+    """The messages as DBC."""
     lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: machine"]
     for node in range(1, 9):
         for name, (base, length, signals) in MESSAGES.items():
@@ -46,7 +46,7 @@ def database():
 
 
 def generate(root, folder):
-    """Makes what is not there yet; 700 MB in all."""
+    """Generates the missing files; 700 MB in total."""
     os.makedirs(folder, exist_ok=True)
     program = os.path.join(root, "target", "dist", "examples", "generate_machine")
     for name, options in GENERATED.items():

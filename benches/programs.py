@@ -1,4 +1,4 @@
-"""Whole programs that are measured: cobscope, and what else reads such captures."""
+"""Programs to measure: cobscope, and others that read such captures."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ DEVICES = [
     "--node", "2=rexroth-sydfec", "--node", "5=rexroth-ifb-iac", "--node", "1=wandfluh-md2", "--node", "32=danfoss-pve-ci",
 ]
 
-# Iterates a capture, with the library named, as its users would.
+# Each of these reads a capture with one library, as its users would.
 PYTHON_CAN = "import can, sys\nfor message in can.LogReader(sys.argv[1]): pass"
 CANOPEN = """
 import can, canopen, sys
@@ -34,7 +34,7 @@ for message in can.LogReader(sys.argv[1]):
 
 @dataclass
 class Program:
-    """A command, and how many frames it reads."""
+    """A command and the number of frames that it reads."""
 
     name: str
     capture: str
@@ -45,7 +45,7 @@ class Program:
 
 
 def ours(root, folder):
-    """Commands of cobscope; the inputs lie in this folder."""
+    """Commands of cobscope; `folder` contains the inputs."""
     program = os.path.join(root, "target", "dist", "cobscope")
 
     def decode(name, capture, *options, **more):
@@ -85,16 +85,16 @@ def ours(root, folder):
 
 
 def peers(folder):
-    """Other programs, and a word for each that is not there; the inputs lie in this folder."""
+    """Other programs, and the names of the missing ones; `folder` contains the inputs."""
     lens = os.path.join(os.path.dirname(sys.executable), "canopen-lens")
     python = [sys.executable, "-c"]
     rows = [
         Program("wc -l", "normal.log", ["wc", "-l"]),
         Program("gzip -dc", "normal.log.gz", ["gzip", "-dc"]),
         Program("zstd -dc", "normal.log.zst", ["zstd", "-dc"]),
-        # Of a million frames of this machine it takes more than ten minutes: its time grows with the square.
+        # A million frames of this machine take more than ten minutes: the time grows quadratically.
         Program("canopen-lens: diagnosis", "100k.log", [lens], frames=100_000),
-        Program("tshark: a line a frame, CANopen, pcap", "100k.pcap",
+        Program("tshark: one line per frame, CANopen, pcap", "100k.pcap",
                 ["tshark", "-Q", "-d", "can.subdissector,canopen", "-r"], frames=100_000),
         Program("tshark: -T json, CANopen, pcap", "100k.pcap",
                 ["tshark", "-Q", "-T", "json", "-d", "can.subdissector,canopen", "-r"], frames=100_000),

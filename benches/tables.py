@@ -1,4 +1,4 @@
-"""What was measured, as the tables of docs/performance.md."""
+"""Formats measurements as the tables of docs/performance.md."""
 
 import datetime
 import os
@@ -6,38 +6,38 @@ import re
 import statistics
 import subprocess
 
-# What is aimed at, in millions of frames a second of time that passes, by the program that shows it.
+# Targets in millions of frames per second of elapsed time: title, program, target.
 RATES = [
     ("candump to events", "candump, 10,000,000 frames, -f none", 50),
-    ("candump, judged by all general rules", "candump, check: all general rules", 25),
+    ("candump, checked by all general rules", "candump, check: all general rules", 25),
     ("devices with the signals of four profiles", "devices with four profiles, -f none", 15),
     ("candump to JSON Lines", "candump, -f jsonl", 30),
     ("devices with the signals of four profiles to JSON Lines", "devices with four profiles, -f jsonl", 10),
     ("pcap to events", "pcap, -f none", 80),
 ]
 
-# The same of stages: frames to MCAP, beside what the crate that writes it gives alone.
+# Targets of the stages that write MCAP, compared with the `mcap` crate alone.
 PACKINGS = [("not packed", 8), ("lz4", 3), ("zstd", 3)]
 
-# Formats of frames without packing.
+# Capture formats without compression.
 PLAIN = ["candump", "pcapng", "asc", "trc", "csv"]
 
 
 def figures(row):
-    """Wall and CPU nanoseconds a frame."""
+    """Elapsed and CPU nanoseconds per frame."""
     return tuple(statistics.median(one[place] for one in row.times) / row.frames * 1e9 for place in (0, 1))
 
 
 def programs(rows, missing):
     floor = figures(next(row for row in rows if row.name == "wc -l"))[1]
     lines = [
-        "| program | ns a frame, passed | ns a frame, CPU | M frames/s | CPU, in `wc -l` | peak memory, MiB |",
+        "| program | ns per frame, elapsed | ns per frame, CPU | M frames/s | CPU relative to `wc -l` | peak memory, MiB |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for row in rows:
         wall, cpu = figures(row)
         if row.frames == 1_000:
-            lines.append(f"| {row.name}: start-up | {wall / 1e3:.1f} ms in all | {cpu / 1e3:.1f} ms | | | {row.memory:.1f} |")
+            lines.append(f"| {row.name}: start-up | {wall / 1e3:.1f} ms in total | {cpu / 1e3:.1f} ms | | | {row.memory:.1f} |")
             continue
         lines.append(
             f"| {row.name} | {wall:.1f} | {cpu:.1f} | {1e3 / wall:.2f} | {cpu / floor:.1f} | {row.memory:.1f} |")
@@ -47,7 +47,7 @@ def programs(rows, missing):
 
 def targets(rows, measured_stages):
     by_name = {row.name: row for row in rows}
-    lines = ["| what | measured | target | |", "| --- | ---: | ---: | --- |"]
+    lines = ["| measurement | measured | target | |", "| --- | ---: | ---: | --- |"]
 
     def add(what, value, target, unit, is_met):
         lines.append(f"| {what} | {value:.1f}{unit} | {target}{unit} | {'met' if is_met else 'not met'} |")
@@ -64,25 +64,25 @@ def targets(rows, measured_stages):
     if converted and "candump, -f none" in by_name:
         slowest = max(figures(row)[0] for row in converted)
         share = 100 * figures(by_name["candump, -f none"])[0] / slowest
-        add("converting to the slowest of candump, pcapng, ASC, TRC, CSV, against decoding", share, 50, " %", share >= 50)
+        add("conversion to the slowest of candump, pcapng, ASC, TRC, CSV, relative to decoding", share, 50, " %", share >= 50)
     if {"gzip -dc", "gzip, -f none"} <= set(by_name):
         share = 100 * figures(by_name["gzip -dc"])[0] / figures(by_name["gzip, -f none"])[0]
-        add("gzip, against `gzip -dc` alone", share, 90, " %", share >= 90)
+        add("gzip, relative to `gzip -dc` alone", share, 90, " %", share >= 90)
     streaming = [row for row in rows if row.name.startswith("candump")]
     if streaming:
         most = max(row.memory for row in streaming)
-        add("memory, any length", most, 16, " MiB", most <= 16)
+        add("memory, captures of any length", most, 16, " MiB", most <= 16)
     if "1,000 frames, one profile, -f text" in by_name:
         start = figures(by_name["1,000 frames, one profile, -f text"])[0] / 1e3
         add("start-up with one profile", start, 3, " ms", start <= 3)
     if "the same on one core" in by_name:
         one, two = (figures(by_name[name])[0] for name in ("the same on one core", "candump, 10,000,000 frames, -f none"))
-        add("two cores against one", one / two, 1.35, "", one / two >= 1.35)
+        add("two cores relative to one", one / two, 1.35, "", one / two >= 1.35)
     return "\n".join(lines)
 
 
 def stages(rows):
-    lines = ["| stage, one thread | ns a frame | M frames/s | newline counts |", "| --- | ---: | ---: | ---: |"]
+    lines = ["| stage, one thread | ns per frame | M frames/s | relative to newline count |", "| --- | ---: | ---: | ---: |"]
     lines += [f"| {name} | {ns:.1f} | {1e3 / ns:.1f} | {floors:.1f} |" for name, ns, floors in rows]
     return "\n".join(lines)
 
@@ -93,18 +93,18 @@ def machine(rounds):
     rust = subprocess.run(["rustc", "--version"], stdout=subprocess.PIPE, text=True).stdout.split()[1]
     return (
         f"Measured on {datetime.date.today()}, {rounds} rounds, medians; {os.cpu_count()} cores of "
-        f"{model.group(1) if model else 'an unknown processor'}, Linux, Rust {rust}, load {os.getloadavg()[2]:.1f} in the last "
-        "quarter of an hour, this measuring among it.")
+        f"{model.group(1) if model else 'an unknown processor'}, Linux, Rust {rust}, load average {os.getloadavg()[2]:.1f} over "
+        "15 minutes, including this measurement.")
 
 
 def write(path, sections):
-    """Puts each section between its marks."""
+    """Replaces each section between its markers."""
     with open(path, encoding="utf-8") as file:
         text = file.read()
     for name, section in sections.items():
         marked = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         if not marked.search(text):
-            raise SystemExit(f"{path}: no place for {name}: expected <!-- {name} --> and <!-- end -->")
+            raise SystemExit(f"{path}: no section for {name}; expected <!-- {name} --> and <!-- end -->")
         text = marked.sub(lambda match, section=section: f"{match[1]}{section}\n{match[2]}", text)
     with open(path, "w", encoding="utf-8") as file:
         file.write(text)

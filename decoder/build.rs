@@ -1,5 +1,5 @@
-//! Embeds every TOML file below `profiles/` as (path, text, compiled): what a program reads at each start is read
-//! once, here. `src/profile/compiled.rs` describes the form and reads it.
+//! Embeds all TOML files below `profiles/` as (path, text, compiled). The compiled form saves parsing at each
+//! program start. `src/profile/compiled.rs` describes and reads it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -37,11 +37,16 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
         let path = entry?.path();
         if path.is_dir() {
             collect(&path, files)?;
-        } else if path.extension().is_some_and(|extension| extension == "toml") {
+        } else if path.extension().is_some_and(|extension| extension == "toml") && !is_statements(&path) {
             files.push(path);
         }
     }
     Ok(())
+}
+
+/// Statements of a manual are the source of a document and unused by the program.
+fn is_statements(path: &Path) -> bool {
+    path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with(".statements"))
 }
 
 #[expect(clippy::disallowed_methods, reason = "a build script reads what it embeds")]
@@ -55,7 +60,7 @@ fn compile(file: &Path) -> io::Result<Vec<u8>> {
     Ok(out)
 }
 
-/// Appends a value.
+/// Appends a value in the compiled form.
 fn put(value: &Spanned<DeValue<'_>>, out: &mut Vec<u8>) -> Result<(), String> {
     let mut content = Vec::new();
     let tag = match value.get_ref() {
@@ -91,7 +96,7 @@ fn put(value: &Spanned<DeValue<'_>>, out: &mut Vec<u8>) -> Result<(), String> {
             }
             b't'
         }
-        DeValue::Datetime(_) => return Err("dates have no place here".into()),
+        DeValue::Datetime(_) => return Err("dates are not supported".into()),
     };
     let span = value.span();
     out.push(tag);
@@ -102,7 +107,8 @@ fn put(value: &Spanned<DeValue<'_>>, out: &mut Vec<u8>) -> Result<(), String> {
     Ok(())
 }
 
-/// Appends a number, seven bits a byte, the lowest first; the top bit says that more follow.
+/// Appends a number in groups of seven bits, the lowest first; the top bit of a byte marks that more bytes
+/// follow.
 fn put_number(mut number: usize, out: &mut Vec<u8>) {
     while number > 0x7F {
         out.push(0x80 | number.to_le_bytes()[0]);

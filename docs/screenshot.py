@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Draws what the real program shows in a terminal as SVG.
+"""Draws the screen of the program in a terminal as SVG.
 
     python3 docs/screenshot.py target/release/cobscope docs/screenshot.svg
 
-The program runs in tmux; its screen, with colours, is taken from there. Keys and capture are below.
+The program runs in tmux, which returns its screen with colours. Capture and keys are below.
 """
 
 import html
@@ -22,7 +22,7 @@ BASE = ["#16181d", "#e06c75", "#98c379", "#e5c07b", "#61afef", "#c678dd", "#56b6
 
 
 def color(index):
-    """A colour of the 256 ones as xterm has them."""
+    """A colour of the 256-colour palette of xterm."""
     if index < 16:
         return BASE[index]
     if index < 232:
@@ -36,7 +36,7 @@ def tmux(*words):
 
 
 def wait(text):
-    """Until the screen has a text, at most ten seconds."""
+    """Waits until the screen contains a text, max 10 s."""
     for _ in range(100):
         if text in tmux("capture-pane", "-p"):
             return
@@ -58,7 +58,7 @@ def screen(program):
 
 
 def runs(line):
-    """Pieces of a line with their style: foreground, background, bold, reversed."""
+    """Parts of a line with their style: foreground, background, bold, reversed."""
     style = {"fg": None, "bg": None, "bold": False, "dim": False, "reverse": False}
     for code, text in re.findall(r"\x1b\[([0-9;]*)m|([^\x1b]+)", line):
         if text:

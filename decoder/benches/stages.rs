@@ -1,13 +1,13 @@
-//! Frames per second of each stage, beside a bare count of newlines of the same file.
+//! Frames per second of each stage, compared with counting the newlines of the same file.
 //!
 //! ```text
 //! cargo bench -p cobscope-decoder                   # 1,000,000 frames, 7 rounds
 //! cargo bench -p cobscope-decoder -- 10000000 5     # frames, rounds
-//! cargo bench -p cobscope-decoder -- findings       # stages with this in their names only
+//! cargo bench -p cobscope-decoder -- findings       # only stages with this text in their names
 //! ```
 //!
-//! Rounds go through all stages in turn, so that a busy moment of the machine meets all of them; the
-//! median counts. CPU time where the system tells it (Linux), else the time that passed.
+//! Each round runs all stages in turn, so that other load on the machine affects all of them; the
+//! median is printed. Times are CPU time if the system provides it (Linux), otherwise elapsed time.
 
 #![expect(clippy::disallowed_methods, reason = "opens its own files and measures time")]
 
@@ -36,18 +36,19 @@ use machine::engine::Engine;
 use machine::formats::Format;
 use machine::{Machine, Message, Options};
 
-/// Bytes asked for at a time when newlines are counted.
+/// Bytes read at a time when newlines are counted.
 const CHUNK: usize = 256 * 1024;
 
-/// Bytes the sinks' output is gathered in.
+/// Size of the output buffer of the sinks in bytes.
 const OUTPUT: usize = 64 * 1024;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
-/// Frames that are written over and over: few enough to stay near the processor, so that writing is measured.
+/// Number of frames that are written repeatedly: few enough to fit into the cache, so that only writing is
+/// measured.
 const WRITTEN: usize = 2_048;
 
-/// The captures, all with as many frames.
+/// The captures, all with the same number of frames.
 struct Captures {
     normal: PathBuf,
     mapped: PathBuf,
@@ -62,7 +63,7 @@ struct Captures {
     first: Vec<Frame>,
 }
 
-/// What a stage does with the captures.
+/// Runs a stage on the captures.
 type Run = fn(&Captures) -> Outcome;
 
 struct Stage {
@@ -71,7 +72,7 @@ struct Stage {
     times: Vec<Duration>,
 }
 
-/// The stage all others are compared with.
+/// Name of the stage that all others are compared with.
 const FLOOR: &str = "newline count";
 
 const STAGES: [(&str, Run); 33] = [
@@ -111,7 +112,7 @@ const STAGES: [(&str, Run); 33] = [
 ];
 
 fn main() -> Outcome {
-    // `cargo bench` itself adds options; only numbers and parts of names are ours.
+    // `cargo bench` adds its own options; use only numbers and parts of names.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|it| !it.starts_with('-')).collect();
     let (numbers, wanted): (Vec<_>, Vec<_>) = arguments.iter().partition(|it| it.parse::<usize>().is_ok());
     let mut numbers = numbers.into_iter().filter_map(|number| number.parse::<usize>().ok());
@@ -129,7 +130,7 @@ fn main() -> Outcome {
         }
     }
     for stage in &mut stages {
-        // The first round warms the caches.
+        // The first round only warms the caches.
         stage.times.remove(0);
         stage.times.sort_unstable();
     }
@@ -162,7 +163,7 @@ fn count(frames: usize) -> f64 {
     frames as f64
 }
 
-/// Time this thread ran; the system brings it up to date when the thread yields.
+/// CPU time of this thread; the system updates it when the thread yields.
 fn now() -> Duration {
     std::thread::yield_now();
     std::fs::read_to_string("/proc/thread-self/schedstat")
@@ -207,10 +208,10 @@ fn write(path: &Path, format: Format, messages: impl Iterator<Item = Message>) -
     Ok(path.to_owned())
 }
 
-/// The same capture as MCAP.
+/// Converts the capture to MCAP.
 fn to_mcap(from: &Path, to: &Path) -> io::Result<PathBuf> {
     let format = WRITABLE.iter().find(|format| format.name == "mcap");
-    let format = format.ok_or_else(|| io::Error::other("MCAP cannot be written"))?;
+    let format = format.ok_or_else(|| io::Error::other("this build cannot write MCAP"))?;
     let output = Box::new(BufWriter::with_capacity(CHUNK, File::create(to)?));
     let mut writer = (format.writer)(output, &WriteOptions::default());
     let mut reader = Reader::open(File::open(from)?, &ReadOptions::default()).map_err(io::Error::other)?;
@@ -224,8 +225,8 @@ fn to_mcap(from: &Path, to: &Path) -> io::Result<PathBuf> {
     Ok(to.to_owned())
 }
 
-/// Every device of the hydraulic machine with its profile. Reading profiles is start-up, measured by
-/// `benches/run`.
+/// All devices of the hydraulic machine with their profiles. The time to read profiles is part of the
+/// start-up, which `benches/run` measures.
 fn profiles() -> Result<SessionOptions, Box<dyn std::error::Error>> {
     static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
     let catalogue = CATALOGUE.get_or_init(Catalogue::default);
@@ -260,7 +261,7 @@ fn read(path: &Path) -> Outcome {
     Ok(())
 }
 
-/// The first frames of a capture.
+/// Reads the first frames of a capture.
 fn first(path: &Path) -> io::Result<Vec<Frame>> {
     let mut reader = Reader::open(File::open(path)?, &ReadOptions::default()).map_err(io::Error::other)?;
     let (mut batch, mut frames) = (Batch::new(), Vec::new());
@@ -271,7 +272,7 @@ fn first(path: &Path) -> io::Result<Vec<Frame>> {
     Ok(frames)
 }
 
-/// Writes as many frames as the captures have.
+/// Writes the same number of frames as in the captures.
 fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
     let mut known = WRITABLE.iter();
     let format = known.find(|format| format.name == name).ok_or("no such format")?;
@@ -283,7 +284,8 @@ fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
     Ok(writer.finish()?)
 }
 
-/// As many messages as long as a frame's, through the `mcap` crate and nothing else: what is left of it is ours.
+/// Writes the same number of messages of the same size with the `mcap` crate only; the difference is the cost
+/// of our code.
 fn crate_alone(captures: &Captures, compression: Option<mcap::Compression>) -> Outcome {
     let output = BufWriter::with_capacity(OUTPUT, io::sink());
     let mut writer = mcap::WriteOptions::new()
@@ -321,7 +323,7 @@ fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> 
     let mut batch = Batch::new();
     while reader.read(&mut batch)? {
         if !batch.notices().is_empty() {
-            return Err("the generated capture is not read clean".into());
+            return Err("the generated capture has unreadable lines".into());
         }
         for frame in batch.frames() {
             decoder.push(frame, reader.buses(), out);
@@ -331,7 +333,7 @@ fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> 
     Ok(())
 }
 
-/// Decodes and judges by all rules.
+/// Decodes and checks with all rules.
 fn judge(path: &Path, options: SessionOptions) -> Outcome {
     let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
     let mut decoder = Decoder::new(options);
@@ -352,7 +354,7 @@ fn ignore(event: &Event, _: &Bus) {
     black_box(event);
 }
 
-/// Where the sinks write: gathered as the program does it, then dropped.
+/// Output of the sinks: buffered as in the program, then dropped.
 fn output() -> Box<dyn Write> {
     Box::new(BufWriter::with_capacity(OUTPUT, io::sink()))
 }

@@ -5,10 +5,10 @@
 //! ```
 //!
 //! Options: `--frames N` (1000000), `--seed N` (1), `--format candump|pcap|pcapng`, `--storm` (every second
-//! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (PDO mappings are told by SDO),
-//! `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard error),
-//! `--j1939` (an engine and five other control units instead), `--faults` (one message in 64 is lost, doubled, changed,
-//! late, early, or the clock steps).
+//! SDO transfer aborted, every tenth frame an EMCY), `--mapping` (the SDO transfers include the PDO
+//! mappings), `--devices` (a hydraulic machine instead, whose devices have profiles: printed to standard
+//! error), `--j1939` (an engine and five other control units instead), `--faults` (one message in 64 is lost,
+//! doubled, changed, late or early, or the clock steps).
 
 #[path = "../benches/machine/mod.rs"]
 mod machine;

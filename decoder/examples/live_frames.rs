@@ -1,4 +1,5 @@
-//! Decodes and judges frames as a program receives them, here a node whose heartbeat stops after one second.
+//! Decodes and checks frames as they are received: here of a node whose heartbeat stops after one
+//! second.
 //!
 //! `cargo run -p cobscope-decoder --example live_frames`
 
@@ -23,14 +24,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     for step in 0..40 {
         let now = Timestamp(step * 100 * MILLISECOND);
-        // SYNC of another node, which goes on.
+        // SYNC of another node, which continues.
         let sync = Frame { bus: can0, time: Some(now), ..Frame::data_frame(CanId::standard(0x080), &[]) };
         pipeline.push(&sync, &mut observer);
         if step <= 10 {
             let heartbeat = Frame { id: CanId::standard(0x705), time: Some(now.plus(MILLISECOND)), ..sync };
             pipeline.push(&Frame { length: 1, bytes: [5; 64], ..heartbeat }, &mut observer);
         }
-        // On a quiet bus only the clock tells that a deadline expired.
+        // On a quiet bus, deadlines expire only by the clock.
         pipeline.advance(now.plus(50 * MILLISECOND), &mut observer);
     }
     let summary = pipeline.finish(&mut observer);

@@ -1,21 +1,21 @@
-//! Numbers and data as ASCII, without the formatting machinery.
+//! Appends numbers and data as ASCII, without the formatting machinery of the standard library.
 //!
-//! Eight digits are made at a time in one register and appended whole; what is too much is cut off again.
-//! Appending a fixed number of bytes is a single store, a length known only at run time is a call.
+//! Eight digits are computed at a time in one register, appended together, and then truncated to the required
+//! length. Appending a fixed number of bytes is a single store; a length known only at run time needs a call.
 
 use bytemuck::must_cast;
 use wide::{u8x16, u16x8};
 
-/// Repeated byte, as a register of eight.
+/// The byte, repeated in a register of eight.
 const fn each(byte: u8) -> u64 {
     u64::from_le_bytes([byte; 8])
 }
 
-/// The eight decimal digits of a number below 100,000,000, as values; first digit lowest byte.
+/// The values of the eight decimal digits of a number below 100,000,000; first digit in the lowest byte.
 #[inline]
 const fn decimal_digits(value: u64) -> u64 {
     let halves = (value / 10_000) | ((value % 10_000) << 32);
-    // Divisions by multiplication, exact for values below 10,000 and below 100.
+    // Division by multiplication, exact for values below 10,000 and below 100.
     let hundreds = (halves * 5_243) >> 19 & 0x0000_007F_0000_007F;
     let pairs = hundreds | (halves - hundreds * 100) << 16;
     let tens = (pairs * 103) >> 10 & 0x000F_000F_000F_000F;
@@ -30,10 +30,10 @@ pub(crate) fn push_part<const N: usize>(out: &mut Vec<u8>, bytes: [u8; N], kept:
     out.truncate(end);
 }
 
-/// Eight digits fill a register; numbers from here on need several.
+/// Limit of numbers whose digits fit one register; larger numbers need several registers.
 const PART: u64 = 100_000_000;
 
-/// Appends a number.
+/// Appends a number in decimal.
 #[inline]
 pub(crate) fn push_decimal(out: &mut Vec<u8>, value: u64) {
     if value < 10 {
@@ -45,7 +45,7 @@ pub(crate) fn push_decimal(out: &mut Vec<u8>, value: u64) {
     }
 }
 
-/// Appends a number, with blanks before it up to `width`, which is at most 32.
+/// Appends a number, padded with spaces to `width`, which is at most 32.
 #[inline]
 pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     if value >= PART {
@@ -61,7 +61,7 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
-/// Appends a number, a comma and the number again.
+/// Appends a number, a comma and the same number again.
 #[inline]
 pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
     // Seven digits, a comma and seven digits fit a register of sixteen bytes.
@@ -84,7 +84,7 @@ fn push_short(out: &mut Vec<u8>, value: u64) {
     push_part(out, text, length);
 }
 
-/// The digits of a number below [`PART`], and how many they are.
+/// Digits of a number below [`PART`], and their count.
 #[inline]
 fn short(value: u64) -> ([u8; 8], usize) {
     let digits = decimal_digits(value);
@@ -103,7 +103,7 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
     push_digits(out, low, 8);
 }
 
-/// Appends a number with its sign.
+/// Appends a signed number.
 #[inline]
 pub(crate) fn push_integer(out: &mut Vec<u8>, value: i64) {
     if value < 0 {
@@ -112,7 +112,7 @@ pub(crate) fn push_integer(out: &mut Vec<u8>, value: i64) {
     push_decimal(out, value.unsigned_abs());
 }
 
-/// Appends a number of which so many digits, at most eight, stand behind the point; without zeros at its end.
+/// Appends a number with at most eight decimals, without trailing zeros.
 #[inline]
 pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
     let unit = POWERS.get(usize::from(digits)).copied().unwrap_or(PART);
@@ -124,7 +124,7 @@ pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
     let fraction = value % unit;
     if fraction != 0 {
         out.push(b'.');
-        // Filled up to eight digits at the end, first digit lowest byte: zeros at the end are the uppermost bytes.
+        // Padded to eight digits, first digit in the lowest byte: trailing zeros are the uppermost bytes.
         let text = decimal_digits(fraction * (PART / unit));
         let kept = 8 - text.leading_zeros() as usize / 8;
         push_part(out, (text | each(b'0')).to_le_bytes(), kept);
@@ -144,7 +144,7 @@ pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
     out.extend_from_slice(&text);
 }
 
-/// Appends the last `digits` of a number below 100,000,000, at most eight.
+/// Appends the last `digits` digits, at most eight, of a number below 100,000,000.
 #[inline]
 pub(crate) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
     let digits = digits.clamp(1, 8);
@@ -152,7 +152,7 @@ pub(crate) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
     push_part(out, text.to_le_bytes(), digits);
 }
 
-/// Appends nanoseconds as seconds, with nine digits.
+/// Appends a time in nanoseconds as seconds with nine decimals.
 #[inline]
 pub(crate) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
     if nanoseconds < 0 {
@@ -164,7 +164,7 @@ pub(crate) fn push_seconds(out: &mut Vec<u8>, nanoseconds: i64) {
     push_nine(out, nanoseconds % 1_000_000_000);
 }
 
-/// Upper-case hex pairs of eight bytes.
+/// Pairs of upper-case hex digits of eight bytes.
 #[inline]
 fn hex_pairs(bytes: [u8; 8]) -> [u8; 16] {
     let bytes: u8x16 = must_cast([bytes, [0; 8]]);
@@ -176,13 +176,13 @@ fn hex_pairs(bytes: [u8; 8]) -> [u8; 16] {
     (nibbles + u8x16::splat(b'0') + (is_letter & u8x16::splat(b'A' - b'0' - 10))).to_array()
 }
 
-/// Appends up to eight bytes as hex pairs; `kept` of them count.
+/// Appends the first `kept` bytes as pairs of hex digits.
 #[inline]
 pub(crate) fn push_hex_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
     push_part(out, hex_pairs(bytes), kept * 2);
 }
 
-/// Appends bytes as hex pairs.
+/// Appends bytes as pairs of hex digits.
 pub(crate) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     let (words, rest) = bytes.as_chunks::<8>();
     for word in words {
@@ -193,7 +193,7 @@ pub(crate) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     }
 }
 
-/// Appends up to eight bytes as hex pairs with a blank before each; `kept` of them count.
+/// Appends the first `kept` bytes as pairs of hex digits, each after a space.
 #[inline]
 pub(crate) fn push_spaced_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
     let mut text = [b' '; 24];
@@ -204,7 +204,7 @@ pub(crate) fn push_spaced_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
     push_part(out, text, kept * 3);
 }
 
-/// Appends bytes as hex pairs with a blank before each.
+/// Appends bytes as pairs of hex digits, each after a space.
 #[inline]
 pub(crate) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     for chunk in bytes.chunks(8) {
@@ -212,24 +212,24 @@ pub(crate) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     }
 }
 
-/// Appends `width` blanks less what is there already.
+/// Appends spaces up to `width`, after `there` existing characters.
 #[inline]
 pub(crate) fn push_blanks(out: &mut Vec<u8>, width: usize, there: usize) {
     const MOST: usize = 32;
     push_part(out, [b' '; MOST], width.saturating_sub(there).min(MOST));
 }
 
-/// Appends the low `digits` hex digits of a number, at most eight; more if it has more.
+/// Appends a number with at least `digits` hex digits, at most eight.
 #[inline]
 pub(crate) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
     let needed = (8 - value.leading_zeros() as usize / 4).max(digits.clamp(1, 8));
-    // The digits wanted first: what is above them has none.
+    // Shift out the leading zeros, so that the first digit is the highest.
     let aligned = u64::from(value) << (64 - 4 * needed);
     let [text @ .., _, _, _, _, _, _, _, _] = hex_pairs(aligned.to_be_bytes());
     push_part(out, text, needed);
 }
 
-/// Up to eight bytes, zeros behind them.
+/// The bytes, padded with zeros to eight.
 #[inline]
 pub(crate) fn padded(bytes: &[u8]) -> [u8; 8] {
     let mut word = [0; 8];

@@ -1,4 +1,4 @@
-//! The decoder: the only place that knows every stage.
+//! The decoder: combines capture, session and events.
 
 use std::sync::Arc;
 
@@ -6,13 +6,13 @@ use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
 use crate::session::{Bus, BusDecoder, Buses, Observer, SessionOptions};
 
-use crate::capture::{BusNames, Notice, Place};
+use crate::capture::{BusNames, CapturePlace, Notice};
 
-/// Unreadable lines that are shown one by one; the rest is counted.
+/// Number of unreadable lines that are reported individually; further ones are only counted.
 pub const SHOWN_UNREADABLE: u64 = 10;
 
-/// Frames of one capture to events. A clone is a checkpoint: decoding on from it gives what decoding
-/// from the start gives.
+/// Decodes the frames of one capture to events. A clone is a checkpoint: decoding from it gives the same
+/// result as decoding from the start.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     options: Arc<SessionOptions>,
@@ -20,15 +20,30 @@ pub struct Decoder {
     unreadable: u64,
     last_time: Option<Timestamp>,
     last_frame: u64,
+    /// File of the notices, in a capture of several parts.
+    part: Option<Arc<str>>,
 }
 
 impl Decoder {
-    /// A decoder that has seen nothing.
+    /// A decoder before the first frame.
     pub fn new(options: SessionOptions) -> Self {
-        Self { options: Arc::new(options), buses: Vec::new(), unreadable: 0, last_time: None, last_frame: 0 }
+        Self {
+            options: Arc::new(options),
+            buses: Vec::new(),
+            unreadable: 0,
+            last_time: None,
+            last_frame: 0,
+            part: None,
+        }
     }
 
-    /// Takes the next frame; `names` holds the name of its bus.
+    /// Starts a part of a capture that consists of several files: `file` is the place of the following
+    /// notices.
+    pub fn begin_part(&mut self, file: &str) {
+        self.part = Some(file.into());
+    }
+
+    /// Decodes the next frame; `names` contains the name of its bus.
     #[inline]
     pub fn push(&mut self, frame: &Frame, names: &BusNames, out: &mut dyn Observer) {
         let index = usize::from(frame.bus.0);
@@ -51,7 +66,7 @@ impl Decoder {
         }
     }
 
-    /// Takes what a reader has to say.
+    /// Handles a notice of the reader.
     pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
         let mut bus = BusIndex(0);
         let kind = match notice {
@@ -61,11 +76,12 @@ impl Decoder {
                     return;
                 }
                 let (line, offset) = match *place {
-                    Place::Line(line) => (Some(line), None),
-                    Place::Offset(offset) => (None, Some(offset)),
-                    Place::Now => (None, None),
+                    CapturePlace::Line(line) => (Some(line), None),
+                    CapturePlace::Offset(offset) => (None, Some(offset)),
+                    CapturePlace::Now => (None, None),
                 };
-                EventKind::Unreadable { line, offset, count: 1, reason: reason.clone() }
+                let file = self.part.clone();
+                EventKind::Unreadable { file, line, offset, count: 1, reason: reason.clone() }
             }
             Notice::Assumption(text) => EventKind::Note { text: text.clone() },
             Notice::LostFrames { bus: losing, count, .. } => {
@@ -76,31 +92,37 @@ impl Decoder {
                 return self.link(*bus, *time, (*state, *bit_rate), names, out);
             }
             Notice::Quiet(time) => return self.advance(*time, out),
+            Notice::ClockSet { bus, time, step } => {
+                if let Some(bus) = self.buses.get_mut(usize::from(bus.0)) {
+                    bus.set_clock(*time, *step, out);
+                }
+                return;
+            }
         };
-        self.say(bus, kind, names, out);
+        self.emit(bus, kind, names, out);
     }
 
-    /// The capture ended: closes what is open and gives totals.
+    /// Handles the end of the capture: closes open transfers and emits totals.
     pub fn finish(&mut self, names: &BusNames, out: &mut dyn Observer) {
         for bus in &mut self.buses {
             bus.finish(out);
         }
         let more = self.unreadable.saturating_sub(SHOWN_UNREADABLE);
         if more > 0 {
-            let reason = format!("{more} more, {} in all", self.unreadable);
-            let kind = EventKind::Unreadable { line: None, offset: None, count: more, reason };
-            self.say(BusIndex(0), kind, names, out);
+            let reason = format!("{more} more, {} in total", self.unreadable);
+            let kind = EventKind::Unreadable { file: None, line: None, offset: None, count: more, reason };
+            self.emit(BusIndex(0), kind, names, out);
         }
     }
 
-    /// Lets time pass without frames, on a live bus.
+    /// Advances the time of a live bus without a frame.
     pub fn advance(&mut self, now: Timestamp, out: &mut dyn Observer) {
         for bus in &mut self.buses {
             bus.advance(now, out);
         }
     }
 
-    /// The way to a bus opened or closed. What was due before that is told first.
+    /// Handles a change of the link to a bus, after all deadlines before it.
     fn link(
         &mut self,
         bus: BusIndex,
@@ -118,10 +140,10 @@ impl Decoder {
         if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(index)) {
             bus.set_recorded_bit_rate(rate);
         }
-        self.say(bus, EventKind::Link { state, bit_rate }, names, out);
+        self.emit(bus, EventKind::Link { state, bit_rate }, names, out);
     }
 
-    fn say(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
+    fn emit(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
         let event = Event {
             time: self.last_time,
             bus,
@@ -141,17 +163,17 @@ impl Decoder {
         }
     }
 
-    /// Number of the last frame taken.
+    /// Number of the last frame decoded.
     pub fn frames(&self) -> u64 {
         self.last_frame
     }
 
-    /// Stamp of the last frame taken, if it had one.
+    /// Time of the last frame decoded, if it had one.
     pub fn last_time(&self) -> Option<Timestamp> {
         self.last_time
     }
 
-    /// Lines or records that could not be read.
+    /// Number of unreadable lines or records.
     pub fn unreadable(&self) -> u64 {
         self.unreadable
     }
@@ -161,12 +183,12 @@ impl Decoder {
         Buses::new(&self.buses)
     }
 
-    /// The buses of a decoder that takes no more frames.
+    /// The buses of a decoder that is no longer used.
     pub(crate) fn into_buses(self) -> Vec<Bus> {
         self.buses.into_iter().map(BusDecoder::into_bus).collect()
     }
 
-    /// Bytes a checkpoint holds of its own; the object stores are shared until they change.
+    /// Memory of a checkpoint in bytes, without the object stores, which are shared until they change.
     pub fn footprint(&self) -> usize {
         size_of::<Self>() + self.buses.iter().map(BusDecoder::footprint).sum::<usize>()
     }

@@ -1,7 +1,7 @@
-//! Findings: what rules judged to be wrong, and what they had the chance to judge.
+//! Findings: defects reported by rules, and counts of all checks.
 //!
-//! Occurrences of one cause are one [`Group`]: rule, bus, node, and what it is about. That key is also its
-//! fingerprint in baselines and SARIF.
+//! Occurrences with the same rule, bus, node and subject form one [`Group`]. This key is also the fingerprint
+//! in baselines and SARIF.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -15,21 +15,21 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::test_marker::TestResult;
 
-/// Occurrences kept of a group at its beginning, and as many of its end.
+/// Number of first occurrences stored per group, and of last ones.
 pub const KEPT_OCCURRENCES: usize = 5;
 
-/// Groups of a capture; further ones are only counted.
+/// Maximum number of groups per capture; further findings are only counted.
 pub const GROUP_LIMIT: usize = 3_000;
 
-/// Where a rule comes from.
+/// Origin of a rule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum RuleOrigin {
-    /// A standard: for every device.
+    /// Rule of a standard, for every device.
     General,
-    /// The profile of a device.
+    /// Rule of a device profile.
     Device,
-    /// The user's bus file.
+    /// Rule of the user, from the bus file.
     Expectation,
 }
 
@@ -44,51 +44,54 @@ impl RuleOrigin {
     }
 }
 
-/// What is known of a rule.
+/// Description of a rule.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct RuleInfo {
-    /// `sdo-no-response`, `rexroth-sydfec:eeprom-wear`.
+    /// Rule name, such as `sdo-no-response` or `rexroth-sydfec:eeprom-wear`.
     pub name: Arc<str>,
-    /// How bad a finding is, unless the rule says less of one.
+    /// Maximum severity of a finding.
     pub severity: Severity,
-    /// The defect in a line.
+    /// Title: the defect in a few words.
     pub title: Arc<str>,
-    /// Headings and paragraphs (Markdown).
+    /// Documentation in Markdown: headings and paragraphs.
     pub explanation: Arc<str>,
-    /// Cases of CiA's test plan it judges: `9.4`.
+    /// Cases of CiA's conformance test plan that the rule checks, such as `9.4`.
     pub cases: Vec<Arc<str>>,
-    /// Those of them that any verdict of it is one of.
+    /// Subset of `cases` to which every verdict of the rule applies.
     pub shows: Vec<Arc<str>>,
-    /// Where it comes from.
+    /// Standard, device profile or bus file.
     pub origin: RuleOrigin,
-    /// It judges times, so it is silent where the capture's times say nothing.
+    /// The rule checks times. Skipped if the capture has no usable timestamps.
     pub is_timing: bool,
-    /// It is in use.
+    /// Whether the rule is active.
     pub is_on: bool,
-    /// KIND of its line in text.
+    /// KIND column of its events in text output.
     pub word: &'static str,
     /// Section of the manual, clause, or the user's reason.
     pub source: Option<Arc<str>>,
+    /// First step for the reader: an imperative without a full stop, such as `check the cycle time of the
+    /// node`.
+    pub next_step: Option<Arc<str>>,
 }
 
-/// What of a node a finding is about.
+/// Subject of a finding within a node or bus.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum About {
-    /// The node, or the bus, as a whole.
+    /// The node or bus as a whole.
     Whole,
-    /// An object.
+    /// An object of the dictionary.
     Object(ObjectAddress),
-    /// A J1939 group.
+    /// A J1939 parameter group, by PGN.
     Pgn(u32),
-    /// An identifier.
+    /// A CAN identifier.
     Id(CanId),
-    /// An error code (EMCY).
+    /// An EMCY error code.
     Code(u16),
-    /// A trouble code: SPN and FMI.
+    /// A diagnostic trouble code: SPN and FMI.
     Fault(u32, u8),
-    /// Anything with a name: a signal, a procedure, an output.
+    /// A named subject: a signal, a procedure, an output.
     Name(Arc<str>),
 }
 
@@ -106,77 +109,87 @@ impl fmt::Display for About {
     }
 }
 
-/// What findings are grouped by.
+/// Key of a group of findings.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Key {
-    /// Place of the rule in [`Findings::rules`].
+    /// Index of the rule in [`Findings::rules`].
     pub rule: u16,
-    /// Bus.
+    /// Index of the bus.
     pub bus: BusIndex,
-    /// Node.
+    /// Node; None for a finding about the bus.
     pub node: Option<NodeId>,
-    /// What of it.
+    /// Subject within the node or bus.
     pub about: About,
 }
 
-/// One time that something was wrong.
+/// One occurrence of a defect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Occurrence {
-    /// When.
+    /// Timestamp; None without timestamps in the capture.
     pub time: Option<Timestamp>,
     /// Frames that show it.
     pub frames: FrameRange,
 }
 
-/// What else explains a finding.
+/// Cause of a finding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cause {
     /// Another group, by its id.
     Group(u64),
-    /// Something of the capture or the bus, in words.
+    /// A defect of the capture or the bus, as text.
     Quality(Arc<str>),
 }
 
-/// Findings with one rule, bus, node and subject.
+/// Findings with the same rule, bus, node and subject.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Group {
     /// Number in order of appearance, from 1.
     pub id: u64,
-    /// What they have in common.
+    /// Rule, bus, node and subject.
     pub key: Key,
     /// Name of the rule.
     pub rule: Arc<str>,
     /// Name of the bus.
     pub bus: Arc<str>,
-    /// The user's name of the node.
+    /// Name of the node in the bus file.
     pub node_name: Option<Arc<str>>,
-    /// Worst of them.
+    /// Name of the object in the dictionary of the node.
+    pub object_name: Option<Arc<str>>,
+    /// Next step that the rule proposes.
+    pub next_step: Option<Arc<str>>,
+    /// Manual and section of a finding about a device: `RE 30027-Z/11.06 §9`.
+    pub manual: Option<Arc<str>>,
+    /// Highest severity of all occurrences.
     pub severity: Severity,
-    /// What was wrong the first time.
+    /// Text of the first occurrence.
     pub text: String,
-    /// What was wrong when it was worst, where that is another time: measure and text.
+    /// Measure, text and occurrence of the worst deviation, if it was not the first.
     pub worst: Option<(f64, String, Occurrence)>,
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// The first ones.
+    /// Total duration of a condition, in ns; None for a finding without a duration.
+    pub lasted: Option<i64>,
+    /// The condition still held at the end of the capture.
+    pub lasts_to_end: bool,
+    /// First occurrences, at most [`KEPT_OCCURRENCES`].
     pub first: Vec<Occurrence>,
-    /// The last ones behind those, oldest first.
+    /// Last occurrences after `first`, oldest first.
     pub last: VecDeque<Occurrence>,
-    /// What explains it.
+    /// Cause, if one was found.
     pub cause: Option<Cause>,
-    /// The finding that explains it says the same: it need not be told.
+    /// The finding reports the same fault as its cause and is not printed.
     pub is_absorbed: bool,
-    /// Why it is less severe than its rule says.
+    /// Reason for a lower severity than that of the rule.
     pub downgraded: Option<String>,
-    /// The bus file's reason why it does not count.
+    /// Reason of the suppression in the bus file.
     pub suppressed: Option<Arc<str>>,
-    /// It goes on, as far as is known.
+    /// The condition still holds, or the last occurrence was recent.
     pub is_open: bool,
 }
 
 impl Group {
-    /// The same in every run over the same traffic: `sdo-no-response|can0|5|0x1018:01`.
+    /// Key that is equal in every run over the same traffic: `sdo-no-response|can0|5|0x1018:01`.
     pub fn fingerprint(&self) -> String {
         let node = self.key.node.map_or_else(String::new, |node| node.to_string());
         let parts = [self.rule.as_ref(), self.bus.as_ref(), node.as_str()];
@@ -188,7 +201,8 @@ impl Group {
         text
     }
 
-    /// What an event says of it, by its rule in [`Findings::rules`]: the first text, and all times it was seen.
+    /// Content of a finding event with the first text and the total count; `rule` is its rule in
+    /// [`Findings::rules`].
     pub fn news(&self, rule: &RuleInfo) -> FindingNews {
         let (mut object, mut pgn, mut about) = (None, None, None);
         match &self.key.about {
@@ -214,7 +228,8 @@ impl Group {
             downgraded: self.downgraded.clone(),
             count: self.count,
             is_at_end: false,
-            source: rule.source.clone(),
+            source: self.manual.clone().or_else(|| rule.source.clone()),
+            is_manual: self.manual.is_some(),
         }
     }
 
@@ -229,33 +244,40 @@ impl Group {
         self.last.back().or(self.first.last()).copied().unwrap_or_else(|| self.began())
     }
 
-    /// Whether it stands for itself: neither suppressed nor told by another one.
+    /// Time of presence in ns: the total for a condition, else the time from the first to the last
+    /// occurrence. None for a single occurrence, and without timestamps.
+    pub fn duration(&self) -> Option<i64> {
+        let between = || Some(self.ended().time?.since(self.began().time?));
+        self.lasted.or_else(|| between().filter(|_| self.count > 1))
+    }
+
+    /// Whether the group is reported: neither suppressed nor absorbed.
     pub fn counts(&self) -> bool {
         self.suppressed.is_none() && !self.is_absorbed
     }
 }
 
-/// How often a rule, or a case of the test plan, was judged, and how.
+/// Counts of checks by a rule, or for a case of the test plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Tally {
-    /// Times nothing was wrong.
+    /// Checks without a defect.
     pub passed: u64,
-    /// Times something was.
+    /// Checks with a defect.
     pub failed: u64,
-    /// Times a device's manual excuses.
+    /// Defects that a waiver of the device excuses.
     pub waived: u64,
 }
 
-/// What a rule comes to over a capture.
+/// Verdict of a rule over a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Verdict {
-    /// Judged, nothing wrong.
+    /// Checked without a defect.
     Pass,
-    /// Something was wrong.
+    /// At least one defect.
     Fail,
-    /// There was nothing to judge.
+    /// Nothing to check in the capture.
     NotExercised,
 }
 
@@ -271,7 +293,7 @@ impl Verdict {
 }
 
 impl Tally {
-    /// The verdict.
+    /// Verdict for these counts.
     pub const fn verdict(self) -> Verdict {
         match self {
             Self { failed: 1.., .. } => Verdict::Fail,
@@ -280,7 +302,7 @@ impl Tally {
         }
     }
 
-    /// What came since an earlier count.
+    /// Difference to an earlier count.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Self {
         Self {
@@ -290,7 +312,7 @@ impl Tally {
         }
     }
 
-    /// Adds another one.
+    /// Adds the counts of another tally.
     pub fn add(&mut self, other: Self) {
         self.passed += other.passed;
         self.failed += other.failed;
@@ -298,32 +320,32 @@ impl Tally {
     }
 }
 
-/// What a suppression of the bus file came to in a capture.
+/// Effect of a suppression of the bus file in a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SuppressionUse {
-    /// What it covers: `node-lost of node 5`.
+    /// Description of the suppression: `node-lost of node 5`.
     pub what: String,
-    /// The user's reason.
+    /// Reason given in the bus file.
     pub reason: Arc<str>,
-    /// The day it ran out.
+    /// End date, if it has passed.
     pub ended: Option<String>,
-    /// Groups it covers.
+    /// Number of suppressed groups.
     pub met: usize,
 }
 
 impl SuppressionUse {
-    /// Why the bus file should be looked at: it met nothing, or it ran out.
+    /// Reason to review the suppression: it matched no finding, or its end date has passed.
     pub fn complaint(&self) -> Option<String> {
         let Self { what, reason, .. } = self;
         match &self.ended {
-            Some(day) => Some(format!("suppression of {what} ran out on {day}: {reason}")),
-            None if self.met == 0 => Some(format!("suppression of {what} met nothing: {reason}")),
+            Some(day) => Some(format!("suppression of {what} expired on {day}: {reason}")),
+            None if self.met == 0 => Some(format!("suppression of {what} matched no finding: {reason}")),
             None => None,
         }
     }
 
-    /// How many findings do not count for its sake, and why; nothing where it met none.
+    /// Number of suppressed findings with the reason; None if no finding matched.
     pub fn covered(&self) -> Option<String> {
         let Self { what, reason, met, .. } = self;
         let findings = if *met == 1 { "finding" } else { "findings" };
@@ -331,63 +353,63 @@ impl SuppressionUse {
     }
 }
 
-/// A case of a conformance test that was run: the test tool's verdict and ours.
+/// Verdicts on a case of a conformance test: of the test tool and of the rules.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CaseVerdict {
-    /// `7.101`.
+    /// Number in the test plan, such as `7.101`.
     pub id: Arc<str>,
-    /// Its subject; empty for a case the plan does not have.
+    /// Subject of the case; empty if the test plan does not list it.
     pub name: Arc<str>,
-    /// The tool's verdict.
+    /// Verdict of the test tool.
     pub tool: TestResult,
-    /// The rules that judge it, and how often they judged within it.
+    /// Rules that check the case, with their counts within it.
     pub judged: Vec<(Arc<str>, Tally)>,
-    /// Frames from its first mark to its last.
+    /// Frames from the first marker to the last.
     pub frames: FrameRange,
-    /// Its beginning was marked; else it is taken to begin behind the mark before.
+    /// The start was marked; otherwise the case starts after the previous marker.
     pub has_begin: bool,
 }
 
-/// Everything that was judged of one capture.
+/// All results for one capture.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Findings {
-    /// The rules.
+    /// All rules.
     pub rules: Vec<RuleInfo>,
-    /// How often each was judged, in the same order.
+    /// Counts of checks by rule, in the same order.
     pub tallies: Vec<Tally>,
-    /// The same by case of CiA's test plan.
+    /// Counts of checks by case of the test plan.
     pub cases: BTreeMap<Arc<str>, Tally>,
-    /// What was wrong, in order of appearance.
+    /// Defects, in order of appearance.
     pub groups: Vec<Group>,
-    /// Findings that found no room in [`GROUP_LIMIT`] groups.
+    /// Number of findings above [`GROUP_LIMIT`] groups.
     pub ungrouped: u64,
-    /// What limits the verdicts: made-up times, lost frames.
+    /// Limits of the verdicts, such as made-up timestamps or lost frames.
     pub quality: Vec<String>,
-    /// What the suppressions of the bus file came to, in its order.
+    /// Effect of each suppression, in the order of the bus file.
     pub suppressions: Vec<SuppressionUse>,
-    /// Cases of a conformance test that was run, in order.
+    /// Verdicts on marked conformance test cases, in order.
     pub conformance: Vec<CaseVerdict>,
 }
 
 impl Findings {
-    /// Groups that stand for themselves.
+    /// Groups to report: neither suppressed nor absorbed.
     pub fn counting(&self) -> impl Iterator<Item = &Group> {
         self.groups.iter().filter(|group| group.counts())
     }
 
-    /// How many groups of a severity stand for themselves.
+    /// Number of reported groups of a severity.
     pub fn number(&self, severity: Severity) -> usize {
         self.counting().filter(|group| group.severity == severity).count()
     }
 
-    /// Groups another one explains.
+    /// Groups that have this one as their cause.
     pub fn effects(&self, id: u64) -> impl Iterator<Item = &Group> {
         self.groups.iter().filter(move |group| group.cause == Some(Cause::Group(id)))
     }
 
-    /// A group by its number.
+    /// Looks up a group by its number.
     pub fn group(&self, id: u64) -> Option<&Group> {
         self.groups.iter().find(|group| group.id == id)
     }

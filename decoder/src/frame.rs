@@ -1,14 +1,14 @@
-//! One CAN frame as a capture or a bus delivered it.
+//! One CAN frame of a capture or a live bus.
 //!
-//! Everything downstream works on [`Frame`]: 11-bit and 29-bit identifiers (ISO 11898-1), classic and
-//! FD payloads, remote frames, and the error frames SocketCAN makes of controller reports.
+//! All later stages work on [`Frame`]: 11-bit and 29-bit identifiers (ISO 11898-1), classic and
+//! FD payloads, remote frames, and the error frames that SocketCAN creates from controller reports.
 
 use std::fmt;
 
-/// Largest payload of a frame in bytes: CAN FD. CAN XL is not represented.
+/// Maximum payload of a frame in bytes: CAN FD. CAN XL is not supported.
 pub const MAX_DATA: usize = 64;
 
-/// Nanoseconds since the clock's zero; which zero depends on the capture (Unix epoch or its first frame).
+/// Nanoseconds since the zero of the clock, which depends on the capture (Unix epoch or its first frame).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Timestamp(pub i64);
 
@@ -18,14 +18,19 @@ impl Timestamp {
         self.0.saturating_sub(earlier.0)
     }
 
-    /// This time moved by `nanoseconds`, saturating.
+    /// Whether the time counts from 1970. Times of less than three years count from the start of a capture.
+    pub const fn has_date(self) -> bool {
+        self.0 >= 100_000_000 * 1_000_000_000
+    }
+
+    /// This time plus `nanoseconds`, saturating.
     #[must_use]
     pub const fn plus(self, nanoseconds: i64) -> Self {
         Self(self.0.saturating_add(nanoseconds))
     }
 }
 
-/// Seconds with nine digits, as the JSON contract writes them.
+/// Seconds with nine decimals, as in the JSON output.
 impl fmt::Display for Timestamp {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let sign = if self.0 < 0 { "-" } else { "" };
@@ -34,26 +39,26 @@ impl fmt::Display for Timestamp {
     }
 }
 
-/// Index of a bus within one capture; the reader knows its name.
+/// Index of a bus within one capture; the reader has its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct BusIndex(pub u8);
 
-/// What the recorder knew of the way to a bus.
+/// State of the link to a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LinkState {
-    /// Frames come, if there are any.
+    /// Connected: frames are received.
     Up,
-    /// The interface is there but switched off, or its controller went off the bus.
+    /// The interface is switched off, or its controller is bus off.
     Down,
-    /// The interface, adapter or server is not there any more.
+    /// The interface, adapter or server no longer exists.
     Gone,
 }
 
 impl LinkState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 3] = [Self::Up, Self::Down, Self::Gone];
 
-    /// `up`, `down` or `gone`.
+    /// Name of the state: `up`, `down` or `gone`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Up => "up",
@@ -73,17 +78,17 @@ pub enum CanId {
 }
 
 impl CanId {
-    /// A base identifier; bits above the eleventh are cut.
+    /// A base identifier; bits above the eleventh are dropped.
     pub const fn standard(id: u16) -> Self {
         Self::Standard(id & 0x7FF)
     }
 
-    /// An extended identifier; bits above the 29th are cut.
+    /// An extended identifier; bits above the 29th are dropped.
     pub const fn extended(id: u32) -> Self {
         Self::Extended(id & 0x1FFF_FFFF)
     }
 
-    /// The identifier's number without its kind.
+    /// Value of the identifier, of either type.
     pub const fn number(self) -> u32 {
         match self {
             Self::Standard(id) => id as u32,
@@ -92,7 +97,7 @@ impl CanId {
     }
 }
 
-/// Hexadecimal without 0x, three digits or eight, as candump prints it.
+/// Hexadecimal without 0x, three or eight digits, as in candump.
 impl fmt::Display for CanId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -102,24 +107,24 @@ impl fmt::Display for CanId {
     }
 }
 
-/// What kind of frame it is, as a set of bits.
+/// Set of flags that describe the type of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameFlags(pub u8);
 
 impl FrameFlags {
-    /// A remote frame: asks for data, carries none; the length is the one asked for.
+    /// A remote frame: requests data and contains none; its length is the number of bytes requested.
     pub const REMOTE: Self = Self(1);
-    /// A controller's error report; the identifier holds the SocketCAN class bits.
+    /// An error report of a controller; the identifier contains the SocketCAN error class bits.
     pub const ERROR: Self = Self(1 << 1);
     /// A CAN FD frame.
     pub const FD: Self = Self(1 << 2);
     /// FD: bit rate switched for the data phase.
     pub const BIT_RATE_SWITCH: Self = Self(1 << 3);
-    /// FD: the sender was error passive.
+    /// FD: the transmitter was error passive.
     pub const ERROR_STATE: Self = Self(1 << 4);
-    /// The recording host sent this frame itself.
+    /// The host that recorded the capture transmitted this frame.
     pub const TRANSMITTED: Self = Self(1 << 5);
-    /// The recording host received this frame (known, not merely unmarked).
+    /// The host that recorded the capture received this frame; only set if the capture states it.
     pub const RECEIVED: Self = Self(1 << 6);
 
     /// Whether all bits of `other` are set.
@@ -127,36 +132,36 @@ impl FrameFlags {
         self.0 & other.0 == other.0
     }
 
-    /// Both sets together.
+    /// Union of both sets.
     #[must_use]
     pub const fn with(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Neither remote, error nor FD: the frame CANopen and J1939 are made of.
+    /// Whether the frame is neither remote, error nor FD: a data frame as used by CANopen and J1939.
     pub const fn is_classic_data(self) -> bool {
         self.0 & (Self::REMOTE.0 | Self::ERROR.0 | Self::FD.0) == 0
     }
 }
 
-/// One frame. Its payload is inline, so a batch of frames is one flat block of memory.
+/// One frame. Its payload is stored inline, so that a batch of frames is one contiguous block of memory.
 #[derive(Clone, Copy)]
 pub struct Frame {
-    /// Place in its capture, from 1, counting delivered frames only.
+    /// Number of the frame in its capture, from 1; unreadable frames are not counted.
     pub number: u64,
-    /// When it was recorded; `None` where the capture has no times.
+    /// Time of recording; `None` if the capture has no times.
     pub time: Option<Timestamp>,
-    /// Which bus of the capture.
+    /// Bus of the frame.
     pub bus: BusIndex,
     /// Identifier; for error frames the SocketCAN error class bits as [`CanId::Extended`].
     pub id: CanId,
-    /// Kind of frame.
+    /// Type of the frame.
     pub flags: FrameFlags,
-    /// Payload length in bytes (0..=64); of a remote frame the length asked for.
+    /// Payload length in bytes (0..=64); of a remote frame the number of bytes requested.
     pub length: u8,
-    /// The DLC as sent where it says more than the length: 9..=15 on a classic frame of eight bytes.
+    /// The DLC as transmitted if above the length: 9..=15 on a classic frame of eight bytes; otherwise 0.
     pub raw_dlc: u8,
-    /// Payload; only the first `length` bytes mean anything.
+    /// Payload; only the first `length` bytes are valid.
     pub bytes: [u8; MAX_DATA],
 }
 
@@ -173,14 +178,14 @@ impl Frame {
         bytes: [0; MAX_DATA],
     };
 
-    /// A classic data frame; `data` beyond 64 bytes is cut.
+    /// A classic data frame; bytes of `data` beyond the 64th are dropped.
     pub fn data_frame(id: CanId, data: &[u8]) -> Self {
         let mut frame = Self { id, ..Self::EMPTY };
         frame.set_data(data);
         frame
     }
 
-    /// Replaces the payload; bytes beyond the 64th are cut.
+    /// Replaces the payload; bytes beyond the 64th are dropped.
     pub fn set_data(&mut self, data: &[u8]) {
         let length = data.len().min(MAX_DATA);
         if let (Some(target), Some(source)) = (self.bytes.get_mut(..length), data.get(..length)) {
@@ -189,8 +194,7 @@ impl Frame {
         self.length = u8::try_from(length).unwrap_or(0);
     }
 
-    /// The DLC (ISO 11898-1 table 5): the one sent where it is known to say more than the length, else the least that
-    /// holds the payload.
+    /// The DLC (ISO 11898-1 table 5): `raw_dlc` if it is set, otherwise the smallest DLC for the payload.
     #[inline]
     pub fn dlc(&self) -> u8 {
         match self.length {
@@ -227,7 +231,7 @@ impl PartialEq for Frame {
 
 impl Eq for Frame {}
 
-/// One line, close to candump's log form.
+/// One line, similar to candump's log form.
 impl fmt::Debug for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{{{}}} ", self.number)?;
@@ -245,7 +249,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Payload length in bytes of a CAN FD DLC (ISO 11898-1 table 5); DLC above 15 counts as 15.
+/// Payload length in bytes of a CAN FD DLC (ISO 11898-1 table 5); a DLC above 15 is treated as 15.
 pub const fn fd_length(dlc: u8) -> u8 {
     match dlc {
         0..=8 => dlc,

@@ -1,7 +1,9 @@
-//! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and judges them by rules.
+//! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and checks
+//! them with rules.
 //!
-//! [`Pipeline`] does all of it: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC, BLF, TRC, MDF4, MCAP, CSV
-//! and others, plain or compressed), or takes frames one by one, and calls an [`Observer`] with each [`Event`].
+//! [`Pipeline`] combines all stages: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC,
+//! BLF, TRC, MDF4, MCAP, CSV and others, plain or compressed), or accepts single frames, and calls an
+//! [`Observer`] with each [`Event`].
 //!
 //! ```
 //! use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
@@ -27,34 +29,35 @@
 //! # }
 //! ```
 //!
-//! # Where to go from here
+//! # Starting points
 //!
 //! | task | start at |
 //! | --- | --- |
 //! | Read a capture | [`Pipeline::read`], example `print_events` |
 //! | Values of PDOs and messages, with units | [`Event::signals`], [`Signal`], example `signal_table` |
-//! | Verdicts, for example in CI | [`Summary::findings`], [`Severity`], example `findings` |
+//! | Findings, for example in CI | [`Summary::findings`], [`Severity`], example `findings` |
 //! | Frames of a live bus | [`Pipeline::push`], [`Pipeline::advance`], example `live_frames` |
 //! | Names, devices, bit rates, databases | [`PipelineBuilder`] |
 //! | State of nodes and objects | [`Bus`], [`Node`] |
-//! | Choose events by an expression | [`Filter`] |
+//! | Filter events by an expression | [`Filter`] |
 //! | Write JSON Lines, text, CSV, MCAP, Parquet | [`sink`] |
 //! | Frames only, or writing captures | [`capture`] |
-//! | Single stages | [`capture::Reader`], [`Decoder`], [`rules::Engine`] |
+//! | Individual stages | [`capture::Reader`], [`Decoder`], [`rules::Engine`] |
 //!
-//! # Shape
+//! # Structure
 //!
 //! ```text
 //! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─rules─▶ Finding ─▶ sink, query, statistics
 //! ```
 //!
-//! Each module is one of these arrows and imports only from those left of it; [`pipeline`] knows all. The crate opens no file,
-//! reads no clock and starts no thread: time is the frames' time. Malformed input never panics and never aborts decoding: it
-//! becomes an event.
+//! Each module is one of these arrows and imports only modules to the left of it; [`pipeline`] imports all.
+//! The crate opens no file, reads no clock and starts no thread: all times are those of the frames. Malformed
+//! input never causes a panic and never stops decoding: it results in an event.
 //!
 //! # Features
 //!
-//! All are on by default: `gzip` and `zstd` (compressed captures), `mcap` (reads and writes MCAP), `parquet` (writes Parquet).
+//! All features are enabled by default: `gzip` and `zstd` (compressed captures), `mcap` (reads and writes
+//! MCAP), `parquet` (writes Parquet).
 
 mod ascii;
 pub mod bus_file;
@@ -72,6 +75,7 @@ pub mod samples;
 pub mod session;
 pub mod sink;
 pub mod statistics;
+pub mod suggestion;
 pub mod why;
 pub mod wire;
 pub mod words;

@@ -1,4 +1,4 @@
-//! A capture, or frames pushed by hand, to events and findings: all stages in one type.
+//! Decodes a capture, or single frames, to events and findings: all stages in one type.
 
 use std::io::{BufReader, Read};
 use std::sync::Arc;
@@ -14,11 +14,11 @@ use crate::rules::{Engine, Judge, Setup};
 use crate::session::{AssignedBy, Assignment, Bus, Observer, ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
 
-/// Reads, decodes and judges one capture, or the frames of live buses.
+/// Reads, decodes and checks one capture, or the frames of live buses.
 ///
-/// Events and findings go to an [`Observer`], which any `FnMut(&Event, &Bus)` is. A finding is an event too:
-/// [`EventKind::FindingOpened`](crate::EventKind) follows the event that shows it. The [`Summary`] at the end holds all findings,
-/// grouped.
+/// Events and findings are passed to an [`Observer`]; any `FnMut(&Event, &Bus)` implements it. A finding is
+/// also an event: [`EventKind::FindingOpened`](crate::EventKind) follows the event that shows it. The
+/// [`Summary`] at the end contains all findings, grouped.
 ///
 /// ```
 /// use cobscope_decoder::{Bus, Event, Pipeline};
@@ -45,23 +45,23 @@ pub struct Summary {
     pub findings: Findings,
     /// Frames decoded.
     pub frames: u64,
-    /// Lines or records of the capture that could not be read.
+    /// Number of unreadable lines or records in the capture.
     pub unreadable: u64,
-    /// Buses in order of appearance, each with its nodes and objects as they are after the last frame.
+    /// Buses in order of appearance, each with the state of its nodes and objects after the last frame.
     pub buses: Vec<Bus>,
 }
 
-/// Why a pipeline could not be built, or a capture not be read to its end.
+/// Error of building a pipeline or of reading a capture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PipelineError {
-    /// The text of the bus file is wrong.
+    /// The bus file is invalid.
     #[error("bus file: {0}")]
     BusFile(TextError),
-    /// A profile is broken or unknown.
+    /// A profile is invalid or unknown.
     #[error(transparent)]
     Profile(#[from] ProfileError),
-    /// The database is in no known form.
+    /// The database has an unknown format.
     #[error("database: {0}")]
     Database(Problem),
     /// The capture cannot be read at all.
@@ -70,12 +70,13 @@ pub enum PipelineError {
     /// The capture contains no frame.
     #[error("the capture contains no frame")]
     NoFrames,
-    /// The capture ends inside a record, or its source failed. All frames before that are decoded and judged.
+    /// The capture ends inside a record, or its source cannot be read further. All frames before that are
+    /// decoded and checked.
     #[error("the capture is incomplete: {reason}")]
     Incomplete {
         /// Place and cause.
         reason: String,
-        /// Results of the frames before.
+        /// Results of the frames before the error.
         summary: Box<Summary>,
     },
 }
@@ -87,7 +88,7 @@ impl Default for Pipeline {
 }
 
 impl Pipeline {
-    /// A pipeline with all rules, the profiles of this crate, and no knowledge of the buses.
+    /// A pipeline with all rules and the profiles of this crate, without information about the buses.
     pub fn new() -> Self {
         Self::with(SessionOptions::default(), Some(Setup::default()), ReadOptions::default())
     }
@@ -109,8 +110,8 @@ impl Pipeline {
     /// Reads a capture of any format, plain or compressed, to its end.
     ///
     /// # Errors
-    /// A capture that cannot be read at all, has no frame, or is incomplete. Lines and records in between that cannot be read are
-    /// `unreadable` events, and no error.
+    /// If the capture cannot be read at all, has no frame, or is incomplete. Unreadable lines and records are
+    /// not errors; they are `unreadable` events.
     pub fn read(
         mut self,
         source: impl Read + Send,
@@ -159,12 +160,14 @@ impl Pipeline {
         }
     }
 
-    /// Index of a live bus for [`Frame::bus`], added if new; `None` if there are [`MAX_BUSES`](crate::capture::MAX_BUSES) others.
+    /// Index of a live bus for [`Frame::bus`], added if new; `None` above
+    /// [`MAX_BUSES`](crate::capture::MAX_BUSES) buses.
     pub fn bus(&mut self, name: &str) -> Option<BusIndex> {
         self.names.index_of(name.as_bytes())
     }
 
-    /// Takes the next frame of a live bus. Frames of all buses are in order of time; their numbers are set here, from 1.
+    /// Decodes the next frame of a live bus. Frames of all buses must be in order of time; they are numbered
+    /// here, from 1.
     pub fn push(&mut self, frame: &Frame, observer: &mut dyn Observer) {
         let frame = Frame { number: self.decoder.frames().saturating_add(1), ..*frame };
         match &mut self.engine {
@@ -176,8 +179,8 @@ impl Pipeline {
         }
     }
 
-    /// Lets time pass on live buses without a frame, so that deadlines expire: call it some times per second with the clock
-    /// of the frames.
+    /// Advances the time of live buses without a frame, so that deadlines expire: to be called several times
+    /// per second with the clock of the frames.
     pub fn advance(&mut self, now: Timestamp, observer: &mut dyn Observer) {
         let Some(engine) = &mut self.engine else { return self.decoder.advance(now, observer) };
         self.decoder.advance(now, &mut Judge { engine, out: observer });
@@ -186,7 +189,7 @@ impl Pipeline {
         }
     }
 
-    /// Closes transfers and findings that are open, and returns all results.
+    /// Closes open transfers and findings, and returns all results.
     pub fn finish(mut self, observer: &mut dyn Observer) -> Summary {
         let findings = match self.engine {
             None => {
@@ -203,7 +206,7 @@ impl Pipeline {
     }
 }
 
-/// Knowledge of the buses that their frames do not contain; all of it is optional and in any order.
+/// Information about the buses that their frames do not contain; all options are optional, in any order.
 ///
 /// ```
 /// use cobscope_decoder::{NodeId, Pipeline};
@@ -228,29 +231,31 @@ pub struct PipelineBuilder {
 }
 
 impl PipelineBuilder {
-    /// Text of a bus file (TOML): names, devices, identifiers, bit rates, expectations. Other files that it names are not read:
-    /// give them by [`Self::profile`] and [`Self::database`].
+    /// Text of a bus file (TOML): names, devices, identifiers, bit rates, expectations. Files that it refers
+    /// to are not read: add them with [`Self::profile`] and [`Self::database`].
     #[must_use]
     pub fn bus_file(mut self, text: impl Into<String>) -> Self {
         self.bus_file = text.into();
         self
     }
 
-    /// Day such as `2026-01-31` that ends the suppressions of the bus file; without it none ends.
+    /// Current date such as `2026-01-31`, at which suppressions of the bus file expire; without it none
+    /// expires.
     #[must_use]
     pub fn today(mut self, day: impl Into<String>) -> Self {
         self.today = Some(day.into());
         self
     }
 
-    /// Text of a device profile (TOML) in addition to those of this crate; repeatable.
+    /// Text of a device profile (TOML), in addition to those of this crate; repeatable.
     #[must_use]
     pub fn profile(mut self, text: impl Into<String>) -> Self {
         self.profiles.push(text.into());
         self
     }
 
-    /// Profile of a node on every bus, such as `wandfluh-md2` or `wandfluh-md2:controller`; overrides the bus file.
+    /// Profile of a node on every bus, such as `wandfluh-md2` or `wandfluh-md2:controller`; overrides the bus
+    /// file.
     #[must_use]
     pub fn device(mut self, node: NodeId, profile: impl Into<String>) -> Self {
         self.devices.push((None, node, profile.into()));
@@ -264,14 +269,15 @@ impl PipelineBuilder {
         self
     }
 
-    /// Bytes of a DBC file, or of pretty_j1939's JSON; repeatable, the first that describes a message takes precedence.
+    /// Content of a DBC file, or of pretty_j1939's JSON; repeatable. If several define a message, the first
+    /// takes precedence.
     #[must_use]
     pub fn database(mut self, bytes: impl Into<Vec<u8>>) -> Self {
         self.databases.push(bytes.into());
         self
     }
 
-    /// Protocol of the traffic, if not by evidence.
+    /// Protocol of the traffic; by default it is detected.
     #[must_use]
     pub fn protocol(mut self, protocol: ProtocolChoice) -> Self {
         self.protocol = protocol;
@@ -285,17 +291,17 @@ impl PipelineBuilder {
         self
     }
 
-    /// Decodes only: no findings.
+    /// Only decodes: emits no findings.
     #[must_use]
     pub fn without_rules(mut self) -> Self {
         self.is_without_rules = true;
         self
     }
 
-    /// A pipeline with these options; each takes one capture.
+    /// Builds a pipeline with these options; each pipeline reads one capture.
     ///
     /// # Errors
-    /// A bus file, profile or database that is broken, and profiles and rules that do not exist.
+    /// If a bus file, profile or database is invalid, or if a profile or rule is unknown.
     pub fn build(&self) -> Result<Pipeline, PipelineError> {
         let bus_file = BusFile::parse(&self.bus_file).map_err(PipelineError::BusFile)?;
         let mut catalogue = Catalogue::default();
@@ -421,7 +427,7 @@ mod tests {
         };
         assert!(wrong(Pipeline::builder().bus_file("nodes = 1")).starts_with("bus file: 1:1: "));
         let unknown = Pipeline::builder().device(NodeId::Canopen(2), "rexroth-sydfek");
-        assert_eq!(wrong(unknown), "there is no profile 'rexroth-sydfek'; did you mean 'rexroth-sydfec'?");
+        assert_eq!(wrong(unknown), "unknown profile 'rexroth-sydfek'; did you mean 'rexroth-sydfec'?");
         assert!(wrong(Pipeline::builder().profile("id = 1")).starts_with("profile 1:1:6: "));
         assert!(wrong(Pipeline::builder().database(*b"\0")).starts_with("database: "));
     }

@@ -1,4 +1,4 @@
-//! Words that any text needs.
+//! Helpers for texts.
 //!
 //! ```text
 //! 1 frame   2 frames   0 frames   1 object
@@ -6,7 +6,7 @@
 
 use std::fmt::Display;
 
-/// A count of things: `1 error`, `2 errors`.
+/// A count with its noun in singular or plural: `1 error`, `2 errors`.
 pub fn plural<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
     let ending = if count == N::from(1) { "" } else { "s" };
     format!("{count} {what}{ending}")

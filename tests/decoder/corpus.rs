@@ -1,4 +1,4 @@
-//! Captures of other projects: counts that independent readers agreed on (the corpus' own README).
+//! Captures of other projects: counts from independent readers (README of the corpus).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,7 +10,7 @@ use cobscope_decoder::session::{Bus, SessionOptions};
 
 use crate::support;
 
-/// Events of a capture counted by what `name` makes of them.
+/// Events of a capture, counted by the result of `name`.
 struct Tally {
     counts: BTreeMap<String, u64>,
     is_canopen: bool,
@@ -26,7 +26,7 @@ impl Tally {
     }
 }
 
-/// Kind, and of SDO transfers how and with which result.
+/// The kind of an event; for SDO transfers also mode and result.
 fn name(event: &Event) -> String {
     match &event.kind {
         EventKind::SdoTransfer(transfer) => sdo_name(transfer),
@@ -42,12 +42,12 @@ fn sdo_name(transfer: &SdoTransfer) -> String {
     format!("sdo {:?} {:?} {:?}{abort}", transfer.mode, transfer.direction, transfer.outcome)
 }
 
-/// Decodes a capture of the corpus; `None`, said aloud, if it is not there.
+/// Decodes a capture of the corpus; `None` with a message if it is missing.
 pub fn decode(path: &str, see: impl FnMut(&Event, &Bus)) -> Option<Decoder> {
     decode_with(SessionOptions::default(), path, see)
 }
 
-/// The same with options.
+/// Like [`decode`], with options.
 pub fn decode_with(
     options: SessionOptions,
     path: &str,
@@ -80,7 +80,7 @@ fn tally(path: &str) -> Option<Tally> {
     Some(Tally { counts, is_canopen: decoder.buses().iter().any(Bus::is_canopen) })
 }
 
-/// 4,314 frames on 584 and 604 begin with 0x80; the 6 block segments 0x81 and above are no aborts.
+/// 4,314 frames on 584 and 604 start with 0x80; the 6 block segments 0x81 and above are not aborts.
 #[test]
 fn the_conformance_run_has_its_aborts_and_no_other() {
     let Some(tally) = tally("canopen/CANopenDemo__ctt_3.0.3.10_run.log") else { return };
@@ -91,7 +91,7 @@ fn the_conformance_run_has_its_aborts_and_no_other() {
         by_client += if name.contains("by client") { *count } else { 0 };
     }
     assert_eq!((all, by_client), (4_314, 1));
-    // One frame has a command specifier nobody knows; the server answers it outside any transfer.
+    // One frame has an undefined command specifier; the server responds outside any transfer.
     assert_eq!(tally.get("malformed"), 1);
     assert_eq!(tally.get("sdo None None Aborted 05040001"), 1);
 }
@@ -125,7 +125,8 @@ fn a_real_machine_by_peak_trace() {
     assert_eq!(tally.get("heartbeat"), 521);
     assert_eq!(tally.get("boot-up"), 21);
     assert_eq!(tally.sum("pdo Transmit"), 204);
-    assert_eq!(tally.sum("sdo Some(Expedited) Some(Download)"), 789);
+    // 789 requests; node 0F gets 8 of them twice, 0.2 to 0.4 s after the first, which has no response: retries.
+    assert_eq!(tally.sum("sdo Some(Expedited) Some(Download)"), 789 - 8);
     assert_eq!(tally.sum("sdo Some(Expedited) Some(Upload)"), 2_249);
     assert_eq!(tally.sum("sdo Some(Segmented) Some(Upload)"), 67);
     let code = |code: &str| -> u64 {
@@ -178,7 +179,7 @@ fn cars_boats_and_trucks_are_no_canopen_networks() {
     }
 }
 
-/// Every SDO transfer's frames lie in order, and every event names frames of the capture.
+/// Frames of an SDO transfer are in order, and every event refers to frames of the capture.
 #[test]
 fn every_event_can_be_traced_to_its_frames() {
     for path in

@@ -1,5 +1,5 @@
-//! A run of CiA's conformance test tool, judged by our rules: both verdicts of each case, and where they differ a
-//! reason (`fixtures/rules/conformance.expected.txt`).
+//! A run of CiA's conformance test tool, judged by our rules. `fixtures/rules/conformance.expected.txt` has
+//! both verdicts of each case, and a reason if they differ.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,10 +20,10 @@ const EDS: &str = "eds/CANopenDemo__demoDevice.eds";
 /// Node-ID of the device under test.
 const NODE: u8 = 4;
 
-/// Disagreements beyond which the reasons are excuses.
+/// Max number of disagreements.
 const MOST: usize = 8;
 
-/// The run with the device's EDS; `None`, said aloud, if the corpus is not there.
+/// Findings in the run, with the device's EDS; `None` with a message if the corpus is missing.
 fn findings() -> Option<Findings> {
     let corpus = support::corpus();
     let (Ok(frames), Ok(eds)) = (fs::read_to_string(corpus.join(RUN)), fs::read(corpus.join(EDS))) else {
@@ -51,7 +51,7 @@ const fn name(result: TestResult) -> &'static str {
     }
 }
 
-/// Lines of the file by case: the tool's verdict, ours, the reason.
+/// Lines of the file by case: the tool's verdict, our verdict, the reason.
 fn expected() -> BTreeMap<String, (String, String, String)> {
     let path = support::workspace().join("fixtures").join("rules").join("conformance.expected.txt");
     let text = fs::read_to_string(path).unwrap();

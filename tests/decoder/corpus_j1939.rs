@@ -1,5 +1,5 @@
-//! J1939 captures of other projects: counts that independent readers agreed on (the corpus' own README), and
-//! second opinions by tshark and a script.
+//! J1939 captures of other projects: counts from independent readers (README of the corpus), from tshark and
+//! from a script.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -9,7 +9,7 @@ use std::process::Command;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind, J1939Transfer, Outcome, TransportMode};
-use cobscope_decoder::frame::{CanId, Frame};
+use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
@@ -34,8 +34,8 @@ fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// 9,950 frames: 6 announcements and 27 packets, 132 DM1 of one frame, 7 requests; 105 groups, transport and
-/// the transported apart; 15 addresses.
+/// 9,950 frames: 6 announcements and 27 packets, 132 DM1 of one frame, 7 requests; 105 groups, including
+/// those of the transport and the transported ones; 15 addresses.
 #[test]
 fn a_truck_with_every_transfer_accounted_for() {
     let mut counts = BTreeMap::new();
@@ -126,7 +126,7 @@ fn tshark_reads_the_same_identifiers() {
         assert_eq!(number(column()), ours.pgn.number(), "{line}");
         assert_eq!(number(column()), u32::from(ours.priority), "{line}");
         assert_eq!(number(column()), u32::from(ours.source), "{line}");
-        // tshark leaves the destination of a group that goes to all empty, or says 255.
+        // For a group without destination, tshark prints nothing or 255.
         let destination = column();
         assert_eq!(
             if destination.is_empty() { 255 } else { number(destination) },
@@ -137,7 +137,7 @@ fn tshark_reads_the_same_identifiers() {
     assert_eq!(compared, 9_950);
 }
 
-/// BUSMASTER's own log, which no reader here reads: 55 requests for PGN 0 to address 20, on both channels.
+/// A BUSMASTER log without another reader for it: 55 requests for PGN 0 to address 20, on both channels.
 #[test]
 fn requests_recorded_by_busmaster() {
     let Some(log) = path("j1939/busmaster__TestLogToExcel_J1939.log") else { return };
@@ -167,4 +167,56 @@ fn requests_recorded_by_busmaster() {
     assert_eq!(number, 110);
     assert_eq!(requests.values().copied().collect::<Vec<u32>>(), [55, 55]);
     assert!(requests.keys().all(|(_, pgn, destination)| (*pgn, *destination) == (0, 0x20)));
+}
+
+/// Decodes frames with these 29-bit identifiers, `rounds` times, one per millisecond; whether the bus is J1939 then.
+fn is_j1939(ids: &[u32], rounds: u8) -> bool {
+    let mut names = BusNames::default();
+    names.index_of(b"can0");
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut number = 0;
+    for round in 0..rounds {
+        for id in ids {
+            number += 1;
+            let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000 + i64::from(round)));
+            let frame = Frame { number, time, ..Frame::data_frame(CanId::extended(*id), &[round; 8]) };
+            decoder.push(&frame, &names, &mut |_: &Event, _: &Bus| {});
+        }
+    }
+    decoder.buses().first().is_some_and(Bus::is_j1939)
+}
+
+#[test]
+fn a_truck_without_management_messages_is_j1939_and_cars_are_not() {
+    let Some(log) = path(TRUCK) else { return };
+    let management =
+        [Pgn::REQUEST, Pgn::ACKNOWLEDGEMENT, Pgn::TP_CM, Pgn::TP_DT, Pgn::DM1, Pgn::ADDRESS_CLAIMED];
+    let text = std::fs::read_to_string(log).unwrap();
+    let ids = text.lines().filter_map(|line| line.split_whitespace().nth(2)?.split_once('#'));
+    let mut ids: Vec<u32> = ids.map(|(id, _)| u32::from_str_radix(id, 16).unwrap()).collect();
+    ids.retain(|id| !management.contains(&J1939Id::of(*id).unwrap().pgn));
+    assert!(is_j1939(&ids, 1));
+    let mut cars = 0;
+    for entry in std::fs::read_dir(support::corpus().join("dbc")).unwrap() {
+        let file = entry.unwrap();
+        let name = file.file_name().to_string_lossy().into_owned();
+        if !name.starts_with("opendbc__") && !name.starts_with("SavvyCAN__") {
+            continue;
+        }
+        let bytes = std::fs::read(file.path()).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        let words = text.lines().filter_map(|line| line.strip_prefix("BO_ ")?.split_whitespace().next());
+        // Bit 31 marks 29-bit identifiers; 3221225472 is the pseudo message of signals without one.
+        let ids: Vec<u32> = words
+            .filter_map(|id| id.parse::<u32>().ok())
+            .filter(|id| id >> 31 == 1 && *id != 0xC000_0000)
+            .map(|id| id & 0x1FFF_FFFF)
+            .collect();
+        assert!(!is_j1939(&ids, 20), "{name}");
+        cars += usize::from(!ids.is_empty());
+    }
+    assert!(cars >= 1, "no database with 29-bit identifiers");
+    // ISO 15765: 18DB33F1 to all, 18DAxxF1 and 18DAF1xx.
+    let diagnostics: Vec<u32> = (0..16).flat_map(|ecu| [0x18DA_00F1 | ecu << 8, 0x18DA_F100 | ecu]).collect();
+    assert!(!is_j1939(&diagnostics, 20));
 }

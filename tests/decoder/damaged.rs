@@ -1,20 +1,22 @@
-//! Every format, cut off and damaged: whatever a capture is, what stands before the damage is given, nothing is made
-//! up, and what is said has a place.
+//! Every format, truncated and damaged: the reader returns all frames before the damage, invents none, and
+//! its notices have a position.
 
 use std::fs;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-use cobscope_decoder::capture::{FORMATS, Notice, Packing, Place, ReadOptions, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{
+    CapturePlace, FORMATS, Notice, Packing, ReadOptions, WRITABLE, WriteOptions,
+};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 use crate::harness::reader::{Content, format, holds_its_contract, parse};
 use crate::support::workspace;
 
-/// Places looked at of each capture: the tests are slow.
+/// Max tested positions per capture, because the tests are slow.
 const PLACES: usize = 150;
 
-/// What a writer has written so far.
+/// Bytes written so far.
 #[derive(Clone, Default)]
 pub(crate) struct Shared(pub(crate) Arc<Mutex<Vec<u8>>>);
 
@@ -28,7 +30,7 @@ impl Write for Shared {
     }
 }
 
-/// A capture as this program writes it.
+/// A capture written by this program.
 fn written(name: &str, packing: Packing) -> Vec<u8> {
     let format = WRITABLE.iter().find(|format| format.name == name).unwrap();
     let output = Shared::default();
@@ -58,7 +60,7 @@ fn pcap() -> Vec<u8> {
     bytes
 }
 
-/// The capture that was made up for a format.
+/// The synthetic capture of a format.
 fn sample(format: &str) -> Option<Vec<u8>> {
     let inputs = fs::read_dir(workspace().join("fixtures/fuzz").join(format)).unwrap();
     let mut paths = inputs.map(|entry| entry.unwrap().path());
@@ -70,7 +72,7 @@ fn fixture(name: &str) -> Vec<u8> {
     fs::read(workspace().join("fixtures").join(name)).unwrap()
 }
 
-/// A capture in each format: what it is, and its bytes.
+/// Name and bytes of a capture in each format.
 fn captures() -> Vec<(&'static str, Vec<u8>)> {
     let mut captures = vec![
         ("pcap", pcap()),
@@ -85,7 +87,7 @@ fn captures() -> Vec<(&'static str, Vec<u8>)> {
     captures
 }
 
-/// Captures whose content is packed: what is damaged in them costs what was packed with it.
+/// Compressed captures: damage loses all data of the same block.
 fn packed() -> Vec<(&'static str, Vec<u8>)> {
     let mut captures = Vec::new();
     if cfg!(feature = "gzip") {
@@ -103,10 +105,10 @@ fn content(name: &str, bytes: &[u8]) -> Content {
     let content = parse(&mut *(format(name).parser)(&ReadOptions::default()), bytes, || usize::MAX);
     for (_, notice) in &content.notices {
         if let Notice::Unreadable { place, reason } | Notice::CutOff { place, reason } = notice {
-            let is_line = matches!(place, Place::Line(line) if *line > 0);
-            // Links of MDF4 lead to where something should be.
+            let is_line = matches!(place, CapturePlace::Line(line) if *line > 0);
+            // Links of MDF4 may refer to positions after the end of the file.
             let within = |at: u64| name == "mdf4" || at <= bytes.len() as u64;
-            let is_offset = matches!(place, Place::Offset(at) if within(*at));
+            let is_offset = matches!(place, CapturePlace::Offset(at) if within(*at));
             assert!(if format(name).is_text { is_line } else { is_offset }, "{name}: {place}: {reason}");
             assert!(!reason.is_empty() && reason.len() < 400, "{name}: {reason}");
         }
@@ -114,7 +116,7 @@ fn content(name: &str, bytes: &[u8]) -> Content {
     content
 }
 
-/// Whether something is said that is no assumption.
+/// Whether damage is reported; an assumption counts only for an unfinished file.
 fn is_told(content: &Content) -> bool {
     let is_remark = |notice: &Notice| match notice {
         Notice::Assumption(text) => text.contains("not finished"),
@@ -123,12 +125,12 @@ fn is_told(content: &Content) -> bool {
     content.error.is_some() || content.notices.iter().any(|(_, notice)| is_remark(notice))
 }
 
-/// Whether it is said to end inside a record.
+/// Whether a notice reports that the capture ends inside a record.
 fn is_cut_off(content: &Content) -> bool {
     content.notices.iter().any(|(_, notice)| matches!(notice, Notice::CutOff { .. }))
 }
 
-/// About [`PLACES`] places of a capture, all of a small one.
+/// About [`PLACES`] positions of a capture; all positions of a small one.
 fn places(bytes: &[u8]) -> impl Iterator<Item = usize> {
     (1..bytes.len()).step_by(bytes.len() / PLACES + 1)
 }
@@ -137,7 +139,7 @@ fn same(ours: &[Frame], whole: &[Frame]) -> usize {
     ours.iter().zip(whole).take_while(|(ours, whole)| ours == whole).count()
 }
 
-/// Whether frames are some of the whole ones, in order.
+/// Whether `frames` is a subsequence of `whole`.
 fn is_within(frames: &[Frame], whole: &[Frame]) -> bool {
     let mut whole = whole.iter();
     frames.iter().all(|frame| whole.any(|other| Frame { number: frame.number, ..*other } == *frame))
@@ -146,7 +148,7 @@ fn is_within(frames: &[Frame], whole: &[Frame]) -> bool {
 #[test]
 fn there_is_a_capture_of_every_format() {
     let captures = captures();
-    // That of MCAP is written here.
+    // The sample of MCAP is written by this program.
     for format in FORMATS.iter().filter(|format| format.name != "mcap" || cfg!(feature = "mcap")) {
         assert!(captures.iter().any(|(name, _)| *name == format.name), "{}", format.name);
     }
@@ -165,19 +167,19 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
         for cut in places(&bytes) {
             let part = content(name, &bytes[..cut]);
             if name == "mdf4" {
-                // Its groups are merged by time, so what one of them loses is missing in between.
+                // Groups of MDF4 are merged by time, so frames of a damaged group are missing in between.
                 assert!(is_within(&part.frames, &whole.frames), "{name}: {cut} bytes");
                 before = part.frames.len();
                 silent += usize::from(before < whole.frames.len() && !is_told(&part));
                 continue;
             }
             let same = same(&part.frames, &whole.frames);
-            // Half a line may be a shorter frame.
+            // A truncated line may be a shorter frame.
             let is_last_line = is_text && same + 1 == part.frames.len();
             assert!(same == part.frames.len() || is_last_line, "{name}: {cut} bytes");
             assert!(same >= before, "{name}: {cut} bytes: {same} frames, {before} of fewer");
             if is_text {
-                // Each line that is whole is read as in the whole capture.
+                // Complete lines are read as in the whole capture.
                 let lines = bytes[..cut]
                     .iter()
                     .rposition(|byte| matches!(byte, b'\n' | b'\r'))
@@ -188,10 +190,10 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
             silent += usize::from(part.frames.len() < whole.frames.len() && !is_told(&part));
             before = same;
         }
-        // The last block of MDF4 may be one that others cannot be read without.
+        // In MDF4, other blocks may depend on the last one.
         let is_all = name == "mdf4" || before + 1 >= whole.frames.len();
         assert!(is_all, "{name}: {before} of {} frames", whole.frames.len());
-        // Between two records nothing is wrong: a capture may end there. In a record something is.
+        // A capture may end between two records, but not inside one.
         assert!(
             is_text || silent <= whole.frames.len() + 3,
             "{name}: {silent} cuts of which nothing is said"
@@ -203,7 +205,7 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
 fn a_capture_that_ends_inside_its_last_record_says_so_and_a_whole_one_does_not() {
     for (name, bytes) in captures().into_iter().chain(packed()) {
         assert!(!is_cut_off(&content(name, &bytes)), "{name}");
-        // Of text the last line is one like any other; behind the last record of MCAP a magic stands.
+        // The last line of text needs no line end; MCAP has a magic after its last record.
         let missing = if name == "mcap" { 12 } else { 3 };
         let cut = content(name, &bytes[..bytes.len() - missing]);
         assert_eq!(is_cut_off(&cut), !format(name).is_text, "{name}: {:?}", cut.notices);
@@ -213,14 +215,14 @@ fn a_capture_that_ends_inside_its_last_record_says_so_and_a_whole_one_does_not()
 #[test]
 fn bytes_changed_anywhere_cost_nothing_before_them() {
     for (name, bytes) in captures() {
-        // Which of several groups comes first stands in the header of MDF4; it has a test of its own.
+        // MDF4 has a separate test: its header contains the order of the groups.
         if name == "mdf4" {
             continue;
         }
         let whole = content(name, &bytes);
         for at in places(&bytes) {
             let before = content(name, &bytes[..at]);
-            // The beginning says how all of it is read, and the frame before may reach to here.
+            // The start of a file determines the format, and the preceding frame may extend to this position.
             let kept = same(&before.frames, &whole.frames).saturating_sub(1);
             if kept == 0 {
                 continue;

@@ -1,4 +1,5 @@
-//! Device files: those of other projects, against canopen-python and each other, and ours with their defects.
+//! Device files: those of other projects compared with canopen-python and each other, our own with their
+//! defects.
 
 #![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 #![expect(clippy::panic, reason = "helpers of tests fail so")]
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cobscope_decoder::profile::DataType;
-use cobscope_decoder::profile::device_file::{self, DeviceFile, DeviceObject, Given, Kind};
+use cobscope_decoder::profile::device_file::{self, DeviceFile, DeviceObject, EntryValue, Kind};
 use proptest::prelude::*;
 use serde_json::Value;
 
@@ -18,7 +19,7 @@ use crate::harness;
 use crate::pieces::pieces_moved;
 use crate::support::{corpus, python, skip, workspace};
 
-/// The node-ID `$NODEID` stands for.
+/// Value of `$NODEID`.
 const NODE_ID: u8 = 5;
 
 fn corpus_files() -> Vec<PathBuf> {
@@ -40,19 +41,21 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap().to_string_lossy().into_owned()
 }
 
-/// A value as `tests/oracles/eds_values.py` writes it.
-fn show(given: Option<&Given>) -> Value {
+/// A value as in the output of `tests/oracles/eds_values.py`.
+fn show(given: Option<&EntryValue>) -> Value {
     let Some(given) = given else { return Value::Null };
     Value::String(match given.resolve(NODE_ID) {
-        Given::Number(number) => format!("i:{number}"),
-        Given::Real(number) => format!("r:{number:?}"),
-        Given::Text(text) => format!("t:{text}"),
-        Given::Bytes(bytes) => bytes.iter().fold("b:".to_owned(), |text, byte| format!("{text}{byte:02x}")),
-        Given::Formula { .. } => unreachable!("resolved"),
+        EntryValue::Number(number) => format!("i:{number}"),
+        EntryValue::Real(number) => format!("r:{number:?}"),
+        EntryValue::Text(text) => format!("t:{text}"),
+        EntryValue::Bytes(bytes) => {
+            bytes.iter().fold("b:".to_owned(), |text, byte| format!("{text}{byte:02x}"))
+        }
+        EntryValue::Formula { .. } => unreachable!("resolved"),
     })
 }
 
-/// CiA 301's number of a type.
+/// Number of a data type in CiA 301.
 fn type_number(data_type: DataType) -> u64 {
     let all = [
         (0x01, "BOOLEAN"),
@@ -101,7 +104,7 @@ fn field(object: &DeviceObject, name: &str) -> Value {
 
 const FIELDS: [&str; 9] = ["object", "name", "type", "access", "mappable", "default", "low", "high", "value"];
 
-/// Why an entry differs from what canopen-python 2.4.1 makes of it; none if that is not known.
+/// Reason for a difference from canopen-python 2.4.1; `None` if unexplained.
 fn reason(object: &DeviceObject, field: &str, ours: &Value, theirs: &Value) -> Option<&'static str> {
     let is_compact = object.entry_name == Some(format!("{}{}", object.object_name, object.address.sub));
     let number = |value: &Value| value.as_str()?.strip_prefix("i:")?.parse::<i128>().ok();
@@ -137,7 +140,7 @@ fn reason(object: &DeviceObject, field: &str, ours: &Value, theirs: &Value) -> O
     }
 }
 
-/// Differences by reason, and whatever has none.
+/// Known differences by reason, and unexplained ones.
 #[derive(Default)]
 struct Differences {
     known: BTreeMap<&'static str, usize>,
@@ -173,7 +176,7 @@ impl Differences {
     }
 }
 
-/// How often each reason holds in the corpus.
+/// Number of differences per reason in the corpus.
 const DIFFERENCES: [(&str, usize); 11] = [
     ("only ours: theirs reads sub-index 0 and 1 of a compact array, and nothing of a compact record", 2712),
     ("ours takes an empty value for none", 519),
@@ -188,7 +191,7 @@ const DIFFERENCES: [(&str, usize); 11] = [
     ("theirs takes hexadecimal of a signed type for positive", 24),
 ];
 
-/// Files canopen-python 2.4.1 gives up on, and at what.
+/// Files that canopen-python 2.4.1 cannot read, with its error.
 const UNREADABLE: [(&str, &str); 4] = [
     ("CANopenNode__DS301_profile.eds", "ValueError: invalid literal for int() with base 0: ''"),
     ("CANopenSocket__basicDevice.eds", "ValueError: invalid literal for int() with base 0: ''"),
@@ -233,7 +236,7 @@ fn is_xml(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "xdd" || extension == "xpd")
 }
 
-/// An XDD beside the EDS of the same device, both written by the same editor.
+/// An XDD and the EDS of the same device, both written by the same editor.
 const TWINS: [(&str, &str); 3] = [
     ("CANopenDemo__demoDevice.xdd", "CANopenDemo__demoDevice.eds"),
     ("CANopenSocket__basicDevice.xdd", "CANopenSocket__basicDevice.eds"),
@@ -264,7 +267,7 @@ fn an_xdd_says_what_the_eds_of_the_same_device_says() {
             };
             for name in FIELDS {
                 let (ours, other) = (field(object, name), field(other, name));
-                // An XDD has BITSTRING for both.
+                // An XDD has BITSTRING for both types.
                 let is_bits = name == "type" && ours == 0x0F && other == 0x0A;
                 if ours != other && !is_bits {
                     writeln!(report, "{eds_name}: {} {name} is {ours}, in the XDD {other}", object.address)
@@ -280,7 +283,7 @@ fn an_xdd_says_what_the_eds_of_the_same_device_says() {
 }
 
 /// Every device file of the corpus: entries and problems. The entries were counted by sections, elements and
-/// `CompactSubObj` with another program; the problems were read one by one.
+/// `CompactSubObj` with another program; each problem was checked by hand.
 const CORPUS: [(&str, Kind, usize, usize); 63] = [
     ("CANopen-monitor__GPS_OD.eds", Kind::Eds, 473, 269),
     ("CANopen-monitor__battery.dcf", Kind::Dcf, 594, 0),
@@ -366,7 +369,7 @@ fn all_of_the_corpus_is_read() {
     assert_eq!(found, expected);
 }
 
-/// What is in a file, a line an entry and a problem.
+/// Contents of a file: one line per entry and problem.
 fn describe(file: &DeviceFile) -> String {
     let DeviceFile { kind, vendor_name, vendor_id, product_name, product_code, revision, .. } = file;
     let DeviceFile { node_id, node_name, bit_rate, bit_rates, .. } = file;
@@ -424,7 +427,7 @@ fn fixtures_are_read_as_expected() {
     assert_eq!(compared, 12);
 }
 
-/// A device file of ours with bytes put over it, so that more than the first lines are looked at.
+/// A device file of ours with bytes copied over it, so that the defects are not only in the first lines.
 fn damaged() -> impl Strategy<Value = Vec<u8>> {
     let entries = fs::read_dir(workspace().join("fixtures/device_files")).unwrap();
     pieces_moved(entries.map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect())

@@ -1,4 +1,4 @@
-//! How the rules of devices come to life, follow their nodes, and stand beside the general ones.
+//! Rules of devices: their start, the nodes they follow, and their relation to general rules.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use cobscope_decoder::wire::NodeId;
 
 use crate::rules::{judge, parse};
 
-/// Everything judged of frames that come 10 ms and some microseconds apart; `head` as in annotated captures.
+/// Findings in frames with intervals of 10 ms and some microseconds; `head` as in annotated captures.
 fn judged(head: &str, frames: &[&str]) -> Findings {
     let mut text = format!("{head}\n");
     for (number, frame) in frames.iter().enumerate() {
@@ -22,7 +22,7 @@ fn findings(text: &str) -> Findings {
     judge(&capture.frames, &capture.options, capture.setup.clone()).1
 }
 
-/// Rule, node and severity of what counts, of rules of devices.
+/// Rule, node and severity of effective findings of device rules.
 fn of_devices(findings: &Findings) -> Vec<(String, u8, Severity)> {
     let of_device = findings.counting().filter(|group| group.rule.contains(':'));
     of_device
@@ -32,7 +32,7 @@ fn of_devices(findings: &Findings) -> Vec<(String, u8, Severity)> {
 
 const PVE: &str = "#! --node 32=danfoss-pve-ci";
 
-/// 1017 is written with 105, no step of 10 ms.
+/// 1017 is written with 105, not a multiple of 10 ms.
 const STEP: [&str; 2] = ["620#2B17100069000000", "5A0#6017100000000000"];
 
 fn step(node: u8, severity: Severity) -> (String, u8, Severity) {
@@ -65,7 +65,7 @@ fn a_node_that_is_recognised_has_the_rules_of_its_device_from_then_on() {
 
 #[test]
 fn rules_go_with_the_node_to_its_new_number() {
-    // LSS: present node-ID 32, new node-ID 33, in force from the boot-up on.
+    // LSS: present node-ID 32, new node-ID 33, effective from the boot-up on.
     let moved = [
         "720#00",
         "7E5#0401000000000000",
@@ -103,7 +103,7 @@ fn the_bus_file_speaks_of_rules_of_devices_too() {
 
 #[test]
 fn a_refused_write_is_one_finding_where_the_manual_tells_why() {
-    // 1010:01 is written with "SAVE" and refused; then 2001:00, of which no rule speaks.
+    // 1010:01 is written with "SAVE" and refused; then 2001:00, which has no rule.
     let frames = [
         "720#00",
         "620#2310100153415645",
@@ -120,7 +120,7 @@ fn a_refused_write_is_one_finding_where_the_manual_tells_why() {
     assert_eq!(explained, [(true, Some(Cause::Group(taker[0].id))), (false, None)]);
 }
 
-/// SYNC each 50 ms, and one more 1.5 ms behind the third.
+/// SYNC every 50 ms, and one more 1.5 ms after the third.
 fn syncs(stamp: impl Fn(usize) -> String) -> Vec<(String, u8, Severity)> {
     let mut text = "#! --node 2=rexroth-sydfec\n".to_owned();
     let times = [0, 50_029, 100_013, 150_041, 200_024, 201_524, 250_037];
@@ -136,7 +136,7 @@ fn the_step_of_the_stamps_counts_in_favour_of_the_device() {
     let exact = syncs(|micros| format!("1700000000.{micros:06}"));
     let rule = "rexroth-sydfec:sync-not-closer-than-2-ms".to_owned();
     assert_eq!(exact, [(rule, 2, Severity::Error)]);
-    // Whole milliseconds: 200 and 201 may be almost 2 ms apart.
+    // Integer milliseconds: 200 and 201 may be almost 2 ms apart.
     assert_eq!(syncs(|micros| format!("1700000000.{:06}", micros / 1_000 * 1_000)), []);
 }
 
@@ -158,7 +158,7 @@ fn what_must_never_happen_is_exercised_once_the_device_is_there() {
     assert_eq!(of(&findings, "rexroth-sydfec:mapping-is-static"), 1);
 }
 
-/// PVE waives abort codes of the history (1003:01 to 08) alone: 1122_3344 is none of CiA 301.
+/// PVE waives abort codes of the history (1003:01 to 08) only: CiA 301 does not define 1122_3344.
 #[test]
 fn a_waiver_of_some_objects_holds_for_these_only() {
     let refused = |object: &str| [format!("620#40{object}00000000"), format!("5A0#80{object}44332211")];
@@ -178,8 +178,8 @@ fn a_waiver_of_some_objects_holds_for_these_only() {
     assert_eq!(told(&head.replace(PVE, "")), ("1003:01 1003:08 1003:09 2001:00".to_owned(), 0));
 }
 
-/// AVC comes 350 ms behind the one before, where the manual permits 250 ms; TPDO1 of VPCD 250 ms behind, with an
-/// event timer of 100 ms; SYDFEC has three RPDO1 within a SYNC.
+/// AVC 350 ms after the preceding one (manual: 250 ms); TPDO1 of VPCD after 250 ms (event timer 100 ms);
+/// three RPDO1 of SYDFEC within one SYNC interval.
 #[test]
 fn the_bus_file_sets_times_and_counts_of_rules_of_devices() {
     let fired = |capture: &str, rule: &str, lines: &str| {
@@ -197,4 +197,152 @@ fn the_bus_file_sets_times_and_counts_of_rules_of_devices() {
     for (capture, rule, strict, lenient) in cases {
         assert_eq!((fired(capture, rule, strict), fired(capture, rule, lenient)), (1, 0), "{rule}");
     }
+}
+
+const PUMP: &str = "#! --node 2=rexroth-sydfec";
+
+/// Rules of the findings about a pump; those of its profile without its id.
+fn names(frames: &[&str]) -> Vec<String> {
+    let findings = judged(PUMP, frames);
+    findings.counting().map(|group| group.rule.trim_start_matches("rexroth-sydfec:").to_owned()).collect()
+}
+
+/// RE 30027-Z, 17.4: type, measuring range, selection in the parameter sets; only the first of each counts.
+#[test]
+fn a_sequence_compares_the_first_occurrences_since_the_start() {
+    let range = ["602#2B0052019001", "582#6000520100000000"];
+    let kind = ["602#2B0052000100", "582#6000520000000000"];
+    let refused = ["602#2B0052000100", "582#8000520000000108"];
+    let order = |parts: &[&[&'static str]]| {
+        let all = judged(PUMP, &parts.concat());
+        all.counting()
+            .filter(|group| group.rule.contains("set-up-order"))
+            .map(|group| group.count)
+            .sum::<u64>()
+    };
+    let start: &[&str] = &["082#"];
+    assert_eq!(order(&[start, &kind, &range]), 0);
+    assert_eq!(order(&[start, &range, &kind]), 1);
+    // The second time is no set-up, and a refused write is no step.
+    assert_eq!(order(&[start, &kind, &range, &kind]), 0);
+    assert_eq!(order(&[start, &range, &kind, &kind]), 1);
+    assert_eq!(order(&[start, &range, &refused]), 0);
+    // Unknown before the first start; a restart begins anew.
+    assert_eq!(order(&[&range, &kind]), 0);
+    assert_eq!(order(&[start, &range, start, &kind]), 0);
+}
+
+/// RE 30027-Z, 18.3.1: the offset is 0 after an error (status 1000), until the next calibration or reset (18.5).
+#[test]
+fn a_limit_applies_from_since_to_until() {
+    let offset = ["602#4001520000000000", "582#4B0152001E000000"];
+    let failed = ["602#4001520200000000", "582#4B01520200100000"];
+    let start = ["602#2B0152010100", "582#6001520100000000"];
+    let refused = ["602#2B0152010100", "582#8001520122000008"];
+    let reset = ["602#2BFF52005555", "582#60FF520000000000"];
+    let found = |parts: &[&[&'static str]]| {
+        let names = names(&parts.concat());
+        ["failed-angle-offset", "reset-offsets"].map(|rule| names.iter().any(|name| name == rule))
+    };
+    assert_eq!(found(&[&offset]), [false, false]);
+    assert_eq!(found(&[&offset, &failed]), [false, false]);
+    assert_eq!(found(&[&failed, &offset]), [true, false]);
+    assert_eq!(found(&[&failed, &start, &offset]), [false, false]);
+    assert_eq!(found(&[&failed, &refused, &offset]), [true, false]);
+    assert_eq!(found(&[&failed, &reset, &offset]), [false, true]);
+    assert_eq!(found(&[&reset, &start, &offset]), [false, false]);
+    // The stored value after a restart is unknown.
+    assert_eq!(found(&[&failed, &["082#"], &offset]), [false, false]);
+}
+
+/// RE 30027-Z, 19.2.1: bit 1 of the status byte shows the function 1 (slave) of 5300:00. TPDO1 each 100 ms.
+#[test]
+fn a_precondition_with_ms_must_be_false_for_this_time() {
+    let found = |status: &dyn Fn(usize) -> u8| {
+        let mut text = format!("{PUMP}\n(1700000000.000013) can0 082#\n(1700000000.010041) can0 000#0102\n");
+        for (place, frame) in ["602#4000530000000000", "582#4B00530001000000"].iter().enumerate() {
+            writeln!(text, "(1700000000.02{place}017) can0 {frame}").unwrap();
+        }
+        for number in 1..25 {
+            let micros = 1_000_000 + number * 100_000 + number * 37 % 89;
+            let (seconds, micros) = (1_700_000_000 + micros / 1_000_000, micros % 1_000_000);
+            writeln!(text, "({seconds}.{micros:06}) can0 182#{:02X}00000000", status(number)).unwrap();
+        }
+        findings(&text).counting().any(|group| &*group.rule == "rexroth-sydfec:status-shows-slave")
+    };
+    assert!(found(&|_| 0));
+    assert!(!found(&|_| 2));
+    assert!(!found(&|number| if number < 10 { 0 } else { 2 }));
+    assert!(found(&|number| if number < 13 { 0 } else { 2 }));
+    // Two short deviations are no long one.
+    assert!(!found(&|number| if number % 8 == 0 { 2 } else { 0 }));
+}
+
+/// RE 30027-Z, 19.5: power-on switches the angle controller on. A reset by NMT is no power-on.
+#[test]
+fn a_power_on_is_a_start_without_a_command() {
+    let rule = "angle-controller-on-after-power-on".to_owned();
+    let off: &[&str] = &["000#0102", "182#4000000000"];
+    let calibration = ["602#2B0152010100", "582#6001520100000000"];
+    assert!(names(&[&["082#"], off].concat()).contains(&rule));
+    assert!(!names(&[&["082#", "000#0102"], &calibration[..], &off[1..]].concat()).contains(&rule));
+    assert!(!names(&[&["082#", "000#8102", "082#"], off].concat()).contains(&rule));
+    assert!(!names(off).contains(&rule));
+}
+
+/// RE 30027-Z, 14: after the initialisation, an empty EMCY or one with the error, here 3102.
+#[test]
+fn an_error_in_place_of_the_ready_message_is_a_boot_sign() {
+    let found = |sign: &str| {
+        let mut text = format!("{PUMP}\n(1700000000.000013) can0 082#\n(1700000000.100041) can0 000#8102\n");
+        write!(text, "(1700000000.400017) can0 {sign}\n(1700000003.400017) can0 080#\n").unwrap();
+        findings(&text).counting().any(|group| &*group.rule == "boot-up-missing")
+    };
+    assert!(!found("082#"));
+    assert!(!found("082#3102040000000000"));
+    assert!(found("083#"));
+}
+
+const IFB: &str = "#! --node 5=rexroth-ifb-iac";
+
+fn ifb(rule: &str) -> (String, u8, Severity) {
+    (format!("rexroth-ifb-iac:{rule}"), 5, Severity::Note)
+}
+
+/// RE 29015-01-Z/09.06 §4: in each controller mode, the control word is at the start of RPDO1 and the status word at that
+/// of TPDO1. The mode (6043) is unknown here.
+#[test]
+fn a_field_at_the_same_place_in_all_layouts_is_judged_in_an_unknown_mode() {
+    let frames = ["705#00", "000#0105", "205#07000010", "185#0F000010", "205#17000010", "185#0F200010"];
+    assert_eq!(
+        of_devices(&judged(IFB, &frames)),
+        [ifb("reserved-control-bits"), ifb("reserved-status-bits")]
+    );
+    assert_eq!(of_devices(&judged(IFB, &frames[..4])), []);
+}
+
+/// RE 29015-01-Z/09.06 §1.2: one RPDO and one TPDO. 285 is the predefined identifier of TPDO2, unless another node has
+/// it.
+#[test]
+fn a_pdo_that_another_node_has_on_the_identifier_is_not_of_the_device() {
+    let other = ["709#00", "609#2300180185020000", "589#6000180100000000"];
+    let own = ["705#00", "000#0100", "285#0102"];
+    let both: Vec<&str> = other.iter().chain(&own).copied().collect();
+    assert_eq!(of_devices(&judged(IFB, &own)), [ifb("one-pdo-pair")]);
+    assert_eq!(of_devices(&judged(IFB, &both)), []);
+    let command = ["705#00", "000#0100", "305#0102"];
+    assert_eq!(of_devices(&judged(IFB, &command)), [ifb("one-pdo-pair")]);
+}
+
+/// RE 29015-01-Z/09.06 §3: a response that was sent before the reset took effect is no state after it.
+#[test]
+fn a_state_is_judged_only_some_time_after_a_reset_command() {
+    let until = |frames: usize| {
+        let wait = std::iter::repeat_n("080#", frames);
+        let frames: Vec<&str> =
+            ["705#00", "000#0105", "705#05", "000#8105"].into_iter().chain(wait).chain(["705#05"]).collect();
+        let all = of_devices(&judged(IFB, &frames));
+        all.into_iter().filter(|(rule, ..)| rule.ends_with("pre-operational-after-start")).count()
+    };
+    assert_eq!((until(10), until(25)), (0, 1));
 }

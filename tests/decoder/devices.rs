@@ -1,4 +1,5 @@
-//! Captures in `fixtures/devices/` against the events written beside them by hand, with the nodes' profiles.
+//! Compares captures in `fixtures/devices/`, with the nodes' profiles, with the hand-written events next to
+//! them.
 //!
 //! The notation is described in `fixtures/README.md`.
 
@@ -11,7 +12,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 
 use crate::scene::{Expected, captures, events};
 
-/// What the remarks say of the nodes, and the bus file beside the capture.
+/// Profiles from the remarks, and the bus file next to the capture.
 pub fn options(name: &Path, expected: &Expected, catalogue: &Catalogue) -> SessionOptions {
     let nodes = expected.remarks.iter().filter_map(|remark| remark.strip_prefix("node:"));
     let assignments = nodes.flat_map(str::split_whitespace).map(|node| {
@@ -27,7 +28,7 @@ pub fn options(name: &Path, expected: &Expected, catalogue: &Catalogue) -> Sessi
     }
 }
 
-/// The frame at which the capture is to begin.
+/// First frame of a cut capture.
 pub fn cut(expected: &Expected) -> u64 {
     let mut cuts = expected.remarks.iter().filter_map(|remark| remark.strip_prefix("cut:"));
     cuts.next().map_or(1, |cut| cut.trim().parse().unwrap())

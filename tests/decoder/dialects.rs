@@ -1,4 +1,4 @@
-//! The same frames in every form of text candump writes: `fixtures/dialects/`.
+//! The same frames in every text form of candump: `fixtures/dialects/`.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use cobscope_decoder::capture::{Batch, Notice, ReadOptions, Reader};
 use cobscope_decoder::frame::{Frame, FrameFlags};
 
-/// What a capture holds, as far as every dialect can say it.
+/// Content of a capture that every dialect can express.
 struct Content {
     frames: Vec<Frame>,
     notices: Vec<Notice>,
@@ -27,13 +27,13 @@ fn read(name: &str) -> Content {
     Content { frames, notices, buses: reader.buses().names().to_vec(), format: reader.format().name }
 }
 
-/// Identifier, kind, length, data and bus number: all but time, direction and bus name.
+/// Identifier, kind, length, data and bus number, without time, direction and bus name.
 fn essence(frame: &Frame) -> String {
     let kind = frame.flags.0 & !(FrameFlags::TRANSMITTED.0 | FrameFlags::RECEIVED.0);
     format!("{} {} {kind:02X} {} {:02X?}", frame.bus.0, frame.id, frame.length, frame.data())
 }
 
-/// Without what the screen forms do not show: bit rate switch and error state of FD frames.
+/// Without the bit rate switch and error state of FD frames, which the screen forms do not show.
 fn screen_essence(frame: &Frame) -> String {
     let mut frame = *frame;
     let shown = FrameFlags::REMOTE.0 | FrameFlags::ERROR.0 | FrameFlags::FD.0;
@@ -96,7 +96,7 @@ fn screen_forms_hold_the_same_frames() {
     ] {
         assert_eq!(essences(name, screen_essence), source, "{name}");
     }
-    // With direction marks the screen shows BRS and ESI too.
+    // With direction marks, the screen forms also show BRS and ESI.
     let source = essences("candump_L.log", essence);
     for name in ["candump_x.txt", "candump_ta_x.txt", "candump_ta_x_e_a.txt"] {
         assert_eq!(essences(name, essence), source, "{name}");
@@ -118,7 +118,7 @@ fn times_mean_the_same_in_all_styles() {
     for name in ["candump_L_real.log", "candump_ta.txt", "candump_tA.txt", "candump_tz.txt", "candump_td.txt"]
     {
         let times = since_first(name);
-        // -t d counts from the frame before, so roundings add up: one microsecond a frame.
+        // -t d prints differences, so rounding errors add up: 1 µs per frame.
         let close = times.iter().zip(&source).all(|(a, b)| (a - b).abs() <= 40);
         assert!(close && times.len() == source.len(), "{name}: {times:?} {source:?}");
     }
@@ -173,4 +173,33 @@ fn each_bad_line_is_named_and_the_rest_is_read() {
         content.notices.iter().map(|n| n.to_string().split(':').next().unwrap().to_owned()).collect();
     let expected: Vec<String> = (1..=16).map(|n| format!("line {}", 2 * n)).collect();
     assert_eq!(lines, expected, "{:?}", content.notices);
+}
+
+fn read_text(text: &str) -> crate::formats_text::Content {
+    crate::formats_text::read(text.as_bytes()).unwrap()
+}
+
+/// Issues and mails indent, quote and fence what was copied from a terminal.
+#[test]
+fn pasted_lines_keep_their_frames_and_the_text_around_them_is_counted() {
+    let text = "```\n\t(1.000000) can0 701#05\nuser@machine:~$ candump can0\n> (2.000000) can0 701#05\n\t can0  601   [2]  40 18\n\
+                \tcontroller-problem{rx-overflow}\n^C\n```\n";
+    let content = read_text(text);
+    let frames: Vec<_> = content.frames.iter().map(essence).collect();
+    assert_eq!(frames, ["0 701 00 1 [05]", "0 701 00 1 [05]", "0 601 00 2 [40, 18]"]);
+    let notices: Vec<_> = content.notices.iter().map(ToString::to_string).collect();
+    assert_eq!(notices, ["4 lines of a shell prompt or Markdown skipped (first: line 1)"]);
+}
+
+#[test]
+fn broken_lines_after_a_tab_are_named() {
+    let content = read_text("\t(1.000000) can0 701#05\n\t(2.000000) can0 701#0\n\tcan0 was restarted\n");
+    let notices: Vec<_> = content.notices.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        notices,
+        [
+            "line 2: data: expected pairs of hex digits; found \"\\t(2.000000) can0 701#0\"",
+            "line 3: not a candump line; found \"\\tcan0 was restarted\"",
+        ]
+    );
 }

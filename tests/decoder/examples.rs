@@ -1,6 +1,7 @@
-//! The example programs of the library: each runs as its first lines say, and prints what stands in `examples/`.
+//! Example programs of the library: runs each one as its first lines describe, and compares its output with
+//! `examples/`.
 //!
-//! `COBSCOPE_BLESS=1` writes what is printed; read it before it is kept.
+//! `COBSCOPE_BLESS=1` writes the output; review it before you commit it.
 
 use std::fs;
 use std::path::PathBuf;
@@ -8,7 +9,7 @@ use std::process::Command;
 
 use crate::support::workspace;
 
-/// Program of an example: cargo builds all of them with the tests.
+/// Program of an example; cargo builds all examples with the tests.
 fn program(name: &str) -> PathBuf {
     let tests = std::env::current_exe().unwrap();
     let profile = tests.parent().and_then(|folder| folder.parent()).unwrap();
@@ -17,7 +18,7 @@ fn program(name: &str) -> PathBuf {
     path
 }
 
-/// Words behind `--` in the command that the example's first lines show.
+/// Arguments after `--` in the command in the first lines of the example.
 fn arguments(source: &str) -> Vec<String> {
     let command = source.lines().find_map(|line| line.strip_prefix("//! `cargo run ")).unwrap();
     let words = command.trim_end_matches('`').split_once(" -- ").map_or("", |(_, words)| words);

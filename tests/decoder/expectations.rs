@@ -1,5 +1,5 @@
-//! Expectations of the bus file: each kind has its fixture, mistakes have their places, and a live bus is judged as
-//! its recording is.
+//! Expectations of the bus file: a fixture for each kind, errors with their positions, and the same findings
+//! for a live bus and its capture.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -50,12 +50,12 @@ fn what_names_nobody_knows_is_not_judged_and_said_so() {
     let capture = read(&workspace().join("fixtures/rules/expect-bounds.log"));
     let findings = recorded(&capture);
     assert_eq!(verdict(&findings, "raw-position"), Verdict::NotExercised);
-    assert_eq!(findings.quality, ["raw-position is not exercised: the signal '6063:00' was never seen"]);
+    assert_eq!(findings.quality, ["raw-position is not exercised: signal '6063:00' did not occur"]);
     let capture = read(&workspace().join("fixtures/rules/expect-never.log"));
     let findings = recorded(&capture);
     assert_eq!(verdict(&findings, "no-own-code"), Verdict::Pass);
     assert_eq!(verdict(&findings, "absent"), Verdict::NotExercised);
-    assert_eq!(findings.quality, ["absent is not exercised: node 9/09 was never heard"]);
+    assert_eq!(findings.quality, ["absent is not exercised: node 9/09 sent no frame"]);
 }
 
 fn setup(text: &str) -> Result<(BusFile, Setup), String> {
@@ -88,7 +88,7 @@ fn severity_and_suppression_are_said_of_expectations_as_of_rules() {
     assert!(findings.groups.is_empty());
 }
 
-/// `[[expect]]` with `lines` behind its id, kind and reason, which take four lines.
+/// `[[expect]]` with four lines for id, kind and reason, followed by `lines`.
 fn broken(kind: &str, lines: &str) -> String {
     let text = format!("[[expect]]\nid = \"a-b\"\nkind = \"{kind}\"\nreason = \"r\"\n{lines}\n");
     match setup(&text) {
@@ -101,34 +101,54 @@ fn broken(kind: &str, lines: &str) -> String {
 fn what_is_wrong_with_the_table_is_told_with_its_place() {
     let all = [
         ("never", "when = 'sync'\nwehn = 'x'", "6:1: unknown field `wehn`, expected one of"),
-        ("nevr", "when = 'x'", "3:8: 'nevr' is no kind: there are always, never, within, every, count"),
-        ("never", "", "3:8: never needs when"),
-        ("within", "when = 'kind'\nseconds = 1", "3:8: within needs expect"),
-        ("never", "when = 'kind'\nseconds = 1", "6:11: never has when, not seconds"),
-        ("always", "when = 'kind'\nexpect = 't'\nper = \"node\"", "7:7: always has when, expect, not per"),
-        ("every", "when = 'kind'\nseconds = 0", "6:11: a time is above 0, in seconds"),
-        ("every", "when = 'kind'\nseconds = inf", "6:11: a time is above 0"),
-        ("every", "when = 'kind'\nseconds = 1e9", "6:11: a time is above 0"),
+        ("nevr", "when = 'x'", "3:8: unknown kind 'nevr'; expected always, never, within, every, count"),
+        ("never", "", "3:8: when is missing; kind never requires it"),
+        ("within", "when = 'kind'\nseconds = 1", "3:8: expect is missing; kind within requires it"),
+        ("never", "when = 'kind'\nseconds = 1", "6:11: seconds is not valid for kind never; expected when"),
+        (
+            "always",
+            "when = 'kind'\nexpect = 't'\nper = \"node\"",
+            "7:7: per is not valid for kind always; expected when, expect",
+        ),
+        ("every", "when = 'kind'\nseconds = 0", "6:11: time out of range; expected seconds > 0"),
+        ("every", "when = 'kind'\nseconds = inf", "6:11: time out of range; expected seconds > 0"),
+        ("every", "when = 'kind'\nseconds = 1e9", "6:11: time out of range; expected seconds > 0"),
         ("every", "when = 'kind'\nseconds = \"1\"", "6:11: found \"1\", expected a number"),
         (
             "every",
             "when = 'kind'\nseconds = 1\ntolerance = \"10\"",
-            "7:13: a tolerance is a number of seconds",
+            "7:13: invalid tolerance; expected a number of seconds",
         ),
-        ("every", "when = 'kind'\nseconds = 1\ntolerance = -1", "7:13: a tolerance is a number of seconds"),
-        ("every", "when = 'kind'\nseconds = 1\nper = \"bus\"", "7:7: per is \"node\""),
-        ("every", "when = 'kind'\nseconds = 1\nnode = 5\nper = \"node\"", "8:7: node names one node"),
-        ("every", "when = 'kind'\nseconds = 1\nnode = 128", "7:8: a node-ID is 1 to 127"),
-        ("count", "when = 'kind'", "3:8: give min, max or both"),
-        ("count", "when = 'kind'\nmin = 1.5", "6:7: a count is a whole number from 0"),
-        ("count", "when = 'kind'\nmin = 3\nmax = 2", "3:8: min is above max"),
-        ("order", "steps = ['kind']", "5:9: an order has 2 to 64 steps"),
+        (
+            "every",
+            "when = 'kind'\nseconds = 1\ntolerance = -1",
+            "7:13: invalid tolerance; expected a number of seconds",
+        ),
+        ("every", "when = 'kind'\nseconds = 1\nper = \"bus\"", "7:7: unknown per; expected \"node\""),
+        (
+            "every",
+            "when = 'kind'\nseconds = 1\nnode = 5\nper = \"node\"",
+            "8:7: per = \"node\" has no effect with a single node",
+        ),
+        ("every", "when = 'kind'\nseconds = 1\nnode = 128", "7:8: expected a node-ID 1 to 127"),
+        ("count", "when = 'kind'", "3:8: min and max are missing; expected at least one"),
+        ("count", "when = 'kind'\nmin = 1.5", "6:7: invalid count; expected an integer ≥ 0"),
+        ("count", "when = 'kind'\nmin = 3\nmax = 2", "3:8: min > max; expected min ≤ max"),
+        ("order", "steps = ['kind']", "5:9: step count 1; expected 2 to 64"),
         ("order", "steps = 'kind'", "5:9: found \"kind\", expected a list"),
-        ("bounds", "signal = ' '\nmin = 1", "5:10: a signal is its name"),
-        ("bounds", "signal = 'a'", "3:8: give min, max or both"),
-        ("bounds", "signal = 'a'\nmax = nan", "6:7: a limit is a number"),
-        ("rate", "signal = 'a'\nmax_per_second = 0", "6:18: max_per_second is a number above 0"),
-        ("never", "when = 'kind'\nseverity = \"bad\"", "6:12: a severity is error, warning or note"),
+        ("bounds", "signal = ' '\nmin = 1", "5:10: empty signal; expected a name"),
+        ("bounds", "signal = 'a'", "3:8: min and max are missing; expected at least one"),
+        ("bounds", "signal = 'a'\nmax = nan", "6:7: the limit is not finite; expected a number"),
+        (
+            "rate",
+            "signal = 'a'\nmax_per_second = 0",
+            "6:18: max_per_second is invalid; expected a number > 0",
+        ),
+        (
+            "never",
+            "when = 'kind'\nseverity = \"bad\"",
+            "6:12: unknown severity; expected \"error\", \"warning\" or \"note\"",
+        ),
     ];
     for (kind, lines, message) in all {
         let error = broken(kind, lines);
@@ -139,21 +159,25 @@ fn what_is_wrong_with_the_table_is_told_with_its_place() {
 #[test]
 fn what_is_wrong_with_an_expression_is_told_with_its_place_in_it() {
     let all = [
-        ("never", "when = 'nod == 5'", "5:9: there is no field 'nod'; did you mean node?"),
-        ("never", "when = \"nod == 5\"", "5:9: there is no field 'nod'"),
-        ("never", "when = 'node == five'", "5:17: node is a number; 'five' is not"),
-        ("never", "when = \"node_name == \\\"x\\\" && nod\"", "5:31: there is no field 'nod'"),
-        ("never", "when = \"\\u006eode == 5 && nod\"", "5:27: there is no field 'nod'"),
-        ("never", "when = '''\nnode == 5\n  && nod'''", "7:6: there is no field 'nod'"),
-        ("never", "when = \"\"\"node == 5 \\\n    && nod\"\"\"", "6:8: there is no field 'nod'"),
-        ("never", "when = 'node =='", "5:16: a value should stand here"),
-        ("never", "when = ''", "5:9: the filter is empty"),
-        ("always", "when = 'kind'\nexpect = 'node = 5'", "6:16: write == to compare"),
-        ("order", "steps = [\n'kind',\n'nod'\n]", "7:2: there is no field 'nod'"),
-        ("never", "when = 'capture == \"a\"'", "5:8: an expectation knows no 'capture'"),
-        ("never", "when = 'kind == pdo && abort.code'", "5:8: no event can match this"),
-        ("never", "when = 'kind == finding-opened'", "5:8: findings cannot be asked for in expectations"),
-        ("rate", "signal = 'a'\nmax_per_second = 1\nwhen = 'kind == sync'", "7:8: no event with values"),
+        ("never", "when = 'nod == 5'", "5:9: unknown field 'nod'; did you mean node?"),
+        ("never", "when = \"nod == 5\"", "5:9: unknown field 'nod'"),
+        ("never", "when = 'node == five'", "5:17: node is a number; found 'five'"),
+        ("never", "when = \"node_name == \\\"x\\\" && nod\"", "5:31: unknown field 'nod'"),
+        ("never", "when = \"\\u006eode == 5 && nod\"", "5:27: unknown field 'nod'"),
+        ("never", "when = '''\nnode == 5\n  && nod'''", "7:6: unknown field 'nod'"),
+        ("never", "when = \"\"\"node == 5 \\\n    && nod\"\"\"", "6:8: unknown field 'nod'"),
+        ("never", "when = 'node =='", "5:16: expected a value"),
+        ("never", "when = ''", "5:9: empty filter"),
+        ("always", "when = 'kind'\nexpect = 'node = 5'", "6:16: use == to compare"),
+        ("order", "steps = [\n'kind',\n'nod'\n]", "7:2: unknown field 'nod'"),
+        ("never", "when = 'capture == \"a\"'", "5:8: 'capture' is not available in expectations"),
+        ("never", "when = 'kind == pdo && abort.code'", "5:8: expression never matches"),
+        ("never", "when = 'kind == finding-opened'", "5:8: finding events are not available in expectations"),
+        (
+            "rate",
+            "signal = 'a'\nmax_per_second = 1\nwhen = 'kind == sync'",
+            "7:8: expression matches no event with values",
+        ),
     ];
     for (kind, lines, message) in all {
         let error = broken(kind, lines);
@@ -167,14 +191,19 @@ fn ids_are_names_of_nothing_else() {
         format!("[[expect]]\nid = \"{id}\"\nkind = \"never\"\nwhen = 'kind == sync'\nreason = \"r\"\n")
     };
     for id in ["", "A", "a_b", "a-", "-a", "a--b", "a:b", "a b", "ä"] {
-        assert!(setup(&table(id)).unwrap_err().starts_with("2:6: an id is of a-z, 0-9 and hyphens"), "{id}");
+        assert!(
+            setup(&table(id))
+                .unwrap_err()
+                .starts_with("2:6: invalid id; expected a-z, 0-9 and single hyphens"),
+            "{id}"
+        );
     }
     let error = setup(&table("sdo-no-response")).unwrap_err();
-    assert!(error.starts_with("2:6: 'sdo-no-response' is the name of a rule already"), "{error}");
+    assert!(error.starts_with("2:6: duplicate rule name 'sdo-no-response'"), "{error}");
     let error = setup(&format!("{}{}", table("a"), table("a"))).unwrap_err();
-    assert!(error.starts_with("7:6: the id 'a' is given twice"), "{error}");
+    assert!(error.starts_with("7:6: duplicate id 'a'"), "{error}");
     let error = setup(&table("a").replace("\"r\"", "\" \"")).unwrap_err();
-    assert!(error.starts_with("5:10: an expectation needs its reason"), "{error}");
+    assert!(error.starts_with("5:10: empty reason; expected a text"), "{error}");
     let error = setup(&table("a").replace("reason = \"r\"\n", "")).unwrap_err();
     assert!(error.starts_with("1:1: missing field `reason`"), "{error}");
 }
@@ -196,8 +225,8 @@ fn a_tolerance_is_a_time_or_a_share() {
     assert_eq!(tolerance("tolerance = 0"), 0);
 }
 
-/// A bus that is silent for 20 s in the middle of everything that waits: SYNC each 10 ms with a PDO behind it,
-/// heartbeats, a request nobody answers.
+/// A bus with 20 s of silence while everything waits: SYNC every 10 ms, each followed by a PDO, heartbeats, a
+/// request without a response.
 fn silent_bus(has_heartbeats: bool) -> String {
     let mut frames = String::new();
     for number in 0..600_u32 {
@@ -211,6 +240,10 @@ fn silent_bus(has_heartbeats: bool) -> String {
         line(0, "080#");
         if number % 50 != 49 && number != 399 {
             line(1_100, "185#0102");
+        }
+        // The third periodic producer, which makes a gap of all a silence.
+        if number % 10 == 1 {
+            line(1_200, "186#00");
         }
         if has_heartbeats && number % 10 == 3 && number % 130 != 3 {
             line(2_300, "705#05");
@@ -241,7 +274,7 @@ reason = \"r\"
 id = \"often\"
 kind = \"count\"
 when = 'kind == pdo'
-min = 99
+min = 110
 per_seconds = 1
 reason = \"r\"
 [[expect]]
@@ -265,11 +298,11 @@ fn a_silence_of_the_whole_bus_breaks_nothing() {
     let count = |findings: &Findings, rule: &str| {
         findings.groups.iter().filter(|group| *group.rule == *rule).map(|group| group.count).sum::<u64>()
     };
-    // Every fiftieth of 600 has no PDO behind it. The one before the silence waits for what comes behind it; behind
-    // the last one nothing comes.
+    // Of 600 SYNC, every fiftieth has no PDO. The one before the silence is judged after the silence; nothing
+    // follows the last one.
     let findings = judge(&silent_bus(false), &options, &setup, |_| 0);
     assert_eq!(count(&findings, "answers"), 10);
-    // Four heartbeats are left out behind the first: neither the silence nor what it does to the clock is missed.
+    // Four heartbeats are missing after the first; neither the silence nor its effect on the clock adds one.
     let findings = judge(&silent_bus(true), &options, &setup, |_| 0);
     assert_eq!(count(&findings, "cyclic"), 4);
 }
@@ -277,7 +310,7 @@ fn a_silence_of_the_whole_bus_breaks_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 6, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Ticks of a live bus, as far apart as they happen to be.
+    /// Ticks of a live bus at random intervals.
     #[test]
     fn a_live_bus_is_judged_as_its_recording(steps in prop::collection::vec(1_i64..400, 1..8)) {
         let mut all: Vec<(String, String, SessionOptions, Setup)> = captures()

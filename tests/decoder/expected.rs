@@ -1,4 +1,4 @@
-//! Captures in `fixtures/canopen/` against the events written beside them by hand.
+//! Compares captures in `fixtures/canopen/` with the hand-written events next to them.
 //!
 //! The notation is described in `fixtures/README.md`.
 

@@ -1,5 +1,5 @@
-//! Findings in the scenes of `fixtures/devices/` and in recordings nobody here wrote: each is a line with its reason
-//! in `fixtures/rules/explained.txt`, and there is no other.
+//! Findings in the scenes of `fixtures/devices/` and in captures of other projects:
+//! `fixtures/rules/explained.txt` has one line with a reason for each, and there are no others.
 //!
 //! ```text
 //! # a remark
@@ -20,7 +20,7 @@ use crate::rules::judge;
 use crate::scene::{self, Expected};
 use crate::support::{corpus, skip, workspace};
 
-/// Recordings of others that are judged too: plain candump text.
+/// Judged captures of other projects, in plain candump text.
 const RECORDINGS: [&str; 4] = [
     "canopen/canopen-lens__sample_amr_2wheel.log",
     "canopen/canopen-lens__sample_cia402.log",
@@ -28,7 +28,7 @@ const RECORDINGS: [&str; 4] = [
     "j1939/remora_ctrl_proto__candump-2021-07-21_220402-15-seconds-engine-on-big-truck.log",
 ];
 
-/// Rule and node of what counts in a capture.
+/// Rule and node of the effective findings in a capture.
 fn found(path: &Path, options: &SessionOptions) -> Vec<(String, String)> {
     let bytes = fs::read(path).unwrap();
     let text = String::from_utf8_lossy(&bytes);

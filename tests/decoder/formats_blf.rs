@@ -1,4 +1,4 @@
-//! BLF: captures of other projects, and those python-can writes, against python-can and tshark.
+//! BLF captures of other projects and of python-can, compared with python-can and tshark.
 
 #[cfg(feature = "gzip")]
 use std::fs;
@@ -12,7 +12,7 @@ use cobscope_decoder::frame::{Frame, FrameFlags};
 use crate::formats_pcap::{Content, columns, corpus_file, read_file, tshark};
 use crate::support::{python, skip, workspace};
 
-/// Captures and their frames, and how many of those are error frames.
+/// Captures with their numbers of frames and of error frames.
 const CAPTURES: &[(&str, usize, usize)] = &[
     (COMPRESSED, 22, 0),
     (ERRORS, 2, 2),
@@ -22,7 +22,7 @@ const CAPTURES: &[(&str, usize, usize)] = &[
     ("formats/python-can__test_CanMessage2.blf", 2, 0),
 ];
 
-/// Recorded by a program of Vector; the others are made up, each field of its own digit.
+/// Written by a program of Vector. The other captures are synthetic, with a distinct digit in each field.
 const COMPRESSED: &str = "formats/python-can__issue_1905.blf";
 const ERRORS: &str = "formats/python-can__test_CanErrorFrameExt.blf";
 
@@ -40,14 +40,14 @@ fn blf_captures_of_other_projects_have_the_frames_that_are_known() {
         assert_eq!(found, *errors, "{name}");
         let notices: Vec<String> = content.notices.iter().map(ToString::to_string).collect();
         let expected: &[&str] = match *name {
-            COMPRESSED => &["the start date carries no time zone: times read as UTC"],
+            COMPRESSED => &["start date without time zone: times read as UTC"],
             _ => &[],
         };
         assert_eq!(notices, expected, "{name}");
     }
 }
 
-/// Its objects hold 48 of the 64 bytes that are said to count; the others are 0, as Vector's programs show them.
+/// The objects of this file contain 48 of 64 valid bytes; the others are 0, as shown by programs of Vector.
 #[cfg(feature = "gzip")]
 #[test]
 fn a_blf_capture_of_a_program_of_vector() {
@@ -67,7 +67,7 @@ fn without_flags(line: &str) -> Vec<String> {
         .collect()
 }
 
-/// Compares with tshark 4.0, which has no letters for FD in BLF and takes error frames for other objects.
+/// Compares with tshark 4.0, which does not mark FD in BLF and decodes error frames as other objects.
 fn assert_equals_tshark(content: &Content, theirs: &[String], name: &str) {
     let ours = content.frames.iter().filter(|frame| !frame.flags.contains(FrameFlags::ERROR));
     let theirs: Vec<_> = theirs.iter().filter(|line| line.split('\t').nth(3) != Some("E")).collect();
@@ -78,7 +78,7 @@ fn assert_equals_tshark(content: &Content, theirs: &[String], name: &str) {
     }
 }
 
-/// A capture python-can writes, with what it wrote; `None` without python-can.
+/// A capture written by python-can, with its frames; `None` without python-can.
 fn written(level: i32, container: usize) -> Option<(PathBuf, Vec<String>)> {
     let Some(python) = python() else {
         skip("python", "no Python with tests/oracles/requirements.txt");
@@ -95,8 +95,8 @@ fn written(level: i32, container: usize) -> Option<(PathBuf, Vec<String>)> {
     Some((path, String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()))
 }
 
-/// Level of compression and size of a container: little more than an object (python-can loses the last of
-/// them where it is less), and the usual one.
+/// Compression levels and container sizes: slightly more than one object (with less, python-can loses the
+/// last object), and the usual sizes.
 const WRITTEN: &[(i32, usize)] = &[(0, 151), (0, 4_096), (-1, 131_072), (1, 333), (9, 10_000)];
 
 /// A frame in the columns of `blf_capture.py`.
@@ -119,7 +119,7 @@ fn blf_captures_python_can_writes_read_as_they_were_written() {
         let Some((path, theirs)) = written(*level, *container) else { return };
         let content = read_file(&path);
         let notices: Vec<String> = content.notices.iter().map(ToString::to_string).collect();
-        assert_eq!(notices, ["the start date carries no time zone: times read as UTC"]);
+        assert_eq!(notices, ["start date without time zone: times read as UTC"]);
         assert_eq!(content.frames.len(), theirs.len());
         for (frame, theirs) in content.frames.iter().zip(&theirs) {
             assert_eq!(&with_direction(frame, &content.buses), theirs, "frame {}", frame.number);
@@ -132,7 +132,7 @@ fn blf_captures_python_can_writes_read_as_they_were_written() {
     }
 }
 
-/// A container changed anywhere: nothing before it is lost, and that something is wrong is said.
+/// A change anywhere in a container is reported and does not affect preceding frames.
 #[cfg(feature = "gzip")]
 #[test]
 fn a_damaged_blf_capture_says_so_and_keeps_what_is_before() {
@@ -145,7 +145,7 @@ fn a_damaged_blf_capture_says_so_and_keeps_what_is_before() {
         let mut damaged = bytes.to_vec();
         damaged[at] ^= 1 << (at % 8);
         let content = read(&damaged);
-        // The frame before may be the one that ends in the damaged container.
+        // The preceding frame may end in the damaged container.
         let same = content.frames.iter().zip(&whole.frames).take_while(|(ours, whole)| ours == whole).count();
         let expected = frames_before(bytes, at);
         assert!(same >= expected, "bit {} of byte {at}: {same} of {expected} frames", at % 8);
@@ -157,7 +157,7 @@ fn a_damaged_blf_capture_says_so_and_keeps_what_is_before() {
     assert!(reader.read(&mut cobscope_decoder::capture::Batch::new()).unwrap());
 }
 
-/// Frames that end before the container at `at` begins.
+/// Number of frames that end before the container at `at`.
 #[cfg(feature = "gzip")]
 fn frames_before(bytes: &[u8], at: usize) -> usize {
     let begins = (144..=at).rev().find(|start| bytes[*start..].starts_with(b"LOBJ")).unwrap();

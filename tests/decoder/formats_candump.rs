@@ -1,4 +1,4 @@
-//! candump logs of other projects and our own, frame by frame against python-can.
+//! candump logs of other projects and our own, compared with python-can frame by frame.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const CORPUS: &[&str] = &[
     "j1939/remora_ctrl_proto__candump-2021-07-21_220402-15-seconds-engine-on-big-truck.log",
 ];
 
-/// A frame in the oracle's words, its time in microseconds apart.
+/// A frame in the format of the oracle, with its time in µs.
 fn row(frame: &Frame, buses: &[String]) -> (i64, String) {
     let letters = [
         (matches!(frame.id, CanId::Extended(_)), 'X'),
@@ -48,7 +48,7 @@ fn compare(path: &Path, python: &Path) {
     let mut batch = Batch::new();
     let mut ours = Vec::new();
     while reader.read(&mut batch).unwrap() {
-        // python-can misreads error frames of all classes but one: left out on both sides.
+        // python-can misreads error frames of all classes but one: omitted on both sides.
         let frames = batch.frames().iter().filter(|frame| !frame.flags.contains(FrameFlags::ERROR));
         ours.extend(frames.map(|frame| row(frame, reader.buses().names())));
     }
@@ -66,7 +66,7 @@ fn compare(path: &Path, python: &Path) {
         let (seconds, theirs) = theirs.split_once('\t').unwrap();
         let (whole, fraction) = seconds.split_once('.').unwrap();
         let micros = whole.parse::<i64>().unwrap() * 1_000_000 + fraction.parse::<i64>().unwrap() / 1_000;
-        // Its times are doubles.
+        // The times of python-can are doubles.
         assert!((time - micros).abs() <= 1, "{}: {time} {micros}", path.display());
         assert_eq!(ours, theirs, "{}", path.display());
     }

@@ -1,14 +1,15 @@
-//! Text captures of other programs: the same traffic in several formats against each other, against
-//! tshark and against python-can, and damaged ones.
+//! Text captures of other programs: the same traffic in several formats, compared with each other, with
+//! tshark and with python-can, and damaged captures.
 
 #![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 #![expect(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing, reason = "helpers of tests fail so")]
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cobscope_decoder::capture::{FORMATS, Notice};
+use cobscope_decoder::capture::{FORMATS, Notice, ReadOptions, Reader, decompress};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use proptest::prelude::*;
 
@@ -17,7 +18,7 @@ use crate::formats_text::{
 };
 use crate::support::{corpus, python, skip, workspace};
 
-/// Captures, their format and frames.
+/// Captures with their format and number of frames.
 const CAPTURES: &[(&str, &str, usize)] = &[
     (BUSMASTER, "busmaster", 12_974),
     ("formats/busmaster__FormatConvASC2LOG.log", "busmaster", 1_116),
@@ -61,7 +62,7 @@ fn assert_same<T: PartialEq + std::fmt::Debug>(name: &str, ours: &[T], theirs: &
     assert_eq!(ours.len(), theirs.len(), "{name}");
 }
 
-/// A file that comes to the corpus is to be compared with another reader, too.
+/// Files added to the corpus must be compared with another reader, too.
 #[test]
 fn no_format_of_the_corpus_is_left_out() {
     if !has_corpus() {
@@ -72,7 +73,7 @@ fn no_format_of_the_corpus_is_left_out() {
     let sources: Vec<String> = tests.map(|path| fs::read_to_string(path).unwrap()).collect();
     for file in fs::read_dir(corpus().join("formats")).unwrap() {
         let name = file.unwrap().file_name().into_string().unwrap();
-        // Five formats of one recording are named by their suffixes.
+        // Five formats of one capture differ in their suffix only.
         let is_of_five = name.starts_with("mdf4-converters__multiple_CAN.");
         assert!(is_of_five || sources.iter().any(|text| text.contains(&name)), "{name}");
     }
@@ -106,8 +107,8 @@ fn one_drive_in_five_formats() {
     ] {
         assert_same(name, &payloads(&of_corpus(name)), &expected);
     }
-    // Microseconds that are whole milliseconds, and milliseconds; the time of day in milliseconds; candump
-    // was written with seconds only.
+    // Microseconds in integer milliseconds, and milliseconds; time of day in milliseconds; candump has
+    // seconds only.
     let microseconds = offsets(&of_corpus("formats/SavvyCAN__GVRET_Log.csv"));
     assert_same("Microchip", &offsets(&of_corpus("formats/SavvyCAN__MicrochipLog.log")), &microseconds);
     assert_same("BUSMASTER", &offsets(&of_corpus(BUSMASTER)), &microseconds);
@@ -125,7 +126,7 @@ fn one_recording_of_fd_in_five_formats() {
         let other = of(suffix);
         assert_same(suffix, &payloads(&csv), &payloads(&other));
         assert_same(suffix, &offsets(&csv), &offsets(&other));
-        // candump and pcap say which frames are FD, and which switch the bit rate.
+        // candump and pcap mark FD frames and those with bit rate switch.
         let marks = FrameFlags::FD.0 | FrameFlags::BIT_RATE_SWITCH.0;
         let kinds = |content: &Content, marks: u8| {
             content.frames.iter().map(|frame| frame.flags.0 & marks).collect::<Vec<_>>()
@@ -157,8 +158,8 @@ fn decoded_traces_hold_the_frames_of_the_traces() {
     }
 }
 
-/// The text was made of the CSV by hand: it leaves out nothing but the direction, and the five frames "sent"
-/// without data that hold the author's notes are notes in both.
+/// The text was derived from the CSV by hand: it lacks the direction only, and the five frames "sent" without
+/// data, which contain notes of the author, are notes in both.
 #[test]
 fn annotated_text_and_csv_of_a_charge_agree() {
     if !has_corpus() {
@@ -171,7 +172,7 @@ fn annotated_text_and_csv_of_a_charge_agree() {
     assert!(csv.frames.iter().all(|frame| frame.flags == FrameFlags::RECEIVED));
 }
 
-/// BUSMASTER's converter wrote one from the other: bus, direction and time with them.
+/// Written by BUSMASTER's converter, with bus, direction and time.
 #[test]
 fn a_converted_capture_is_the_one_it_was_made_of() {
     if !has_corpus() {
@@ -187,20 +188,20 @@ fn a_converted_capture_is_the_one_it_was_made_of() {
     assert_same("times", &offsets(&capture), &offsets(&asc));
 }
 
-/// What a script of `tests/oracles` prints; `None` if what it needs is not there.
+/// Output of a script of `tests/oracles`; `None` if its requirements are missing.
 fn oracle(script: &str, arguments: &[&Path]) -> Option<String> {
     let script = workspace().join("tests/oracles").join(script);
     let Some(python) = python().filter(|_| script.exists()) else {
         skip("python", "no Python with tests/oracles/requirements.txt");
         return None;
     };
-    // tshark takes times of day for the zone it runs in.
+    // tshark reads times of day in its local time zone.
     let output = Command::new(&python).arg(&script).args(arguments).env("TZ", "UTC").output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// Rows whose oracle names no bus, on the first one.
+/// Sets the bus to 1 in rows of an oracle without buses.
 fn on_bus_1(text: &str) -> String {
     let named = |line: &str| {
         let [time, _, rest] = line.splitn(3, '\t').collect::<Vec<_>>()[..] else { panic!("{line}") };
@@ -229,7 +230,7 @@ fn tshark_reads_the_same_frames_of_busmaster() {
         let ours = our_rows(&content, content.frames[0].time.unwrap().0);
         assert_eq!(ours.len(), theirs.len(), "{name}");
         for (ours, theirs) in ours.into_iter().zip(theirs) {
-            // SavvyCAN wrote three digits of a second, of which tshark takes each for 100 µs.
+            // SavvyCAN wrote three digits of a second; tshark reads each one as 100 µs.
             let time = if name == BUSMASTER { ours.time } else { theirs.time };
             assert_eq!(ours, Row { channel: ours.channel.clone(), time, ..theirs }, "{name}");
         }
@@ -261,7 +262,7 @@ fn python_can_reads_the_same_frames_of_its_csv() {
         assert_eq!(ours.len(), theirs.len(), "{name}");
         for (ours, theirs) in ours.into_iter().zip(theirs) {
             assert!((ours.time - theirs.time).abs() <= 1_000, "{name}: {ours:?} {theirs:?}");
-            // The CSV does not say which frames are FD; we tell it from their length.
+            // The CSV does not mark FD frames; our reader derives FD from the length.
             let flags = ours.flags.replace('F', "");
             let ours = Row { flags: if flags.is_empty() { "-".into() } else { flags }, ..ours };
             assert_eq!(ours, Row { time: ours.time, ..theirs }, "{name}");
@@ -269,7 +270,7 @@ fn python_can_reads_the_same_frames_of_its_csv() {
     }
 }
 
-/// A capture made up for each format: name, file, frames.
+/// A synthetic capture for each format: name, file, frames.
 const SAMPLES: &[(&str, &str, usize)] = &[
     ("busmaster", "fuzz/busmaster/sample.log", 6),
     ("crtd", "fuzz/crtd/sample.crtd", 3),
@@ -286,6 +287,8 @@ const SAMPLES: &[(&str, &str, usize)] = &[
     ("csv", "fuzz/csv/kvaser.csv", 3),
     ("csv", "fuzz/csv/cando.csv", 5),
     ("csv", "fuzz/csv/interpreter.csv", 2),
+    ("csv", "fuzz/csv/zlg_gbk.csv", 4),
+    ("excerpt", "fuzz/excerpt/sample.txt", 5),
 ];
 
 fn sample(file: &str) -> Vec<u8> {
@@ -326,6 +329,43 @@ fn every_capture_of_the_corpus_is_recognised_by_one_format_alone() {
     }
 }
 
+/// Every file of the corpus, with its path in the corpus.
+fn corpus_files(folder: &Path, found: &mut Vec<(String, PathBuf)>) {
+    for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        if path.is_dir() {
+            corpus_files(&path, found);
+        } else {
+            found.push((path.strip_prefix(corpus()).unwrap().to_str().unwrap().to_owned(), path));
+        }
+    }
+}
+
+/// A lenient format must not take a file of another one, nor a file that is not a capture. The table holds for builds that
+/// can decompress and that know all formats.
+#[test]
+fn no_file_of_the_corpus_changes_its_format() {
+    if !has_corpus() || !cfg!(all(feature = "gzip", feature = "mcap")) {
+        return;
+    }
+    let mut files = Vec::new();
+    corpus_files(&corpus(), &mut files);
+    let open = |path: &Path| {
+        let source = decompress(BufReader::new(File::open(path).unwrap())).unwrap();
+        Reader::open(source, &ReadOptions::default()).map(|reader| reader.format().name)
+    };
+    let mut found: Vec<_> =
+        files.iter().filter_map(|(name, path)| Some(format!("{} {name}", open(path).ok()?))).collect();
+    found.sort_unstable();
+    let table = fs::read_to_string(workspace().join("tests/decoder/corpus_formats.txt")).unwrap();
+    let expected: Vec<_> = table.lines().filter(|line| !line.starts_with('#')).collect();
+    assert_same("corpus", &found.iter().map(String::as_str).collect::<Vec<_>>(), &expected);
+}
+
+/// Samples except the excerpt: without a header, one line that does not fit means that the text is not an excerpt.
+fn samples_with_a_header() -> Vec<(&'static str, &'static str, usize)> {
+    SAMPLES.iter().filter(|(format, ..)| *format != "excerpt").copied().collect()
+}
+
 /// A sample with some bytes replaced.
 fn mutated() -> impl Strategy<Value = Vec<u8>> {
     let edits = prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..24);
@@ -339,7 +379,7 @@ fn mutated() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// The header of a sample, and anything behind it.
+/// The header of a sample, followed by random bytes.
 fn headers() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         anything_behind("***BUSMASTER Ver 2.4.0***\n***HEX***\n"),
@@ -367,10 +407,10 @@ proptest! {
         reads_alike(&bytes, &sizes)?;
     }
 
-    /// What stood before the cut is delivered, and nothing else but what the last half line makes.
+    /// The reader returns all frames before the cut, and at most one from the truncated line.
     #[test]
     fn captures_that_are_cut_off_give_all_before_the_cut(
-        (_, file, _) in prop::sample::select(SAMPLES),
+        (_, file, _) in prop::sample::select(samples_with_a_header()),
         at in any::<prop::sample::Index>(),
     ) {
         let whole = sample(file);
@@ -381,25 +421,25 @@ proptest! {
         prop_assert!(cut.starts_with(&lines) && cut.len() <= lines.len() + 1, "{file}: {} bytes", at);
     }
 
-    /// A line in which one byte is changed costs that line at most, where no header is touched.
+    /// A changed byte affects at most its own line, outside a header.
     #[test]
     fn a_broken_line_costs_no_other(
-        (_, file, _) in prop::sample::select(&SAMPLES[1..]),
+        (_, file, _) in prop::sample::select(samples_with_a_header().split_off(1)),
         (line, at) in any::<(prop::sample::Index, prop::sample::Index)>(),
         byte in 0x20_u8..0x7F,
     ) {
         let whole = sample(file);
         let all = frames_of(&whole);
-        let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
-        let ends: Vec<_> = whole.iter().enumerate().filter(|(_, byte)| is_end(byte)).map(|(at, _)| at + 1).collect();
-        // The lines behind the first frame's: the shortest beginning that gives one ends with it.
+        let is_end = |at: usize| whole[at] == b'\n' || whole[at] == b'\r' && whole.get(at + 1) != Some(&b'\n');
+        let ends: Vec<_> = (0..whole.len()).filter(|at| is_end(*at)).map(|at| at + 1).collect();
+        // Lines after that of the first frame: the shortest start with a frame ends with it.
         let first = ends.iter().position(|end| !frames_of(&whole[..*end]).is_empty()).unwrap();
         let lines = ends.len() - first - 1;
         prop_assume!(lines > 0);
         let line = first + line.index(lines);
         let (start, end) = (ends[line], ends[line + 1]);
         let mut broken = whole.clone();
-        broken[start + at.index(end - start - 1).min(end - start - 1)] = byte;
+        broken[start + at.index((end - start - 1).max(1))] = byte;
         let found = read(&broken[..]).unwrap();
         let lost = all.len().saturating_sub(found.frames.len());
         prop_assert!(lost <= 1, "{file}: line {}", line + 2);

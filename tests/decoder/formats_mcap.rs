@@ -1,9 +1,9 @@
-//! MCAP: recordings that were cut off, damaged or made to deceive, and those of ROS 1 and ROS 2.
+//! MCAP: truncated, damaged and hostile captures, and those of ROS 1 and ROS 2.
 #![cfg(feature = "mcap")]
 
 use std::fs;
 
-use cobscope_decoder::capture::{Notice, Packing, Place, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{CapturePlace, Notice, Packing, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 use crate::damaged::Shared;
@@ -13,12 +13,12 @@ use crate::support::workspace;
 
 const START: i64 = 1_700_000_000_000_000_000;
 const PACKINGS: [Packing; 3] = [Packing::None, Packing::Lz4, Packing::Zstd];
-const UNFINISHED: &str = "the recording was not finished: read to where it ends";
+const UNFINISHED: &str = "the capture was not finished: read up to its end";
 
-/// Recordings of 24 frames in three chunks, FD frames among them.
+/// A capture with 24 frames in three chunks, including FD frames.
 struct Made {
     bytes: Vec<u8>,
-    /// Bytes until behind each chunk, and the frames before.
+    /// End of each chunk, and the number of frames before it.
     chunks: Vec<(usize, usize)>,
 }
 
@@ -45,11 +45,11 @@ fn made(packing: Packing) -> Made {
     Made { bytes, chunks }
 }
 
-fn said(content: &Content) -> Vec<String> {
+fn texts(content: &Content) -> Vec<String> {
     content.notices.iter().map(ToString::to_string).collect()
 }
 
-/// Records of a file: where each begins, and what it holds.
+/// Records of a file: start, kind and length.
 fn records(bytes: &[u8]) -> Vec<(usize, u8, usize)> {
     let (mut at, mut records) = (8, Vec::new());
     while let Some(head) = bytes.get(at..at + 9) {
@@ -65,7 +65,7 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
     for packing in PACKINGS {
         let Made { bytes, chunks } = made(packing);
         let whole = read(&bytes[..]).unwrap();
-        assert_eq!((whole.frames.len(), said(&whole)), (24, vec![]));
+        assert_eq!((whole.frames.len(), texts(&whole)), (24, vec![]));
         let ends: Vec<usize> = records(&bytes).iter().map(|(at, ..)| *at).collect();
         let mut before = 0;
         for cut in 8..bytes.len() {
@@ -74,20 +74,20 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
             let known = chunks.iter().rev().find(|(end, _)| *end <= cut).map_or(0, |(_, frames)| *frames);
             assert!(content.frames.len() >= known.max(before), "{packing:?}: {cut} bytes");
             before = content.frames.len();
-            let notices = said(&content);
+            let notices = texts(&content);
             let is_told = match &content.notices[..] {
                 [Notice::Assumption(text)] => text == UNFINISHED,
                 notices => notices.iter().all(|notice| {
                     let within = |at: u64| usize::try_from(at).unwrap() <= cut;
                     matches!(
                         notice,
-                        Notice::Unreadable { place: Place::Offset(at), .. }
-                        | Notice::CutOff { place: Place::Offset(at), .. } if within(*at)
+                        Notice::Unreadable { place: CapturePlace::Offset(at), .. }
+                        | Notice::CutOff { place: CapturePlace::Offset(at), .. } if within(*at)
                     )
                 }),
             };
             assert!(is_told && !notices.is_empty(), "{packing:?}: {cut} bytes: {notices:?}");
-            // Between two records it was only not finished, and that is all there is to say.
+            // Between two records, the only notice is that the file is unfinished.
             assert_eq!(notices == [UNFINISHED], ends.contains(&cut), "{packing:?}: {cut} bytes: {notices:?}");
         }
         assert_eq!(before, 24);
@@ -97,7 +97,7 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
 #[test]
 fn what_is_not_packed_gives_each_frame_before_the_cut() {
     let Made { bytes, .. } = made(Packing::None);
-    // The identifier of each frame stands in its message, in front of the data.
+    // The identifier of each frame is in its message, before the data.
     for number in 0..24_usize {
         if number % 6 == 5 {
             continue;
@@ -115,7 +115,7 @@ fn a_recorder_that_crashed_leaves_all_that_it_flushed() {
         let Made { bytes, chunks } = made(packing);
         for (end, frames) in chunks {
             let content = read(&bytes[..end]).unwrap();
-            assert_eq!((content.frames.len(), said(&content)), (frames, vec![UNFINISHED.to_owned()]));
+            assert_eq!((content.frames.len(), texts(&content)), (frames, vec![UNFINISHED.to_owned()]));
         }
     }
 }
@@ -151,8 +151,8 @@ fn a_chunk_that_is_not_what_it_was_is_told_with_its_place() {
     bytes[at + 9 + length - 4] ^= 0x10;
     let content = read(&bytes[..]).unwrap();
     assert_eq!(content.frames.len(), chunks[2].1);
-    let expected = format!("byte {second}: chunk: its checksum is another, so its frames may be wrong");
-    assert_eq!(said(&content), [expected]);
+    let expected = format!("byte {second}: chunk: checksum mismatch, its frames may be wrong");
+    assert_eq!(texts(&content), [expected]);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn lengths_that_lie_are_bounded_by_what_is_there() {
     }
 }
 
-/// The sizes themselves, of each record and chunk.
+/// Wrong sizes of each record and chunk.
 #[test]
 fn records_and_chunks_without_end_are_told() {
     let Made { bytes, .. } = made(Packing::Zstd);
@@ -185,13 +185,13 @@ fn records_and_chunks_without_end_are_told() {
         let mut lying = bytes.clone();
         lying[at + 1..at + 9].fill(0xFF);
         let content = read(&lying[..]).unwrap();
-        let notices = said(&content);
+        let notices = texts(&content);
         assert!(!notices.is_empty(), "record {number} of kind {kind}");
         assert!(notices.iter().all(|text| text.starts_with("byte ")), "{notices:?}");
         holds_its_contract("mcap", &lying);
     }
     let chunk = records(&bytes).iter().find(|(_, kind, _)| *kind == 6).unwrap().0 + 9;
-    // Unpacked size; packed size behind the checksum and the name of the packing, "zstd".
+    // Unpacked size; packed size after the checksum and the name of the compression, "zstd".
     for (place, says) in
         [(16, "expected 18446744073709551615"), (16 + 8 + 4 + 4 + 4, "expected 18446744073709551615")]
     {
@@ -199,7 +199,7 @@ fn records_and_chunks_without_end_are_told() {
         lying[chunk + place..chunk + place + 8].fill(0xFF);
         let content = read(&lying[..]).unwrap();
         assert_eq!(content.frames.len(), 24, "{place}");
-        assert!(said(&content)[0].ends_with(says), "{:?}", said(&content));
+        assert!(texts(&content)[0].ends_with(says), "{:?}", texts(&content));
     }
 }
 
@@ -207,7 +207,7 @@ fn fixture(name: &str) -> Content {
     read(&fs::read(workspace().join("fixtures/recorders").join(name)).unwrap()[..]).unwrap()
 }
 
-/// What `make_mcap.py` says of frame `number`: identifier and time.
+/// Compares a frame with frame `number` of `make_mcap.py`: identifier and time.
 fn assert_made(number: u32, frame: &Frame) {
     let id = number * 0x111;
     let expected =
@@ -220,7 +220,7 @@ fn assert_made(number: u32, frame: &Frame) {
 fn a_recording_of_ros_1() {
     let content = fixture("ros1.mcap");
     assert_eq!(
-        (content.frames.len(), said(&content), &content.buses[..]),
+        (content.frames.len(), texts(&content), &content.buses[..]),
         (20, vec![], &["can0".to_owned()][..])
     );
     for (number, frame) in (0..).zip(&content.frames) {
@@ -245,7 +245,7 @@ fn a_recording_of_ros_1() {
 fn a_recording_of_ros_2() {
     let content = fixture("ros2.mcap");
     assert_eq!(content.buses, ["can0", "can1"]);
-    assert_eq!(said(&content), ["2 messages of topics that are no CAN frames passed over"]);
+    assert_eq!(texts(&content), ["2 messages of topics without CAN frames skipped"]);
     assert_eq!(content.frames.len(), 20);
     for (number, frame) in (0..).zip(&content.frames) {
         assert_made(number, frame);

@@ -1,4 +1,4 @@
-//! pcap and pcapng: captures of other projects and made-up ones against tshark, and damaged ones.
+//! pcap and pcapng: captures of other projects and synthetic ones compared with tshark, and damaged ones.
 
 #![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "helpers of tests fail so")]
@@ -25,7 +25,7 @@ use proptest::prelude::*;
 
 use crate::support::{corpus, is_readable, python, skip, workspace};
 
-/// Captures and their frames.
+/// Captures with their number of frames.
 const CAPTURES: &[(&str, usize)] = &[
     (TRACE_AS_PACKETS, 6_968),
     ("nmea2000/canboat__can0-1.pcap", 49_928),
@@ -35,12 +35,12 @@ const CAPTURES: &[(&str, usize)] = &[
     (CONVERTED, 164),
 ];
 
-/// The same frames exist as a PEAK trace.
+/// Also exists as a PEAK trace with the same frames.
 const TRACE_AS_PACKETS: &str = "canopen/canopen-message-interpreter__pcan2.pcapng";
 const TRACE: &str = "canopen/canopen-message-interpreter__pcan2.trc";
-/// Its identifiers are little-endian, which link type 227 does not allow.
+/// Has little-endian identifiers, which link type 227 does not permit.
 const REVERSED: &str = "uds/scapy__candump_uds_scanner.pcap.gz";
-/// The same traffic exists as candump text.
+/// Also exists as candump text with the same traffic.
 const CONVERTED: &str = "formats/mdf4-converters__multiple_CAN.pcap";
 const SAME_AS_TEXT: &str = "formats/mdf4-converters__multiple_CAN.log";
 
@@ -102,7 +102,7 @@ pub fn columns(frame: &Frame, buses: &[String]) -> String {
     format!("{time}\t{bus}\t{}\t{}\t{}\t{}", frame.id, or_none(letters), frame.length, or_none(data))
 }
 
-/// What tshark reads; `None` if it is not there.
+/// Frames as decoded by tshark; `None` if it is missing.
 pub fn tshark(path: &Path, swap_identifiers: bool) -> Option<Vec<String>> {
     if Command::new("tshark").arg("-v").output().is_err() {
         skip("tshark", "the program is missing");
@@ -122,13 +122,13 @@ pub fn tshark(path: &Path, swap_identifiers: bool) -> Option<Vec<String>> {
         assert!(made.success());
         command.env("TSHARK", program);
     }
-    // It takes the dates of BLF for local ones.
+    // tshark reads the dates of BLF as local time.
     let output = command.env("TZ", "UTC").output().unwrap();
     assert!(output.status.success(), "{}: {}", path.display(), String::from_utf8_lossy(&output.stderr));
     Some(String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect())
 }
 
-/// Compares with tshark, which has no name for a bus where the capture has none.
+/// Compares with tshark, which prints no bus name if the capture has none.
 fn assert_equals_tshark(path: &Path, content: &Content, theirs: &[String]) {
     assert_eq!(content.frames.len(), theirs.len(), "{}", path.display());
     for (frame, theirs) in content.frames.iter().zip(theirs) {
@@ -139,7 +139,7 @@ fn assert_equals_tshark(path: &Path, content: &Content, theirs: &[String]) {
             "-" => format!("{time}\t-\t{}", rest.split_once('\t').unwrap().1),
             _ => ours,
         };
-        // The oracle takes the class of an error frame from the packet, whose order it does not know.
+        // The oracle reads the class of an error frame from the packet, without knowing its byte order.
         let class = (frame.id.number() | 0x2000_0000).swap_bytes() & 0x1FFF_FFFF;
         let swapped = ours.replace(&frame.id.to_string(), &format!("{class:08X}"));
         if frame.flags.contains(FrameFlags::ERROR) && *theirs == swapped {
@@ -200,7 +200,7 @@ fn a_trace_in_packets_is_the_trace() {
     }
 }
 
-/// A frame as a packet holds it, with a big-endian identifier, and what it must be read as.
+/// A frame as stored in a packet, with a big-endian identifier, and its expected decoding.
 fn sample(number: u32) -> (Vec<u8>, bool, Frame) {
     let noise = number.wrapping_mul(2_654_435_761);
     let [_, _, a, b] = noise.to_be_bytes();
@@ -242,7 +242,7 @@ fn sample(number: u32) -> (Vec<u8>, bool, Frame) {
     (packet, is_fd, frame)
 }
 
-/// The packet of a link type; behind cooked headers the identifier is in the order of the capture.
+/// The packet of a link type; after cooked headers the identifier has the byte order of the capture.
 fn packet(link: DataLink, endianness: Endianness, number: u32) -> (Vec<u8>, Frame) {
     let (mut can, is_fd, mut frame) = sample(number);
     if link != DataLink::CAN_SOCKETCAN && endianness.is_little() {
@@ -271,7 +271,7 @@ const START: u64 = 1_700_000_000;
 /// Name, bytes, and frames with their times in nanoseconds.
 type MadeUp = (String, Vec<u8>, Vec<(i64, Frame)>);
 
-/// A capture made with another writer, and its frames with their times in nanoseconds.
+/// A capture from another writer, and its frames with their times in nanoseconds.
 fn classic(
     link: DataLink,
     endianness: Endianness,
@@ -300,7 +300,7 @@ fn classic(
     (writer.into_inner(), frames)
 }
 
-/// All link types, each with its own name and resolution.
+/// A pcapng capture with all link types, each with its own name and resolution.
 fn next_generation(endianness: Endianness) -> (Vec<u8>, Vec<(i64, Frame)>) {
     let mut writer = PcapNgWriter::with_endianness(Vec::new(), endianness).unwrap();
     let resolutions =
@@ -375,7 +375,7 @@ fn captures_of_another_writer_are_what_tshark_reads() {
 
 static MADE_UP: LazyLock<Vec<MadeUp>> = LazyLock::new(made_up);
 
-/// A source that gives a few bytes at a time.
+/// A reader that returns a few bytes at a time.
 struct Dripping<'a>(&'a [u8], usize);
 
 impl Read for Dripping<'_> {

@@ -1,4 +1,4 @@
-//! PEAK traces and Vector ASC: captures of other projects against python-can, and robustness.
+//! PEAK traces and Vector ASC: captures of other projects compared with python-can, and robustness.
 
 #![expect(clippy::disallowed_methods, reason = "the rule is for the decoder, not for what tests it")]
 #![expect(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing, reason = "helpers of tests fail so")]
@@ -16,8 +16,8 @@ use proptest::prelude::*;
 
 use crate::support::{corpus, is_readable, python, skip, workspace};
 
-/// PEAK traces: file, frames, and lines that report a state of the bus (delivered as error frames; the
-/// corpus' own counts leave them out).
+/// PEAK traces: file, frames, and lines that report a bus state (decoded as error frames; the counts of the
+/// corpus omit them).
 const TRACES: &[(&str, usize, usize)] = &[
     ("canopen/canopen-message-interpreter__pcan1.trc", 11_283, 0),
     ("canopen/canopen-message-interpreter__pcan2.trc", 6_968, 0),
@@ -31,8 +31,8 @@ const TRACES: &[(&str, usize, usize)] = &[
     ("formats/python-can__test_CanMessage_V2_1.trc", 11, 1),
 ];
 
-/// ASC captures and their frames, error frames among them. The corpus' own count of BUSMASTER's is
-/// python-can's, which loses the first.
+/// ASC captures with their number of frames, including error frames. The corpus count of BUSMASTER's file is
+/// from python-can, which loses the first frame.
 const ASC: &[(&str, usize)] = &[
     ("formats/busmaster__FormatConvASC2LOG.asc", 1_116),
     ("formats/mdf4-converters__multiple_CAN.asc", 164),
@@ -51,12 +51,12 @@ const ASC: &[(&str, usize)] = &[
     ("formats/python-can__test_CanRemoteMessage.asc", 3),
 ];
 
-/// Captures whose first frame python-can 4.6 takes for a line of the header: `internal events logged` is
-/// missing, at which it would end the header.
+/// Captures whose first frame python-can 4.6 reads as a header line, because the line `internal events
+/// logged`, which ends the header, is missing.
 const FIRST_FRAME_LOST: &[&str] =
     &["formats/mdf4-converters__multiple_CAN.asc", "formats/busmaster__FormatConvASC2LOG.asc"];
 
-/// All that a capture gives.
+/// Everything that a reader returns for a capture.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Content {
     pub(crate) format: &'static str,
@@ -168,7 +168,7 @@ fn the_same_traffic_reads_the_same_from_both_formats() {
     }
 }
 
-/// A frame as `oracles/frames.py` writes it.
+/// A frame in the format of `oracles/frames.py`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Row {
     /// Nanoseconds since the first row.
@@ -201,7 +201,7 @@ pub(crate) fn our_row(frame: &Frame, start: i64, buses: &[String]) -> Row {
     if !is_error(frame) {
         return row;
     }
-    // python-can keeps nothing of an error frame but that there was one.
+    // python-can reads no contents of an error frame.
     Row { id: "00000000".into(), flags: "E".into(), length: 0, data: "-".into(), ..row }
 }
 
@@ -232,24 +232,23 @@ pub(crate) fn their_rows(text: &str, is_asc: bool) -> Vec<Row> {
     rows
 }
 
-/// What python-can 4.6 reads wrong, put right as far as its row allows.
+/// Corrects known errors of python-can 4.6, as far as its row permits.
 fn put_right(row: Row, ours: &Row, raw_dlc: u8) -> Row {
     let mut row = row;
     let only_marked_fd = row.flags.contains('F') && !ours.flags.contains('F');
-    // It takes every CANFD line for an FD frame; error frames and remote frames never are.
+    // It marks every CANFD line as FD, but error frames and remote frames never are.
     if only_marked_fd && (ours.flags.contains('R') || ours.flags == "E") {
         row.flags = row.flags.replace(['F', 'B', 'S'], "");
     }
-    // Lines of the classic form with a DLC beyond 8: it cuts the data to eight bytes and does not know
-    // these frames for FD. Their number of bytes it takes from the DLC as if FD, or, read in the wrong
-    // base, for 64.
+    // Classic lines with a DLC above 8: it truncates the data to eight bytes and does not mark the frames as
+    // FD. It derives the length from the DLC as for FD, or uses 64 if it reads the DLC in the wrong base.
     let (its, all) = (row.data.len(), ours.data.len());
     let cut = its == 16 && all > 16 && ours.data.starts_with(&row.data) && !row.flags.contains('F');
     let expanded = raw_dlc > 8 && ours.data == row.data && row.length > 8;
     if cut {
         row = Row { data: ours.data.clone(), flags: ours.flags.clone(), ..row };
     }
-    // Of FD frames in traces it gives the DLC for the number of bytes.
+    // For FD frames in traces its length is the DLC.
     let dlc = u8::try_from(row.length).unwrap_or(u8::MAX);
     let is_dlc = row.flags.contains('F')
         && dlc > 8
@@ -262,7 +261,7 @@ fn put_right(row: Row, ours: &Row, raw_dlc: u8) -> Row {
 }
 
 fn compare(name: &str, content: &Content, theirs: &[Row], skipped: usize) {
-    // It does not read PEAK's reports of the bus at all.
+    // It does not read PEAK's reports of the bus.
     let is_trc = content.format == "trc";
     let frames: Vec<&Frame> =
         content.frames.iter().filter(|frame| !(is_trc && is_error(frame))).skip(skipped).collect();
@@ -271,7 +270,7 @@ fn compare(name: &str, content: &Content, theirs: &[Row], skipped: usize) {
     for (frame, theirs) in frames.iter().zip(theirs) {
         let ours = our_row(frame, start, &content.buses);
         let theirs = put_right(theirs.clone(), &ours, frame.raw_dlc);
-        // Its times are doubles: about a quarter of a microsecond at today's dates.
+        // Times of python-can are doubles with a resolution of about 0.25 µs for current dates.
         assert!((ours.time - theirs.time).abs() <= 1_000, "{name}: {ours:?} {theirs:?}");
         assert_eq!(ours, Row { time: ours.time, ..theirs }, "{name}");
     }
@@ -326,7 +325,7 @@ Begin Triggerblock Sam Sep 30 03:06:13.191 pm 2017
 End TriggerBlock
 ";
 
-/// Gives its bytes in pieces of the given sizes, over and over.
+/// A reader that returns its bytes in parts of the given sizes, repeatedly.
 struct Pieces<'a> {
     rest: &'a [u8],
     sizes: std::iter::Cycle<std::slice::Iter<'a, usize>>,
@@ -354,7 +353,7 @@ fn mutated(text: &'static str) -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// A header that is recognised, and anything behind it.
+/// A recognised header, followed by random bytes.
 pub(crate) fn anything_behind(header: &'static str) -> impl Strategy<Value = Vec<u8>> {
     let printable =
         prop::collection::vec(prop::sample::select(&b" \t\n;.0189AFdxr-RxTxERRTR/"[..]), 0..2_000);
@@ -362,7 +361,7 @@ pub(crate) fn anything_behind(header: &'static str) -> impl Strategy<Value = Vec
     prop_oneof![printable, random].prop_map(move |tail| [header.as_bytes(), &tail].concat())
 }
 
-/// However the bytes arrive, the content is the same, and nothing panics.
+/// The content does not depend on the division of the bytes, and nothing panics.
 pub(crate) fn reads_alike(bytes: &[u8], sizes: &[usize]) -> Result<(), TestCaseError> {
     let whole = read(bytes);
     let pieces = read(Pieces { rest: bytes, sizes: sizes.iter().cycle() });

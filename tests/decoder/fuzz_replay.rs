@@ -1,4 +1,4 @@
-//! Inputs the fuzzers found, through the functions they were found with.
+//! Replays inputs of the fuzzers through the functions that they test.
 
 use std::fs;
 use std::panic::RefUnwindSafe;
@@ -9,7 +9,7 @@ use cobscope_decoder::capture::{FORMATS, ReadOptions};
 use crate::harness::{self, TARGETS};
 use crate::support::workspace;
 
-/// Runs `target` with the name of the input ready for the message of its failure.
+/// Runs `target`; the message of a failure contains the name of the input.
 fn replay(target: impl Fn(&[u8]) + RefUnwindSafe, path: &Path) {
     let bytes = fs::read(path).unwrap();
     let outcome = std::panic::catch_unwind(|| target(&bytes));
@@ -37,7 +37,7 @@ fn kept_inputs_of_every_target() {
     }
 }
 
-/// Whatever a capture is, every reader gets it, not only the one that recognises it.
+/// Every reader gets every capture, also those of other formats.
 #[test]
 fn malformed_captures_through_every_reader() {
     for entry in fs::read_dir(workspace().join("fixtures/malformed")).unwrap() {

@@ -1,5 +1,5 @@
-//! J1939 transport: captures in `fixtures/j1939/` (those that are not `nm_*`) against the events written beside
-//! them by hand, and any interleaving of transfers.
+//! J1939 transport: captures in `fixtures/j1939/` (except `nm_*`) compared with the hand-written events next
+//! to them, and interleaved transfers.
 //!
 //! The notation is described in `fixtures/README.md`.
 
@@ -30,7 +30,7 @@ fn every_capture_gives_the_events_written_beside_it() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// Frames of a capture by the time since its first one, numbered from `first` on.
+/// Frames of a capture with times relative to its first one, numbered from `first` on.
 fn frames(path: &Path, first: u64) -> Vec<Frame> {
     let bytes = fs::read(path.with_extension("log")).unwrap();
     let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
@@ -49,7 +49,7 @@ fn frames(path: &Path, first: u64) -> Vec<Frame> {
     frames
 }
 
-/// The events of one protocol, each as all it tells; without those that only the end of the capture makes.
+/// All keys of the events of one protocol, without the events emitted at the end of the capture.
 fn told(frames: &[Frame], of: fn(Protocol) -> bool) -> Vec<String> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
@@ -83,7 +83,7 @@ fn canopen_and_j1939_on_one_bus_are_told_as_each_alone() {
             (&j1939, is_j1939, &mut j1939_events),
         ] {
             let (alone, together) = (told(frames, of), told(&both, of));
-            // Behind the last frame of one protocol those of the other go on: time-outs more may be told.
+            // The frames of the other protocol continue after the last one, so further time-outs may follow.
             let differs = alone.iter().zip(&together).find(|(alone, together)| alone != together);
             assert_eq!(differs, None, "{} with {}", own.display(), theirs.display());
             assert!(together.len() >= alone.len(), "{} with {}", own.display(), theirs.display());
@@ -102,7 +102,7 @@ struct Message {
     source: u8,
     destination: u8,
     payload: Vec<u8>,
-    /// Packets a clear to send asks for.
+    /// Number of packets per clear to send.
     window: usize,
 }
 
@@ -117,7 +117,7 @@ impl Message {
         (identifier(0xEC, from, to), [&head[..], &[0x00, 0xEF, 0x00]].concat())
     }
 
-    /// Its frames, as J1939-21 §5.10.3 shapes them.
+    /// Frames of the message in the format of J1939-21 §5.10.3.
     fn frames(&self) -> Vec<Part> {
         let [low, high] = u16::try_from(self.payload.len()).unwrap().to_le_bytes();
         let packets: Vec<&[u8]> = self.payload.chunks(7).collect();
@@ -142,7 +142,7 @@ impl Message {
     }
 }
 
-/// Messages of which no two have the same sender and destination.
+/// Messages with different pairs of sender and destination.
 fn messages() -> impl Strategy<Value = Vec<Message>> {
     let bytes = prop::collection::vec(any::<u8>(), 9..200);
     let destination = prop_oneof![1 => Just(255_u8), 3 => 0..6_u8];
@@ -157,7 +157,7 @@ fn messages() -> impl Strategy<Value = Vec<Message>> {
     })
 }
 
-/// Puts the messages on one bus, a frame of any of them at a time as `turns` say; gives the transfers.
+/// Interleaves the frames of the messages on one bus in the order of `turns`; returns the transfers.
 fn reassembled(messages: &[Message], turns: &[usize]) -> Vec<(u8, u8, Outcome, Vec<u8>)> {
     let mut names = BusNames::default();
     names.index_of(b"can0");

@@ -1,5 +1,5 @@
-//! Network management and diagnostics of J1939: the captures `nm_*` of `fixtures/j1939/` against the events
-//! written beside them by hand, and captures of other projects.
+//! Network management and diagnostics of J1939: captures `nm_*` of `fixtures/j1939/` compared with the
+//! hand-written events next to them, and captures of other projects.
 //!
 //! The notation is described in `fixtures/README.md`.
 
@@ -27,7 +27,7 @@ fn every_capture_gives_the_events_written_beside_it() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// 33 claims of five devices, as `grep 18EEFF` counts them: each is claimed once.
+/// 33 claims of five devices, as counted by `grep 18EEFF`: each device has one claim event.
 #[test]
 fn claims_on_a_boat() {
     let mut claims: BTreeMap<(u8, u64), Vec<ClaimAction>> = BTreeMap::new();
@@ -44,8 +44,8 @@ fn claims_on_a_boat() {
         assert_eq!(actions[0], ClaimAction::Claimed);
         assert!(actions[1..].iter().all(|action| *action == ClaimAction::Confirmed));
     }
-    // 80 AA A4 1C 00 96 50 C0 of address 1: 1CA4AA80 is maker 0E5 (1CA4AA80 >> 21 = 229), number 4AA80;
-    // function 96 = 150, class 50 >> 1 = 40, industry group C0 >> 4 & 7 = 4, marine.
+    // 80 AA A4 1C 00 96 50 C0 of address 1: 1CA4AA80 is manufacturer 0E5 (1CA4AA80 >> 21 = 229), number
+    // 4AA80; function 96 = 150, class 50 >> 1 = 40, industry group C0 >> 4 & 7 = 4, marine.
     let name = decoder
         .buses()
         .first()

@@ -1,5 +1,5 @@
-//! Every limit of the session has a capture that goes beyond it, and an event that says so. The captures
-//! are too large to keep, so they are made here.
+//! Exceeds every limit of the session with a generated capture, and checks the event that reports it. The
+//! captures are too large for the repository.
 
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::harness::observe::Checker;
 
-/// A bus whose traffic is written here, frame by frame, a tenth of a millisecond apart.
+/// A bus with frames of this test, 0.1 ms apart.
 struct Scene {
     decoder: Decoder,
     checker: Checker,
@@ -20,7 +20,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// A bus with one heartbeat, so that it is believed to be CANopen.
+    /// A bus with one heartbeat, so that it is detected as CANopen.
     fn new() -> Self {
         let mut names = BusNames::default();
         names.index_of(b"can0");
@@ -56,7 +56,7 @@ impl Scene {
         self.standard(0x580 + u16::from(node), &[0x20 | toggle, 0, 0, 0, 0, 0, 0, 0]);
     }
 
-    /// A J1939 frame of a group that goes to one address.
+    /// A J1939 frame of a group with a destination.
     fn group(&mut self, group: u8, source: u8, destination: u8, data: &[u8]) {
         let id = u32::from_be_bytes([0x1C, group, destination, source]);
         self.frame(Frame::data_frame(CanId::extended(id), data));
@@ -66,7 +66,7 @@ impl Scene {
         self.checker.evicted.iter().filter(|evicted| **evicted == what).count()
     }
 
-    /// The events from now on.
+    /// All events after this call, including those of `finish`.
     fn finish(mut self) -> Vec<Value> {
         self.checker.kept = Some(Vec::new());
         self.decoder.finish(&self.names, &mut self.checker);
@@ -74,7 +74,7 @@ impl Scene {
     }
 }
 
-/// COB-ID of 29 bits, valid.
+/// A valid COB-ID of 29 bits.
 fn cob_id(number: u32) -> u32 {
     1 << 29 | number
 }
@@ -89,7 +89,7 @@ fn sdo_channels() {
             scene.write(node, index, 2, cob_id(0x20_0000 + number));
         }
     }
-    // Three of the channels are the nodes' own.
+    // Three of the channels are the default channels of the nodes.
     assert_eq!(scene.evicted("SDO channel"), 300 + 3 - CHANNEL_LIMIT);
     assert!(scene.decoder.footprint() < 256 << 10);
 }
@@ -119,7 +119,7 @@ fn data_of_all_open_transfers() {
         scene.standard(0x600 + u16::from(node), &[0x20, 0x00, 0x20, 0, 0, 0, 0, 0]);
         scene.standard(0x580 + u16::from(node), &[0x60, 0x00, 0x20, 0, 0, 0, 0, 0]);
     }
-    // In turn, so that none is ever silent long enough to be given up; 100 of 49 KB are over the limit.
+    // Interleaved, so that no transfer times out; 100 transfers of 49 KB exceed the limit.
     for number in 0..7_000 {
         nodes.clone().for_each(|node| scene.segment(node, number));
     }
@@ -131,7 +131,7 @@ fn data_of_all_open_transfers() {
     assert_eq!(transfers.len(), 100);
     let kept = |event: &&Value| event["data"].as_str().map_or(0, str::len) / 2;
     assert!(transfers.iter().map(kept).sum::<usize>() <= OPEN_DATA_LIMIT);
-    // Where data was dropped, none is kept: what came later is no beginning.
+    // A transfer whose data was dropped keeps no data, because later data has no start.
     assert!(transfers.iter().all(|event| event["size"] == 49_000));
     assert!(transfers.iter().all(|event| matches!(kept(event), 0 | 49_000)));
     assert!(transfers.iter().all(|event| (event["truncated"] == true) == (kept(event) == 0)));
@@ -165,19 +165,19 @@ fn objects() {
 fn extended_identifiers() {
     let mut scene = Scene::new();
     scene.checker.kept = Some(Vec::new());
-    // From 40 addresses: more than 48 are no network.
+    // From 40 addresses: with more than 48 the bus is not detected as a network.
     for number in 0..10_000 {
         scene.frame(Frame::data_frame(
             CanId::extended(0x18FF_0000 | (number / 40) << 8 | (number % 40)),
             &[1],
         ));
     }
-    // Once: every frame of a further identifier would say the same.
-    assert_eq!(scene.evicted("29-bit identifiers kept apart"), 1);
+    // Reported once, not again for each further identifier.
+    assert_eq!(scene.evicted("29-bit identifier"), 1);
 
     // 4,096 prepared events.
     assert!(scene.decoder.footprint() < 2 << 20);
-    // Those beyond the limit are told all the same.
+    // Messages beyond the limit are reported all the same.
     let told = scene.checker.kept.iter().flatten().filter(|line| line.contains("\"j1939-message\""));
     assert_eq!(told.count(), 10_000);
 }
@@ -211,7 +211,7 @@ fn waiting_uds_requests() {
     assert_eq!(scene.evicted("waiting UDS request"), 300 - EXCHANGE_LIMIT);
 }
 
-/// 80 messages at once, a frame of CAN FD each in turn, until the data kept of them would be too much.
+/// 80 interleaved messages of CAN FD frames, until the stored data exceeds the limit.
 #[test]
 fn data_of_open_iso_tp_messages() {
     let mut scene = Scene::new();
@@ -247,8 +247,8 @@ fn learnt_identifiers() {
     assert_eq!(scene.evicted("learnt identifier"), 9 * 500 - EXTENDED_ID_LIMIT);
 }
 
-/// A boot-up drops what was learnt; with everything learnt that can be, it must not cost a walk through
-/// all of it for each identifier.
+/// A boot-up drops learnt entries. With the max number of entries, it must not search all of them for each
+/// identifier.
 #[test]
 fn boot_ups_of_a_node_that_was_told_much() {
     let mut scene = Scene::new();
@@ -262,19 +262,19 @@ fn boot_ups_of_a_node_that_was_told_much() {
     assert_eq!(scene.decoder.buses().first().unwrap().node(5).unwrap().boots(), 2_000);
 }
 
-/// Thousands of devices want all addresses: each claim is one event, or two where one is given up.
+/// Thousands of devices claim all addresses: each claim is one event, or two if a device is evicted.
 #[test]
 fn a_storm_of_address_claims() {
     let mut scene = Scene::new();
     scene.checker.kept = None;
-    // Lower and lower NAMEs, so that each one wins its address; then higher ones, which win none.
+    // Decreasing NAMEs, so that each one wins its address; then greater ones, which win none.
     let claims = 20_000_u64;
     for number in 0..claims {
         let name = if number < claims / 2 { claims - number } else { claims + number };
         let address = u32::try_from(number % 254).unwrap();
         scene.frame(Frame::data_frame(CanId::extended(0x18EE_FF00 | address), &name.to_le_bytes()));
     }
-    // The first 254 found their addresses free.
+    // The first 254 addresses were free.
     let lost = usize::try_from(claims / 2).unwrap() - 254;
     assert_eq!(scene.evicted("device without address"), lost - ADDRESSLESS_LIMIT);
     assert!(scene.checker.events < 2 * 20_000 + 10, "{}", scene.checker.events);
@@ -282,7 +282,8 @@ fn a_storm_of_address_claims() {
     assert!(footprint < 2 << 20, "{footprint}");
 }
 
-/// A device with another fault in each DM1: one active at a time, and no endless list of those that were.
+/// A device with another fault in each DM1: one is active at a time, and the list of previous ones is
+/// limited.
 #[test]
 fn a_flood_of_trouble_codes() {
     let mut scene = Scene::new();
@@ -298,7 +299,7 @@ fn a_flood_of_trouble_codes() {
     assert!(footprint < 2 << 20, "{footprint}");
 }
 
-/// Each identifier gives an event a frame at most, whatever comes.
+/// Each identifier causes max one event per frame, with any payload.
 #[test]
 fn a_storm_of_every_identifier() {
     let mut scene = Scene::new();
@@ -324,7 +325,7 @@ fn transfers_announced_and_never_sent() {
             scene.group(0xEC, source, destination, &[16, 0xF9, 0x06, 255, 255, 0x00, 0xEF, 0x00]);
         }
     }
-    // All within 0.64 s: none has timed out.
+    // All within 0.64 s, before any time-out.
     assert_eq!(scene.evicted("J1939 transfer"), 6_400 - TRANSPORT_LIMIT);
     let footprint = scene.decoder.footprint();
     assert!(footprint < 3 << 20, "{footprint}");
@@ -334,7 +335,7 @@ fn transfers_announced_and_never_sent() {
     assert!(open.iter().all(|event| event["outcome"] == "unfinished" && event["missing_packets"] == 255));
 }
 
-/// Of 117,440,505 bytes announced 100,000 packets come; memory stays as it is after the first 64 KiB.
+/// 100,000 packets of 117,440,505 announced bytes; memory does not grow after the first 64 KiB.
 #[test]
 fn the_largest_extended_transfer() {
     let mut scene = Scene::new();
@@ -359,7 +360,7 @@ fn the_largest_extended_transfer() {
     assert_eq!(transfer["data"].as_str().unwrap().len(), 2 * TRANSFER_DATA_LIMIT);
 }
 
-/// 80 extended transfers at once, each with 54,250 bytes: together over the limit.
+/// 80 extended transfers at once with 54,250 bytes each, in total over the limit.
 #[test]
 fn data_of_all_open_extended_transfers() {
     let mut scene = Scene::new();
@@ -367,7 +368,7 @@ fn data_of_all_open_extended_transfers() {
     for source in 0..80 {
         scene.group(0xC8, source, 0xF9, &[&[20, 0, 0, 2, 0][..], &pgn].concat());
     }
-    // In turn, so that none is ever silent long enough to be given up.
+    // Interleaved, so that no transfer times out.
     for window in 0..31_u32 {
         let [low, middle, high, _] = (window * 250).to_le_bytes();
         for source in 0..80 {
@@ -389,7 +390,7 @@ fn data_of_all_open_extended_transfers() {
     assert!(transfers.iter().map(kept).sum::<usize>() <= OPEN_DATA_LIMIT);
 }
 
-/// Sizes and sequence numbers that say anything; each frame makes two events at most.
+/// Random sizes and sequence numbers; each frame causes max two events.
 #[test]
 fn transport_frames_of_any_content() {
     let mut scene = Scene::new();

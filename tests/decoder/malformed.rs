@@ -1,4 +1,4 @@
-//! Hostile captures, those in `fixtures/malformed/`.
+//! Hostile captures of `fixtures/malformed/`.
 
 use std::fs;
 
@@ -11,7 +11,7 @@ use crate::harness::observe::Checker;
 use crate::harness::pipeline;
 use crate::support::workspace;
 
-/// What a capture came to.
+/// Result of decoding a capture.
 #[derive(Debug)]
 struct Outcome {
     frames: u64,
@@ -28,7 +28,7 @@ impl Outcome {
     }
 }
 
-/// From bytes to events, past every check of the harness.
+/// Decodes bytes to events with all checks of the harness.
 fn decode(bytes: &[u8]) -> Result<Outcome, String> {
     let source = decompress(bytes).map_err(|error| error.to_string())?;
     let mut reader = Reader::open(source, &ReadOptions::default()).map_err(|error| error.to_string())?;
@@ -50,7 +50,7 @@ fn decode_file(name: &str) -> Result<Outcome, String> {
     decode(&fs::read(workspace().join("fixtures/malformed").join(name)).unwrap())
 }
 
-/// Captures that can be opened: frames, lines or records that cannot be read, and what ends them early.
+/// Readable captures: frames, unreadable lines or records, and the error that ends them early.
 const READABLE: &[(&str, u64, u64, &str)] = &[
     ("block_4_gib.pcapng", 0, 1, ""),
     ("block_length_0.pcapng", 0, 1, ""),
@@ -78,7 +78,7 @@ const GZIPPED: &[(&str, u64, u64, &str)] = &[
     ("long_lines.log.gz", 3, 2, ""),
 ];
 
-/// Captures that cannot be opened, and why.
+/// Captures that cannot be opened, with the error.
 const UNREADABLE: &[(&str, &str)] = &[
     ("cut_off.log.zst", "the file is cut off: incomplete zstd frame at byte 1193"),
     ("cut_off_header.log.gz", "the file is cut off: incomplete gzip member at byte 7"),
@@ -86,7 +86,7 @@ const UNREADABLE: &[(&str, &str)] = &[
     ("not_zstd.log.zst", "Unsupported frame parameter"),
 ];
 
-/// Whether this build reads a file with this name.
+/// Whether this build supports the compression of a file name.
 fn is_supported(name: &str) -> bool {
     let is_gzip = std::path::Path::new(name).extension().is_some_and(|end| end == "gz");
     let is_zstd = std::path::Path::new(name).extension().is_some_and(|end| end == "zst");
@@ -129,13 +129,13 @@ fn no_file_is_left_out_above() {
     }
 }
 
-/// Each bad line is followed by a good one: none of them takes its neighbour with it.
+/// Each bad line is followed by a good one, which must not be lost.
 #[test]
 fn the_first_bad_lines_are_shown_and_the_others_counted() {
     let outcome = decode_file("candump_errors.log").unwrap();
     let shown = outcome.of_kind("unreadable");
     assert_eq!(shown.len() as u64, SHOWN_UNREADABLE + 1);
-    assert_eq!(shown.last().unwrap()["reason"], format!("{} more, 38 in all", 38 - SHOWN_UNREADABLE));
+    assert_eq!(shown.last().unwrap()["reason"], format!("{} more, 38 in total", 38 - SHOWN_UNREADABLE));
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn more_interfaces_than_a_capture_may_have_are_unreadable() {
     assert!(reasons.iter().all(|event| event["reason"] == format!("more than {MAX_BUSES} interfaces")));
 }
 
-/// 00000180 goes from address 128 to address 1; in the other byte order it would go to 0.
+/// 00000180 is from address 128 to address 1; in the other byte order the destination would be 0.
 #[test]
 fn what_is_no_frame_proves_no_byte_order() {
     let outcome = decode_file("order_by_no_frame.pcap").unwrap();

@@ -1,7 +1,6 @@
-//! What rules find is there: a clean capture is changed on purpose, by the rows of
-//! `fixtures/rules/mutations.toml`, and exactly the rule that the change is made for fires, with the
-//! consequences the row names. And captures changed at random are judged without a panic, within bounds and
-//! always the same.
+//! Changes clean captures by the rows of `fixtures/rules/mutations.toml`. Exactly the rule of the row fires,
+//! with the consequences that the row lists. Captures with random changes are judged without a panic, within
+//! bounds and with reproducible results.
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -26,31 +25,31 @@ struct Table {
     mutation: Vec<Mutation>,
 }
 
-/// A capture in which nothing is wrong.
+/// A capture without violations.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Capture {
     /// File below `fixtures/`.
     file: String,
-    /// What is known beside it, as in annotated fixtures: `#! --node 5=…`, `#| [node.5]`.
+    /// Options and bus file lines, as in annotated fixtures: `#! --node 5=…`, `#| [node.5]`.
     #[serde(default)]
     lines: Vec<String>,
-    /// Seconds at which it is cut off.
+    /// End of the used part, in seconds.
     until: Option<f64>,
 }
 
-/// One row.
+/// One row of the table.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Mutation {
     rule: String,
     capture: String,
-    /// Operators, one behind the other.
+    /// Operators, applied in this order.
     steps: Vec<String>,
-    /// Other rules that fire, because that is what follows from it.
+    /// Other rules that fire in consequence.
     #[serde(default)]
     also: Vec<String>,
-    /// Lines of a bus file for this row alone.
+    /// Bus file lines for this row only.
     #[serde(default)]
     lines: Vec<String>,
 }
@@ -60,7 +59,7 @@ fn table() -> Table {
     toml::from_str(&text).unwrap_or_else(|error| panic!("mutations.toml: {error}"))
 }
 
-/// What a capture itself says of what is known beside it.
+/// Options and bus file lines in the comments of a capture.
 fn remarks(text: &str) -> String {
     let known = text.lines().filter(|line| line.starts_with("#!") || line.starts_with("#|"));
     known.flat_map(|line| [line, "\n"]).collect()
@@ -79,7 +78,7 @@ fn frames(capture: &Capture) -> (Vec<Line>, String) {
     (frames, known)
 }
 
-/// What rules say of frames: by rule a text, and whether it stands for itself.
+/// Fired rules, each with the text of its first group and whether any of its groups counts.
 fn fired(name: &str, known: &str, frames: &[Line]) -> BTreeMap<String, (bool, String)> {
     let annotated = parse(name, &format!("{known}{}", text(frames)));
     let (_, findings) = judge(&annotated.frames, &annotated.options, annotated.setup);
@@ -122,7 +121,7 @@ fn every_mutation_is_found_and_nothing_else() {
         for missing in wanted.iter().filter(|name| !fired.contains_key(**name)) {
             writeln!(report, "{rule} on {capture}: {missing} does not fire").unwrap();
         }
-        // What another finding says already need not be named.
+        // Findings that another one covers need not be listed.
         for (other, (_, text)) in fired.iter().filter(|(name, (counts, _))| *counts && !wanted.contains(name))
         {
             writeln!(report, "{rule} on {capture}: also {other}: {text}").unwrap();
@@ -141,12 +140,12 @@ fn every_rule_has_a_mutation() {
     assert!(missing.is_empty(), "no row in mutations.toml: {missing:?}");
 }
 
-// Changes at random.
+// Random changes.
 
-/// Captures changed at random, in all.
+/// Total number of captures with random changes.
 const ROUNDS: u64 = 300;
 
-/// The same numbers in every run.
+/// A random generator with the same numbers in every run.
 struct Dice(u64);
 
 impl Dice {
@@ -158,7 +157,7 @@ impl Dice {
     }
 }
 
-/// Captures of our own with what is known beside them.
+/// Our own captures with their options and bus file lines.
 fn sources() -> Vec<(PathBuf, String)> {
     let mut sources = Vec::new();
     for folder in ["canopen", "devices", "j1939", "uds", "rules", "rules/clean"] {
@@ -189,7 +188,7 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
     match dice.roll(8) {
         0 => drop(lines.drain(place..(place + dice.roll(count / 4 + 1)).min(count))),
         1 => {
-            // A clock that is set leaps over days and years, too.
+            // Clock steps by days and years, too.
             let scale = [1, 1, 1, 1_000, 100_000_000][dice.roll(5)];
             let by = (i64::try_from(dice.roll(4_000_000)).unwrap() - 1_000_000) * scale;
             lines[place..].iter_mut().for_each(|line| line.time += by);
@@ -220,7 +219,7 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
     }
 }
 
-/// All that was judged, as text.
+/// All findings, as text.
 fn told(capture: &Annotated) -> (String, Findings) {
     let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let mut told = String::new();

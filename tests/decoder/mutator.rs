@@ -1,22 +1,22 @@
-//! Changes captures on purpose: deterministic operators, each a line of text.
+//! Changes captures by deterministic operators, one per line of text.
 //!
 //! ```text
 //! drop: SELECTOR                          frames are missing
-//! insert: 085#1010010000000000 at 50%     a frame is put in; times 3 every 100ms
-//! delay: SELECTOR by 40ms                 frames come later, or earlier by -40ms
+//! insert: 085#1010010000000000 at 50%     a frame is inserted; times 3 every 100ms
+//! delay: SELECTOR by 40ms                 frames are later, or earlier by -40ms
 //! set: SELECTOR byte 1 is FF              bytes of the payload, counted from 1
 //! cut: SELECTOR length 4                  the payload is shorter
 //! append: SELECTOR is 00                  the payload is longer
-//! duplicate: SELECTOR by 1ms              frames come twice
-//! swap: SELECTOR                          first and second, third and fourth change their payloads
+//! duplicate: SELECTOR by 1ms              frames are repeated
+//! swap: SELECTOR                          first and second, third and fourth exchange their payloads
 //! rename: SELECTOR as 1A5                 another identifier
-//! write: 2/5B00:00 is 2003 at 1.5s        node 2 is written by SDO, and confirms; times and every as for insert
-//! read: 2/2001:00 is 03000000 at 1.5s     it is read
+//! write: 2/5B00:00 is 2003 at 1.5s        SDO write to node 2, with its confirmation; times and every as for insert
+//! read: 2/2001:00 is 03000000 at 1.5s     SDO read of node 2, with its response
 //! ```
 //!
-//! A selector is an identifier (`705`, `18FECA80`), who sends it (`node:5` of CANopen, `sa:80` of J1939) or `*`,
-//! perhaps with the beginning of the payload (`585#43`, a dot is any digit), and then any of `from 50%`, `to 2.5s`,
-//! `nth 3`, `count 2`. Times are shares of the capture or seconds since its beginning.
+//! A selector is an identifier (`705`, `18FECA80`), a sender (`node:5` of CANopen, `sa:80` of J1939) or `*`,
+//! optionally with the start of the payload (`585#43`, a dot is any digit), followed by any of `from 50%`,
+//! `to 2.5s`, `nth 3`, `count 2`. Times are a percentage of the capture or seconds since its start.
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -25,13 +25,13 @@ use std::fmt::Write as _;
 /// A line of a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Line {
-    /// Microseconds.
+    /// Time in µs.
     pub time: i64,
-    /// Bus.
+    /// Name of the bus.
     pub bus: String,
-    /// Identifier as it is written: three digits or eight.
+    /// Identifier in the notation of candump: three digits or eight.
     pub id: String,
-    /// What is behind the `#`: payload, `R`, or `#` and more of CAN FD.
+    /// Text after the `#`: payload, `R`, or `#` and the rest of a CAN FD frame.
     pub body: String,
 }
 
@@ -41,7 +41,7 @@ impl Line {
         Self { time, bus: bus.into(), id: id.into(), body: body.into() }
     }
 
-    /// Whether its body is a payload that can be changed.
+    /// Whether the body is a payload that can be changed.
     pub fn has_payload(&self) -> bool {
         self.body.bytes().all(|byte| byte.is_ascii_hexdigit())
     }
@@ -60,7 +60,7 @@ pub fn lines(text: &str) -> Vec<Line> {
     lines
 }
 
-/// The other way round.
+/// The reverse of [`lines`].
 pub fn text(lines: &[Line]) -> String {
     let mut text = String::new();
     for Line { time, bus, id, body } in lines {
@@ -70,7 +70,7 @@ pub fn text(lines: &[Line]) -> String {
     text
 }
 
-/// Words behind an operator: the first ones name what is changed, keys have a value behind them.
+/// Parsed words of an operator: the selector, then keys with their values.
 struct Words<'a> {
     first: &'a str,
     keys: Vec<(&'a str, &'a str)>,
@@ -108,7 +108,7 @@ impl<'a> Words<'a> {
         self.get(key).map(|value| value.parse().unwrap_or_else(|_| panic!("{key} {value}")))
     }
 
-    /// A moment: `50%` or `2.5s`.
+    /// A time as `50%` or `2.5s`.
     fn moment(&self, key: &str) -> Option<i64> {
         let value = self.get(key)?;
         let share = value.strip_suffix('%').map(|share| share.parse::<i64>().unwrap());
@@ -116,7 +116,7 @@ impl<'a> Words<'a> {
         Some(self.begin + share.map_or_else(|| micros(value), |share| span * share / 100))
     }
 
-    /// Places of the frames that are meant.
+    /// Indexes of the selected frames.
     fn places(&self, lines: &[Line]) -> Vec<usize> {
         let (id, prefix) = self.first.split_once('#').unwrap_or((self.first, ""));
         let from = self.moment("from").unwrap_or(i64::MIN);
@@ -147,7 +147,7 @@ fn is_of(line: &Line, id: &str) -> bool {
     }
 }
 
-/// `40ms`, `-1.5s`.
+/// Microseconds of `40ms` or `-1.5s`.
 fn micros(text: &str) -> i64 {
     let (digits, unit) = match text.strip_suffix("ms") {
         Some(digits) => (digits, 1_000),
@@ -159,10 +159,11 @@ fn micros(text: &str) -> i64 {
     whole.parse::<i64>().unwrap() * unit + sign * part
 }
 
-/// Microseconds from a request to its answer.
+/// Time from a request to its response, in µs.
 const ANSWER: i64 = 1_300;
 
-/// Request and answer of an expedited transfer (CiA 301 7.2.4.3): `2/5B00:00`, bytes as they are sent.
+/// Request and response of an expedited transfer (CiA 301 7.2.4.3): `2/5B00:00`, bytes in order of
+/// transmission.
 fn expedited(operator: &str, what: &str, bytes: &str) -> Vec<String> {
     let (node, object) = what.split_once('/').unwrap_or_else(|| panic!("no node: {what}"));
     let (index, sub) = object.split_once(':').unwrap_or_else(|| panic!("no sub-index: {what}"));
@@ -176,7 +177,7 @@ fn expedited(operator: &str, what: &str, bytes: &str) -> Vec<String> {
     vec![format!("{:03X}#{request}", 0x600 + node), format!("{:03X}#{answer}", 0x580 + node)]
 }
 
-/// Changes a capture; one that changes nothing is a mistake.
+/// Applies an operator; panics if it changes nothing.
 pub fn apply(step: &str, lines: &mut Vec<Line>) {
     let (operator, rest) = step.split_once(": ").unwrap_or_else(|| panic!("no operator: {step}"));
     let words = Words::new(rest, lines);
@@ -201,7 +202,7 @@ pub fn apply(step: &str, lines: &mut Vec<Line>) {
         assert!(!places.is_empty(), "{step}: no such frames");
         change(operator, &words, &places, lines);
     }
-    // Stable: what was put in comes behind what has its time.
+    // Stable: inserted frames follow those with the same time.
     lines.sort_by_key(|line| line.time);
 }
 

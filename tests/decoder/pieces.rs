@@ -1,9 +1,9 @@
-//! Files that are damaged as copies are: pieces of them put over others.
+//! Files damaged like bad copies: parts of them overwrite others.
 
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-/// One of `files` with pieces of it put over others, so that more than the first lines are looked at.
+/// One of `files` with parts of it copied over others, so that the defects are not only in the first lines.
 pub fn pieces_moved(files: Vec<Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
     let cuts = prop::collection::vec((any::<Index>(), any::<Index>(), 0..40_usize), 1..12);
     (prop::sample::select(files), cuts).prop_map(|(mut file, cuts)| {

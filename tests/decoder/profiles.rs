@@ -1,4 +1,4 @@
-//! Bundled profiles against their own samples, and samples against being wrong.
+//! Bundled profiles checked by their own samples, and wrong samples, which must fail.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -56,7 +56,7 @@ fn every_bundled_profile_is_right_in_every_variant() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// What a profile says of PDOs, errors, aborts, states and procedures is shown by a sample.
+/// A sample exists for each PDO layout, error, abort, state and procedure of a profile.
 #[test]
 fn every_layout_error_state_and_procedure_has_a_sample() {
     let mut missing = String::new();
@@ -98,7 +98,7 @@ fn every_layout_error_state_and_procedure_has_a_sample() {
     assert!(missing.is_empty(), "\n{missing}");
 }
 
-/// The sample with each of its statements changed, one at a time.
+/// Copies of the sample with one changed statement each.
 fn wrong_ones(sample: &Sample) -> Vec<Sample> {
     let mut all = Vec::new();
     let mut add = |change: &dyn Fn(&mut Sample)| {
@@ -186,7 +186,7 @@ const PUMP: &str = "id = \"acme-pump\"\nextends = [\"cia301\"]\n\n\
     [[object]]\nindex = 0x2001\nname = \"Pressure\"\ntype = \"INTEGER16\"\nunit = \"bar\"\nscale = 0.1\n\n\
     [[pdo]]\npdo = \"TPDO1\"\nmapping = \"fixed\"\nfields = [{ object = \"2001:00\", bits = 16 }]\n\n";
 
-/// What is wrong with a profile of one object and one PDO with this sample, without the first place.
+/// Errors of a profile with one object, one PDO and this sample, without the position at their start.
 fn wrong(sample: &str) -> Vec<String> {
     let text = format!("{PUMP}[[sample]]\n{sample}");
     let mut catalogue = Catalogue::default();
@@ -215,12 +215,12 @@ fn a_sample_that_shows_nothing_is_wrong() {
     assert_eq!(
         wrong(&format!("{about}frames = [\"181#EF01\"]")),
         [
-            "16: acme-pump: sample: x: it states nothing: give pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate"
+            "16: acme-pump: sample: x: nothing to compare; expected pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate"
         ]
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\"]\npdo = \"TPDO1\""),
-        ["16: acme-pump: sample: it states no value of TPDO1: give signals or texts"]
+        ["16: acme-pump: sample: no values of TPDO1 to compare; expected signals or texts"]
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\"]\nemcy = 0x8110"),
@@ -232,7 +232,7 @@ fn a_sample_that_shows_nothing_is_wrong() {
     );
     assert_eq!(
         wrong("frames = [\"181#EF0\"]\nemcy = 0x8110"),
-        ["16: acme-pump: sample: no frame can be read: write 182#08A0, 701#R, 702#"]
+        ["16: acme-pump: sample: invalid frame; expected a form such as 182#08A0, 701#R or 702#"]
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\", \"181#EF0\"]\nemcy = 0x8110"),
@@ -242,7 +242,7 @@ fn a_sample_that_shows_nothing_is_wrong() {
     );
     assert_eq!(
         wrong("frames = [\"181#EF01\"]\ngiven = { \"x\" = 1 }\nemcy = 0x8110"),
-        ["16: acme-pump: sample: given: x: an object is written 1018:01"]
+        ["16: acme-pump: sample: given: x: not a valid object; expected e.g. 1018:01"]
     );
 }
 
@@ -254,7 +254,7 @@ fn a_sample_belongs_to_a_node() {
         else {
             panic!("node {node} is taken")
         };
-        assert_eq!(errors[0].message, "a node-ID is 1 to 127, a J1939 address sa:0 to sa:253");
+        assert_eq!(errors[0].message, "expected a node-ID 1 to 127 or a J1939 address sa:0 to sa:253");
     }
 }
 

@@ -1,5 +1,5 @@
-//! What holds for any input: no bytes break a reader or a wire parser, the two ways of reading candump
-//! agree, and neither pieces nor checkpoints make a difference.
+//! Properties for any input: no bytes break a reader or a wire parser, both ways of reading candump agree,
+//! and neither the division of the input nor checkpoints change the result.
 
 use std::fs;
 use std::io::Read;
@@ -18,10 +18,10 @@ use crate::harness::reader::{self, Content};
 use crate::harness::{TARGETS, Target};
 use crate::support::{corpus, skip, workspace};
 
-/// A checkpoint may hold this much of its own, whatever the capture.
+/// Max memory of a checkpoint, for any capture.
 const CHECKPOINT_LIMIT: usize = 256 * 1024;
 
-/// Frames of a corpus capture that are decoded here: the tests must stay quick.
+/// Max frames of a corpus capture that are decoded here, so that the tests stay fast.
 const CORPUS_FRAMES: usize = 20_000;
 
 fn config(cases: u32) -> ProptestConfig {
@@ -67,7 +67,7 @@ fn corpus_captures() -> Vec<(String, Vec<u8>)> {
 
 // Readers and wire parsers.
 
-/// Text that is more often nearly right than random bytes are.
+/// Text that is more often nearly valid than random bytes.
 fn text() -> impl Strategy<Value = Vec<u8>> {
     let words = prop::sample::select(vec![
         "(1700000000.123456)",
@@ -103,7 +103,7 @@ fn text() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(words, 0..60).prop_map(|words| words.concat().into_bytes())
 }
 
-/// What adapters and servers say, more often nearly right than random bytes are.
+/// Output of adapters and servers that is more often nearly valid than random bytes.
 fn words_of_adapters() -> impl Strategy<Value = Vec<u8>> {
     let words = prop::sample::select(vec![
         "t123",
@@ -177,8 +177,8 @@ proptest! {
     }
 }
 
-/// The longest input a reader must take some of, and one byte around it, of every byte that means
-/// something to one.
+/// The longest input of which a reader must consume some bytes, and one byte less and more, of every byte
+/// with a meaning for a reader.
 #[test]
 fn readers_take_some_of_the_largest_record() {
     for format in FORMATS {
@@ -193,9 +193,9 @@ fn readers_take_some_of_the_largest_record() {
     }
 }
 
-// The fast path of candump's common line against the general one.
+// The fast path for candump's common line form, compared with the general path.
 
-/// A line of the common form, or one near it.
+/// A line of the common form, or one similar to it.
 fn line() -> impl Strategy<Value = String> {
     let seconds = prop_oneof![9 => 1_699_999_998_u64..1_700_000_002, 1 => 0..10_000_000_000_u64];
     let bus = prop::sample::select(vec!["can0", "can1", "vcan0", "c", "elevenchars", "seven77", "eight888"]);
@@ -204,7 +204,7 @@ fn line() -> impl Strategy<Value = String> {
         2 => (0..0x4000_0000_u32).prop_map(|id| format!("{id:08X}")),
         1 => (0..0x1000_u32).prop_map(|id| format!("{id:08x}")),
     ];
-    // Pairs of digits mostly, up to one more than a frame holds.
+    // Mostly pairs of digits, up to one more than a frame has.
     let pairs = prop::collection::vec(0..16_u8, 0..19).prop_map(|mut digits| {
         digits.truncate(digits.len() / 2 * 2);
         digits
@@ -219,12 +219,12 @@ fn line() -> impl Strategy<Value = String> {
     })
 }
 
-/// Frames, and where notices stand: what is wrong with a line reads otherwise when a blank ends it.
+/// Frames and positions of notices; the reason of a notice differs if a blank ends the line.
 fn candump(text: &[u8]) -> (Vec<Frame>, Vec<(usize, String)>, Vec<String>) {
     let format = reader::format("candump");
     let content = reader::parse(&mut *(format.parser)(&ReadOptions::default()), text, || usize::MAX);
-    let said = |notice: &Notice| notice.to_string().split(':').next().unwrap().to_owned();
-    let notices = content.notices.iter().map(|(at, notice)| (*at, said(notice))).collect();
+    let texts = |notice: &Notice| notice.to_string().split(':').next().unwrap().to_owned();
+    let notices = content.notices.iter().map(|(at, notice)| (*at, texts(notice))).collect();
     (content.frames, notices, content.buses)
 }
 
@@ -239,13 +239,13 @@ proptest! {
         let mut text = lines.join("\n").into_bytes();
         for (at, byte) in edits {
             let at = at.index(text.len());
-            // The number of lines stays: the other text is made line by line.
+            // The number of lines stays the same, because the other text is derived line by line.
             if text[at] != b'\n' {
                 text[at] = byte;
             }
         }
         text.push(b'\n');
-        // The window of the fast path must not reach beyond the end for the last lines either.
+        // The window of the fast path must not reach beyond the end, not even for the last lines.
         text.extend(b"* a comment that is long enough to keep the window of the fast path full *\n");
         let general = |end: &str| {
             let lines = text.split_inclusive(|byte| *byte == b'\n');
@@ -257,9 +257,9 @@ proptest! {
     }
 }
 
-// Pieces and places.
+// Division of the input, and positions.
 
-/// All that a reader gives, from where it stands.
+/// The remaining output of a reader.
 fn rest(reader: &mut Reader<impl Read>) -> Content {
     let mut content = Content::default();
     let mut batch = Batch::new();
@@ -288,7 +288,7 @@ fn pieces_of_any_size_read_as_the_whole() {
             reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, piece)
         };
         let whole = parse(&mut || usize::MAX);
-        // Byte by byte is quadratic where the reader waits for many lines before it decides.
+        // Byte by byte takes quadratic time if the reader needs many lines to decide.
         let smallest = if bytes.len() < 16 << 10 { 1 } else { 4_093 };
         for size in [smallest, 7_919] {
             assert_eq!(parse(&mut || size), whole, "{name} in pieces of {size}");
@@ -323,7 +323,7 @@ fn reading_goes_on_from_any_position() {
 
 // Checkpoints.
 
-/// One thing a reader gave, kept.
+/// An item of a reader's output.
 enum Kept {
     Frame(Frame),
     Notice(Notice),
@@ -352,7 +352,7 @@ fn push(decoder: &mut Decoder, item: &Kept, names: &BusNames, checker: &mut Chec
     }
 }
 
-/// Decodes on from a clone at each of `places`; the lines must be those of the decoder that went through.
+/// Continues decoding from a clone at each of `places`; the lines must equal those of the original decoder.
 fn goes_on_from(name: &str, items: &[Kept], names: &BusNames, places: &[usize]) {
     let mut decoder = Decoder::new(SessionOptions::default());
     let mut checker = Checker::keeping();
@@ -385,7 +385,7 @@ fn goes_on_from(name: &str, items: &[Kept], names: &BusNames, places: &[usize]) 
 fn decoding_goes_on_from_a_clone_at_any_frame_of_every_fixture() {
     for (name, bytes) in fixtures("canopen") {
         let (items, names) = kept(&bytes, usize::MAX);
-        // Every place of the short ones, 40 of the long ones; never only round numbers.
+        // Every position of short captures, 40 of long ones; not only multiples of the step.
         let step = (items.len() / 40).max(1);
         let places: Vec<_> =
             (0..=items.len()).step_by(step).map(|place| place.saturating_sub(place % 3)).collect();
@@ -404,7 +404,7 @@ fn checkpoints_of_corpus_captures_are_small_and_go_on() {
 proptest! {
     #![proptest_config(config(60))]
 
-    /// Sessions made of any frames, rather than of those a fixture has.
+    /// Sessions with random frames, not only those of the fixtures.
     #[test]
     fn decoding_goes_on_from_a_clone_in_any_session(bytes in prop::collection::vec(any::<u8>(), 1..2_000)) {
         target("session").1(&bytes);

@@ -1,17 +1,17 @@
-//! Decoding on from a checkpoint gives what decoding from the start gives.
+//! Decoding from a checkpoint gives the same events as decoding from the start.
 
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, Merged, MergedCapture, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, MergedCapture, MergedReader, ReadOptions, Reader};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Index, MOST_MARKS, Mark, Spot, Told, World};
+use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, MOST_MARKS, PlacedEvent, ReplayState};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 
-/// All fixture captures one behind the other: every service, times that go back, silences.
+/// All fixture captures, concatenated: every service, times that step back, silences.
 fn capture() -> Vec<u8> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/canopen");
     let mut files: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -20,20 +20,20 @@ fn capture() -> Vec<u8> {
     files.iter().flat_map(|path| fs::read(path).unwrap()).collect()
 }
 
-fn open(bytes: &[u8]) -> Merged<&[u8]> {
+fn open(bytes: &[u8]) -> MergedReader<&[u8]> {
     let reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
-    Merged::new(vec![MergedCapture { reader, group: 0, shift: 0 }])
+    MergedReader::new(vec![MergedCapture { reader, group: 0, shift: 0, continues: false }])
 }
 
-/// Reads on to the end; gives each event as its place and a JSON line.
+/// Reads to the end; returns each event as its position and a JSON line.
 fn read_on(
-    mut reader: Merged<&[u8]>,
-    mut world: World,
-    mut between: impl FnMut(&Merged<&[u8]>, &World),
-) -> Vec<(Spot, String)> {
+    mut reader: MergedReader<&[u8]>,
+    mut world: ReplayState,
+    mut between: impl FnMut(&MergedReader<&[u8]>, &ReplayState),
+) -> Vec<(EventPosition, String)> {
     let mut batch = Batch::new();
     let mut lines = Vec::new();
-    let mut see = |told: Told<'_>| lines.push((told.spot, line(told.event, told.bus)));
+    let mut see = |told: PlacedEvent<'_>| lines.push((told.spot, line(told.event, told.bus)));
     loop {
         between(&reader, &world);
         if !reader.read(&mut batch).unwrap() {
@@ -57,16 +57,16 @@ fn line(event: &Event, bus: &Bus) -> String {
 fn decoding_on_from_any_mark_equals_decoding_from_the_start() {
     let bytes = capture();
     let mut index = Index::every(1);
-    let all = read_on(open(&bytes), World::new(SessionOptions::default()), |reader, world| {
+    let all = read_on(open(&bytes), ReplayState::new(SessionOptions::default()), |reader, world| {
         if index.is_due(world.frames()) {
             let (position, world) = (reader.position(), world.clone());
-            index.add(Mark { frames: world.frames(), time: world.time(), position, world });
+            index.add(Checkpoint { frames: world.frames(), time: world.time(), position, world });
         }
     });
     assert!(index.marks().len() >= 6, "{}", index.marks().len());
     for mark in index.marks() {
         let offset = usize::try_from(mark.position.offsets().next().unwrap()).unwrap();
-        let reader = Merged::resume(vec![&bytes[offset..]], &mark.position).unwrap();
+        let reader = MergedReader::resume(vec![&bytes[offset..]], &mark.position).unwrap();
         let again = read_on(reader, mark.world.clone(), |_, _| ());
         let expected: Vec<_> = all.iter().filter(|(spot, _)| *spot >= mark.world.spot()).cloned().collect();
         assert_eq!(again, expected, "from frame {}", mark.frames);
@@ -77,7 +77,7 @@ fn decoding_on_from_any_mark_equals_decoding_from_the_start() {
 fn a_checkpoint_is_small() {
     let bytes = capture();
     let mut largest = 0;
-    read_on(open(&bytes), World::new(SessionOptions::default()), |_, world| {
+    read_on(open(&bytes), ReplayState::new(SessionOptions::default()), |_, world| {
         largest = largest.max(world.footprint());
     });
     assert!(largest > 1_000 && largest <= 256 * 1024, "{largest}");
@@ -87,13 +87,13 @@ fn a_checkpoint_is_small() {
 fn marks_are_found_by_frame_and_time_and_thinned_out() {
     let bytes = capture();
     let reader = open(&bytes);
-    let world = World::new(SessionOptions::default());
+    let world = ReplayState::new(SessionOptions::default());
     let mut index = Index::every(10);
     for frames in (0..10_000_u32).step_by(10) {
         let time = (frames > 0).then(|| Timestamp(i64::from(frames)));
         if index.is_due(frames.into()) {
             let (position, world) = (reader.position(), world.clone());
-            index.add(Mark { frames: frames.into(), time, position, world });
+            index.add(Checkpoint { frames: frames.into(), time, position, world });
         }
     }
     assert!(index.marks().len() <= MOST_MARKS);

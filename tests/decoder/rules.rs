@@ -1,12 +1,13 @@
-//! Rules on annotated captures: `fixtures/rules/<rule>.log` holds a rule to what is marked in it, and no other
-//! finding may come. Those of devices, `fixtures/rules/devices/<profile>.<topic>.log`, hold several each.
+//! Rules on annotated captures: `fixtures/rules/<rule>.log` contains marks for all findings of a rule, and no
+//! other finding may occur. Captures for devices, `fixtures/rules/devices/<profile>.<topic>.log`, cover
+//! several rules each.
 //!
 //! ```text
-//! #! --node 5=wandfluh-md2:amplifier     what is known beside the capture; --protocol canopen; --dbc dbc/signals.dbc
+//! #! --node 5=wandfluh-md2:amplifier     options; also --protocol canopen; --dbc dbc/signals.dbc
 //! #| [node.5]                            lines of a bus file
 //! (1700000000.000000) can0 705#05
 //! #~ node-lost node=5 severity=error     a finding that opens at the frame above (or a deadline before it)
-//! #- node-lost                           one that closes
+//! #- node-lost                           a finding that closes
 //! ```
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
@@ -29,17 +30,17 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, Ses
 
 use crate::support::workspace;
 
-/// A capture with what is marked in it.
+/// A capture with its marks.
 pub struct Annotated {
-    /// Name of its file.
+    /// Name of the file.
     pub name: String,
-    /// Its frames alone.
+    /// The frames only.
     pub frames: String,
-    /// What is known beside it.
+    /// Options and bus file of the session.
     pub options: SessionOptions,
-    /// How it is judged.
+    /// Setup of the rules.
     pub setup: Setup,
-    /// Number of the frame above, whether it closes, rule, keys.
+    /// For each mark: number of the frame above, whether the finding closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
 }
 
@@ -47,13 +48,13 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("rules")
 }
 
-/// Reads a capture with what is marked in it.
+/// Reads an annotated capture.
 pub fn read(path: &Path) -> Annotated {
     let text = fs::read_to_string(path).unwrap();
     parse(&path.file_name().unwrap().to_string_lossy(), &text)
 }
 
-/// An annotated capture.
+/// Parses an annotated capture.
 pub fn parse(name: &str, text: &str) -> Annotated {
     let name = name.to_owned();
     let mut bus_file = String::new();
@@ -115,12 +116,12 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
     }
 }
 
-/// Nothing is set.
+/// A setup without any settings.
 pub fn plain_setup() -> Setup {
     Setup::new(&BusFile::default(), "", None).unwrap()
 }
 
-/// News of findings with the number of the frame that brought them, and everything judged.
+/// Events of findings with the number of the frame that caused them, and all findings.
 pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
     let mut reader = Reader::open(frames.as_bytes(), &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options.clone());
@@ -161,7 +162,7 @@ pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64,
     (news, findings)
 }
 
-/// What a mark may say of a finding.
+/// Keys of a finding that a mark may contain.
 fn keys(event: &Event) -> (bool, String, BTreeMap<String, String>) {
     let (EventKind::FindingOpened(news) | EventKind::FindingClosed(news)) = &event.kind else {
         panic!("no finding")
@@ -177,7 +178,7 @@ fn keys(event: &Event) -> (bool, String, BTreeMap<String, String>) {
     (matches!(event.kind, EventKind::FindingClosed(_)), news.rule.to_string(), keys)
 }
 
-/// Every mark needs its finding, every opening its mark; closings are held to the marks there are.
+/// Compares findings with marks: every mark needs its finding, every opening its mark; closings need no mark.
 fn compare(capture: &Annotated, report: &mut String) {
     let (news, _) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let mut told: Vec<_> = news.iter().map(|(number, event)| (*number, keys(event))).collect();
@@ -203,7 +204,7 @@ fn compare(capture: &Annotated, report: &mut String) {
     }
 }
 
-/// All of them.
+/// All annotated captures.
 pub fn captures() -> Vec<PathBuf> {
     let folders = [folder(), folder().join("devices")];
     let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
@@ -234,7 +235,7 @@ fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent()
                 writeln!(report, "{}: the rule does not fire", own.name).unwrap();
             }
             Some(own) => {
-                // It passes somewhere: in its own fixture, before or behind what is wrong.
+                // The rule also passes in its own fixture, before or after the violation.
                 let (_, findings) = judge(&own.frames, &own.options, own.setup.clone());
                 let place = findings.rules.iter().position(|info| *info.name == *rule.name).unwrap();
                 if findings.tallies[place].passed == 0 {
@@ -246,7 +247,7 @@ fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent()
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// Rules of the bundled devices, by the names they have in output.
+/// Rules of the bundled devices, by their names in the output.
 pub fn device_rules() -> BTreeSet<String> {
     let catalogue = Catalogue::default();
     let mut names = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! The same frames give the same events, whatever format recorded them.
+//! The same frames give the same events in every capture format.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -13,7 +13,7 @@ use cobscope_decoder::sink::jsonl::Jsonl;
 
 use crate::support::workspace;
 
-/// Captures without error frames, which TRC and ASC do not hold in full.
+/// Captures without error frames, which TRC and ASC store incompletely.
 const CAPTURES: &[&str] =
     &["guarding", "lss", "mid_run", "pdo_mapping", "sdo_block_upload", "sdo_segmented", "emcy"];
 
@@ -35,7 +35,7 @@ fn events(bytes: &[u8]) -> Vec<String> {
     let mut lines = Vec::new();
     let mut first = None;
     let mut see = |event: &Event, bus: &Bus| {
-        // What a format says of itself ("times read as UTC") is no event of the bus.
+        // Remarks about a format ("times read as UTC") are not events of the bus.
         if event.protocol == Protocol::Capture || matches!(event.kind, EventKind::Note { .. }) {
             return;
         }

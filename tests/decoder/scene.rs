@@ -1,5 +1,4 @@
-//! Captures and the events that are expected of them, as written beside them in the notation of
-//! `fixtures/README.md`.
+//! Captures and the expected events next to them, in the notation of `fixtures/README.md`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -13,7 +12,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::query::record::{FieldValue, Fields, visit};
 use cobscope_decoder::session::{Bus, SessionOptions};
 
-/// Keys of an event in the notation's form.
+/// Keys of an event in the notation.
 pub type Keys = BTreeMap<String, String>;
 
 /// An event as flat keys; nested keys joined by a dot, lists by a comma.
@@ -72,7 +71,7 @@ impl Fields for Flat {
     }
 }
 
-/// The values of a PDO as people read them: `5001:00=49.4%`, with `?` where they rest on an assumption.
+/// The formatted values of a PDO: `5001:00=49.4%`, with `?` after values that depend on an assumption.
 fn values(pdo: &Pdo) -> String {
     let Some(layout) = &pdo.layout else { return String::new() };
     let values = layout.signals(pdo.payload()).map(|signal| {
@@ -103,7 +102,7 @@ fn signals(pdo: &Pdo) -> String {
     signals.collect::<Vec<_>>().join(",")
 }
 
-/// All an event tells.
+/// All keys of an event.
 pub fn keys(event: &Event, bus: &Bus) -> Keys {
     let mut flat = Flat::default();
     visit(event, bus, None, &mut flat);
@@ -139,10 +138,10 @@ pub fn events(path: &Path, options: SessionOptions, first: u64) -> Vec<Keys> {
     all
 }
 
-/// Differences shown of one capture.
+/// Max printed differences per capture.
 const SHOWN: usize = 5;
 
-/// One expected line.
+/// One expected event.
 struct Line {
     text: String,
     frames: String,
@@ -150,7 +149,7 @@ struct Line {
     keys: Vec<(String, String)>,
 }
 
-/// What is written beside a capture.
+/// Contents of a file with expected events.
 pub struct Expected {
     kinds: Vec<String>,
     /// Remarks, without their `# `.
@@ -159,7 +158,7 @@ pub struct Expected {
 }
 
 impl Expected {
-    /// Reads a file of the notation.
+    /// Reads a file in the notation.
     pub fn read(path: &Path) -> Self {
         let text = fs::read_to_string(path).unwrap();
         let mut lines = text.lines();
@@ -182,12 +181,12 @@ impl Expected {
         }
     }
 
-    /// Compares with events in order; those of the same last frame come in any order.
+    /// Compares with events in order; events with the same last frame may be in any order.
     pub fn compare(&self, name: &str, events: &[Keys], report: &mut String) {
         let mut open: Vec<_> = events.iter().filter(|event| self.kinds.contains(&event["kind"])).collect();
         let mut wrong = Vec::new();
         for line in &self.lines {
-            // What lies before the line was not expected.
+            // Events before the line were not expected.
             while let Some(first) = open.first().filter(|first| is_before(first, line)) {
                 wrong.push(format!("not expected: {first:?}"));
                 open.remove(0);
@@ -220,12 +219,12 @@ impl Expected {
     }
 }
 
-/// Whether a line is about an event, though some key differs.
+/// Whether a line refers to an event, although a key differs.
 fn is_meant(event: &Keys, line: &Line) -> bool {
     event["kind"] == line.kind && line.frames.rsplit('-').next() == Some(last(event))
 }
 
-/// Whether an event's last frame comes before a line's.
+/// Whether the last frame of an event is before that of a line.
 fn is_before(event: &Keys, line: &Line) -> bool {
     let frame = line.frames.rsplit('-').next().unwrap().parse::<u64>();
     frame.is_ok_and(|frame| last(event).parse::<u64>().unwrap() < frame) && event["frames"] != "0,0"
@@ -235,13 +234,13 @@ fn last(event: &Keys) -> &str {
     event["frames"].rsplit(',').next().unwrap()
 }
 
-/// How unlike an event is to a line, to name the one that was meant.
+/// Distance between an event and a line, to find the most similar one.
 fn unlike(event: &Keys, line: &Line) -> (bool, usize) {
     let wrong = line.keys.iter().filter(|(key, value)| !same(key, value, &actual(event, key)));
     (event["kind"] != line.kind, wrong.count())
 }
 
-/// What speaks against `event` being `line`.
+/// The first difference between an event and a line.
 fn difference(event: &Keys, line: &Line) -> Option<String> {
     if event["kind"] != line.kind {
         return Some(format!("kind is {}", event["kind"]));
@@ -250,7 +249,7 @@ fn difference(event: &Keys, line: &Line) -> Option<String> {
         (first, last) if first == last => first.to_owned(),
         (first, last) => format!("{first}-{last}"),
     };
-    // An event about one frame may name the frames before it too.
+    // An event with one expected frame may also contain preceding frames.
     let last_frame = line.frames.rsplit('-').next().unwrap();
     if line.frames != "-" && frames != line.frames && last_frame != frames {
         return Some(format!("frames are {frames}"));
@@ -259,12 +258,12 @@ fn difference(event: &Keys, line: &Line) -> Option<String> {
     Some(format!("{} is {}", wrong.0, actual(event, &wrong.0)))
 }
 
-/// The value an event has for an expected key; spaces are written `_`.
+/// Value of an event for an expected key; spaces are written `_`.
 fn actual(event: &Keys, key: &str) -> String {
     event.get(key).map(|value| value.replace(' ', "_")).unwrap_or_default()
 }
 
-/// Whether a value is the expected one; numbers to half of the last digit written.
+/// Whether a value equals the expected one; numbers are compared to half of the last digit.
 fn same(key: &str, expected: &str, found: &str) -> bool {
     let is_unknown = matches!(key, "effective" | "persists") && found.is_empty() && expected == "unknown";
     if expected == found || is_unknown {
@@ -279,7 +278,7 @@ fn same(key: &str, expected: &str, found: &str) -> bool {
     (wanted - is).abs() <= half * (1.0 + 1e-6)
 }
 
-/// Captures of a folder of `fixtures/` with the end `.log`, without that end.
+/// Captures of a folder of `fixtures/` with the suffix `.log`, without that suffix.
 pub fn captures(folder: &str) -> Vec<PathBuf> {
     let folder = crate::support::workspace().join("fixtures").join(folder);
     let all = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());

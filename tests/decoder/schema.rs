@@ -1,4 +1,4 @@
-//! `docs/events.schema.json`: made from the field table, and true of every event of every fixture.
+//! `docs/events.schema.json`: generated from the field table, and valid for every event of every fixture.
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -22,7 +22,7 @@ use serde_json::{Map, Value, json};
 use crate::scene::{self, Expected};
 use crate::{devices, support};
 
-/// Keys every event has.
+/// Keys of every event.
 const REQUIRED: [&str; 5] = ["t", "bus", "frames", "kind", "protocol"];
 
 fn path() -> PathBuf {
@@ -123,7 +123,7 @@ fn the_schema_is_that_of_the_field_table() {
     assert!(kept == made, "docs/events.schema.json is stale: run this test with COBSCOPE_BLESS=1");
 }
 
-/// As much of a JSON Schema validator as our schema needs; a keyword it does not know is an error.
+/// A JSON Schema validator for the keywords of our schema; an unknown keyword is an error.
 struct Validator {
     root: Value,
     patterns: BTreeMap<String, Regex>,
@@ -172,7 +172,7 @@ impl Validator {
                     let target = self.root.pointer(target).unwrap().clone();
                     self.value(&target, value, at)?;
                 }
-                // Words for people, and rules that were kept.
+                // Annotations, and keywords that are checked elsewhere.
                 "$schema" | "$id" | "$defs" | "title" | "description" | "examples" | "then" | "type"
                 | "minimum" | "const" => {}
                 other => panic!("keyword {other}"),
@@ -224,7 +224,7 @@ fn has_type(rule: &Value, value: &Value) -> bool {
     }
 }
 
-/// All lines a decoder and the JSON writer make of a capture.
+/// All lines of the JSON output for a capture.
 fn lines(bytes: &[u8], options: SessionOptions) -> String {
     let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);

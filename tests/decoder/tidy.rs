@@ -1,4 +1,4 @@
-//! Rules about the sources themselves.
+//! Checks of the source code.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use crate::support::modules::Modules;
 use crate::support::workspace;
 
-/// Which folders and files of `decoder/src` may name which: the data flows from left to right, and
-/// `decoder.rs` alone knows every stage; `samples/` runs it. `lib.rs` only lists them.
+/// Permitted imports of folders and files of `decoder/src`: data flows from left to right; only `decoder.rs`
+/// imports every stage, and `samples/` runs it. `lib.rs` only lists the modules.
 const LAYERS: &[(&str, &[&str])] = &[
     ("words", &[]),
     ("ascii", &[]),
@@ -20,6 +20,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("finding", &["words", "frame", "wire", "profile", "event"]),
     ("bus_file", &["words", "frame", "wire", "profile"]),
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file"]),
+    ("suggestion", &["frame", "wire", "profile", "session"]),
     ("query", &["words", "frame", "wire", "profile", "event", "session"]),
     ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (
@@ -33,6 +34,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "finding",
             "bus_file",
             "session",
+            "suggestion",
             "query",
             "statistics",
         ],
@@ -54,7 +56,21 @@ const LAYERS: &[(&str, &[&str])] = &[
             "rules",
         ],
     ),
-    ("why", &["words", "frame", "wire", "profile", "event", "session", "query", "statistics", "sink"]),
+    (
+        "why",
+        &[
+            "words",
+            "frame",
+            "wire",
+            "profile",
+            "event",
+            "session",
+            "suggestion",
+            "query",
+            "statistics",
+            "sink",
+        ],
+    ),
     (
         "decoder",
         &["words", "frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"],
@@ -70,7 +86,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("samples", &["words", "bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
 
-/// Longest file in lines, tests at its foot apart.
+/// Max lines of a file without the tests at its end.
 const LONGEST_FILE: usize = 600;
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -105,8 +121,8 @@ fn every_layer_imports_only_from_the_left() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// A file can be read, and moved, with what it stands on. A `mod.rs` counts as a file: where its files use what it
-/// defines itself and it uses them, all of them are one file in pieces.
+/// A folder without circular imports can be read and moved together with its dependencies. A `mod.rs` counts
+/// as a file: if its submodules use its definitions and it uses theirs, they all form one file.
 #[test]
 fn no_folder_has_a_circle_of_imports() {
     let cycles = Modules::read("decoder/src").cycles();
@@ -162,7 +178,7 @@ fn nothing_is_left_for_later() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// A sequence of fixture captures needs its provenance.
+/// The provenance of each fixture capture is documented.
 #[test]
 fn every_fixture_is_described() {
     let readme = fs::read_to_string(workspace().join("fixtures/README.md")).unwrap();

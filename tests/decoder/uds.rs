@@ -1,4 +1,4 @@
-//! Captures in `fixtures/uds/` against the events written beside them by hand.
+//! Compares captures in `fixtures/uds/` with the hand-written events next to them.
 //!
 //! The notation is described in `fixtures/README.md`.
 
@@ -32,7 +32,7 @@ fn every_capture_of_uds_gives_the_events_written_beside_it() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// Whole messages of a capture as `uds_tshark.py` prints them, and its exchanges.
+/// Complete messages of a capture in the format of `uds_tshark.py`, and its exchanges.
 fn decode(path: &Path, bus_file: &str) -> (Vec<String>, Vec<UdsExchange>) {
     let bytes = fs::read(path).unwrap();
     let mut reader = Reader::open(decompress(&bytes[..]).unwrap(), &ReadOptions::default()).unwrap();
@@ -60,7 +60,7 @@ fn decode(path: &Path, bus_file: &str) -> (Vec<String>, Vec<UdsExchange>) {
     (messages, exchanges)
 }
 
-/// What tshark puts together of the identifiers in `ids`, all if empty; `None` if it is not there.
+/// Messages reassembled by tshark for the identifiers in `ids`, all if empty; `None` if it is missing.
 fn tshark(path: &Path, swap: bool, ids: &[&str]) -> Option<Vec<String>> {
     if Command::new("tshark").arg("-v").output().is_err() {
         support::skip("tshark", "the program is missing");
@@ -83,7 +83,7 @@ fn tshark(path: &Path, swap: bool, ids: &[&str]) -> Option<Vec<String>> {
     Some(lines.lines().filter(is_meant).map(str::to_owned).collect())
 }
 
-/// tshark 4.0 mixes messages of several senders up, so only captures without that are compared.
+/// tshark 4.0 mixes messages of several senders, so only captures with one sender are compared.
 #[test]
 fn messages_are_those_tshark_puts_together() {
     for name in ["single", "segmented"] {
@@ -93,7 +93,7 @@ fn messages_are_those_tshark_puts_together() {
     }
 }
 
-/// A recorded flashing session: 58 messages by tshark (the README of the corpus).
+/// A flashing session with 58 messages by tshark (README of the corpus).
 #[cfg(feature = "gzip")]
 #[test]
 fn a_recorded_flashing_session() {
@@ -116,7 +116,7 @@ fn a_recorded_flashing_session() {
     }
 }
 
-/// A recorded scan of one server; the capture has its identifiers the other way round.
+/// A scan of one server; the identifiers of the capture have the reverse byte order.
 #[cfg(feature = "gzip")]
 #[test]
 fn a_recorded_scan() {
@@ -130,7 +130,7 @@ fn a_recorded_scan() {
         assert_eq!(messages, theirs);
     }
     assert!(exchanges.len() > 2_600);
-    // The server answers each request of the scan by itself: none is taken for that of another one.
+    // The server responds to each request of the scan separately: no response belongs to another request.
     let mixed = exchanges.iter().filter(|exchange| {
         let (Some(request), Some(response)) = (&exchange.request, &exchange.response) else { return false };
         request.frames.last > response.frames.first

@@ -1,4 +1,4 @@
-//! Buses that are reached through a serial adapter, a server or text.
+//! Buses that are connected by a serial adapter, a server or text.
 
 use std::fs::{OpenOptions, read_link};
 use std::io::{Read as _, Write as _};
@@ -17,7 +17,7 @@ use crate::server::Server;
 /// A pseudo-terminal in place of a serial port.
 struct Port {
     pty: Arc<Pty>,
-    /// Its other end, kept open: without one reading ends.
+    /// The other end, kept open, because reading ends when it is closed.
     _pts: Pts,
     name: String,
 }
@@ -32,15 +32,15 @@ impl Port {
     }
 }
 
-/// Bytes as they are: no echo, no lines.
+/// Sets raw mode: no echo, no line editing.
 fn raw(terminal: &str) {
     run("stty", &["-F", terminal, "raw", "-echo"]);
 }
 
-/// What the program wrote to its port.
+/// Bytes that the program wrote to its port.
 type Written = Arc<Mutex<Vec<u8>>>;
 
-/// Gives commands of the program to an adapter, piece by piece, and notes them.
+/// Passes commands of the program to an adapter and stores them.
 fn listen(port: &Port, mut take: impl FnMut(&[u8]) + Send + 'static) -> Written {
     let (pty, written) = (Arc::clone(&port.pty), Written::default());
     let shared = Arc::clone(&written);
@@ -54,39 +54,39 @@ fn listen(port: &Port, mut take: impl FnMut(&[u8]) + Send + 'static) -> Written 
     written
 }
 
-/// The program opened the adapter to listen, and sent nothing that puts a frame on the bus.
+/// Asserts that the program opened the adapter in listen mode and sent no frame.
 fn assert_listened_only(written: &Written) {
     let text = String::from_utf8(written.lock().unwrap().clone()).unwrap();
     let commands: Vec<_> = text.split('\r').collect();
     assert!(commands.contains(&"L"), "{commands:?}");
-    // Opened for sending; standard, extended, remote and FD frames.
+    // Open for sending; standard, extended, remote and FD frames.
     let sends = |command: &&&str| command.starts_with(['O', 't', 'T', 'r', 'R', 'd', 'D', 'b', 'B']);
     assert_eq!(commands.iter().find(sends), None, "{commands:?}");
 }
 
-/// Frames with the lengths and kinds that slcan knows.
+/// Frames with the lengths and kinds that slcan supports.
 const CLASSIC: [&str; 6] =
     ["123#", "7FF#0011223344556677", "00000123#AB", "1FFFFFFE#0102030405060708", "321#R", "12345678#R3"];
 
-/// What an adapter told after a greeting, without greetings.
+/// Frames of an adapter in a capture, without greetings.
 fn recorded(path: &Path) -> Vec<String> {
     let frames = read(path).into_iter().map(|recorded| recorded.frame);
     frames.filter(|frame| !frame.starts_with(HELLO)).collect()
 }
 
-/// can-utils' own adapter, whose bus is vcan0. It has no listen-only mode, so it is told to open instead.
+/// The adapter of can-utils, on vcan0. It has no listen-only mode, so it gets the command to open instead.
 #[test]
 fn frames_come_through_the_adapter_that_slcanpty_is() {
     if !in_guest() {
         return;
     }
-    // It ends when something comes on its standard input, the end too; so it has a shell with a pipe nobody writes.
+    // It ends at input or at the end of its standard input, so a shell pipe without any output keeps it open.
     let script = "sleep 9999 | exec stdbuf -oL slcanpty /dev/ptmx vcan0";
     let adapter = Program::start(Command::new("sh").args(["-c", script]));
     let is_open = |line: &str| line.contains("slave pseudo-terminal is");
     let opened = adapter.wait_line("name of a terminal", is_open);
     let terminal = opened.rsplit(' ').next().unwrap();
-    // Opened before anything else opens and closes it: that would end the adapter.
+    // Opened before any other program opens and closes it, because that would end the adapter.
     let mut to = OpenOptions::new().read(true).write(true).open(terminal).unwrap();
     let mut from = to.try_clone().unwrap();
     raw(terminal);
@@ -107,7 +107,8 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     let record = folder.path().join("slcan.log");
     let live = Program::live([&format!("slcan:{}@500000", port.name), "--record", record.to_str().unwrap()]);
     greet("vcan0", &[&live]);
-    // It writes as many zeros behind a remote frame as that asks for, which is no slcan: told, not guessed at.
+    // It appends as many zeros to a remote frame as the frame requests, which is not valid slcan: reported as
+    // unreadable.
     let (sound, unsound) = CLASSIC.split_at(CLASSIC.len() - 1);
     send("vcan0", sound);
     send("vcan0", unsound);
@@ -119,8 +120,8 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     assert_listened_only(&written);
 }
 
-/// The kernel's slcan at the other end of the line, attached by slcand: what it sends is what an adapter tells. The
-/// answers to commands, which it has none of, are given here.
+/// The kernel's slcan at the other end of the line, attached by slcand: its output is that of an adapter.
+/// This test responds to commands, because the kernel does not.
 #[test]
 fn frames_come_from_the_kernels_slcan() {
     if !in_guest() {
@@ -142,7 +143,7 @@ fn frames_come_from_the_kernels_slcan() {
             for byte in &piece[..count] {
                 line.push(*byte);
                 if *byte == b'\r' {
-                    // Its own commands to an adapter are not for the program.
+                    // The kernel's own commands to an adapter are not forwarded.
                     if line[0].eq_ignore_ascii_case(&b't') || line[0].eq_ignore_ascii_case(&b'r') {
                         (&*pty).write_all(&line).unwrap();
                     }
@@ -165,7 +166,7 @@ fn frames_come_from_the_kernels_slcan() {
     drop(daemon);
 }
 
-/// An adapter's answer after this byte of a command: it has no time stamps.
+/// Response of an adapter after this byte of a command; it has no timestamps.
 fn answer_to(byte: u8) -> &'static [u8] {
     match byte {
         b'V' => b"V1013",
@@ -227,7 +228,7 @@ fn text_of_candump_is_read_from_a_pipe() {
     if !in_guest() {
         return;
     }
-    // Not one of the harness's programs: its lines are the other's input.
+    // Not a program of the harness, because its output is the input of the other program.
     let mut candump = Command::new("candump").args(["-L", "vcan0"]).stdout(Stdio::piped()).spawn().unwrap();
     let live = Program::live_on(candump.stdout.take().unwrap(), ["-"]);
     greet("vcan0", &[&live]);
@@ -235,7 +236,7 @@ fn text_of_candump_is_read_from_a_pipe() {
     live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13D"));
     candump.kill().unwrap();
     candump.wait().unwrap();
-    // The end of the text is the end.
+    // The program ends with the text.
     let ended = live.end();
     assert!(ended.status.success(), "{ended:?}");
 }

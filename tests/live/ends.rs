@@ -1,4 +1,4 @@
-//! When the program ends, and with what.
+//! End conditions of the program and its exit status.
 
 use std::process::Command;
 
@@ -12,7 +12,7 @@ fn it_ends_after_so_many_frames() {
     let folder = tempfile::tempdir().unwrap();
     let record = folder.path().join("five.log");
     let live = Program::live(["vcan0", "-n", "5", "--record", record.to_str().unwrap()]);
-    // More than enough, until it has ended.
+    // Sends more than enough frames until it is stopped.
     let sender = Program::start(Command::new("cangen").args(["vcan0", "-g", "5", "-I", "137", "-L", "1"]));
     let ended = live.end();
     drop(sender);
@@ -42,7 +42,7 @@ fn a_judged_bus_with_findings_ends_as_check_does() {
     }
     let live = Program::live(["vcan0", "--check"]);
     greet("vcan0", &[&live]);
-    // The controller went off the bus (linux/can/error.h).
+    // Bus-off of the controller (linux/can/error.h).
     send("vcan0", &["20000040#0000000000000000"]);
     live.wait_events("finding-opened", |events| events.iter().any(|event| event["rule"] == "bus-health"));
     live.signal("INT");

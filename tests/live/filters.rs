@@ -1,9 +1,9 @@
-//! candump's filters, in the kernel: what the program gets is what candump gets.
+//! Kernel filters in candump's notation: the program receives the same frames as candump.
 
 use crate::harness::{in_guest, send};
 use crate::pair::Pair;
 
-/// The frame that tells where the comparison begins and ends passes each filter below, by this part.
+/// Filter part for the frame that marks start and end of a comparison.
 const GREETING: &str = "1FFFFFFF:1FFFFFFF";
 
 const SENT: [&str; 12] = [
@@ -21,11 +21,11 @@ const SENT: [&str; 12] = [
     "20000040#0000000000000000",
 ];
 
-/// Errors, which come where no mask says which.
+/// Error frames, received without an error mask.
 const ERRORS: [&str; 3] =
     ["20000004#0010000000006000", "20000008#0000000000000000", "20000040#0000000000000000"];
 
-/// What passes `filters`, worked out by hand.
+/// Compares the frames that pass `filters` with those derived by hand.
 fn passes(filters: &str, wanted: &[&str]) {
     if !in_guest() {
         return;

@@ -1,4 +1,4 @@
-//! Every kind of frame is recorded as candump records it, with the same time.
+//! Captures of every kind of frame equal those of candump, with the same times.
 
 use crate::harness::{Bus, HELLO, Program, greet, has_controllers, in_guest, ip, run, send};
 use crate::pair::{Pair, read};
@@ -6,7 +6,7 @@ use crate::pair::{Pair, read};
 /// Lengths of CAN FD data (ISO 11898-1).
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
-/// Every kind, length and flag there is, and both ends of each range of identifiers.
+/// Every kind, length and flag, and both ends of each range of identifiers.
 fn all_kinds() -> Vec<String> {
     let data =
         |length: usize| (0..length).map(|byte| format!("{:02X}", 0xFF - byte)).collect::<Vec<_>>().concat();
@@ -72,8 +72,8 @@ fn the_kernel_stamps_frames_of_a_virtual_bus_and_that_is_said() {
     }
     let pair = Pair::start("vcan0", "vcan0");
     let ended = pair.end().ended;
-    let said = |line: &String| line.contains("vcan0") && line.contains("kernel");
-    assert!(ended.err.iter().any(said), "{:#?}", ended.err);
+    let texts = |line: &String| line.contains("vcan0") && line.contains("kernel");
+    assert!(ended.err.iter().any(texts), "{:#?}", ended.err);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Programs that run in the guest, what they say, and the buses they use.
+//! Programs in the guest, their output, and the buses that they use.
 
 use std::env;
 use std::ffi::OsStr;
@@ -14,19 +14,19 @@ use serde_json::Value;
 
 use crate::support;
 
-/// How long something may take on a busy machine before it counts as not happening.
+/// Time limit for an expected condition on a busy machine.
 pub const LIMIT: Duration = Duration::from_mins(1);
 
-/// How long a frame that says "are you there?" is waited for before the next one is sent.
+/// Time to wait for a greeting frame before the next one is sent.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Between two looks at what cannot be waited for otherwise.
+/// Interval between two checks of a polled condition.
 const GLANCE: Duration = Duration::from_millis(10);
 
-/// Identifier of those frames; nothing else uses it.
+/// Identifier of greeting frames; nothing else uses it.
 pub const HELLO: &str = "1FFFFFFF";
 
-/// Whether this runs in the guest. If not the test is to end: it has been said that it was skipped.
+/// Whether this runs in the guest. If not, the test was reported as skipped and must return.
 pub fn in_guest() -> bool {
     let is = env::var_os("COBSCOPE_GUEST").is_some();
     if !is {
@@ -35,7 +35,7 @@ pub fn in_guest() -> bool {
     is
 }
 
-/// Whether can0 and can1 are there: two controllers on one wire.
+/// Whether can0 and can1 exist: two controllers on one wire.
 pub fn has_controllers() -> bool {
     if !in_guest() {
         return false;
@@ -47,7 +47,7 @@ pub fn has_controllers() -> bool {
     is
 }
 
-/// What a program said so far.
+/// Output of a program so far.
 #[derive(Default)]
 struct Said {
     out: Vec<String>,
@@ -56,7 +56,7 @@ struct Said {
 
 type Shared = Arc<(Mutex<Said>, Condvar)>;
 
-/// A program that runs; dropped it is killed.
+/// A running program; killed when dropped.
 pub struct Program {
     name: String,
     child: Child,
@@ -64,7 +64,7 @@ pub struct Program {
     readers: Vec<thread::JoinHandle<()>>,
 }
 
-/// How a program ended.
+/// Result of a finished program.
 #[derive(Debug)]
 pub struct Ended {
     pub status: ExitStatus,
@@ -73,7 +73,7 @@ pub struct Ended {
 }
 
 impl Program {
-    /// Starts it with nothing on its standard input.
+    /// Starts a program with an empty standard input.
     pub fn start(command: &mut Command) -> Self {
         Self::start_on(Stdio::null(), command)
     }
@@ -87,23 +87,23 @@ impl Program {
         Self { name: format!("{command:?}"), child, said, readers: vec![out, err] }
     }
 
-    /// `cobscope live` that prints events and all undecoded frames as JSON Lines.
+    /// `cobscope live` with events and all undecoded frames as JSON Lines.
     pub fn live<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Self {
         Self::live_on(Stdio::null(), arguments)
     }
 
-    /// The same with this on its standard input.
+    /// Like [`Program::live`], with this standard input.
     pub fn live_on<S: AsRef<OsStr>>(input: impl Into<Stdio>, arguments: impl IntoIterator<Item = S>) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
         Self::start_on(input, command.args(["live", "--print", "-f", "jsonl", "--frames"]).args(arguments))
     }
 
-    /// candump in its log form, with a receive buffer that loses nothing.
+    /// candump in its log form, with a receive buffer large enough for all frames.
     pub fn candump(source: &str) -> Self {
         Self::start(Command::new("candump").args(["-L", "-r", "8388608", source]))
     }
 
-    /// What `find` makes of what was said, as soon as it makes anything, within `limit`.
+    /// The first result of `find` on the output, or `None` after `limit`.
     fn find<T>(&self, limit: Duration, find: impl Fn(&Said) -> Option<T>) -> Option<T> {
         let (said, changed) = &*self.said;
         let said = said.lock().unwrap();
@@ -115,7 +115,7 @@ impl Program {
         self.find(LIMIT, find).unwrap_or_else(|| panic!("no {what} from {}\n{}", self.name, self.said()))
     }
 
-    /// The end of what was said, for a message.
+    /// The last lines of the output, for an error message.
     fn said(&self) -> String {
         let said = self.said.0.lock().unwrap();
         let last =
@@ -123,23 +123,23 @@ impl Program {
         format!("stdout ends:\n{}\nstderr ends:\n{}", last(&said.out), last(&said.err))
     }
 
-    /// The first line on standard error that is as wanted.
+    /// Waits for a line on standard error.
     pub fn wait_message(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
         self.wait(what, |said| said.err.iter().find(|line| is(line)).cloned())
     }
 
-    /// The events of this kind that were told so far.
+    /// All events of this kind so far.
     pub fn events(&self, kind: &str) -> Vec<Value> {
         events(&self.said.0.lock().unwrap().out, kind)
     }
 
-    /// Waits until the events of this kind are as wanted.
+    /// Waits until the events of this kind meet a condition.
     pub fn wait_events(&self, kind: &str, are: impl Fn(&[Value]) -> bool) -> Vec<Value> {
         let wanted = |said: &Said| Some(events(&said.out, kind)).filter(|events| are(events));
         self.wait(&format!("{kind} events as wanted"), wanted)
     }
 
-    /// Whether a frame with [`HELLO`] and this data was told within `limit`.
+    /// Whether a frame with [`HELLO`] and this data was printed within `limit`.
     fn greeted(&self, data: &str, limit: Duration) -> bool {
         let is = |line: &String| line.contains(HELLO) && line.contains(data);
         self.find(limit, |said| said.out.iter().rev().any(is).then_some(())).is_some()
@@ -150,13 +150,13 @@ impl Program {
         self.said.0.lock().unwrap().out.clone()
     }
 
-    /// Lines on standard output after so many, as soon as there are any, within a moment.
+    /// Lines on standard output after the first `after`; waits for [`PATIENCE`] at most.
     pub fn more(&self, after: usize) -> Vec<String> {
         self.find(PATIENCE, |said| said.out.get(after..).filter(|lines| !lines.is_empty()).map(<[_]>::to_vec))
             .unwrap_or_default()
     }
 
-    /// The first line on standard output that is as wanted.
+    /// Waits for a line on standard output.
     pub fn wait_line(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
         self.wait(what, |said| said.out.iter().find(|line| is(line)).cloned())
     }
@@ -166,16 +166,17 @@ impl Program {
         run("sh", &["-c", &format!("kill -{signal} {}", self.child.id())]);
     }
 
-    /// Processor time it has used.
+    /// CPU time of the program.
     pub fn processor_time(&self) -> Duration {
         let text = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
-        // After the name in brackets: state is the first, user and system time the 12th and 13th, in 1/100 s.
+        // After the name in brackets, state is field 1; user and system time are fields 12 and 13, in 1/100
+        // s.
         let fields: Vec<_> = text.rsplit(')').next().unwrap().split_whitespace().collect();
         let ticks: u64 = fields[11..13].iter().map(|field| field.parse::<u64>().unwrap()).sum();
         Duration::from_millis(10 * ticks)
     }
 
-    /// Waits until it ends by itself, or by the signal it was sent.
+    /// Waits until the program ends.
     pub fn end(mut self) -> Ended {
         let begin = Instant::now();
         let status = loop {
@@ -190,7 +191,7 @@ impl Program {
         Ended { status, out, err }
     }
 
-    /// Ends it as ctrl-c does; that is no failure.
+    /// Ends the program like Ctrl-C; its exit is not a failure.
     pub fn interrupt(self) -> Ended {
         self.signal("INT");
         let name = self.name.clone();
@@ -202,13 +203,13 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // A stopped program dies of it too.
+        // This also ends a stopped program.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// Keeps the lines of a stream in a place of what was said.
+/// Stores the lines of a stream in the output of the program.
 fn listen(
     stream: impl Read + Send + 'static,
     said: &Shared,
@@ -224,7 +225,7 @@ fn listen(
     })
 }
 
-/// The events of this kind among lines of JSON; what is no JSON fails.
+/// The events of this kind in lines of JSON; panics at invalid JSON.
 pub fn events(lines: &[String], kind: &str) -> Vec<Value> {
     let parse = |line: &String| -> Value {
         serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))
@@ -233,7 +234,7 @@ pub fn events(lines: &[String], kind: &str) -> Vec<Value> {
     lines.iter().filter(|line| line.contains(kind)).map(parse).filter(is).collect()
 }
 
-/// Runs a command to its end, which must be a success; what it printed.
+/// Runs a command, which must succeed; returns its standard output.
 pub fn run(program: &str, arguments: &[&str]) -> String {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr);
@@ -241,7 +242,7 @@ pub fn run(program: &str, arguments: &[&str]) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Waits until something is so.
+/// Waits until a condition is true.
 pub fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     let begin = Instant::now();
     while !is_so() {
@@ -250,12 +251,12 @@ pub fn wait_until(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
-/// `ip` with arguments as one types them.
+/// Runs `ip` with blank-separated arguments.
 pub fn ip(arguments: &str) {
     run("ip", &arguments.split_whitespace().collect::<Vec<_>>());
 }
 
-/// Sends frames in cansend's form one after the other, by one program: to start one takes long in a guest.
+/// Sends frames in cansend's form with one program, because starting a program is slow in a guest.
 pub fn send<S: AsRef<str>>(bus: &str, frames: &[S]) {
     let mut player = Command::new("canplayer");
     player.args(["-t", &format!("{bus}=sent")]).stdin(Stdio::piped());
@@ -268,8 +269,8 @@ pub fn send<S: AsRef<str>>(bus: &str, frames: &[S]) {
     assert!(player.wait().unwrap().success());
 }
 
-/// Sends a frame of its own kind until all of these programs told of it: now each hears this bus. What was sent
-/// before it has come, or never will. Returns that frame, as candump writes it.
+/// Sends unique frames until all of these programs have printed one: now each program receives this bus, and
+/// earlier frames have arrived or are lost. Returns the printed frame in candump's form.
 pub fn greet(bus: &str, programs: &[&Program]) -> String {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let begin = Instant::now();
@@ -283,14 +284,14 @@ pub fn greet(bus: &str, programs: &[&Program]) -> String {
     }
     let said: Vec<_> =
         programs.iter().map(|program| format!("{}\n{}", program.name, program.said())).collect();
-    panic!("frames sent on {bus} are not told by all of\n{}", said.join("\n"));
+    panic!("frames sent on {bus} are not printed by all of\n{}", said.join("\n"));
 }
 
-/// A virtual bus of a test's own, deleted when dropped.
+/// A virtual bus for one test, deleted when dropped.
 pub struct Bus(pub &'static str);
 
 impl Bus {
-    /// Makes it, ready for CAN FD, and switches it on.
+    /// Creates the bus with CAN FD and sets it up.
     pub fn new(name: &'static str) -> Self {
         let bus = Self(name);
         bus.create();

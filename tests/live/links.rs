@@ -1,4 +1,4 @@
-//! A bus that goes away and comes back.
+//! A bus that disappears and returns.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -8,18 +8,18 @@ use serde_json::Value;
 use crate::harness::{Bus, Program, greet, has_controllers, in_guest, ip};
 use crate::pair::read;
 
-/// States of a bus in the order they were told.
+/// States of a bus in the order of their events.
 fn states(events: &[Value], bus: &str) -> Vec<String> {
     let of_bus = events.iter().filter(|event| event["bus"] == bus);
     of_bus.map(|event| event["state"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Waits until the last state told of a bus is this one.
+/// Waits until the last event of a bus has this state.
 fn wait_state(live: &Program, bus: &str, state: &str) {
     live.wait_events("link", |events| states(events, bus).last().is_some_and(|last| last == state));
 }
 
-/// The program waits without using the processor, whatever it waits for.
+/// Asserts that the program waits without using CPU time.
 fn assert_idle(live: &Program) {
     let (begin, used) = (Instant::now(), live.processor_time());
     thread::sleep(Duration::from_secs(1));

@@ -1,4 +1,4 @@
-//! No frame is lost that is not counted, and what was recorded stays.
+//! Every lost frame is counted, and the capture on disk is complete.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::harness::{HELLO, Program, events, greet, in_guest, run, send, wait_until};
 use crate::pair::read;
 
-/// How many frames were lost, by all events that say so.
+/// Total number of lost frames in all events.
 fn lost(events: &[Value]) -> u64 {
     events.iter().map(|event| event["count"].as_u64().unwrap()).sum()
 }
@@ -26,7 +26,7 @@ fn frames_that_a_starved_reader_lost_are_counted_exactly() {
     let sent = 60_000;
     run("cangen", &["vcan0", "-g", "0", "-I", "123", "-L", "8", "-D", "i", "-n", &sent.to_string()]);
     live.signal("CONT");
-    // The kernel tells of a loss with a frame that came after it.
+    // The kernel reports a loss with a later frame.
     greet("vcan0", &[&live]);
     let ended = live.interrupt();
     let lost = lost(&events(&ended.out, "lost-frames"));
@@ -39,12 +39,12 @@ fn frames_that_a_starved_reader_lost_are_counted_exactly() {
     assert!(said.contains(&lost.to_string()), "{lost} is not in\n{said}");
 }
 
-/// cangen counts with the first byte as the lowest.
+/// Counter of cangen in the payload, least significant byte first.
 fn counter(frame: &str) -> u64 {
     u64::from_str_radix(frame.split_once('#').unwrap().1, 16).unwrap().swap_bytes()
 }
 
-/// How many of the frames below the program itself reads in a capture, which it must be able to read.
+/// Number of frames that the program reads in a capture, which must be readable.
 fn decoded(path: &Path) -> usize {
     let text =
         run(env!("CARGO_BIN_EXE_cobscope"), &["decode", "-f", "jsonl", "--frames", path.to_str().unwrap()]);
@@ -62,7 +62,7 @@ fn a_killed_program_leaves_a_readable_record() {
         let live = Program::live(["vcan0", "--record", record.to_str().unwrap()]);
         greet("vcan0", &[&live]);
         run("cangen", &["vcan0", "-g", "1", "-I", "13A", "-L", "8", "-n", "100"]);
-        // Without an end of the program and without any more frames.
+        // Without the end of the program and without further frames.
         wait_until("100 frames in the record", || decoded(&record) == 100);
         live.signal("KILL");
         live.end();
@@ -88,7 +88,7 @@ fn a_full_disk_is_told_and_watching_goes_on() {
     send("vcan0", &["13C#01"]);
     live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13C"));
     drop(live);
-    // What was written is whole lines of frames.
+    // The capture has complete lines only.
     let text = fs::read_to_string(&record).unwrap();
     run("umount", &[disk]);
     assert!(text.lines().count() > 500, "{} lines", text.lines().count());

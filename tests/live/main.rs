@@ -1,4 +1,4 @@
-//! The program on real buses of a real kernel: in a guest that `tests/guest/run` boots, beside candump.
+//! The program on buses of a real kernel, in a guest of `tests/guest/run`, compared with candump.
 //!
 //! Tests named `qemu_…` need that guest's controllers. Outside a guest all of them are skipped.
 #![cfg(all(target_os = "linux", feature = "socketcan"))]

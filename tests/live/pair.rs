@@ -1,4 +1,4 @@
-//! The program and candump beside each other on one bus, and their records frame for frame.
+//! The program and candump on the same bus, with a comparison of their captures frame by frame.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,18 +7,18 @@ use tempfile::TempDir;
 
 use crate::harness::{Ended, HELLO, Program, greet};
 
-/// A frame as it was recorded.
+/// A captured frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recorded {
-    /// Microseconds since 1970; candump has no more digits.
+    /// µs since 1970, the resolution of candump.
     pub time: u64,
-    /// Bus.
+    /// Name of the bus.
     pub bus: String,
     /// Identifier and data in candump's form.
     pub frame: String,
 }
 
-/// Both, from where they heard the same frame to where they hear one again.
+/// The program and candump, running from one greeting to the next.
 pub struct Pair {
     pub live: Program,
     candump: Program,
@@ -27,7 +27,7 @@ pub struct Pair {
     first: String,
 }
 
-/// What they recorded between.
+/// Captures of both programs between the two greetings.
 pub struct Records {
     pub ours: Vec<Recorded>,
     pub theirs: Vec<Recorded>,
@@ -35,7 +35,7 @@ pub struct Records {
 }
 
 impl Pair {
-    /// Both on one source, which is on this bus or includes it.
+    /// Starts both on one source, which is this bus or includes it.
     pub fn start(source: &str, bus: &'static str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let record = folder.path().join("live.log");
@@ -49,7 +49,7 @@ impl Pair {
         self.folder.path().join("live.log")
     }
 
-    /// Ends both when they have heard all.
+    /// Ends both after they have received all frames.
     pub fn end(self) -> Records {
         let record = self.record();
         let last = greet(self.bus, &[&self.live, &self.candump]);
@@ -61,7 +61,7 @@ impl Pair {
 }
 
 impl Records {
-    /// Both are the same, times included, and have as many frames as were sent.
+    /// Asserts that both captures are equal, including times, and have as many frames as were sent.
     pub fn assert_same(&self, sent: usize) {
         let pairs = self.ours.iter().zip(&self.theirs);
         for (number, (ours, theirs)) in pairs.enumerate() {
@@ -70,18 +70,18 @@ impl Records {
         assert_eq!((self.ours.len(), self.theirs.len()), (sent, sent), "frames of the program, of candump");
     }
 
-    /// The frames alone.
+    /// The frames without times and buses.
     pub fn frames(&self) -> Vec<&str> {
         self.ours.iter().map(|recorded| recorded.frame.as_str()).collect()
     }
 }
 
-/// Reads a record in candump's form.
+/// Reads a capture in candump's form.
 pub fn read(path: &Path) -> Vec<Recorded> {
     parse(&fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
 }
 
-/// The program hears error frames unless it is told otherwise, candump only where it is told so.
+/// Adds an error filter for candump, which needs one to receive error frames; the program does not.
 fn with_errors(source: &str) -> String {
     match source {
         told if told.contains('#') => told.to_owned(),
@@ -90,7 +90,7 @@ fn with_errors(source: &str) -> String {
     }
 }
 
-/// What stands between two frames.
+/// Frames between two greetings.
 fn between(all: &[Recorded], first: &str, last: &str) -> Vec<Recorded> {
     let place = |wanted: &str| all.iter().position(|recorded| recorded.frame == wanted);
     let (first, last) = (place(first).expect("first frame"), place(last).expect("last frame"));
@@ -108,15 +108,15 @@ pub fn parse(text: &str) -> Vec<Recorded> {
     text.lines().map(line).collect()
 }
 
-/// `(1700000000.123456)`, or with nine digits; what is finer is cut, as the kernel does for candump.
+/// µs of `(1700000000.123456)`, also with nine digits; truncates like the kernel does for candump.
 fn microseconds(stamp: &str) -> u64 {
     let (seconds, fraction) = stamp.trim_matches(['(', ')']).split_once('.').unwrap();
     let micros: String = fraction.chars().chain("000000".chars()).take(6).collect();
     seconds.parse::<u64>().unwrap() * 1_000_000 + micros.parse::<u64>().unwrap()
 }
 
-/// The same words for the same thing: candump leaves the length 0 of a remote frame out, and shows the kernel's
-/// own mark of FD frames (`CANFD_FDF`, 4) among their flags.
+/// A common notation: candump omits the length 0 of a remote frame, and shows the kernel's own mark of FD
+/// frames (`CANFD_FDF`, 4) in their flags.
 fn plain(frame: &str) -> String {
     let (id, rest) = frame.split_once('#').unwrap_or_else(|| panic!("not a frame: {frame}"));
     if rest == "R0" {

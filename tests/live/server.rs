@@ -1,6 +1,6 @@
-//! A socketcand server, as no Debian package has one. It answers and writes as socketcand 0.6 does
-//! (`src/state_nobus.c`, `src/state_raw.c` of github.com/linux-can/socketcand): no line ends, data in one piece,
-//! remote frames left out. Its frames are those that candump hears.
+//! A socketcand server, for which there is no Debian package. It responds and writes like socketcand 0.6
+//! (`src/state_nobus.c`, `src/state_raw.c` of github.com/linux-can/socketcand): no line ends, data without
+//! separators, no remote frames. Its frames are those that candump receives.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
@@ -9,7 +9,7 @@ use std::thread;
 
 use crate::harness::{Program, greet};
 
-/// The server of one bus; dropped it closes its connections.
+/// The server of one bus; closes its connections when dropped.
 pub struct Server {
     pub port: u16,
     bus: &'static str,
@@ -18,14 +18,14 @@ pub struct Server {
 
 #[derive(Default)]
 struct State {
-    /// What clients asked for.
+    /// Commands of the clients.
     commands: Vec<String>,
-    /// Connections; none are taken any more where there is no list.
+    /// Connections; `None` if no more are accepted.
     clients: Option<Vec<TcpStream>>,
 }
 
 impl Server {
-    /// Serves a bus at this port, 0 for any.
+    /// Serves a bus at this port; 0 selects a free one.
     pub fn start(port: u16, bus: &'static str) -> Self {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).unwrap();
         let port = listener.local_addr().unwrap().port();
@@ -39,19 +39,19 @@ impl Server {
                 clients.push(stream.try_clone().unwrap());
                 drop(state);
                 let shared = Arc::clone(&shared);
-                // A client that goes away is no error.
+                // A client may disconnect at any time.
                 thread::spawn(move || serve(stream, bus, &shared));
             }
         });
         Self { port, bus, state }
     }
 
-    /// How the program names it.
+    /// Source argument of the program for this server.
     pub fn source(&self) -> String {
         format!("socketcand://127.0.0.1:{}/{}", self.port, self.bus)
     }
 
-    /// All that clients asked for.
+    /// All commands of the clients.
     pub fn commands(&self) -> Vec<String> {
         self.state.lock().unwrap().commands.clone()
     }
@@ -89,7 +89,7 @@ fn serve(mut stream: TcpStream, bus: &'static str, state: &Mutex<State>) -> std:
             _ => "< error unknown command >",
         };
         if text == "< rawmode >" {
-            // Frames come only after the answer, and none is missed from then on.
+            // Frames follow the response only, and from then on none is missed.
             let program = Program::candump(bus);
             greet(bus, &[&program]);
             candump = Some(program);
@@ -103,7 +103,7 @@ fn serve(mut stream: TcpStream, bus: &'static str, state: &Mutex<State>) -> std:
     Ok(())
 }
 
-/// Writes frames that candump hears from now on, until the client is gone.
+/// Writes frames that candump receives from now on, until the client disconnects.
 fn forward(candump: &Program, mut output: TcpStream) -> std::io::Result<()> {
     let mut told = candump.lines().len();
     loop {

@@ -1,4 +1,4 @@
-"""Broadcasts of J1939's transport protocol in a candump log, put together anew: `source pgn hex` a line."""
+"""Reassembles broadcasts of J1939's transport protocol in a candump log: one line `source pgn hex` per message."""
 import re
 import sys
 

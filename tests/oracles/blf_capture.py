@@ -3,11 +3,11 @@
 
     blf_capture.py OUT.blf COUNT LEVEL CONTAINER
 
-COUNT frames of all kinds on four channels; LEVEL is zlib's (0 = stored),
-CONTAINER the bytes of a container, so that objects span them. Columns are
-those of frames.py, with `T` for a frame that was sent and channels as the
-capture numbers them, from 1. What is printed does not come from the capture:
-times are multiples of 1/1024 s, which a double holds exactly.
+COUNT frames of all kinds on four channels; LEVEL is that of zlib (0 = stored),
+CONTAINER the bytes of a container, small enough that objects span containers.
+Columns are those of frames.py, with `T` for a sent frame and channel numbers
+as in the capture, from 1. The output is not read from the capture: times are
+multiples of 1/1024 s, which a double represents exactly.
 """
 import random
 import sys
@@ -35,11 +35,11 @@ def message(number, noise):
 
 
 def line(number, msg):
-    # The writer cuts to whole nanoseconds.
+    # The writer truncates to nanoseconds.
     nanoseconds = number * 9_765_625 // 10
     time = f"{START + nanoseconds // 10**9}.{nanoseconds % 10**9:09}"
     if msg.is_error_frame:
-        # Without a code it is a bus error of no known kind; see linux/can/error.h.
+        # Without a code: a bus error of unknown kind; see linux/can/error.h.
         return f"{time}\t{msg.channel + 1}\t00000088\tE\t8\t0000000000000000"
     flags = "".join(letter for letter, on in (
         ("X", msg.is_extended_id), ("R", msg.is_remote_frame), ("F", msg.is_fd),

@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
-"""How many frames of each CANopen service tshark sees in a capture.
+"""Counts the frames of each CANopen service in a capture, as decoded by tshark.
 
     canopen_counts.py CAPTURE       prints `name count` lines, sorted
 
 Names: nmt, sync, emcy, time, tpdo1 … rpdo4, sdo-ccs-N and sdo-scs-N (client's
 and server's command specifier, the upper three bits), heartbeat, boot-up,
-lss-request, lss-response, not-canopen. TSHARK names another program.
+lss-request, lss-response, not-canopen. TSHARK selects another program.
 
-tshark is no judge, only a second opinion. What it gets wrong (4.0.17):
-  * It has no memory of transfers. Segments of a block transfer are read by
-    their first byte as if they were commands: seqno 1 … 31 counts as ccs/scs 0,
-    32 … 63 as 1, and so on, and every last segment of fewer than 32 (81 … 9F)
-    as ccs/scs 4, an abort. Compare SDO counts only where no block transfer is.
+tshark is a second opinion only. Known errors of 4.0.17:
+  * It does not track transfers. It decodes segments of a block transfer as
+    commands, by their first byte: seqno 1 … 31 counts as ccs/scs 0, 32 … 63 as
+    1, and so on, and the last segment of fewer than 32 (81 … 9F) as ccs/scs 4,
+    an abort. Compare SDO counts only without block transfers.
   * Remote frames are not decoded as CANopen: guarding requests are
-    not-canopen. So are extended frames, error frames and FD frames.
-  * Only the predefined connection set: a PDO or SDO moved to another COB-ID is
-    counted under what that COB-ID would have been, or as not-canopen.
-  * A guarding reply is a heartbeat here, toggle bit or not.
+    not-canopen, like extended frames, error frames and FD frames.
+  * It knows only the predefined connection set: a PDO or SDO on another COB-ID
+    counts as the predefined service of that COB-ID, or as not-canopen.
+  * A guarding response counts as a heartbeat, with or without toggle bit.
   * An EMCY frame of length 0 is still an emcy.
 """
 import collections

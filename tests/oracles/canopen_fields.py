@@ -1,21 +1,20 @@
 #!/usr/bin/env python3
-"""cobscope's CANopen events of captures against what tshark dissects of their frames, field by field.
+"""Compares cobscope's CANopen events of captures with tshark's decoding of their frames, field by field.
 
     canopen_fields.py PROGRAM CAPTURE…
 
-PROGRAM is cobscope. Both read the same frames: the capture as cobscope writes it to pcapng. Prints a line a
-service with how many fields were compared, a line a known difference with how often it came, and each other
-difference; ends with 1 if there is any.
+PROGRAM is cobscope. Both read the same frames: the capture as cobscope writes it to pcapng. Prints one line per
+service with its number of compared fields, one line per known difference with its count, and each other difference;
+exits with 1 if there is any.
 
-tshark looks at each frame alone and at the predefined connection set only (4.0.17). So what it cannot know is
-no difference but has a name here:
-  block          it reads the segments of a block as commands
-  moved          a PDO, EMCY or SDO on an identifier that was configured
-  remote         it does not take remote frames for CANopen
-  transfers      SDO frames that no transfer of ours has: answers to nothing, of which cobscope makes no event
-  malformed      frames of another length than their service has, which tshark reads as far as they go
-  short          SDO frames of fewer than eight bytes, of which it takes no data
-  reserved       the upper four bits of a time of day, which it takes for milliseconds (CiA 301 table 16)
+tshark decodes each frame separately and knows only the predefined connection set (4.0.17). These differences are known:
+  block          it decodes the segments of a block as commands
+  moved          a PDO, EMCY or SDO on a configured identifier
+  remote         it does not decode remote frames as CANopen
+  transfers      SDO frames outside our transfers: responses without a request, for which cobscope emits no event
+  malformed      frames with a wrong length for their service, which tshark decodes partly
+  short          SDO frames of fewer than eight bytes, without data in tshark
+  reserved       the upper four bits of a time of day, which it decodes as milliseconds (CiA 301 table 16)
 """
 import collections
 import json
@@ -40,7 +39,7 @@ PDOS = {"TPDO1": 0x180, "RPDO1": 0x200, "TPDO2": 0x280, "RPDO2": 0x300,
 
 
 class Comparison:
-    """What was compared, and what differs."""
+    """Counts of compared fields, and differences."""
 
     def __init__(self):
         self.compared = collections.Counter()
@@ -62,7 +61,7 @@ def plain(text):
 
 
 def frames_of(capture):
-    """What tshark says of each frame it takes for CANopen, by number."""
+    """Fields of each frame that tshark decodes as CANopen, by number."""
     command = ["tshark", "-Q", "-r", capture, "-d", "can.subdissector,canopen", "-T", "fields"]
     for field in FIELDS:
         command += ["-e", field]
@@ -102,7 +101,7 @@ def one_frame(event, row, out):
             out.known["reserved"] += 1
         out.same(event, "milliseconds", ours, theirs % (1 << 28))
     elif kind == "emcy":
-        # tshark reads the code least significant byte first, as CiA 301 has it; so does cobscope by default.
+        # tshark reads the code least significant byte first as in CiA 301, like cobscope by default.
         out.same(event, "code", number(event["code"]), number(row["canopen.em.err_code"]))
         out.same(event, "register", number(event.get("register")), number(row["canopen.em.err_reg"]))
         out.same(event, "vendor_data", event.get("vendor_data", ""), plain(row["canopen.em.err_field"]))
@@ -128,6 +127,10 @@ def transfer(event, rows, out):
     if event["mode"] == "block":
         out.known["block"] += len(own)
         return own
+    if event.get("retries"):
+        # tshark lists the data of each repeated request.
+        out.known["retry"] += len(own)
+        return own
     if not own or own[0]["canopen.sdo.ccs"] + own[0]["canopen.sdo.scs"] == "":
         out.known["moved"] += 1
         return own
@@ -148,13 +151,13 @@ def transfer(event, rows, out):
 
 
 def data_of(event, row):
-    """tshark tells how many bytes are no data, and shows them all the same."""
+    """Data without the unused bytes, which tshark counts but also shows."""
     most = 7 if event["mode"] == "segmented" else 4
     return plain(row["canopen.sdo.data.bytes"])[: 2 * (most - (number(row["canopen.sdo.n"]) or 0))]
 
 
 def carries(event, row):
-    """Whether a frame carries data of the transfer: segments, or the initiating frame of an expedited one."""
+    """Whether a frame has data of the transfer: segments, or the initiating frame of an expedited transfer."""
     is_upload = event["direction"] == "upload"
     command = number(row["canopen.sdo.scs" if is_upload else "canopen.sdo.ccs"])
     if event["mode"] == "expedited":

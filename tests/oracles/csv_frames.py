@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The frames of our CSV, read with Python's csv, in the columns of `frames.py --direction`, and the comment behind.
+"""Prints the frames of our CSV, read with Python's csv, in the columns of `frames.py --direction`, then the comment.
 
     csv_frames.py FILE.csv
 """

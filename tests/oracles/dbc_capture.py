@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""What cantools makes of the J1939 frames of a candump log by a DBC.
+"""Decodes the J1939 frames of a candump log by a DBC with cantools.
 
-    dbc_capture.py LOG DBC     prints a line of JSON for each different payload of a group the DBC has
+    dbc_capture.py LOG DBC     prints one line of JSON for each different payload of a group in the DBC
 
 {"frame": N, "pgn": PGN, "values": [[NAME, START, LENGTH, RAW, SCALED, LABEL], …]}; N counts lines from 1, and values
-are those of dbc_values.py. Frames shorter than the message are left out, and signals that reach beyond it.
+are those of dbc_values.py. Frames shorter than the message and signals that exceed it are omitted.
 """
 import json
 import re
@@ -15,7 +15,7 @@ import dbc_values
 
 
 def group(identifier):
-    """The PGN: without the destination where PF is below 240 (J1939-21 §5.2.3)."""
+    """The PGN, without the destination if PF is below 240 (J1939-21 §5.2.3)."""
     number = identifier >> 8 & 0x3FFFF
     return number if number >> 8 & 0xFF >= 240 else number & 0x3FF00
 

@@ -1,20 +1,20 @@
 #!/usr/bin/env python3
-"""What cantools makes of DBC files and of payloads.
+"""Reads DBC files and decodes payloads with cantools.
 
-    dbc_values.py FILE…     prints a line of JSON a file
+    dbc_values.py FILE…     prints one line of JSON per file
 
 {"file": NAME, "repairs": [TEXT…], "messages": […]}, a message with id (bit 31
 for 29 bits), name, length, signals and payloads. A signal has name, start,
 length, unit, spn, limits, choices, selects (it is marked as multiplexor) and
 mux (name of its multiplexor, the values). A payload has its bytes in hex, the values of all signals in their
-order as [raw, scaled, label], wherever they are selected, and the names of
-those that are (null where cantools refuses the payload). Numbers are text
-with their kind before it: i:-3, r:5.2.
+order as [raw, scaled, label], also of signals that are not selected, and the
+names of the selected ones (null if cantools rejects the payload). Numbers are
+text with a prefix for their kind: i:-3, r:5.2.
 
-Values are taken signal by signal, for cantools cannot decode signals that
-overlap. Signals that do not fit into their message are listed without values.
+Values are decoded signal by signal, because cantools cannot decode overlapping
+signals. Signals that do not fit into their message are listed without values.
 
-What cantools refuses as a whole is mended first, and told in "repairs".
+Files that cantools rejects are corrected first; "repairs" lists the changes.
 """
 import json
 import os
@@ -39,7 +39,7 @@ def read(path):
 
 
 def mend(text, error):
-    """The text without what cantools complains about, and what was done."""
+    """The text that cantools accepts, and the list of changes."""
     found = re.search(r"Standard frame id (0x[0-9a-f]+) is more than 11 bits", error)
     if found:
         number = int(found[1], 16)
@@ -81,7 +81,7 @@ def show(value):
 
 
 def alone(message, signal):
-    """The message with this signal only, always there."""
+    """The message with this signal only, without its multiplexor."""
     single = Signal(
         signal.name, signal.start, signal.length, signal.byte_order, signal.is_signed,
         conversion=signal.conversion,
@@ -114,7 +114,7 @@ def payloads(message, rng):
     by_name = {signal.name: signal for signal in message.signals}
     for _ in range(PAYLOADS - 3):
         payload = rng.randbytes(length)
-        # Outer multiplexors last: theirs decide whether the inner ones are looked at.
+        # Outer multiplexors last, because they decide whether the inner ones are used.
         if selected:
             wanted = rng.choice(selected)
             while wanted is not None and wanted.multiplexer_ids:
@@ -155,7 +155,7 @@ def describe(signal):
 def decoded(message, payload):
     try:
         return sorted(message.decode(payload, decode_choices=False, allow_truncated=False))
-    except Exception:  # whatever the library raises is its answer
+    except Exception:  # any exception of the library is its result
         return None
 
 

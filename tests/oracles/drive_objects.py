@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Data types of the profile for drives against the device files of makers.
+"""Compares the data types of the profile for drives with device files of manufacturers.
 
     drive_objects.py PROFILE FILE…
 
 PROFILE is decoder/profiles/generic/cia402.toml. Of each EDS or DCF of a drive (1000:00, lower half 402) that canopen-python
-reads, the entries from 6000 to 67FF that the profile has are compared. Prints a line a difference, and how many files and
-entries were compared.
+reads, the entries from 6000 to 67FF in the profile are compared. Prints one line per difference, and the numbers of compared
+files and entries.
 """
 import collections
 import logging
@@ -30,11 +30,11 @@ def own(path):
 
 
 def entries(path):
-    """Index, sub-index and type of each entry of a drive; nothing of what is none."""
+    """Index, sub-index and type of each entry of a drive; empty for other devices."""
     try:
         dictionary = canopen.import_od(path)
         kind = dictionary[0x1000].default
-    except Exception:  # What it cannot read is compared elsewhere.
+    except Exception:  # Another test covers files that it cannot read.
         return
     if kind is None or kind & 0xFFFF != 402:
         return

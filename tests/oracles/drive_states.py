@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""States of drives as cobscope tells them against canopen-lens, at each status word of a capture.
+"""Compares states of drives with canopen-lens, at each status word of a capture.
 
     drive_states.py PROGRAM CAPTURE [OPTION…]
 
-PROGRAM is cobscope, the options go to it. Prints how many states are equal, how many canopen-lens alone has (it takes an
-unknown PDO for one of the default mapping), and each difference; ends with 1 if there is any.
+PROGRAM is cobscope with these options. Prints the number of equal states, the number of states that only canopen-lens decodes
+(it assumes the default mapping for an unknown PDO), and each difference; exits with 1 if there is any.
 """
 import csv
 import json
@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 
-# Its words for states of CiA 402, where they are others.
+# Its names for states of CiA 402, if they differ.
 STATES = {"Not ready": "NOT READY TO SWITCH ON", "Ready": "READY TO SWITCH ON", "Enabled": "OPERATION ENABLED",
           "Quick stop": "QUICK STOP ACTIVE", "Fault reaction": "FAULT REACTION ACTIVE"}
 STATE = re.compile(r"(?:Axis (\d) )?state: ([A-Za-z ]+?) \(SW")
@@ -56,7 +56,7 @@ def main():
         else:
             different += 1
             print(f"frame {frame}, node {node}, axis {axis}: {told[-1]}, canopen-lens {state}")
-    print(f"{equal} equal, {alone} not told, {different} different")
+    print(f"{equal} equal, {alone} not decoded, {different} different")
     return 1 if different else 0
 
 

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""What canopen-python reads from EDS and DCF files.
+"""Reads EDS and DCF files with canopen-python.
 
-    eds_values.py NODE_ID FILE…     prints a line of JSON a file
+    eds_values.py NODE_ID FILE…     prints one line of JSON per file
 
 {"file": NAME, "error": TEXT} or {"file": NAME, "entries": {"1018:01": {…}}},
-an entry with object, name (null for variables), type (CiA 301's number),
-access, mappable, default, low, high and value. Values are null or text with
-the kind of value before it: i:-3, r:5.2, t:words, b:c83dbb.
+an entry with object, name (null for variables), type (number in CiA 301),
+access, mappable, default, low, high and value. Values are null or text with a
+prefix for their kind: i:-3, r:5.2, t:words, b:c83dbb.
 
-Left out are the indices below 0020, which canopen-python makes of
-[DummyUsage]. A file that is not UTF-8 is read as Windows-1252: the library
-leaves that to the caller.
+Indexes below 0020, which canopen-python creates from [DummyUsage], are
+omitted. A file with other text than UTF-8 is read as Windows-1252, because the
+library leaves the encoding to the caller.
 """
 import io
 import json
@@ -55,7 +55,7 @@ def entries(path, node_id):
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("cp1252", errors="replace")
-    # Universal newlines, as open() does it.
+    # Universal newlines, like open().
     dictionary = import_eds(io.StringIO(text, newline=None), node_id)
     found = {}
     for index, thing in dictionary.indices.items():
@@ -75,7 +75,7 @@ def main():
         result = {"file": os.path.basename(path)}
         try:
             result["entries"] = entries(path, int(sys.argv[1]))
-        except Exception as error:  # whatever the library raises is its answer
+        except Exception as error:  # any exception of the library is its result
             result["error"] = f"{type(error).__name__}: {error}"
         print(json.dumps(result))
 

@@ -1,27 +1,27 @@
 #!/usr/bin/env python3
-"""The frames of a capture as python-can reads them, one line a frame.
+"""Prints the frames of a capture as read by python-can, one line per frame.
 
     frames.py [--direction] CAPTURE
 
-Reads what python-can's LogReader knows: candump log (.log), ASC, TRC, BLF, each
-also with .gz behind. Columns, separated by tabs:
+Reads the formats of python-can's LogReader: candump log (.log), ASC, TRC, BLF,
+each also with the suffix .gz. Columns, separated by tabs:
 
-    seconds   nine decimals, as python-can gives them (a double: of an epoch
-              time the digits behind the sixth are noise)
+    seconds   nine decimals, from the double of python-can (digits after the
+              sixth are noise in an epoch time)
     channel   or -
     id        hex, 3 digits standard, 8 digits extended
     flags     letters in this order, or -: X extended, R remote, E error,
               F FD, B bit rate switch, S error state indicator; with --direction
               T sent
-    length    bytes of payload; of a remote frame the length asked for
+    length    bytes of payload; for a remote frame the requested length
     data      hex, or -
 
-Known weaknesses of python-can 4.6.1 that show here:
-  * candump log: an error frame whose class has no bus-error bit (080) comes as
-    an extended data frame without the error flag; one that has it comes
-    without identifier and data.
+Known errors of python-can 4.6.1:
+  * candump log: an error frame without the bus-error bit (080) in its class is
+    read as an extended data frame without the error flag; with that bit, it is
+    read without identifier and data.
   * candump log: `_9` (raw DLC), dotted data and CAN XL lines are errors.
-  * ASC: a data frame of length 0 is left out.
+  * ASC: a data frame of length 0 is omitted.
   * the length of `R` without a number is 0.
 """
 import sys
@@ -56,7 +56,7 @@ def main():
                 print(line(msg, tells_direction))
     except BrokenPipeError:
         sys.stderr.close()
-    except Exception as error:      # python-can raises many kinds for a bad line
+    except Exception as error:      # python-can raises many kinds of exceptions for a bad line
         sys.exit(f"frames.py: {paths[0]}: {type(error).__name__}: {error}")
 
 

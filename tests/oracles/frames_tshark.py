@@ -1,19 +1,20 @@
 #!/usr/bin/env python3
-"""The frames of a capture as tshark reads them, in the columns of frames.py.
+"""Prints the frames of a capture as read by tshark, in the columns of frames.py.
 
     frames_tshark.py CAPTURE
 
-For what Wireshark reads: pcap and pcapng (also .gz), candump log, BLF.
-TSHARK names another program than `tshark`.
+Reads the formats of Wireshark: pcap and pcapng (also .gz), candump log, BLF.
+TSHARK selects another program than `tshark`.
 
-Seconds are exact here. Known weaknesses of tshark 4.0 that show here:
+Seconds are exact. Known errors of tshark 4.0:
   * candump log: the interface name is lost (-).
   * candump log: a fraction of fewer than six digits is read as microseconds
     ((1.2) is 1.000002).
-  * candump log: lines with ` R` or ` T` behind, with `_9` or of CAN XL end the
-    reading, or the file is refused; what was read before is printed, and the
-    exit status is not 0. So do a BOM, dotted data and a lower-case `r`.
-  * 4.0 does not know CAN XL.
+  * candump log: a line that ends with ` R` or ` T`, contains `_9` or is of CAN
+    XL ends the reading, or the file is rejected; earlier frames are printed, and
+    the exit status is not 0. The same applies to a BOM, dotted data and a
+    lower-case `r`.
+  * It does not support CAN XL.
 """
 import json
 import os
@@ -22,7 +23,7 @@ import sys
 
 
 def packets(stream):
-    """The objects of tshark's JSON array, one at a time."""
+    """Yields the objects of tshark's JSON array."""
     part = []
     for text in stream:
         if text == "  {\n":
@@ -36,7 +37,7 @@ def packets(stream):
 
 
 def first(value):
-    """tshark writes a field that occurs twice as a list."""
+    """The first value of a field; tshark writes a repeated field as a list."""
     return value[0] if isinstance(value, list) else value
 
 
@@ -45,7 +46,7 @@ def number(value):
 
 
 def find(tree, name):
-    """A field anywhere in a protocol's tree (flags are in a subtree)."""
+    """Finds a field anywhere in the tree of a protocol (flags are in a subtree)."""
     if isinstance(tree, dict):
         if name in tree:
             return tree[name]
@@ -68,12 +69,12 @@ def line(layers):
     flags = "".join(letter for letter, on in (
         ("X", extended and not error), ("R", remote), ("E", error), ("F", fd),
         ("B", is_on("canfd.flags.brs")), ("S", is_on("canfd.flags.esi"))) if on)
-    # struct can_frame: identifier 4 bytes, length, 3 more bytes, data. An error
-    # frame's identifier is its class bits, which tshark does not give as a number.
+    # struct can_frame: identifier 4 bytes, length, 3 more bytes, data. The identifier
+    # of an error frame contains its class bits, which tshark does not print as a number.
     length = number(find(tree, "can.len"))
     can_id = find(tree, "can.id")
     if can_id is None or error:
-        # Big-endian in LINKTYPE_CAN_SOCKETCAN, the host's order in a candump log.
+        # Big-endian in LINKTYPE_CAN_SOCKETCAN, byte order of the host in a candump log.
         order = "little" if "exported_pdu" in layers else "big"
         can_id = int.from_bytes(raw[:4], order) & 0x1FFFFFFF
     else:

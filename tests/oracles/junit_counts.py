@@ -1,4 +1,4 @@
-"""Reads JUnit XML and counts its cases again."""
+"""Compares the counts in JUnit XML with its test cases."""
 
 import sys
 import xml.etree.ElementTree as ET

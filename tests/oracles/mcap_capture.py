@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Frames of an MCAP file as Foxglove's own reader and a decoder of ROS 2 messages find them.
+"""Prints the frames of an MCAP file with Foxglove's own reader and a decoder of ROS 2 messages.
 
     mcap_capture.py FILE.mcap
 
-Columns, separated by tabs: seconds (nine decimals, when it was logged; the stamp in the message is the same), bus
+Columns, separated by tabs: seconds (nine decimals, the log time, which equals the timestamp in the message), bus
 (the message's frame_id), topic, id (hex), flags (X extended, R remote, E error, F FD, or -), length, data (hex, or -).
-The index is checked: every message is in the statistics, and every chunk in the index.
+The script also checks the index: every message is in the statistics, and every chunk in the index.
 """
 import sys
 
@@ -63,7 +63,7 @@ def main():
     check_index(sys.argv[1])
     with open(sys.argv[1], "rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        # In the order of the file: equal times keep it.
+        # In the order of the file, which also applies to equal times.
         for schema, channel, message, frame in reader.iter_decoded_messages(log_time_order=False):
             print(line(schema, channel, message, frame))
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Holds what `decode -f mcap` writes against what `decode -f jsonl` prints of the same capture.
+"""Compares the output of `decode -f mcap` with that of `decode -f jsonl` for the same capture.
 
     mcap_read.py FILE.mcap FILE.jsonl
 
-  * every message of JSON fits the schema its channel carries, and those of /log what foxglove.Log asks for
-  * every PDO, message or transfer with signals in JSON Lines has its message, in order, with the same values one for one
-  * /events, /findings and objects hold the other events, in order, word for word
-  * the metadata say the version, which device each node is, and what document its profile is made of
-Prints how many there were of each.
+  * every JSON message conforms to the schema of its channel, and those of /log to foxglove.Log
+  * every PDO, message or transfer with signals in JSON Lines has a message in the same order, with the same values
+  * /events, /findings and objects contain the other events in the same order, with the same text
+  * the metadata contain the version, the device of each node, and the source document of its profile
+Prints the count of each.
 """
 import json
 import sys
@@ -34,7 +34,7 @@ FOXGLOVE_LOG = {
 
 
 def nanoseconds(line):
-    """The time of a line as an integer: a double has no room for nanoseconds since 1970."""
+    """The time of a line as an integer, because a double cannot store nanoseconds since 1970."""
     seconds, fraction = line.split('"t":', 1)[1].split(",", 1)[0].split(".")
     return int(seconds) * 10**9 + int(fraction)
 
@@ -88,7 +88,7 @@ def main():
             records.append((message.log_time, text))
             counts["records"] += 1
         else:
-            # A topic's schema names all there is in its messages.
+            # The schema of a topic lists all members of its messages.
             assert set(content) <= set(json.loads(schema.data)["properties"]), (topic, content)
             values.append((topic, message.log_time, content))
             counts["values"] += 1
@@ -104,7 +104,7 @@ def main():
             if event["kind"] == "pdo":
                 assert event["pdo"].lower() in topic and f"/{event['node']}/" in topic, (topic, line)
             plain = [value for key, value in content.items() if not key.endswith("_label")]
-            # What has no value has no member.
+            # A signal without a value has no member.
             expected = [signal["value"] for signal in event["signals"] if signal["value"] is not None]
             assert plain == expected, (content, line)
             labels = [value for key, value in content.items() if key.endswith("_label")]

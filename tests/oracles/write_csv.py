@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes a capture as python-can's CSV.
+"""Writes a capture as CSV of python-can.
 
     write_csv.py CAPTURE OUTPUT.csv
 
-Reads what python-can's LogReader knows. The CSV has no bus, no direction and no mark of FD frames.
+Reads the formats of python-can's LogReader. The CSV contains no bus, no direction and no mark of FD frames.
 """
 import sys
 

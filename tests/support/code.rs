@@ -1,4 +1,4 @@
-//! Source texts, separated into code, comments and literals.
+//! Source texts, divided into code, comments and literals.
 
 #![allow(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
@@ -12,14 +12,14 @@ pub enum Part<'a> {
     Character,
 }
 
-/// The text in its parts, each with its offset.
+/// Parts of a text, each with its offset.
 pub fn parts(text: &str) -> Vec<(usize, Part<'_>)> {
     let (mut parts, mut at) = (Vec::new(), 0);
     while let Some(c) = text[at..].chars().next() {
         let rest = &text[at..];
         let length = literal(rest);
         if length == 0 {
-            // An `r` or a `b` within a word begins no string.
+            // An `r` or a `b` inside a word does not start a string.
             let is_word = |c: char| c.is_alphanumeric() || c == '_';
             let word = rest.find(|c| !is_word(c)).unwrap_or(rest.len());
             let length = word.max(c.len_utf8());
@@ -49,7 +49,7 @@ pub fn blanked(text: &str) -> String {
     parts(text).into_iter().filter_map(code).collect()
 }
 
-/// Bytes of the comment, string or character that starts here; 0 if none does.
+/// Length in bytes of a comment, string or character at the start; 0 if there is none.
 fn literal(text: &str) -> usize {
     let until =
         |end: &str, from: usize| text[from..].find(end).map_or(text.len(), |at| from + at + end.len());
@@ -77,7 +77,7 @@ fn literal(text: &str) -> usize {
             }
             text.len()
         }
-        // A lifetime is no character: behind one letter stands no quote.
+        // A lifetime is not a character: no quote follows its first letter.
         Some((_, '\'')) => match (inside.next(), inside.next()) {
             (Some((_, '\\')), Some(_)) => prefix + bare[3..].find('\'').map_or(0, |at| at + 4),
             (Some(_), Some((at, '\''))) => prefix + at + 1,

@@ -1,7 +1,7 @@
-//! Modules of a crate and what they import, read from its sources: for tests of layers and cycles.
+//! Modules of a crate and their imports, read from the source code, for tests of layers and cycles.
 //!
-//! A path leads from the file it is written in to the file that defines what it names: re-exports are followed, so
-//! `super::Notice` is an import from the file `Notice` is defined in. What only tests import is not read.
+//! An import leads to the file that defines the imported name: re-exports are followed, so `super::Notice` is
+//! an import from the file that defines `Notice`. Imports of tests are ignored.
 
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
@@ -13,39 +13,39 @@ use std::path::{Path, PathBuf};
 use super::code::blanked;
 use super::workspace;
 
-/// Aliases followed before a path is given up.
+/// Max number of aliases that are followed for one path.
 const LONGEST_CHAIN: usize = 16;
 
-/// Names from the root of the crate on; the root itself is empty.
+/// Names from the root of the crate; the root itself is empty.
 type ModulePath = Vec<String>;
 
-/// A name that a `use` brings into a module.
+/// A name that a `use` declares in a module.
 struct Import {
     is_exported: bool,
     name: String,
     path: Vec<String>,
 }
 
-/// A file without comments, texts, tests and imports.
+/// A file without comments, strings, tests and imports.
 struct Module {
     body: String,
     imports: Vec<Import>,
-    /// Modules whose names are all brought in.
+    /// Modules imported with `*`.
     globs: Vec<Vec<String>>,
 }
 
-/// A crate.
+/// All modules of a crate.
 pub struct Modules(BTreeMap<ModulePath, Module>);
 
-/// A circle within a folder.
+/// A cycle of imports within a folder.
 pub struct Cycle {
-    /// The folder, from the root of the crate on.
+    /// The folder, from the root of the crate.
     pub folder: String,
-    /// Its files and folders one after the other, with a path that each uses of the next.
+    /// Files and folders of the cycle in order, each with a path to the next one.
     pub chain: String,
 }
 
-/// What a node of a folder uses of another, with one path that shows it.
+/// Imports between the nodes of a folder, each with one path as an example.
 type Graph = BTreeMap<String, BTreeMap<String, String>>;
 
 impl Modules {
@@ -58,7 +58,7 @@ impl Modules {
         Self::of(files.iter().map(|path| (name(path), fs::read_to_string(path).unwrap())))
     }
 
-    /// The modules of files, given with their paths below the root.
+    /// The modules of files with these paths below the root.
     pub fn of(files: impl Iterator<Item = (String, String)>) -> Self {
         let mut modules = BTreeMap::new();
         let mut tests: Vec<ModulePath> = Vec::new();
@@ -78,7 +78,7 @@ impl Modules {
         Self(modules)
     }
 
-    /// The module whose file defines what a path in `module` names; none if it is not of this crate.
+    /// The module whose file defines the name at the end of a path in `module`; `None` for other crates.
     fn defining(&self, module: &[String], path: &[String], chain: usize) -> Option<ModulePath> {
         if chain > LONGEST_CHAIN {
             return None;
@@ -117,7 +117,7 @@ impl Modules {
         Some(module.to_vec())
     }
 
-    /// Who imports from whom, with the paths that are written there.
+    /// All imports: importing module, defining module, and the path in the source.
     fn imports(&self) -> Vec<(&ModulePath, ModulePath, String)> {
         let mut all = Vec::new();
         for (from, module) in &self.0 {
@@ -130,8 +130,8 @@ impl Modules {
         all
     }
 
-    /// Imports that a table of layers does not allow. It lists each module at the root with those it may import, which
-    /// come before it; the root itself may import all.
+    /// Imports that a table of layers does not permit. The table lists each module at the root with its
+    /// permitted imports, which precede it; the root itself may import all.
     pub fn violations(&self, layers: &[(&str, &[&str])]) -> String {
         let allowed: BTreeMap<_, _> = layers.iter().copied().collect();
         let mut report = String::new();
@@ -166,9 +166,9 @@ impl Modules {
         files.into_iter().collect()
     }
 
-    /// For each folder with circles of imports the shortest of them. The nodes of a folder are its files and its
-    /// subfolders, each of which stands for all in it. A `mod.rs` is a file like the others: it defines what they share or
-    /// puts them to use, and never both. Its `mod` lines and its re-exports only list the folder.
+    /// The shortest cycle of each folder that has one. The nodes of a folder are its files and its subfolders
+    /// with all their contents. A `mod.rs` is a file like the others: it contains either shared definitions
+    /// or code that uses the other files, never both. Its `mod` lines and re-exports only list the folder.
     pub fn cycles(&self) -> Vec<Cycle> {
         let mut graphs: BTreeMap<&[String], Graph> = BTreeMap::new();
         for (from, to, path) in self.imports() {
@@ -214,7 +214,7 @@ impl Module {
         Self { body, imports, globs }
     }
 
-    /// Whether something of this name is defined here, or brought in.
+    /// Whether a name is defined or imported here.
     fn declares(&self, name: &str) -> bool {
         let words: Vec<_> = words(&self.body).collect();
         let kinds = ["fn", "struct", "enum", "trait", "type", "const", "static", "macro_rules"];
@@ -222,7 +222,7 @@ impl Module {
             || self.imports.iter().any(|import| import.name == name)
     }
 
-    /// All paths that are an edge: imports, apart from those that are only handed on, and paths in the text.
+    /// All paths of imports, except those that are only re-exported, and paths in the code.
     fn paths(&self) -> Vec<Vec<String>> {
         let used: BTreeSet<_> = words(&self.body).collect();
         let imports =
@@ -234,7 +234,7 @@ impl Module {
     }
 }
 
-/// A module as it is named in reports.
+/// Name of a module in reports.
 fn shown(module: &[String]) -> String {
     if module.is_empty() { "the root".to_owned() } else { module.join("/") }
 }
@@ -260,12 +260,12 @@ fn is_visibility(text: &str) -> bool {
     text == "pub" || (text.starts_with("pub(") && text.ends_with(')'))
 }
 
-/// Identifiers and keywords.
+/// Identifiers and keywords of a text.
 fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty())
 }
 
-/// The paths of a tree of imports, and the names they bring in.
+/// The paths of a tree of imports, and the names that they declare.
 fn leaves(tree: &str) -> Vec<(Vec<String>, String)> {
     let tree = tree.trim();
     if let Some((head, inner)) = tree.strip_suffix('}').and_then(|tree| tree.split_once('{')) {
@@ -291,7 +291,7 @@ fn leaves(tree: &str) -> Vec<(Vec<String>, String)> {
     vec![(path, name)]
 }
 
-/// What stands between commas that are in no braces.
+/// Parts between commas outside braces.
 fn parts(text: &str) -> Vec<&str> {
     let mut depth = 0;
     let parts = text.split(|c| {
@@ -305,13 +305,13 @@ fn parts(text: &str) -> Vec<&str> {
     parts.map(str::trim).filter(|part| !part.is_empty()).collect()
 }
 
-/// Paths of at least two names.
+/// Paths of at least two names in a text.
 fn in_text(text: &str) -> Vec<Vec<String>> {
     let mut paths = Vec::new();
     let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '$';
     let mut rest = text;
     while let Some(start) = rest.find(is_word) {
-        // `pub(in crate::rules)` says who may see, and uses nothing.
+        // `pub(in crate::rules)` is a visibility, not an import.
         rest = &rest[start..];
         let is_visibility = text[..text.len() - rest.len()].ends_with("(in ");
         let mut path = Vec::new();
@@ -331,7 +331,7 @@ fn in_text(text: &str) -> Vec<Vec<String>> {
     paths
 }
 
-/// The text without what is for tests only, and the names of modules that are.
+/// The text without code for tests, and the names of modules for tests.
 fn without_tests(text: &str) -> (String, Vec<String>) {
     const MARKS: [&str; 2] = ["#[cfg(test)]", "#[cfg(all(test"];
     let (mut kept, mut modules, mut rest) = (String::new(), Vec::new(), text);
@@ -352,7 +352,7 @@ fn without_tests(text: &str) -> (String, Vec<String>) {
     (kept, modules)
 }
 
-/// Where an item ends: behind its semicolon or its braces.
+/// End of an item: after its semicolon or its braces.
 fn end_of_item(item: &str) -> usize {
     let mut depth = 0_i32;
     let is_import = words(item).find(|word| *word != "pub") == Some("use");
@@ -369,7 +369,7 @@ fn end_of_item(item: &str) -> usize {
     item.len()
 }
 
-/// The nodes of the shortest cycle, the first one at the end again.
+/// The nodes of the shortest cycle, with the first one repeated at the end.
 fn shortest_cycle(graph: &Graph) -> Option<Vec<String>> {
     graph.keys().filter_map(|start| way_back(graph, start)).min_by_key(Vec::len)
 }

@@ -1,4 +1,4 @@
-//! Baselines of `check` that know more captures than are judged, and what is set aside in every format.
+//! Baselines of `check` with more captures than are judged, and suppressed findings in every format.
 
 use std::fs;
 use std::path::Path;
@@ -39,7 +39,7 @@ fn baseline(folder: &Path) -> String {
 fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
     let folder = known();
     let path = folder.path().join("captures/b.log");
-    let said = "not judged in this run: the baseline has it judged";
+    let said = "in the baseline, but not checked in this run";
     let write =
         |text: Option<&str>| text.map_or_else(|| fs::remove_file(&path), |text| fs::write(&path, text));
     for content in [None, Some(""), Some("no capture")] {
@@ -54,7 +54,7 @@ fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
         assert!(text.stdout.ends_with("; 1 capture of the baseline absent\n"), "{}", text.stdout);
         let skipped = match content {
             None => "",
-            Some("") => "cobscope: captures/b.log: is empty, and was passed over\n",
+            Some("") => "cobscope: captures/b.log: empty; skipped\n",
             Some(_) => "cobscope: captures/b.log: not a capture in a known format",
         };
         assert!(text.stderr.starts_with(skipped) && text.stderr.is_empty() == skipped.is_empty());
@@ -80,16 +80,16 @@ fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
 fn an_update_keeps_what_it_did_not_judge_and_says_what_is_gone() {
     let folder = known();
     let both = baseline(folder.path());
-    // One capture alone is held against the baseline of all.
+    // A single capture is compared with the baseline of all captures.
     let alone = check(folder.path(), &[&BASELINE[..], &["captures/a.log"]].concat());
     assert_eq!(alone.code, 0, "{}", alone.stdout);
     let kept = updated(folder.path(), &["captures/a.log"]);
-    let said = "cobscope: known.json: keeps what it has of 1 capture that were not judged\n";
+    let said = "cobscope: known.json: kept the entries of 1 capture not checked in this run\n";
     assert_eq!((kept.code, kept.stderr.as_str()), (0, said));
     assert_eq!(baseline(folder.path()), both);
     fs::remove_file(folder.path().join("captures/b.log")).unwrap();
     let dropped = updated(folder.path(), &["captures"]);
-    let said = "cobscope: known.json: drops captures/b.log, which is not there any more\n";
+    let said = "cobscope: known.json: dropped the entries of captures/b.log; the file does not exist\n";
     assert_eq!((dropped.code, dropped.stderr.as_str()), (0, said));
     assert!(!baseline(folder.path()).contains("b.log"));
 }
@@ -105,17 +105,13 @@ fn a_baseline_is_left_as_it_is_where_a_capture_cannot_be_read() {
     }
     let output = updated(folder.path(), &["captures/a.log", "no.log"]);
     assert_eq!(output.code, 3);
-    assert!(
-        output.stderr.contains("known.json: is left as it is: a capture could not be read"),
-        "{}",
-        output.stderr
-    );
+    assert!(output.stderr.contains("known.json: not updated; a capture is unreadable"), "{}", output.stderr);
 }
 
 #[test]
 fn only_a_baseline_is_replaced_by_one() {
     let folder = known();
-    let expected = "is not written over: expected a baseline that --update-baseline wrote, or no file";
+    let expected = "not overwritten; expected a baseline written by --update-baseline, or no file";
     for other in ["my notes", "{\"version\": 1}", "\u{ff}"] {
         fs::write(folder.path().join("known.json"), other).unwrap();
         let output = updated(folder.path(), &["captures"]);
@@ -143,9 +139,9 @@ fn suppressions_and_what_is_gone_are_said_in_formats_for_programs() {
     let words = ["--bus", "bus.toml", "--today", "2026-02-01", "captures/a.log", "captures/b.log", "-f"];
     let of = |format: &str| check(folder.path(), &[&BASELINE[..], &words, &[format]].concat()).stdout;
     let met = "suppressed 4 findings by node-lost: known gateway";
-    let vain = "suppression of sdo-no-response met nothing: old master";
-    let ended = "suppression of emcy-raised ran out on 2026-01-31: until repaired";
-    let gone = "error node-lost|can0|9: silent since {10}";
+    let vain = "suppression of sdo-no-response matched no finding: old master";
+    let ended = "suppression of emcy-raised expired on 2026-01-31: until repaired";
+    let gone = "error node-lost|can0|9: no heartbeat after {10}";
 
     let github = of("github");
     for said in [met, vain, ended] {
@@ -157,7 +153,7 @@ fn suppressions_and_what_is_gone_are_said_in_formats_for_programs() {
     for said in [met, vain, ended] {
         assert!(junit.contains(&format!("<system-out>{said}</system-out>")), "{junit}");
     }
-    assert!(junit.contains("suppressed: can0 5/05  silent since {10}"), "{junit}");
+    assert!(junit.contains("suppressed: can0 5/05  no heartbeat after {10}"), "{junit}");
     assert!(junit.contains("<skipped message=\"suppressed: "), "{junit}");
     assert!(junit.contains(": known gateway\"/>") && junit.contains(&format!("gone: {gone}")), "{junit}");
 

@@ -1,4 +1,4 @@
-//! `--bus FILE`.
+//! The option `--bus FILE`.
 
 use std::fs;
 use std::path::PathBuf;
@@ -65,14 +65,14 @@ fn a_mistake_gives_4_and_its_place() {
     assert_eq!((missing.code, missing.stderr.contains("no/such.toml: cannot be read")), (4, true));
 }
 
-/// The examples of the document, by their place in it.
+/// An example of docs/bus-file.md, by its position.
 fn example(place: usize) -> String {
     let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
     let block = document.split("```toml\n").nth(place).unwrap();
     block.split("```").next().unwrap().to_owned()
 }
 
-/// A line the document shows.
+/// Asserts that docs/bus-file.md contains a line.
 fn is_shown(line: &str) {
     let document = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
     assert!(document.contains(line), "{line}");
@@ -96,7 +96,7 @@ fn a_device_of_the_bus_file() {
     let unknown = file("no_device.toml", "[node.2]\ndevice = \"sydfec\"\n");
     let output = run(&["decode", "--bus", unknown.to_str().unwrap()], input);
     assert_eq!(output.code, 4);
-    assert!(output.stderr.contains("no_device.toml:2:10: there is no profile 'sydfec'"), "{}", output.stderr);
+    assert!(output.stderr.contains("no_device.toml:2:10: unknown profile 'sydfec'"), "{}", output.stderr);
 }
 
 #[test]
@@ -129,13 +129,13 @@ fn a_bus_the_capture_does_not_have_is_said() {
     let output = run(&["decode", "--bus", path.to_str().unwrap()], "(1700000000.0) can0 705#00\n");
     assert_eq!(output.code, 0);
     assert!(
-        output.stderr.contains("has no bus can7") && output.stderr.contains("it has can0"),
+        output.stderr.contains("unknown bus can7") && output.stderr.contains("buses present: can0"),
         "{}",
         output.stderr
     );
 }
 
-/// The blocks of the section «Expectations»: a bus file, a command, what it says.
+/// Compares the blocks of the section "Expectations": a bus file, and the output of `check`.
 #[test]
 fn the_expectations_of_the_manual_are_judged_as_it_says() {
     let manual = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
@@ -158,14 +158,14 @@ fn an_expectation_that_is_none_gives_4_and_the_place_in_it() {
     let output = run(&["check", "--bus", name, "fixtures/canopen/emcy.log"], "");
     assert_eq!((output.code, output.stdout.as_str()), (4, ""));
     let expected = format!(
-        "cobscope: {name}:4:24: there is no field 'nod'; did you mean node?\n  \
+        "cobscope: {name}:4:24: unknown field 'nod'; did you mean node?\n  \
          4 | when = 'kind == pdo && nod == 5'\n    |                        ^^^\n"
     );
     assert_eq!(output.stderr, expected);
 }
 
-/// What a command says of a bus file.
-fn said(command: &str, name: &str, bus: &str) -> (i32, String, String) {
+/// Exit code, stdout and stderr of a command with a bus file.
+fn texts(command: &str, name: &str, bus: &str) -> (i32, String, String) {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("bus_file_{name}.toml"));
     fs::write(&path, bus).unwrap();
     let path = path.to_str().unwrap();
@@ -176,8 +176,8 @@ fn said(command: &str, name: &str, bus: &str) -> (i32, String, String) {
 #[test]
 fn a_profile_that_is_not_there_is_shown_with_its_place() {
     let (code, _, stderr) =
-        said("decode", "misnamed", "[node.2]\nname = \"pump\"\ndevice = \"rexroth-sydfek\"\n");
-    let expected = "cobscope: bus.toml:3:10: there is no profile 'rexroth-sydfek'; did you mean 'rexroth-sydfec'?\n  \
+        texts("decode", "misnamed", "[node.2]\nname = \"pump\"\ndevice = \"rexroth-sydfek\"\n");
+    let expected = "cobscope: bus.toml:3:10: unknown profile 'rexroth-sydfek'; did you mean 'rexroth-sydfec'?\n  \
                     3 | device = \"rexroth-sydfek\"\n    |          ^^^^^^^^^^^^^^^^\n";
     assert_eq!((code, stderr.as_str()), (4, expected));
 }
@@ -193,7 +193,7 @@ fn types_are_said_in_plain_words() {
             "5:11: found \"x\", expected a number\n",
         ),
     ] {
-        let (code, _, stderr) = said("check", "types", bus);
+        let (code, _, stderr) = texts("check", "types", bus);
         let expected = expected.replace("found a whole number, ", "found 5, ");
         assert!(code == 4 && stderr.contains(&expected), "{bus}: {stderr}");
         assert!(
@@ -210,12 +210,12 @@ fn an_expectation_of_what_is_not_there_says_what_is_like_it() {
                [[expect]]\nid = 'b'\nkind = 'never'\nwhen = 'node_name == \"pumps\"'\nreason = 'r'\n\
                [[expect]]\nid = 'c'\nkind = 'never'\nwhen = 'kind == emcy'\nbus = 'can9'\nreason = 'r'\n\
                [[expect]]\nid = 'd'\nkind = 'never'\nwhen = 'signals.name == \"Presure actual value\"'\nreason = 'r'\n";
-    let (_, stdout, stderr) = said("check", "alike", bus);
+    let (_, stdout, stderr) = texts("check", "alike", bus);
     for line in [
-        "a is not exercised: the signal 'Pressure actual valeu' was never seen; did you mean 'Pressure actual value'?",
-        "b is not exercised: no node has the name 'pumps'; did you mean 'pump'?",
-        "c is not exercised: there is no bus 'can9'",
-        "d is not exercised: the signal 'Presure actual value' was never seen; did you mean 'Pressure actual value'?",
+        "a is not exercised: signal 'Pressure actual valeu' did not occur; did you mean 'Pressure actual value'?",
+        "b is not exercised: unknown node name 'pumps'; did you mean 'pump'?",
+        "c is not exercised: no bus 'can9' in the capture",
+        "d is not exercised: signal 'Presure actual value' did not occur; did you mean 'Pressure actual value'?",
     ] {
         assert!(stdout.contains(&format!("quality  {line}\n")), "{line}: {stdout}{stderr}");
     }
@@ -225,11 +225,11 @@ fn an_expectation_of_what_is_not_there_says_what_is_like_it() {
 fn a_tolerance_that_switches_its_check_off_is_refused() {
     let of = |tolerance: &str| {
         let when = "[[expect]]\nid = 'a'\nkind = 'every'\nwhen = 'kind == sync'\nseconds = 1\nreason = 'r'\n";
-        said("check", "tolerance", &format!("{when}tolerance = {tolerance}\n"))
+        texts("check", "tolerance", &format!("{when}tolerance = {tolerance}\n"))
     };
     for tolerance in ["1", "1.5", "\"100 %\"", "\"250 %\""] {
         let (code, _, stderr) = of(tolerance);
-        let wrong = "bus.toml:7:13: a tolerance as long as the period switches the check off";
+        let wrong = "bus.toml:7:13: the tolerance is not shorter than the period";
         assert!(code == 4 && stderr.contains(wrong), "{tolerance}: {stderr}");
     }
     for tolerance in ["0.99", "\"99 %\"", "0.0"] {

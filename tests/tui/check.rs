@@ -1,4 +1,4 @@
-//! `cobscope check` and everything around findings. Which findings are right is said in `fixtures/rules/`.
+//! `cobscope check` and its options. `fixtures/rules/` has the expected findings.
 
 use std::fs;
 use std::path::PathBuf;
@@ -40,17 +40,22 @@ fn lines(arguments: &[&str]) -> Vec<Value> {
 
 #[test]
 fn the_page() {
-    // The marks of the fixture: late at frame 9, silent from 10 on. The table counts rules in use; those with
-    // nothing to judge depend on how many there are.
+    // The marks of the fixture: late at frame 9, silent from 10 on. The table counts enabled rules, so the
+    // number of rules that are not exercised changes with new rules.
     let output = check(&[LOST]);
     let lines: Vec<&str> = output.stdout.lines().collect();
     assert_eq!(lines[0], "== fixtures/rules/node-lost.log (14 frames, 2.000 s)");
     assert_eq!(
         lines[1],
-        "error    can0 5/05  silent since {10} (heartbeat), was pre-operational [node-lost]"
+        "error    can0 5/05  no heartbeat after {10} (last state pre-operational) for 1.1 s; \
+         check supply, cable and load of the node [node-lost]"
     );
     assert_eq!(lines[2], "         at 0.970 s {10}");
-    assert_eq!(lines[3], "warning  can0 5/05  heartbeat after 170 ms; 1017:00 says 100 ms [node-lost]");
+    assert_eq!(
+        lines[3],
+        "warning  can0 5/05  heartbeat interval 170 ms > 150 ms (1.5 × 1017:00); \
+         check supply, cable and load of the node [node-lost]"
+    );
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
     assert!(readme.contains(&lines[..5].join("\n")));
     assert!(
@@ -68,13 +73,16 @@ fn the_page() {
 fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
     // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
     let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);
-    assert!(output.stdout.contains("no heartbeat since {216}, though it sent {253}, was operational"));
+    assert!(output.stdout.contains(
+        "no heartbeat after {216} (last frame {253}, last state operational, last EMCY 8100) for 2.3 s"
+    ));
 }
 
 #[cfg(feature = "gzip")]
 #[test]
 fn the_reason_of_a_cut_capture_is_said_once() {
-    // A gzip member (RFC 1952) whose one stored block (RFC 1951 §3.2.4) promises 64 bytes and has a line of 40.
+    // A gzip member (RFC 1952) with one stored block (RFC 1951 §3.2.4) of 64 bytes, truncated after a line of
+    // 40.
     let mut bytes = vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 3, 0, 64, 0, !64, 0xFF];
     bytes.extend(b"(1700000000.000000) can0 123#1122334455\n");
     let path = folder("cut").join("cut.log.gz");
@@ -85,7 +93,7 @@ fn the_reason_of_a_cut_capture_is_said_once() {
     assert!(output.stdout.contains(&format!("the file is cut off: {reason}\n")), "{}", output.stdout);
 }
 
-/// `fixtures/incidents/`: what is said of each capture is written beside it by hand.
+/// `fixtures/incidents/`: the expected output of each capture is next to it, written by hand.
 #[test]
 fn one_trouble_is_one_incident() {
     for name in ["error-frames", "lost-frames"] {
@@ -105,6 +113,20 @@ fn a_capture_there_is_nothing_to_say_of_is_a_row() {
     let output = check(&[CLEAN]);
     assert_eq!((output.code, output.stdout.lines().count()), (0, 3), "{}", output.stdout);
     assert!(output.stdout.starts_with("CAPTURE"), "{}", output.stdout);
+}
+
+/// The reader of TRC notes first that it assumes UTC; only node 7 starts more than 10 s after the first frame.
+#[test]
+fn a_note_of_the_reader_is_not_the_start_of_the_capture() {
+    let capture = folder("start").join("start.trc");
+    let head = ";$FILEVERSION=1.1\n;$STARTTIME=44964.5\n";
+    let frames = [(100.0, "0705"), (200.0, "0706"), (12_100.0, "0707")]
+        .map(|(time, id)| format!("     1) {time:>11.1}  Rx         {id}  1  00 \n"));
+    fs::write(&capture, format!("{head}{}", frames.concat())).unwrap();
+    let output = check(&[text(&capture)]);
+    let late: Vec<_> = output.stdout.lines().filter(|line| line.contains("[late-start]")).collect();
+    assert_eq!(late.len(), 1, "{}", output.stdout);
+    assert!(late[0].contains("7/07  late start: first frame 12 s after the start"), "{}", late[0]);
 }
 
 #[test]
@@ -138,26 +160,26 @@ fn rules_a_bus_file_names_wrongly_are_shown_with_their_place() {
     let wrong = [
         (
             "[rules.node-losst]\nseverity = \"note\"\n",
-            "bus.toml:1:8: there is no rule 'node-losst'; did you mean 'node-lost'?",
+            "bus.toml:1:8: unknown rule 'node-losst'; did you mean 'node-lost'?",
         ),
-        ("[rules.node-lost]\nlimit = 3\n", "bus.toml:2:1: node-lost has severity and"),
+        (
+            "[rules.node-lost]\nlimit = 3\n",
+            "bus.toml:2:1: unknown key 'limit' of node-lost; expected severity, ",
+        ),
         (
             "[rules.node-lost]\nseverity = \"bad\"\n",
-            "bus.toml:2:12: a severity is error, warning, note or off",
+            "bus.toml:2:12: unknown severity; expected \"error\", \"warning\", \"note\" or \"off\"",
         ),
-        (
-            "[[suppress]]\nrule = \"node-lots\"\nreason = \"x\"\n",
-            "bus.toml:2:8: there is no rule 'node-lots'",
-        ),
+        ("[[suppress]]\nrule = \"node-lots\"\nreason = \"x\"\n", "bus.toml:2:8: unknown rule 'node-lots'"),
         ("[[suppress]]\nrule = \"node-lost\"\n", "bus.toml:1:1: missing field `reason`"),
         (
             "[[suppress]]\nrule = \"node-lost\"\nreason = \"x\"\nuntil = \"May\"\n",
-            "bus.toml:4:9: a day is written 2026-01-31",
+            "bus.toml:4:9: invalid date; expected the form 2026-01-31",
         ),
     ];
     for (bus, said) in wrong {
         fs::write(&file, bus).unwrap();
-        // What judges while it decodes says so too.
+        // All commands that judge report it.
         for command in ["check", "decode"] {
             let output = run(&[command, "--bus", text(&file), LOST], "");
             assert_eq!(output.code, 4, "{bus}");
@@ -190,15 +212,17 @@ fn suppressions_are_said() {
     let said = "suppressed 2 findings by node-lost of node 5/05: known gateway\n";
     assert!(before.stdout.contains(said), "{}", before.stdout);
     assert!(before.stdout.contains("at 0.970 s {10}; known gateway\n"));
-    assert!(before.stdout.contains("note     suppression of sdo-no-response met nothing: old master\n"));
+    assert!(
+        before.stdout.contains("note     suppression of sdo-no-response matched no finding: old master\n")
+    );
     assert!(before.stdout.contains("0 notes, 2 suppressed\n"), "{}", before.stdout);
     let after = check(&[&["--today", "2026-07-01"], &arguments[..]].concat());
     assert_eq!(after.code, 1);
-    let said = "note     suppression of node-lost of node 5/05 ran out on 2026-06-30: known gateway\n";
+    let said = "note     suppression of node-lost of node 5/05 expired on 2026-06-30: known gateway\n";
     assert!(after.stdout.contains(said), "{}", after.stdout);
-    // What one of several captures shows is used.
+    // An expectation that one of several captures exercises is exercised.
     let several = check(&["--bus", text(&file), LOST, "fixtures/rules/sdo-no-response.log"]);
-    assert!(!several.stdout.contains("met nothing"), "{}", several.stdout);
+    assert!(!several.stdout.contains("matched no finding"), "{}", several.stdout);
 }
 
 #[test]
@@ -235,8 +259,8 @@ fn a_folder_stands_for_the_captures_below_it() {
     fs::remove_file(folder.join(".git/x.log")).unwrap();
     let empty = check(&[text(&folder.join(".git")), CLEAN]);
     assert_eq!(empty.code, 3);
-    assert!(empty.stderr.contains(".git: holds no capture"), "{}", empty.stderr);
-    // Named itself, a file has to be a capture.
+    assert!(empty.stderr.contains(".git: no captures"), "{}", empty.stderr);
+    // A file named in the command must be a capture.
     assert_eq!(check(&[text(&folder.join("notes.md"))]).code, 3);
 }
 
@@ -249,7 +273,7 @@ fn a_file_instead_of_standard_output() {
     assert_eq!(check(&["-o", "no/such/report.xml", LOST]).code, 2);
 }
 
-/// The capture of node 5 whose heartbeats stop, and more frames.
+/// The capture of node 5 with its missing heartbeats, followed by more frames.
 fn capture(folder: &std::path::Path, more: &str) -> String {
     let path = folder.join("machine.log");
     fs::write(&path, fs::read_to_string(workspace().join(LOST)).unwrap() + more).unwrap();
@@ -265,7 +289,7 @@ fn a_baseline_accepts_what_is_known() {
     let with = |more: &[&str], capture: &str| check(&[&baseline[..], more, &[capture]].concat());
     let missing = with(&[], &known);
     assert!(
-        missing.code == 4 && missing.stderr.contains("--update-baseline writes it"),
+        missing.code == 4 && missing.stderr.contains("--update-baseline creates it"),
         "{}",
         missing.stderr
     );
@@ -274,7 +298,7 @@ fn a_baseline_accepts_what_is_known() {
     let kept = fs::read_to_string(&file).unwrap();
     let finding = format!(
         "    {{\"capture\":{},\"fingerprint\":\"node-lost|can0|5\",\"severity\":\"error\",\"count\":1,\
-         \"text\":\"silent since {{10}} (heartbeat), was pre-operational\"}},\n",
+         \"text\":\"no heartbeat after {{10}} (last state pre-operational)\"}},\n",
         json!(known)
     );
     assert!(kept.contains(&finding), "{kept}");
@@ -283,7 +307,7 @@ fn a_baseline_accepts_what_is_known() {
     assert_eq!(same.code, 0);
     assert!(same.stdout.contains("0 errors, 0 warnings, 0 notes, 2 accepted"), "{}", same.stdout);
     assert!(!same.stdout.contains("[node-lost]"), "{}", same.stdout);
-    assert!(with(&["-v"], &known).stdout.contains("accepted   can0 5/05  silent since {10}"));
+    assert!(with(&["-v"], &known).stdout.contains("accepted   can0 5/05  no heartbeat after {10}"));
 
     // EMCY 8130 of a node that is operational is a new finding, and a warning.
     let more = "(1700000003.000000) can0 000#0105\n(1700000003.100000) can0 705#05\n\
@@ -291,7 +315,7 @@ fn a_baseline_accepts_what_is_known() {
     let worse = capture(&folder, more);
     let new = with(&["--fail-on", "warning"], &worse);
     assert!(new.code == 1 && new.stdout.contains("EMCY 8130"), "{}", new.stdout);
-    assert!(!new.stdout.contains("silent since {10}"), "{}", new.stdout);
+    assert!(!new.stdout.contains("no heartbeat after {10}"), "{}", new.stdout);
 }
 
 #[test]
@@ -306,7 +330,11 @@ fn a_worse_finding_a_gone_one_and_a_silent_rule_are_told() {
 
     baseline(&json!({"version": 1, "findings": [finding("node-lost|can0|5", "warning")], "verdicts": []}));
     let worse = check(&arguments);
-    assert!(worse.code == 1 && worse.stdout.contains("error    can0 5/05  silent"), "{}", worse.stdout);
+    assert!(
+        worse.code == 1 && worse.stdout.contains("error    can0 5/05  no heartbeat after {10}"),
+        "{}",
+        worse.stdout
+    );
 
     let findings = [finding("node-lost|can0|5", "error"), finding("node-lost|can0|9", "error")];
     baseline(&json!({"version": 1, "findings": findings, "verdicts": [verdict("node-lost")]}));
@@ -319,9 +347,9 @@ fn a_worse_finding_a_gone_one_and_a_silent_rule_are_told() {
     for arguments in [&arguments[..], &["--fail-on", "never", arguments[0], arguments[1], arguments[2]]] {
         let silent = check(arguments);
         assert_eq!(silent.code, 1, "{}", silent.stdout);
-        let said = "silent   emcy-raised is not exercised any more: the baseline has it exercised\n";
+        let said = "silent   emcy-raised is no longer exercised (exercised in the baseline)\n";
         assert!(silent.stdout.contains(said), "{}", silent.stdout);
-        // Nobody asked for the other capture.
+        // The other capture is not in the command.
         assert!(!silent.stdout.contains("absent"), "{}", silent.stdout);
     }
 
@@ -336,17 +364,17 @@ fn rules_that_have_to_be_exercised() {
     assert_eq!(met.code, 0, "{}", met.stdout);
     let missing = check(&["--require-exercised", "node-lost,emcy-raised", "--fail-on", "never", LOST]);
     assert_eq!(missing.code, 1);
-    let said = "missing  emcy-raised had to be exercised, and was in no capture\n";
+    let said = "missing  emcy-raised required, but not exercised in any capture\n";
     assert!(missing.stdout.contains(said), "{}", missing.stdout);
     let unknown = check(&["--require-exercised", "node-losst", LOST]);
     assert_eq!(unknown.code, 2);
-    let said = "--require-exercised: there is no rule 'node-losst'; did you mean 'node-lost'?";
+    let said = "--require-exercised: unknown rule 'node-losst'; did you mean 'node-lost'?";
     assert!(unknown.stderr.contains(said), "{}", unknown.stderr);
 }
 
 #[test]
 fn coverage_by_rule_and_by_case_of_the_test_plan() {
-    // Six heartbeats in time, one late, then none; one boot-up at the beginning; no EMCY.
+    // Six heartbeats in time, one late, then none; one boot-up at the start; no EMCY.
     let output = check(&["--coverage", LOST]).stdout;
     let row = |name: &str| {
         let row = output.lines().find(|line| line.starts_with(&format!("{name} "))).unwrap();
@@ -361,7 +389,7 @@ fn coverage_by_rule_and_by_case_of_the_test_plan() {
 fn findings_stand_among_events_where_they_come() {
     let output = run(&["decode", LOST], "").stdout;
     let lines: Vec<&str> = output.lines().collect();
-    let found = lines.iter().position(|line| line.contains("silent since {10}")).unwrap();
+    let found = lines.iter().position(|line| line.contains("no heartbeat after {10}")).unwrap();
     assert!(lines[found].contains("5/05") && lines[found].ends_with("[node-lost] {10}"), "{}", lines[found]);
     assert!(lines[found - 1].contains("LOST"), "{output}");
     assert!(!run(&["decode", "--no-findings", LOST], "").stdout.contains("[node-lost]"));
@@ -400,9 +428,9 @@ fn the_rules_are_listed_and_explained() {
         device.contains("\nSource\n") && device.contains("[rules.\"danfoss-pve-ci:avc-gap\"]"),
         "{device}"
     );
-    // The snippet is what holds without it.
+    // The snippet contains the defaults.
     let bus = folder("snippet").join("bus.toml");
-    let snippet = page.stdout.split("\nBus file, with what holds without it\n").nth(1).unwrap();
+    let snippet = page.stdout.split("\nBus file, with the defaults\n").nth(1).unwrap();
     fs::write(&bus, snippet).unwrap();
     assert_eq!(check(&["--bus", text(&bus), LOST]).stdout, check(&[LOST]).stdout);
 }
@@ -457,16 +485,16 @@ fn the_examples_of_the_bus_file_s_document() {
         section.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
     };
     let bus = folder("examples").join("bus.toml");
-    fs::write(&bus, example("How strict the rules are")).unwrap();
+    fs::write(&bus, example("Severities and tolerances of rules")).unwrap();
     let lenient = check(&["--bus", text(&bus), LOST]);
     assert!(lenient.code == 0 && lenient.stdout.contains("warning  can0 5/05"), "{}", lenient.stdout);
-    // The heartbeat after 170 ms of 100 is none that is late.
+    // With the new tolerance, the heartbeat after 170 ms (period 100 ms) is not late.
     assert!(lenient.stdout.contains("         at 0.970 s {10}\n"), "{}", lenient.stdout);
-    fs::write(&bus, example("Findings that are known and accepted")).unwrap();
+    fs::write(&bus, example("Known and accepted findings")).unwrap();
     let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
-    // The finding is about the node as a whole, and not about 1018:01.
+    // The finding is about the node, not about 1018:01.
     assert_eq!(suppressed.code, 1);
-    let all = example("Findings that are known and accepted").replace("about =", "# about =");
+    let all = example("Known and accepted findings").replace("about =", "# about =");
     fs::write(&bus, all).unwrap();
     let suppressed = check(&["--today", "2026-12-31", "--bus", text(&bus), LOST]);
     assert_eq!(suppressed.code, 0, "{}", suppressed.stdout);

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use crate::support::workspace;
 
-/// What a run of the program gave.
+/// Result of a run of the program.
 pub struct Output {
     pub stdout: String,
     pub stderr: String,
@@ -18,20 +18,20 @@ pub fn run(arguments: &[&str], input: &str) -> Output {
     run_in(&workspace(), arguments, input)
 }
 
-/// The same in another folder.
+/// Like [`run`], in another folder.
 pub fn run_in(folder: &Path, arguments: &[&str], input: &str) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
         .args(arguments)
         .current_dir(folder)
         .env_remove("NO_COLOR")
-        // No profiles of who runs the tests.
+        // Ignores profiles of the user who runs the tests.
         .env("XDG_CONFIG_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/no-config"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // The program may end before it has read everything.
+    // The program may end before it has read its whole input.
     let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
     let output = child.wait_with_output().unwrap();
     Output {
@@ -79,7 +79,7 @@ fn a_capture_that_cannot_be_read_gives_3_and_the_others_are_done() {
     assert!(empty.stderr.contains("empty"), "{}", empty.stderr);
     let no_frame = run(&["-"], "(1700000000.000000) can0 123#80:00:12345678#AABB\n");
     assert_eq!(no_frame.code, 3);
-    assert!(no_frame.stderr.contains("holds no frame"), "{}", no_frame.stderr);
+    assert!(no_frame.stderr.contains("contains no frames"), "{}", no_frame.stderr);
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn bad_lines_alone_do_not_change_the_exit_code() {
     let output = run(&["fixtures/dialects/bad_lines.log"], "");
     assert_eq!(output.code, 0);
     assert_eq!(output.stdout.matches("UNREAD").count(), 11, "{}", output.stdout);
-    assert!(output.stdout.contains("6 more, 16 in all"), "{}", output.stdout);
+    assert!(output.stdout.contains("6 more, 16 in total"), "{}", output.stdout);
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn completions_and_the_manual_page_are_made() {
     let unknown = run(&["man", "x"], "");
     assert_eq!(
         (unknown.code, unknown.stderr.as_str()),
-        (2, "cobscope: there is no command 'x'; cobscope --help lists them\n")
+        (2, "cobscope: unknown command 'x'; see cobscope --help\n")
     );
 }
 
@@ -204,7 +204,7 @@ fn help_tells_what_exit_statuses_mean_and_shows_examples() {
 #[test]
 fn what_becomes_of_a_fault_stands_behind_a_comma() {
     let lines = run(&["decode", "fixtures/j1939/nm_clear.log"], "").stdout;
-    for said in [", was active before", ", no longer reported after 1.000 s", ", cleared after 2.006 s"] {
+    for said in [", previously active", ", no longer reported after 1.000 s", ", cleared after 2.006 s"] {
         assert!(lines.contains(said), "{said}: {lines}");
     }
 }

@@ -1,11 +1,11 @@
-//! Events against what another dissector makes of the same frames, field by field.
+//! Compares events with the output of other decoders for the same frames, field by field.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use crate::support::{self, workspace};
 
-/// Captures of CANopen below a folder, in order.
+/// CANopen captures below a folder, sorted by name.
 fn captures(folder: PathBuf) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_capture = |path: &PathBuf| {
@@ -17,7 +17,7 @@ fn captures(folder: PathBuf) -> Vec<PathBuf> {
     all
 }
 
-/// What `canopen_fields.py` compared, its last line a fixed number of all; `None` if tshark is not there.
+/// Counts printed by `canopen_fields.py`; `None` if tshark is missing.
 fn compared_with_tshark(captures: &[PathBuf]) -> Option<String> {
     if Command::new("tshark").arg("-v").output().is_err() {
         support::skip("tshark", "the program is missing");
@@ -44,8 +44,8 @@ fn canopen_of_recordings_field_by_field() {
     }
     let Some(compared) = compared_with_tshark(&captures) else { return };
     let expected = "compared boot-up 178\ncompared emcy 864\ncompared guard-reply 1122\ncompared heartbeat 6680\n\
-        compared nmt-command 2666\ncompared pdo 36226\ncompared sdo-transfer 29839\ncompared sync 3054\n\
-        compared time 596\nknown block 45\nknown malformed 1\nknown remote 374";
+        compared nmt-command 2666\ncompared pdo 36226\ncompared sdo-transfer 29699\ncompared sync 3054\n\
+        compared time 596\nknown block 45\nknown malformed 1\nknown remote 374\nknown retry 94";
     assert_eq!(compared, expected);
 }
 
@@ -54,13 +54,13 @@ fn canopen_of_fixtures_field_by_field() {
     let Some(compared) = compared_with_tshark(&captures(workspace().join("fixtures/canopen"))) else {
         return;
     };
-    // What recordings do not have: LSS, moved identifiers, blocks.
+    // Services that are missing in captures of other projects: LSS, moved identifiers, blocks.
     for part in ["compared lss ", "known moved ", "known block "] {
         assert!(compared.contains(part), "{compared}");
     }
 }
 
-/// Status words of drives: one capture tells by their device types what they are, the other does not.
+/// Status words of drives: one capture contains their device types, the other does not.
 #[test]
 fn states_of_drives_at_each_status_word() {
     let folder = support::corpus().join("canopen");
@@ -79,13 +79,13 @@ fn states_of_drives_at_each_status_word() {
         String::from_utf8_lossy(&output.stdout).trim_end().to_owned()
     };
     let known = compared("canopen-lens__sample_cia402.log", &[]);
-    assert_eq!(known, "1650 equal, 550 not told, 0 different");
+    assert_eq!(known, "1650 equal, 550 not decoded, 0 different");
     let drives = ["--node", "1=cia402", "--node", "2=cia402"];
     let named = compared("canopen-lens__sample_amr_2wheel.log", &drives);
-    assert_eq!(named, "3188 equal, 0 not told, 0 different");
+    assert_eq!(named, "3188 equal, 0 not decoded, 0 different");
 }
 
-/// Data types of the profile for drives, and those in device files of drives.
+/// Data types of the profile for drives, compared with device files of drives.
 #[test]
 fn objects_of_drives_have_the_types_of_device_files() {
     let entries = std::fs::read_dir(support::corpus().join("eds")).into_iter().flatten().flatten();

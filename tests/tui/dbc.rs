@@ -1,4 +1,4 @@
-//! Databases of messages: `--dbc`, the bus file, what is printed of frames they describe.
+//! Databases of messages: `--dbc`, the bus file, and the output for frames that they describe.
 
 use std::fs;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::cli::{Output, run};
 const DBC: &str = "VERSION \"\"\nBO_ 100 MOTION: 2 N\n SG_ Speed : 0|8@1+ (0.5,0) [0|100] \"km/h\" N\n \
                    SG_ State : 8|8@1+ (1,0) [0|0] \"\" N\nVAL_ 100 State 0 \"parked\" 1 \"driving\" ;\n";
 
-/// The second repeats the first. The last one is described by nobody.
+/// The second frame repeats the first. The last one is in no database.
 const FRAMES: &str = "(1700000000.0) can0 064#1E01\n(1700000000.1) can0 064#1E01\n(1700000000.2) can0 064#FF00\n\
                       (1700000000.3) can0 065#1E01\n";
 
@@ -57,7 +57,7 @@ fn frames_of_a_dbc_are_printed_when_they_change() {
     assert_eq!(lines(&["--pdo", "none", "--frames"]).len(), 4);
     assert_eq!(lines(&["--filter", "signals.name == Speed && signals.value > 100"]), [changed]);
     let said = ok(&["decode", "--dbc", dbc], FRAMES).stdout;
-    assert!(said.contains("1 frame of no known service"), "{said}");
+    assert!(said.contains("1 frame of unknown service"), "{said}");
 }
 
 #[test]
@@ -124,11 +124,13 @@ fn what_is_left_out_is_said_once_and_what_is_no_dbc_ends_the_program() {
     let dbc = path("half.dbc");
     let output = ok(&["decode", "--dbc", &dbc, "--dbc", &dbc], FRAMES);
     assert!(output.stdout.contains("064 HALF 1E 01: There 30"), "{}", output.stdout);
-    let reason = "signal \"Gone\" left out: it ends behind its message of 2 bytes";
+    let reason = "signal \"Gone\" skipped: it exceeds the message length of 2 bytes";
     assert_eq!(output.stderr, format!("cobscope: {dbc}:2:2: {reason}\n"));
-    for (name, reason) in
-        [("none.dbc", ":1:1: no DBC"), ("none.json", ":2:6: no JSON"), ("gone.dbc", ": cannot be read")]
-    {
+    for (name, reason) in [
+        ("none.dbc", ":1:1: neither DBC nor JSON"),
+        ("none.json", ":2:6: not valid pretty_j1939 JSON"),
+        ("gone.dbc", ": cannot be read"),
+    ] {
         let output = run(&["decode", "--dbc", &path(name), "-"], FRAMES);
         assert_eq!(output.code, 4, "{}", output.stderr);
         assert!(output.stderr.contains(&format!("{}{reason}", path(name))), "{}", output.stderr);

@@ -11,12 +11,12 @@ use crate::support::workspace;
 const EDS: &str = "fixtures/device_files/valve.eds";
 const DCF: &str = "fixtures/device_files/valve.dcf";
 
-/// A heartbeat, so that the bus is CANopen; then TPDO1 of node 5 on 1C5, as the EDS has it: 2000:00 = 1000,
+/// A heartbeat, so that the bus is CANopen; then TPDO1 of node 5 on 1C5, as in the EDS: 2000:00 = 1000,
 /// 2002:00 = 20, and RPDO1: 2001:00 = -2.
 const PDOS: &str =
     "(1700000000.0) can0 705#05\n(1700000000.1) can0 1C5#E80314\n(1700000000.2) can0 205#FEFF\n";
 
-/// Node 5 says who it is: vendor-ID 0A01, product code 5.
+/// Node 5 reports its identity: vendor-ID 0A01, product code 5.
 const IDENTITY: &str = "(1699999999.0) can0 605#4018100100000000\n(1699999999.1) can0 585#43181001010A0000\n\
     (1699999999.2) can0 605#4018100200000000\n(1699999999.3) can0 585#4318100205000000\n";
 
@@ -65,16 +65,16 @@ fn an_eds_gives_identifiers_layouts_and_names() {
         (&"eds".into(), &true.into(), &1000.into())
     );
     assert_eq!(pdos[0]["device"], "example-valve");
-    // Without it nothing is known of 1C5 but that it is a PDO of node 69.
+    // Without the EDS, 1C5 is only a PDO of node 69.
     let without = ok(&["decode", "-"], PDOS).stdout;
     assert!(without.contains("69/45") && !without.contains("Spool"), "{without}");
-    // On another bus nothing is known either.
+    // The EDS does not apply to other buses.
     assert!(!ok(&["decode", "--eds", &format!("can1:5={EDS}"), "-"], PDOS).stdout.contains("Spool"));
 }
 
 #[test]
 fn what_a_dcf_wants_is_a_layout_until_the_wire_shows_another() {
-    // TPDO1 is 2002:00 alone. Then the count is read, and the entry: 2000:00.
+    // TPDO1 is 2002:00 only. Then the number of entries and the entry 2000:00 are read.
     let text = format!(
         "{PDOS}(1700000002.0) can0 605#40001A0000000000\n(1700000002.1) can0 585#4F001A0001000000\n\
          (1700000002.2) can0 605#40001A0100000000\n(1700000002.3) can0 585#43001A0110000020\n\
@@ -124,7 +124,7 @@ fn a_profile_goes_before_a_device_file() {
 fn problems_of_a_file_are_told_and_do_not_stop() {
     let output = ok(&["decode", "--eds", "5=fixtures/device_files/defects.eds", "-"], PDOS);
     let lines: Vec<_> = output.stderr.lines().collect();
-    // 33 problems in all (defects.eds.expected.txt).
+    // 33 problems in total (defects.eds.expected.txt).
     assert_eq!(lines.len(), 6, "{}", output.stderr);
     assert!(
         lines[0]
@@ -135,13 +135,18 @@ fn problems_of_a_file_are_told_and_do_not_stop() {
         "cobscope: fixtures/device_files/defects.eds: 28 more problems (cobscope profiles check fixtures/device_files/defects.eds)"
     );
     let twice = ok(&["decode", "--eds", &format!("6={DCF}"), "--eds", &format!("5={DCF}"), "-"], PDOS);
-    assert_eq!(twice.stderr, format!("cobscope: {DCF}: is of node 5, and is used for node 6\n"));
+    assert_eq!(
+        twice.stderr,
+        format!(
+            "cobscope: {DCF}: for node 5; used for node 6\ncobscope: -: node 6/06 sent no frame; nodes present: 5/05\n"
+        )
+    );
 }
 
 #[test]
 fn a_file_that_is_none_gives_4() {
     for (file, message) in
-        [("no/such.eds", "no/such.eds: cannot be read"), ("LICENSE", "LICENSE: no EDS, DCF or XDD")]
+        [("no/such.eds", "no/such.eds: cannot be read"), ("LICENSE", "LICENSE: not an EDS, DCF or XDD")]
     {
         let output = run(&["decode", "--eds", &format!("5={file}"), "-"], PDOS);
         assert_eq!((output.code, output.stdout.as_str()), (4, ""));
@@ -166,26 +171,30 @@ fn device_files_of_a_folder_are_recognised_by_what_a_node_says() {
         (&"example-valve".into(), &"identity".into())
     );
     let output = ok(&["decode", "--profiles", name, "-"], &text);
-    assert!(output.stdout.contains("is Valve, told by its identity"), "{}", output.stdout);
+    assert!(output.stdout.contains("identified as Valve by its identity"), "{}", output.stdout);
     assert!(output.stdout.contains("Spool position 1000?"), "{}", output.stdout);
-    // A second file of the same device: said, not guessed.
+    // A second file of the same device is reported; none of them is used.
     fs::write(folder.join("valve.dcf"), fixture(DCF)).unwrap();
     let output = ok(&["decode", "--profiles", name, "-"], &text);
-    assert!(output.stdout.contains("node 5 may be example-valve, valve"), "{}", output.stdout);
-    // A profile of the same identity goes before both.
+    assert!(
+        output.stdout.contains("node 5 matches several profiles: example-valve, valve"),
+        "{}",
+        output.stdout
+    );
+    // A profile with the same identity overrides both.
     let profile = "id = \"mine\"\ntitle = \"Mine\"\nextends = [\"cia301\"]\n\n[[identity]]\nvendor_id = 0xA01\nproduct_code = 5\n";
     fs::write(folder.join("mine.toml"), profile).unwrap();
     let identified = events(&["--profiles", name, "-"], &text, "node-identified");
     assert_eq!((identified.len(), &identified[0]["device"]), (1, &"mine".into()));
-    // Beside a file named by the user, too: the profile, and the rest by the file.
+    // Also with a file of the user: the profile first, then the entries of the file that it lacks.
     let output = ok(&["decode", "--profiles", name, "--eds", &format!("5={EDS}"), "-"], &text);
-    assert!(output.stdout.contains("is Mine, told by its identity"), "{}", output.stdout);
+    assert!(output.stdout.contains("identified as Mine by its identity"), "{}", output.stdout);
     assert!(output.stdout.contains("Spool position 1000?"), "{}", output.stdout);
 }
 
 #[test]
 fn what_contradicts_the_file_is_told_once() {
-    // Device type 0191 instead of 0198, twice; 2010:00 of one byte; product code 5 as the file says.
+    // Device type 0191 instead of 0198, twice; 2010:00 of one byte; product code 5 as in the file.
     let text = "(1700000001.0) can0 605#4000100000000000\n(1700000001.1) can0 585#4300100091010000\n\
         (1700000001.2) can0 605#4000100000000000\n(1700000001.3) can0 585#4300100091010000\n\
         (1700000001.4) can0 605#4010200000000000\n(1700000001.5) can0 585#4F10200005000000\n\
@@ -196,9 +205,10 @@ fn what_contradicts_the_file_is_told_once() {
     assert_eq!((&device_type["object"], &device_type["frames"][1]), (&"0x1000:00".into(), &2.into()));
     assert_eq!(device_type["sources"][0], serde_json::json!({"source": "eds", "data": "98010000"}));
     assert_eq!(device_type["sources"][1], serde_json::json!({"source": "upload", "data": "91010000"}));
-    assert_eq!(ramp["text"], "UNSIGNED16 by the eds, which has 2 bytes, but 1 byte came");
+    assert_eq!(ramp["text"], "1 byte received, 2 bytes expected (UNSIGNED16 in the eds)");
     let lines = ok(&["decode", "--eds", &format!("5={EDS}"), "-"], text).stdout;
-    let line = "CONFLICT 1000:00 Device type: eds says 98 01 00 00, upload says 91 01 00 00; the file is of another device";
+    let line =
+        "CONFLICT 1000:00 Device type: eds 98 01 00 00, upload 91 01 00 00; the file is for another device";
     assert!(lines.contains(line), "{lines}");
 }
 
@@ -215,7 +225,7 @@ fn a_value_a_dcf_wants_is_contradicted_unless_it_was_written() {
     let [ramp] = &conflicts[..] else { panic!("{conflicts:?}") };
     assert_eq!(
         (&ramp["object"], &ramp["text"]),
-        (&"0x2010:00".into(), &"the node is not configured so".into())
+        (&"0x2010:00".into(), &"value differs from the configuration in the file".into())
     );
     // 250 and 300.
     assert_eq!((&ramp["sources"][0]["data"], &ramp["sources"][1]["data"]), (&"FA00".into(), &"2C01".into()));
@@ -223,11 +233,11 @@ fn a_value_a_dcf_wants_is_contradicted_unless_it_was_written() {
 
 #[test]
 fn objects_against_a_dcf() {
-    // Of what the DCF wants the node has the ramp time; the dead band is another one; the key cannot be read.
+    // Of the values in the DCF, the node has the ramp time; the dead band differs; the key cannot be read.
     let output = ok(&["objects", "--want", DCF, "-"], CONFIGURED).stdout;
-    let expected = "node 5/05 on can0 against valve.dcf: 1 different, 1 equal, 4 never seen\n\
-        2011:00  Dead band                                           wanted 40, is 31  read {10} 0.900 s\n\
-        to be read: 1017:00 1800:01 1A00:00 1A00:01\n";
+    let expected = "node 5/05 on can0 against valve.dcf: 1 different, 1 equal, 4 unknown\n\
+        2011:00  Dead band                                           expected 40, is 31  read {10} 0.900 s\n\
+        unknown: 1017:00 1800:01 1A00:00..01\n";
     assert_eq!(output, expected);
     let named =
         ok(&["objects", "--want", DCF, "--eds", &format!("5={DCF}"), "--node", "5", "-"], CONFIGURED).stdout;
@@ -241,21 +251,24 @@ fn objects_against_a_dcf() {
     );
     assert_eq!((&records[5]["wanted"], &records[5]["data"]), (&"2800".into(), &"1F00".into()));
     let absent = run(&["objects", "--want", DCF, "--node", "9", "-"], CONFIGURED);
-    assert_eq!(absent.stderr, "cobscope: -: node 9/09 is not heard; nodes heard: 5\n");
+    assert_eq!(absent.stderr, "cobscope: -: node 9/09 sent no frame; nodes present: 5/05\n");
     assert_eq!((absent.code, absent.stdout.as_str()), (0, ""));
     let eds = run(&["objects", "--want", EDS, "-"], CONFIGURED);
-    assert_eq!((eds.code, eds.stderr.contains("wants nothing: an EDS or XDD has no values")), (4, true));
+    assert_eq!(
+        (eds.code, eds.stderr.contains("no values to compare: EDS and XDD files have no values")),
+        (4, true)
+    );
     let text = fs::read_to_string(workspace().join("fixtures/device_files/minimal.eds")).unwrap();
     let dcf = folder("nothing-wanted", &[("a.dcf", format!("{text}\n[DeviceComissioning]\nNodeID=5\n"))]);
     let dcf = run(&["objects", "--want", dcf.join("a.dcf").to_str().unwrap(), "-"], CONFIGURED);
-    assert!(dcf.stderr.contains("wants nothing: no object in it has a ParameterValue"), "{}", dcf.stderr);
+    assert!(dcf.stderr.contains("no values to compare: no ParameterValue"), "{}", dcf.stderr);
 }
 
 #[test]
 fn objects_show_what_a_dcf_wants() {
     let output = ok(&["objects", "--eds", &format!("5={DCF}"), "--node", "5", "-"], CONFIGURED).stdout;
     let line = |object: &str| output.lines().find(|line| line.starts_with(object)).unwrap().to_owned();
-    assert!(line("1017:00").contains("500 ms?         wanted"), "{output}");
+    assert!(line("1017:00").contains("500 ms?         in DCF"), "{output}");
     assert!(line("2010:00").contains("250             read"), "{output}");
 }
 

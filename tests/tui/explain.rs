@@ -17,6 +17,10 @@ fn codes_objects_and_identifiers() {
     // CiA 301 table 22 and §7.2.7.1; §7.5.2.14; §7.3.3.
     assert!(explain("0x06020000").starts_with("06020000  SDO abort code: object does not exist\n"));
     assert!(explain("8130").starts_with("8130  EMCY error code: heartbeat or life-guard error\n"));
+    assert!(explain("8130").contains("\n      CiA 301: Life guard error or heartbeat error\n"));
+    assert!(
+        explain("06020000").contains("\n          CiA 301: Object does not exist in the object dictionary\n")
+    );
     assert!(explain("1017").starts_with("1017:00  object: Producer heartbeat time, UNSIGNED16, in ms\n"));
     for form in ["1018:01", "0x1018:01", "1018h:01h", "1018sub1"] {
         assert_eq!(explain(form), "1018:01  object: Identity object, Vendor-ID, UNSIGNED32\n");
@@ -36,24 +40,64 @@ fn one_pasted_frame() {
     assert!(written.contains("\n     1017:00 Producer heartbeat time = 1000 ms\n"), "{written}");
     assert!(explain("601#4018100100000000").ends_with("     1018:01 Identity object, Vendor-ID\n"));
     let segment = explain("581#8101020304050607");
-    assert!(segment.contains("segment 1, the last one") && !segment.contains("REFUSED"), "{segment}");
+    assert!(segment.contains("segment 1 (last)") && !segment.contains("REFUSED"), "{segment}");
     assert!(explain("581#8017100000000206").contains("REFUSED 06020000"));
+}
+
+#[test]
+fn a_defect_of_a_frame_is_named() {
+    let told = |thing: &str| {
+        let output = run(&["explain", thing], "");
+        assert_eq!((output.code, output.stdout.as_str()), (2, ""), "{thing}");
+        output.stderr
+    };
+    let digits = "cobscope: explain: found \"601#ZZ\": data digits \"ZZ\"; expected pairs of hex digits (0 to 9, A to F)\n";
+    assert_eq!(told("601#ZZ"), digits);
+    assert!(told("601#40O0").contains("data digits \"O\""));
+    assert!(told("601#401").contains("3 data digits; expected pairs of hex digits"));
+    assert!(told("6G1#40").contains("identifier \"6G1\"; expected 3 or 8 hex digits"));
+    assert!(told("601#001122334455667788").contains("9 data bytes; expected max 8"));
+    assert!(told("601#4\u{e9}").contains("data digits \"\u{e9}\""));
 }
 
 #[test]
 fn an_identifier_is_no_abort_code_unless_it_can_be_one() {
     let identifier = explain("18FECA80");
     assert!(identifier.contains("DM1") && !identifier.contains("abort"), "{identifier}");
-    assert!(explain("06090099").contains("SDO abort code: none of CiA 301"));
+    assert!(explain("06090099").contains("SDO abort code: undefined in CiA 301"));
+}
+
+#[test]
+fn a_trouble_code_in_hex_in_either_order() {
+    // SPN 298985 is 48FE9, FMI 19 is 13: sent as E9 8F, then 4 << 5 | 13 = 93 (J1939-73 §5.7.1.6); with a count of 1
+    // as E9 8F 93 01. The manual of the PVE prints the three bytes as a number, 938FE9.
+    let device = ["--device", "danfoss-pve-ci"];
+    for thing in ["0x938FE9", "938fe9", "938FE9h", "E98F93", "E98F9301", "01938FE9"] {
+        let output = run(&[&["explain", thing], &device[..]].concat(), "");
+        assert!(
+            output.stdout.starts_with("SPN 298985 FMI 19  J1939 fault of "),
+            "{thing}: {}",
+            output.stdout
+        );
+        assert_eq!(output.stdout.matches("J1939 fault").count(), 1, "{thing}");
+        assert!(explain(thing).starts_with("SPN 298985 FMI 19  J1939 fault: "), "{thing}");
+    }
+    // Unknown to all devices: 5B0003 is SPN 2 << 16 | 3, FMI 27 in one order, SPN 91 FMI 3 in the other.
+    let both = explain("5B0003");
+    assert!(both.contains("SPN 131075 FMI 27") && both.contains("SPN 91 FMI 3"), "{both}");
+    // Not a fault of any device: identifiers and abort codes keep their meaning.
+    assert!(!explain("18FECA80").contains("SPN"));
+    assert!(explain("06020000").starts_with("06020000  SDO abort code"));
+    assert_eq!(run(&["explain", "938FZ9"], "").code, 2);
 }
 
 #[test]
 fn a_misspelt_rule_is_told_the_right_one() {
-    let said = |thing: &str| run(&["explain", thing], "").stderr;
-    let expected = "cobscope: explain: there is no rule 'node-los'; did you mean 'node-lost'?\n";
-    assert_eq!(said("node-los"), expected);
-    assert_eq!(said("nod-lost"), expected.replace("'node-los'", "'nod-lost'"));
-    assert!(said("whatever").contains("expected a rule"));
+    let texts = |thing: &str| run(&["explain", thing], "").stderr;
+    let expected = "cobscope: explain: unknown rule 'node-los'; did you mean 'node-lost'?\n";
+    assert_eq!(texts("node-los"), expected);
+    assert_eq!(texts("nod-lost"), expected.replace("'node-los'", "'nod-lost'"));
+    assert!(texts("whatever").contains("expected a rule"));
 }
 
 #[test]
@@ -81,7 +125,7 @@ fn diagnostics() {
 fn anything_else_says_what_is_understood() {
     let output = run(&["explain", "pump"], "");
     assert_eq!(output.code, 2);
-    assert!(output.stderr.contains("cannot read \"pump\"") && output.stderr.contains("1018sub1"));
+    assert!(output.stderr.contains("found \"pump\"; expected") && output.stderr.contains("1018sub1"));
     assert_eq!(run(&["explain", "12345#00"], "").code, 2);
 }
 
@@ -109,15 +153,16 @@ fn an_error_code_by_the_manual() {
                    requests lost on a loaded or disturbed bus
       sent as      81 02: most significant byte first (5C00:00 EMCY byte order = 0, as delivered); a tool that expects
                    the order of CiA 301 shows 0281
-      CiA 301      communication: Check wiring, termination and error frames around this time.
+      CiA 301      Communication
+      hint         Check wiring, termination and error frames around this time.
       section      12, 14.3.1.1 of RE 30027-Z/11.06
 ";
     assert_eq!(by("rexroth-sydfec", "8102"), expected);
-    // 5230 is no code of SYDFEC, 8120 none either but one of CiA 301.
+    // 5230 and 8120 are not codes of SYDFEC; CiA 301 defines 8120.
     let other = by("rexroth-sydfec", "8120");
     assert!(other.starts_with("8120  EMCY error code: not in the manual of SYDFEC\n"), "{other}");
-    assert!(other.contains("CiA 301      CAN error passive: "), "{other}");
-    // The MD2 sends the least significant byte first, as CiA 301 wants it: nothing to say.
+    assert!(other.contains("CiA 301      CAN in error passive mode\n"), "{other}");
+    // The MD2 sends the least significant byte first as in CiA 301, so this is not printed.
     assert!(!by("wandfluh-md2", "2311").contains("sent as"));
 }
 
@@ -129,7 +174,8 @@ fn a_code_read_in_the_wrong_order_is_recognised() {
             "{output}"
         );
     }
-    // 0010 is the general error 1000 of three manuals swapped, but they send it the right way round.
+    // 0010 is the general error 1000 of three manuals in reverse order, but their devices send the standard
+    // order.
     assert!(!explain("0010").contains("1000"));
 }
 
@@ -153,7 +199,7 @@ fn without_a_device_every_manual_answers() {
 fn an_abort_code_by_the_manual() {
     let output = by("rexroth-sydfec", "06060000");
     assert!(output.starts_with("06060000  SDO abort code of SYDFEC: EEPROM loading error\n"), "{output}");
-    assert!(output.contains("CiA 301      hardware error: "), "{output}");
+    assert!(output.contains("CiA 301      Access failed due to a hardware error\n"), "{output}");
     assert!(output.ends_with("section      11.3.1 of RE 30027-Z/11.06\n"), "{output}");
     let output = by("wandfluh-md2", "060A0023");
     assert!(
@@ -180,7 +226,7 @@ fn an_object_by_the_manual() {
          section      10.4.1 of RE 30027-Z/11.06
 ";
     assert_eq!(by("rexroth-sydfec", "503A"), expected);
-    // MD2 5.4.26: control mode of channel 2 at 6043 + 800; kept in group 3.
+    // MD2 5.4.26: control mode of channel 2 at 6043 + 800; stored in group 3.
     let mode = by("wandfluh-md2", "6843:00");
     for line in [
         "values       -8  3-point, 2 solenoids\n",
@@ -230,13 +276,14 @@ fn a_frame_of_the_device() {
     assert!(explain("082#8102100000000000").contains("rexroth-sydfec: swapped, 8102"));
     let abort = by("rexroth-sydfec", "582#8000100000000606");
     assert!(abort.contains("06060000  SDO abort code of SYDFEC: EEPROM loading error"), "{abort}");
-    // RE 29015, 4.2: words 2 and 3 mean what 6043 says. 01F4 = 500: 50.0 l/min or 500 of 16384; 05DC = 1500: 150.0 bar.
+    // RE 29015, 4.2: 6043 defines words 2 and 3. 01F4 = 500: 50.0 l/min or 500 of 16384; 05DC = 1500: 150.0
+    // bar.
     let modes = by("rexroth-ifb-iac", "205#0700F401DC05");
     let flow = modes.split("if 6043:00 = -3 (pQ, Q closed loop):\n").nth(1).unwrap().lines().next().unwrap();
     assert!(flow.contains("Q 50.0 l/min, p 150.0 bar"), "{modes}");
     let position = modes.split("if 6043:00 = 2 (position closed loop):\n").nth(1).unwrap();
     assert!(position.lines().next().unwrap().contains("position 3.1 %"), "{modes}");
-    // Whichever node it is: 300 + 5 is its RPDO2, 700 + 5 its guarding.
+    // For any node: 300 + 5 is its RPDO2, 700 + 5 its guarding.
     assert!(by("rexroth-sydfec", "305#01000000").contains("RPDO2 data"));
     assert_eq!(run(&["explain", "705#05", "--device", "rexroth-sydfec"], "").code, 0);
 }
@@ -246,12 +293,12 @@ fn a_device_that_is_not_there() {
     let output = run(&["explain", "8102", "--device", "sydfec"], "");
     assert_eq!(output.code, 2);
     let expected =
-        "cobscope: there is no profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
+        "cobscope: unknown profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
     assert_eq!(output.stderr, expected);
     assert_eq!(run(&["explain", "8102", "--device", "wandfluh-md2:pump"], "").code, 2);
 }
 
-/// Text without its folding.
+/// The text with its wrapped lines joined.
 fn unfolded(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

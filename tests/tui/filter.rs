@@ -1,4 +1,4 @@
-//! `--filter`, `--from`, `--to` on fixtures. Expected lines follow the `expected.txt` beside each capture.
+//! `--filter`, `--from`, `--to` on fixtures. Expected lines are those of `expected.txt` next to each capture.
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 use std::path::Path;
@@ -14,15 +14,16 @@ fn run(arguments: &[&str], capture: &str) -> Output {
     command.output().unwrap()
 }
 
-/// What a run prints; it must go well and silently.
+/// Lines that a run prints; it must succeed without messages other than suggested profiles.
 fn lines(arguments: &[&str], capture: &str) -> Vec<String> {
     let output = run(arguments, capture);
-    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+    let messages = String::from_utf8(output.stderr).unwrap();
+    assert!(messages.lines().all(|line| line.contains(" behaves like ")), "{messages}");
     assert_eq!(output.status.code(), Some(0));
     String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
 }
 
-/// `first-last kind` of each event a filter lets through.
+/// `first-last kind` of each event that matches a filter.
 fn events(arguments: &[&str], capture: &str) -> Vec<String> {
     let lines = lines(&[&["-f", "jsonl"], arguments].concat(), capture);
     let event = |line: &String| {
@@ -63,19 +64,19 @@ fn by_abort_code_with_wireshark_s_name() {
 
 #[test]
 fn emergencies_that_say_something() {
-    // emcy.expected.txt: codes other than 0000 in frames 6, 7, 11 and 14; 13 is an empty one.
+    // emcy.expected.txt: codes other than 0000 in frames 6, 7, 11 and 14; 13 is empty.
     let expected = ["6 emcy", "7 emcy", "11 emcy", "14 emcy"];
     assert_eq!(filtered("kind == emcy && code != 0", "emcy.log"), expected);
     assert_eq!(filtered("vendor_data contains DE:AD", "emcy.log"), ["11 emcy"]);
     assert_eq!(filtered("action == ready", "emcy.log"), ["13 emcy"]);
-    // A finding says so too, as long as it is open.
+    // A finding about it also matches, when it opens and closes.
     let expected = ["14 emcy", "14 finding-opened", "15 finding-closed"];
     assert_eq!(filtered("text matches \"TEMPERATURE$\"", "emcy.log"), expected);
 }
 
 #[test]
 fn states_and_commands() {
-    // nmt_heartbeat.expected.txt: node 5 is stopped by frame 17 and says so in 19 and 21.
+    // nmt_heartbeat.expected.txt: frame 17 stops node 5, which reports it in 19 and 21.
     let expected = ["19 heartbeat", "21 heartbeat"];
     assert_eq!(
         filtered("kind == heartbeat && state == stopped && frames < 23", "nmt_heartbeat.log"),
@@ -104,7 +105,7 @@ fn a_limit_by_seconds_counts_from_the_first_frame() {
 
 #[test]
 fn what_is_left_out_is_learnt_all_the_same() {
-    // pdo_mapping: the mapping is written long before the PDOs that it explains.
+    // pdo_mapping: the mapping is written long before the PDOs that depend on it.
     let all = filtered("kind == pdo && signals", "pdo_mapping.log");
     let late = events(&["--filter", "kind == pdo && signals", "--from", "#30"], "pdo_mapping.log");
     assert!(!late.is_empty() && late.len() < all.len());
@@ -127,8 +128,7 @@ fn a_wrong_filter_is_shown_where_it_is_wrong() {
     assert_eq!(output.status.code(), Some(2));
     assert!(output.stdout.is_empty());
     let text = String::from_utf8(output.stderr).unwrap();
-    let expected =
-        "there is no field 'nod'; did you mean node?\n  node == 4 && nod == 1\n               ^^^\n";
+    let expected = "unknown field 'nod'; did you mean node?\n  node == 4 && nod == 1\n               ^^^\n";
     assert!(text.contains(expected), "{text}");
 }
 
@@ -137,7 +137,7 @@ fn a_wrong_limit_is_a_wrong_command_line() {
     let output = run(&["--from", "yesterday"], "emcy.log");
     assert_eq!(output.status.code(), Some(2));
     let text = String::from_utf8(output.stderr).unwrap();
-    assert!(text.contains("neither seconds (12.5), a frame (#1234) nor a time"), "{text}");
+    assert!(text.contains("expected seconds (12.5), a frame (#1234) or a time"), "{text}");
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn a_capture_without_times_has_no_seconds() {
     std::fs::remove_file(&path).unwrap();
     assert_eq!(timed.status.code(), Some(3));
     let text = String::from_utf8(timed.stderr).unwrap();
-    assert!(text.contains("has no times; give frames as --from #1234"), "{text}");
+    assert!(text.contains("has no timestamps; use frame numbers, such as --from #1234"), "{text}");
     assert_eq!(numbered.status.code(), Some(0), "{}", String::from_utf8_lossy(&numbered.stderr));
 }
 
@@ -157,15 +157,15 @@ fn a_capture_without_times_has_no_seconds() {
 fn a_beginning_behind_the_end_is_said() {
     // 44 frames, the last one at 1700000010.002.
     for (from, says) in [
-        ("10.1", "guarding.log: nothing is as late as --from: its last frame is #44 at 10.002 s"),
-        ("#45", "its last frame is #44 at 10.002 s"),
-        ("2024-01-01T00:00:00Z", "its last frame is #44 at 2023-11-14T22:13:30.002Z"),
+        ("10.1", "guarding.log: --from is after the last frame, #44 at 10.002 s"),
+        ("#45", "--from is after the last frame, #44 at 10.002 s"),
+        ("2024-01-01T00:00:00Z", "--from is after the last frame, #44 at 2023-11-14T22:13:30.002Z"),
     ] {
         let output = cli::run(&["decode", "--from", from, "fixtures/canopen/guarding.log"], "");
         assert_eq!((output.code, output.stdout.as_str()), (0, ""), "{from}");
         assert!(output.stderr.contains(says), "{from}: {}", output.stderr);
     }
-    // The clock goes back to 1 s at the end: there were events from 4 s on.
+    // The clock steps back to 1 s after the start at the end; an earlier event is at 4 s.
     let stepped = "(5.0) can0 705#00\n(9.0) can0 705#05\n(6.0) can0 705#05\n";
     let output = cli::run(&["decode", "--from", "3.5", "--no-findings", "-"], stepped);
     assert!(!output.stdout.is_empty() && !output.stderr.contains("--from"), "{}", output.stderr);
@@ -177,37 +177,40 @@ fn a_beginning_behind_the_end_is_said() {
 fn stamps_that_step_back_are_differences_on_a_screen_and_a_step_in_a_log() {
     let log = "(10.0) can0 701#05\n(11.0) can0 701#05\n(9.0) can0 701#05\n";
     let output = cli::run(&["decode", "--all", "-"], log).stdout;
-    assert!(output.contains("CLOCK  time stamps went back by 2.000 s"), "{output}");
+    assert!(output.contains("CLOCK  timestamps jumped back by 2.000 s"), "{output}");
     let screen =
         " (010.0)  can0  701   [1]  05\n (011.0)  can0  701   [1]  05\n (009.0)  can0  701   [1]  05\n";
     let output = cli::run(&["decode", "--all", "-"], screen).stdout;
     assert!(output.contains("20.000  1/01"), "{output}");
-    assert!(output.contains("NOTE   stamps step back: read as the time since the frame before"), "{output}");
+    assert!(output.contains("NOTE   timestamps step back: read as time since the frame before"), "{output}");
 }
 
 #[test]
 fn nothing_printed_is_said_with_the_reason() {
     const CAPTURE: &str = "fixtures/canopen/nmt_heartbeat.log";
-    let said = |words: &[&str]| {
+    let texts = |words: &[&str]| {
         let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");
         assert_eq!((output.code, output.stdout.as_str()), (0, ""), "{words:?}");
         output.stderr.strip_prefix(&format!("cobscope: {CAPTURE}: ")).unwrap().trim_end().to_owned()
     };
-    assert_eq!(said(&["--filter", "node == 99"]), "no event matches the filter");
-    let hidden = said(&["--filter", "kind == heartbeat && state == operational"]);
+    assert_eq!(texts(&["--filter", "node == 99"]), "no event matches the filter");
+    let hidden = texts(&["--filter", "kind == heartbeat && state == operational"]);
     assert!(
-        hidden.starts_with("no event that is shown matches the filter; others do with --all ("),
+        hidden.starts_with("no printed event matches the filter; hidden ones do, print them with --all ("),
         "{hidden}"
     );
     assert!(!cli::run(&["decode", CAPTURE, "--all", "--filter", "kind == heartbeat"], "").stdout.is_empty());
     let output = cli::run(&["decode", "-f", "jsonl", "--filter", "id == 0x123"], "(1.0) can0 123#00\n");
     assert_eq!(
         (output.stdout.as_str(), output.stderr.as_str()),
-        ("", "cobscope: -: no event that is shown matches the filter; others do with --frames (1)\n")
+        (
+            "",
+            "cobscope: -: no printed event matches the filter; hidden ones do, print them with --frames (1)\n"
+        )
     );
     assert_eq!(cli::run(&["decode", "-f", "none", "--filter", "node == 99", CAPTURE], "").stderr, "");
     assert!(
-        said(&["--filter", "node == 99", "--from", "100000"]).starts_with("nothing is as late as --from")
+        texts(&["--filter", "node == 99", "--from", "100000"]).starts_with("--from is after the last frame")
     );
 }
 
@@ -217,19 +220,19 @@ fn what_can_never_match_is_refused() {
     for (words, said) in [
         (
             &["--filter", "rule == node-los"][..],
-            "--filter: there is no rule 'node-los'; did you mean 'node-lost'?",
+            "--filter: unknown rule 'node-los'; did you mean 'node-lost'?",
         ),
-        (&["--filter", "node == 5 || !(rule in {node-lost, emcy-rased})"], "there is no rule 'emcy-rased'"),
-        (&["--filter", "rule != node-los"], "there is no rule 'node-los'"),
-        (&["--filter", "kind == pdo && pdo == TPD1"], "pdo is never 'TPD1'; did you mean TPDO1?"),
-        (&["--from", "5", "--to", "3"], "--from is behind --to: nothing lies between them"),
-        (&["--from", "#5", "--to", "#3"], "--from is behind --to: nothing lies between them"),
+        (&["--filter", "node == 5 || !(rule in {node-lost, emcy-rased})"], "unknown rule 'emcy-rased'"),
+        (&["--filter", "rule != node-los"], "unknown rule 'node-los'"),
+        (&["--filter", "kind == pdo && pdo == TPD1"], "unknown pdo 'TPD1'; did you mean TPDO1?"),
+        (&["--from", "5", "--to", "3"], "--from is after --to; the range is empty"),
+        (&["--from", "#5", "--to", "#3"], "--from is after --to; the range is empty"),
     ] {
         let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");
         assert!(output.code == 2 && output.stderr.contains(said), "{words:?}: {}", output.stderr);
     }
     assert_eq!(cli::run(&["convert", "-f", "candump", "--from", "5", "--to", "3", CAPTURE, "-"], "").code, 2);
-    // A rule of a device and an expectation are rules too.
+    // A device rule and an expectation are rules too.
     let rule = "rule == \"rexroth-sydfec:eeprom-wear\"";
     assert_eq!(cli::run(&["decode", "--filter", rule, CAPTURE], "").code, 0);
     assert_eq!(cli::run(&["decode", "--from", "3", "--to", "3", CAPTURE], "").code, 0);

@@ -1,5 +1,5 @@
-//! From a customer's capture to the explanation and the proof, in at most 25 keys, all of which are in the footer or
-//! the help: the first fault, what was 50 ms before, the signals over time, what the rule says, an export.
+//! From a customer's capture to the cause in max 25 keys, all of which are in the footer or the help: the
+//! first fault, the state 50 ms earlier, the signals over time, the text of the rule, an export.
 #![cfg(unix)]
 
 use std::path::Path;
@@ -10,24 +10,24 @@ use pty_process::blocking::Command as PtyCommand;
 use crate::support::workspace;
 use crate::terminal::Session;
 
-/// Most keys of a journey.
+/// Max keys of a journey.
 const MOST_KEYS: usize = 25;
 
-/// A faulty capture, and what must be seen on the way.
+/// A faulty capture, and the expected screens.
 struct Journey {
     capture: &'static str,
     options: &'static [&'static str],
     /// Frame of the first finding.
     first: u64,
-    /// In the table there: the fault.
+    /// Text of the fault in the table at that frame.
     fault: &'static str,
-    /// In the explanation: the rule's text.
+    /// Text of the rule in the explanation.
     rule: &'static str,
     /// The last frame at least 50 ms before.
     before: &'static str,
-    /// Beside the plot: the control word.
+    /// Name of the control word next to the plot.
     control: &'static str,
-    /// In the plot's legend: smallest and largest value.
+    /// Min and max value in the plot's legend.
     range: &'static [&'static str],
     frames: usize,
 }
@@ -51,7 +51,8 @@ fn play(journey: &Journey) {
     };
     press(1, "]", &[&format!("#{}/{}", journey.first, journey.frames), journey.fault]);
     press(1, "\r", &["What it checks", journey.rule]);
-    // At once, as over a slow line: no terminal tells Esc and a key from the key with Alt then.
+    // Sent at once, as over a slow line: then a terminal cannot distinguish Esc and a key from Alt and the
+    // key.
     press(8, "\x1b:-0.05\r", &["Kind", journey.before]);
     press(1, "p", &[journey.control]);
     for range in journey.range {

@@ -1,4 +1,5 @@
-//! `cobscope live` without a bus: standard input and growing files stand for one. CAN interfaces are in `tests/live`.
+//! `cobscope live` without a bus, on standard input and growing files. `tests/live` has the tests of CAN
+//! interfaces.
 #![cfg(unix)]
 
 use std::fs;
@@ -14,7 +15,7 @@ use crate::cli::run;
 use crate::support::workspace;
 use crate::terminal::Session;
 
-/// How long something may take on a busy machine before it counts as not happening.
+/// Time limit for an expected condition on a busy machine.
 const LIMIT: Duration = Duration::from_mins(1);
 
 /// A fresh folder of this test.
@@ -29,7 +30,7 @@ fn fixture(name: &str) -> String {
     fs::read_to_string(workspace().join("fixtures").join(name)).unwrap()
 }
 
-/// The program with its lines as they come.
+/// The running program with its lines so far.
 struct Running {
     child: Child,
     lines: Receiver<String>,
@@ -71,7 +72,7 @@ impl Running {
         }
     }
 
-    /// Exit status and what was said on standard error.
+    /// Exit status, and the text on standard error.
     fn end(mut self) -> (Option<i32>, String) {
         drop(self.child.stdin.take());
         let output = self.child.wait_with_output().unwrap();
@@ -160,7 +161,7 @@ fn a_record_holds_what_came() {
     }
 }
 
-/// Ctrl-C ends it as its user wants: everything said and on the disk.
+/// Ctrl-C ends the program after everything is printed and written.
 #[test]
 fn an_interrupt_ends_it_well() {
     let folder = folder("interrupt");
@@ -209,7 +210,7 @@ fn what_cannot_be_watched_is_said_with_what_to_do() {
     refused(&["-"], 2, "--print");
 }
 
-/// Frames come while the screen shows them: it follows, stands still when it is told to, and goes on.
+/// While frames arrive, the screen follows them, stops on request, and follows again.
 #[test]
 fn on_the_screen_it_follows_pauses_and_goes_on() {
     let folder = folder("screen");

@@ -1,4 +1,4 @@
-//! Behaviour of the program as its user sees it.
+//! Behaviour of the program as seen by its user.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod baseline;
@@ -18,10 +18,13 @@ mod journeys;
 mod live;
 mod objects;
 mod output;
+mod panes;
 mod profiles;
 mod readme;
 mod reports;
 mod screens;
+mod select;
+mod series;
 mod stats;
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,4 +1,4 @@
-//! `cobscope objects`.
+//! The command `cobscope objects`.
 
 use crate::cli::run;
 
@@ -13,7 +13,7 @@ fn a_node_that_is_not_there_is_said() {
     let output = run(&["objects", "--node", "9", "fixtures/canopen/guarding.log"], "");
     assert_eq!((output.code, output.stdout.as_str()), (0, ""));
     assert!(
-        output.stderr.contains("guarding.log: node 9/09 is not heard; nodes heard: 1"),
+        output.stderr.contains("guarding.log: node 9/09 sent no frame; nodes present: 1/01"),
         "{}",
         output.stderr
     );
@@ -22,7 +22,7 @@ fn a_node_that_is_not_there_is_said() {
 #[test]
 fn a_bus_that_is_not_there_is_said_with_those_there_are() {
     const CAPTURE: &str = "fixtures/canopen/guarding.log";
-    let said = |by: &str| format!("cobscope: {CAPTURE}: has no bus 5, which {by} names; it has can0\n");
+    let texts = |by: &str| format!("cobscope: {CAPTURE}: unknown bus 5 in {by}; buses present: can0\n");
     for (words, by) in [
         (&["objects", "--node", "5:1", CAPTURE][..], "--node"),
         (&["why", "--node", "5:1", CAPTURE], "--node"),
@@ -32,7 +32,7 @@ fn a_bus_that_is_not_there_is_said_with_those_there_are() {
         (&["convert", "-f", "candump", "--node", "5:1=rexroth-sydfec", CAPTURE, "-"], "--node"),
     ] {
         let output = run(words, "");
-        assert_eq!((output.code, output.stderr), (0, said(by)), "{words:?}");
+        assert_eq!((output.code, output.stderr), (0, texts(by)), "{words:?}");
     }
     assert_eq!(run(&["objects", "--node", "can0:1", CAPTURE], "").stderr, "");
 }
@@ -50,7 +50,7 @@ fn a_node_without_profile_chooses_only_where_one_is_chosen() {
     ] {
         let output = run(&[command, "--node", "can0:5", CAPTURE], "");
         let said = format!(
-            "cobscope: --node can0:5: --node can0:5=PROFILE assigns a device; to see one node only use {only}\n"
+            "cobscope: --node can0:5: profile missing; --node can0:5=PROFILE assigns one, {only} selects the node\n"
         );
         assert_eq!((output.code, output.stderr, output.stdout.as_str()), (2, said, ""), "{command}");
     }
@@ -71,16 +71,16 @@ fn a_node_is_one_device() {
             ["objects", "--node", "1=rexroth-sydfec", "--node", second, "fixtures/canopen/guarding.log"];
         run(&words, "")
     };
-    let said = "cobscope: --node 1=rexroth-vpcd: --node 1=rexroth-sydfec says that it is another device\n";
+    let said = "cobscope: --node 1=rexroth-vpcd: conflicts with --node 1=rexroth-sydfec\n";
     assert_eq!((of("0x01=rexroth-vpcd").code, of("1=rexroth-vpcd").stderr.as_str()), (2, said));
-    // What is said of one bus goes before what is said of all.
+    // An option for one bus overrides one for all buses.
     assert_eq!(of("can0:1=rexroth-vpcd").code, 0);
     assert_eq!(of("1=rexroth-sydfec").code, 0);
 }
 
 #[test]
 fn values_with_their_origin() {
-    // 100C written as F4 01 = 500 and confirmed by frame 3; 100D as 03, confirmed by frame 5.
+    // 100C is written as F4 01 = 500 and confirmed by frame 3; 100D as 03, confirmed by frame 5.
     let output = run(&["objects", "--node", "0x01", "fixtures/canopen/guarding.log"], "");
     let lines: Vec<&str> = output.stdout.lines().collect();
     assert_eq!(lines[0], "node 1/01 on can0: 2 objects");
@@ -116,7 +116,7 @@ fn as_it_was_at_a_frame_or_a_time() {
 fn a_time_in_a_capture_without_times_is_refused() {
     let output = run(&["objects", "--at", "1.5"], "can0 701#00\n");
     assert_eq!(output.code, 3);
-    assert!(output.stderr.contains("has no times"), "{}", output.stderr);
+    assert!(output.stderr.contains("no timestamps"), "{}", output.stderr);
     assert_eq!(run(&["objects", "--node", "200"], "").code, 2);
 }
 
@@ -127,7 +127,7 @@ fn columns_stay_where_they_are() {
     let lines: Vec<Vec<char>> = output.stdout.lines().skip(1).map(|line| line.chars().collect()).collect();
     assert!(lines.len() > 9, "{}", output.stdout);
     for line in &lines {
-        // 1028:01 has the longest name, 45 letters; of values 24 are shown, 100A:00 has more.
+        // 1028:01 has the longest name, 45 letters; values are cut at 24, and that of 100A:00 is longer.
         let verb: String = line[7 + 2 + 45 + 2 + 24 + 2..].iter().take(8).collect();
         assert!(verb == "read    " || verb == "written ", "{verb:?} in {}", output.stdout);
     }

@@ -1,4 +1,4 @@
-//! `cobscope profiles`.
+//! The command `cobscope profiles`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ fn path(folder: &Path) -> String {
     folder.to_str().unwrap().to_owned()
 }
 
-/// 0.1 bar a digit in 2001; 2000 is a word of two bits; 2010 to 2012 are alike.
+/// 2001 has 0.1 bar per digit; 2000 is a word of two bits; 2010 to 2012 are equal.
 const PUMP: &str = "id = \"acme-pump\"\ntitle = \"Pump\"\nvendor = \"Acme\"\nextends = [\"cia301\"]\n\n\
     [[object]]\nindex = 0x2000\nname = \"Status\"\ntype = \"UNSIGNED8\"\naccess = \"ro\"\n\
     bits = [ { bit = 0, name = \"on\" }, { bit = 1, name = \"hot\" } ]\nsource = \"3\"\n\n\
@@ -82,8 +82,8 @@ fn of_two_profiles_with_one_id_the_last_is_used_and_said() {
     let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
     let file = |name: &str| path(&folder.join(name));
     let expected = format!(
-        "cobscope: {}: is used for rexroth-vpcd instead of this program's own\n\
-         cobscope: {}: is used for acme-pump instead of {}\n",
+        "cobscope: {}: overrides the built-in profile for rexroth-vpcd\n\
+         cobscope: {}: overrides {} for acme-pump\n",
         file("own.toml"),
         file("valve.toml"),
         file("pump.toml")
@@ -96,7 +96,7 @@ fn a_profile_that_shows_nothing_by_samples_is_told_so() {
     let unshown = folder("unshown", PUMP);
     let file = path(&unshown.join("pump.toml"));
     let output = run(&["profiles", "check", &file], "");
-    let expected = format!("{file}: ok, 0 samples: nothing shows that values come out right\n");
+    let expected = format!("{file}: ok, 0 samples; values not verified\n");
     assert_eq!((output.stdout, output.code), (expected, 0));
 }
 
@@ -105,7 +105,7 @@ fn an_id_that_no_option_can_name_is_no_id() {
     let folder = folder("unnamed", &PUMP.replace("acme-pump", "Acme pump:a"));
     let file = path(&folder.join("pump.toml"));
     let output = run(&["profiles", "check", &file], "");
-    let said = format!("cobscope: {file}:1:6: 'Acme pump:a' is no id: small letters, digits and hyphens\n");
+    let said = format!("cobscope: {file}:1:6: invalid id 'Acme pump:a'; expected a-z, 0-9 and hyphens\n");
     assert!(output.stderr.starts_with(&said), "{}", output.stderr);
     assert_eq!((output.stdout.as_str(), output.code), ("", 4));
 }
@@ -124,7 +124,7 @@ fn a_set_point_without_gates_says_why_nothing_is_known() {
         frames,
     );
     let line = output.stdout.lines().find(|line| line.contains("SETPT")).unwrap_or_default();
-    let said = "Pressure set point 200.0 bar effective? not known: the profile has no gates for it";
+    let said = "Pressure set point 200.0 bar effective: unknown (no gates in the profile)";
     assert!(line.contains(said), "{}{}", output.stdout, output.stderr);
 }
 
@@ -137,7 +137,7 @@ acme-pump  Pump
 Acme
 
 Network
-  recognised by: nothing: name it in the bus file or with --node
+  recognised by: none; assign it in the bus file or with --node
   starts with: a boot-up message
 
 PDOs
@@ -176,7 +176,7 @@ fn lines_of_the_manuals_worked_out_by_hand() {
         ("wandfluh-md2", "  FAULT HOLD → HOLD: control & 0A = 0A, bit 3 0→1; send 03, then 0B"),
         ("wandfluh-md2", "  control-mode-only-when-off: "),
         ("wandfluh-md2", "  tpdo1…4-answers-rpdo1…4: "),
-        // 1018 tells it; EMCY 0000 at boot.
+        // 1018 identifies it; EMCY 0000 at boot.
         ("danfoss-pve-ci", "  recognised by: 1018:01 = 01000019, 1018:02 = 53360000"),
         ("danfoss-pve-ci", "  starts with: a boot-up message, and EMCY 0000  "),
         // Flow in closed loop: 0.1 l/min.
@@ -184,12 +184,12 @@ fn lines_of_the_manuals_worked_out_by_hand() {
             "rexroth-ifb-iac",
             "           6043:00 = -3 (pQ, Q closed loop): Flow set point, l/min = raw × 0.1, -1638.4 to 1638.4 l/min",
         ),
-        // 4.74: scale 324.7 as printed; areas of the maker's tool.
+        // 4.74: scale 324.7 as printed; areas set with the manufacturer's tool.
         (
             "rexroth-vpcd",
             "  2F0E:00  Pressure command, INTEGER32 ro, bar = raw / 324.7, 0 to 600 bar  [4.74]",
         ),
-        ("rexroth-vpcd", "  TPDO3: set in the maker's tool: tx_area in the bus file  [3.4]"),
+        ("rexroth-vpcd", "  TPDO3: set in the manufacturer's tool: tx_area in the bus file  [3.4]"),
     ];
     for (profile, line) in lines {
         let output = run(&["profiles", "show", profile], "").stdout;
@@ -229,14 +229,14 @@ fn a_profile_that_is_not_there_is_a_mistake_of_the_command_line() {
     let unknown = run(&["profiles", "show", "sydfec"], "");
     assert_eq!(unknown.code, 2);
     let expected =
-        "cobscope: there is no profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
+        "cobscope: unknown profile 'sydfec'; did you mean 'rexroth-sydfec'? (cobscope profiles list)\n";
     assert_eq!(unknown.stderr, expected);
     let variant = run(&["profiles", "show", "wandfluh-md2:pump"], "");
     assert_eq!(variant.code, 2);
-    let expected = "has no variant 'pump', only: amplifier, controller";
+    let expected = "unknown variant 'pump' of profile 'wandfluh-md2'; expected amplifier, controller";
     assert!(variant.stderr.contains(expected), "{}", variant.stderr);
     let none = run(&["profiles", "show", "rexroth-sydfec:pump"], "");
-    assert!(none.stderr.contains("has no variant 'pump'; it has none"), "{}", none.stderr);
+    assert!(none.stderr.contains("; it has no variants"), "{}", none.stderr);
 }
 
 #[test]
@@ -244,26 +244,23 @@ fn a_right_profile_is_said_to_be_right() {
     let folder = folder("right", PUMP);
     let name = path(&folder.join("pump.toml"));
     let output = run(&["profiles", "check", &name], "");
-    assert_eq!(
-        (output.stdout, output.code),
-        (format!("{name}: ok, 0 samples: nothing shows that values come out right\n"), 0)
-    );
+    assert_eq!((output.stdout, output.code), (format!("{name}: ok, 0 samples; values not verified\n"), 0));
 }
 
 #[test]
 fn a_broken_profile_gives_4_and_the_place() {
     let folder = folder("broken", &PUMP.replace("unit = \"bar\"", "unit = \"baar\""));
     let name = path(&folder.join("pump.toml"));
-    // The unit stands in line 19 from column 8 on; all units there are are named.
-    let begin = format!("cobscope: {name}:19:8: 'baar' is no known unit; known are % ‰ bar mbar psi ");
+    // The unit is in line 19 from column 8 on; the error lists all units.
+    let begin = format!("cobscope: {name}:19:8: unknown unit 'baar'; expected one of % ‰ bar mbar psi ");
     let end = " bytes B\n  19 | unit = \"baar\"\n     |        ^^^^^^\n";
     let is_place = |text: &str| text.starts_with(&begin) && text.ends_with(end) && text.lines().count() == 3;
     let output = run(&["profiles", "check", &name], "");
     assert!(is_place(&output.stderr) && output.code == 4, "{}", output.stderr);
-    // The list goes on without it, says it once and ends with 4 as well.
+    // The list continues without the profile, reports it once and also ends with 4.
     let output = run(&["profiles", "list", "--profiles", &path(&folder)], "");
     assert!(is_place(&output.stderr) && output.code == 4, "{}", output.stderr);
-    assert!(output.stdout.contains("pump                     broken\n"), "{}", output.stdout);
+    assert!(output.stdout.contains("pump                     invalid\n"), "{}", output.stdout);
     assert!(output.stdout.contains("rexroth-sydfec"), "{}", output.stdout);
 }
 
@@ -289,9 +286,7 @@ fn waivers_are_of_rules_there_are() {
     let place = folder("waiver", &format!("{PUMP}{waiver}"));
     let output = run(&["profiles", "check", &path(&place.join("pump.toml"))], "");
     let line = PUMP.lines().count() + 3;
-    let said = format!(
-        "pump.toml:{line}:8: there is no rule 'sdo-short-frame' that could be waived; the nearest are "
-    );
+    let said = format!("pump.toml:{line}:8: unknown rule 'sdo-short-frame' in waiver; similar rules: ");
     assert!(output.code == 4 && output.stderr.contains(&said), "{}", output.stderr);
 }
 
@@ -322,7 +317,7 @@ fn a_profile_of_the_user_explains_as_well() {
     let output = run(&["explain", "2001", "--device", "acme-pump", "--profiles", &path(&right)], "");
     assert_eq!(output.code, 0, "{}", output.stderr);
     assert!(output.stdout.contains("unit         bar = raw × 0.1\n"), "{}", output.stdout);
-    // Found by no name: a broken file is known by that of the file.
+    // Not found by its id: a broken file is identified by its file name.
     let broken = folder("explain_broken", "id = \"acme-pump\"\n[[object]]\nindx = 1\n");
     let output = run(&["explain", "2001", "--device", "pump", "--profiles", &path(&broken)], "");
     assert_eq!(output.code, 4);

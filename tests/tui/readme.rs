@@ -1,18 +1,24 @@
-//! What the README and the tutorial show is what the program does.
+//! Runs the commands of the README and the tutorial and compares their output.
 //!
-//! `COBSCOPE_BLESS=1` writes numbers that have changed; a line that differs in more is written by hand.
+//! `COBSCOPE_BLESS=1` updates numbers. A line with any other difference must be edited by hand.
 
 use std::fs;
+use std::sync::Mutex;
+
+use cobscope::keymap::keymap;
 
 use crate::cli::run_in;
 use crate::docs::is_blessing;
 use crate::support::workspace;
 
-/// A line that stands for lines left out.
+/// One test at a time updates the documents.
+static DOCUMENTS: Mutex<()> = Mutex::new(());
+
+/// A line that marks omitted lines.
 const LEFT_OUT: &str = "…";
 
-/// Commands of a document with what they print: `$ cobscope …` in blocks of `console`. Behind `; echo $?` the exit code
-/// is the last line, else it is 0.
+/// Commands of a document with their output: `$ cobscope …` in blocks of `console`. After `; echo $?` the
+/// last line is the exit code; without it, the exit code must be 0.
 fn commands(document: &str) -> Vec<(String, Vec<String>)> {
     let text = fs::read_to_string(workspace().join(document)).unwrap();
     let mut commands: Vec<(String, Vec<String>)> = Vec::new();
@@ -27,7 +33,7 @@ fn commands(document: &str) -> Vec<(String, Vec<String>)> {
     commands
 }
 
-/// Words of a command line; those in single quotes are one.
+/// Words of a command line; text in single quotes is one word.
 fn words(command: &str) -> Vec<&str> {
     let parts = command.split('\'').enumerate();
     parts
@@ -35,7 +41,7 @@ fn words(command: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Whether lines are as shown, where any number may be left out.
+/// Whether the output is as shown; `…` matches any number of lines.
 fn fits(shown: &[String], lines: &[&str]) -> bool {
     let Some((first, rest)) = shown.split_first() else { return lines.is_empty() };
     let others = lines.get(1..).unwrap_or_default();
@@ -45,7 +51,7 @@ fn fits(shown: &[String], lines: &[&str]) -> bool {
     lines.first().is_some_and(|line| line == first) && fits(rest, others)
 }
 
-/// A line with each of its numbers as 0 and each gap as one blank.
+/// A line with 0 in place of each number and one blank in place of each gap.
 fn shape(line: &str) -> String {
     let mut shape = String::new();
     for character in line.chars() {
@@ -57,7 +63,7 @@ fn shape(line: &str) -> String {
     shape
 }
 
-/// The lines as they are now, as far as they differ from those shown in numbers only.
+/// The shown lines with current numbers; `None` if they differ in anything else.
 fn with_current_numbers(shown: &[String], lines: &[&str]) -> Option<Vec<String>> {
     let Some((first, rest)) = shown.split_first() else { return lines.is_empty().then(Vec::new) };
     let others = lines.get(1..).unwrap_or_default();
@@ -74,7 +80,7 @@ fn with_current_numbers(shown: &[String], lines: &[&str]) -> Option<Vec<String>>
     Some([vec![line], tail].concat())
 }
 
-/// Writes the lines that a command prints now into the document that shows it, unless they differ in more than numbers.
+/// Updates numbers in a document; false if the output differs in anything else.
 fn bless(document: &str, command: &str, shown: &[String], lines: &[&str]) -> bool {
     let Some(current) = with_current_numbers(shown, lines) else { return false };
     let block = |lines: &[String]| format!("$ cobscope {command}\n{}\n", lines.join("\n"));
@@ -85,7 +91,8 @@ fn bless(document: &str, command: &str, shown: &[String], lines: &[&str]) -> boo
 }
 
 #[test]
-fn the_screens_are_real() {
+fn shown_output_is_current() {
+    let _lock = DOCUMENTS.lock();
     let folder = tempfile::tempdir().unwrap();
     let shared = folder.path().join("fixtures");
     #[cfg(unix)]
@@ -97,14 +104,14 @@ fn the_screens_are_real() {
         let text = fs::read_to_string(workspace().join(document)).unwrap();
         assert_eq!(commands.len(), text.matches("\n$ cobscope ").count(), "{document}");
         for (command, shown) in commands {
-            let (arguments, tells) = match command.strip_suffix("; echo $?") {
+            let (arguments, shows_code) = match command.strip_suffix("; echo $?") {
                 Some(arguments) => (arguments, true),
                 None => (command.as_str(), false),
             };
             let output = run_in(folder.path(), &words(arguments), "");
             let code = output.code.to_string();
             let mut lines: Vec<&str> = output.stdout.lines().collect();
-            if tells {
+            if shows_code {
                 lines.push(&code);
             } else {
                 assert_eq!(output.code, 0, "{document}: {command}: {}", output.stderr);
@@ -116,7 +123,22 @@ fn the_screens_are_real() {
     }
 }
 
-/// The README's row for the key that writes: the endings of all formats, which choose one.
+/// The picture of the README is the upper part of a tested screen.
+#[test]
+fn the_picture_is_a_tested_screen() {
+    use crate::docs::is_current;
+
+    let _lock = DOCUMENTS.lock();
+    let session = fs::read_to_string(workspace().join("tests/tui/screens/nodes_machine.txt")).unwrap();
+    let (_, screen) = session.split_once("\n> keys <left><right>\n").unwrap();
+    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
+    let (before, rest) = readme.split_once("```text\n  can0 ").unwrap();
+    let (shown, after) = rest.split_once("```\n").unwrap();
+    let lines: Vec<&str> = screen.lines().take(shown.lines().count()).collect();
+    is_current("README.md", &format!("{before}```text\n{}\n```\n{after}", lines.join("\n")));
+}
+
+/// The suffixes of all formats that the export accepts are in the row of its key.
 #[cfg(all(feature = "mcap", feature = "parquet"))]
 #[test]
 fn every_format_that_the_terminal_ui_writes_is_listed() {
@@ -125,6 +147,7 @@ fn every_format_that_the_terminal_ui_writes_is_listed() {
 
     use crate::docs::is_current;
 
+    let _lock = DOCUMENTS.lock();
     let listed = |suffixes: Vec<&str>| format!("(`.{}`)", suffixes.join("`, `."));
     let frames = listed(WRITABLE.iter().map(|format| format.suffix).collect());
     let events = listed(EVENT_FORMATS.iter().map(|format| format.suffix).collect());
@@ -132,6 +155,23 @@ fn every_format_that_the_terminal_ui_writes_is_listed() {
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
     let lines = readme.lines().map(|line| if line.starts_with("| `V`, `w` |") { &row } else { line });
     is_current("README.md", &(lines.collect::<Vec<_>>().join("\n") + "\n"));
+}
+
+/// The first column of the table of keys has only keys of the UI.
+#[test]
+fn each_key_of_the_table_exists() {
+    let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
+    let table = readme.split_once("| keys | action |").unwrap().1;
+    let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let known: Vec<_> = keymap().flat_map(|binding| binding.keys).collect();
+    let mut count = 0;
+    for row in rows {
+        for key in row.split('|').nth(1).unwrap().split('`').skip(1).step_by(2) {
+            assert!(known.contains(&&key), "{key} in {row}");
+            count += 1;
+        }
+    }
+    assert!(count >= 15, "{count}");
 }
 
 #[test]
@@ -143,7 +183,7 @@ fn the_command_to_begin_with_names_a_fixture_that_exists() {
 }
 
 #[test]
-fn lines_may_be_left_out_but_not_others() {
+fn only_marked_lines_may_be_omitted() {
     let shown = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
     let lines = ["a", "b", "c"];
     for (text, is_so) in [("a\nb\nc", true), ("…\nc", true), ("a\n…", true), ("a\nc", false), ("…\nb", false)]

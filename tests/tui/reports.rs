@@ -1,4 +1,4 @@
-//! Findings in the formats of servers, and what of a capture must not reach them raw.
+//! Findings in the formats of servers, and contents of captures that must be escaped in them.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -75,10 +75,11 @@ fn nothing_of_a_capture_steers_a_terminal_or_a_server() {
 
 #[test]
 fn commands_of_github_name_the_line() {
-    // The EMCY in the 6th frame stands in line 8, behind two remarks.
+    // The EMCY in the 6th frame is in line 8, after two remarks.
     let output = check(&["-f", "github", EMCY]);
     let first = "::warning file=fixtures/rules/emcy-raised.log,line=8,title=emcy-raised::can0 5/05  EMCY 8130 \
-                 heartbeat or life-guard error%0A2 times, first 1.000 s {6}, last 1.100 s {7}";
+                 heartbeat or life-guard error for 1.0 s, 2 times; look up the error code in the device manual%0Afirst \
+                 1.000 s {6}, last 1.100 s {7}";
     assert_eq!(output.stdout.lines().next().unwrap(), first);
     assert!(output.stdout.lines().last().unwrap().starts_with("1 capture: 0 failed"));
 }
@@ -88,23 +89,22 @@ fn lines_are_those_of_the_file_and_only_of_text() {
     let line = |path: &str| {
         let log: Value = serde_json::from_str(&check(&["-f", "sarif", path]).stdout).unwrap();
         let results = log["runs"][0]["results"].as_array().unwrap().clone();
-        let lost = results.into_iter().find(|result| result["ruleId"] == "sdo-no-response").unwrap();
+        let lost = results.into_iter().find(|result| result["ruleId"] == "bus-health").unwrap();
         let location = &lost["locations"][0];
-        assert_eq!(location["logicalLocations"][0]["name"], "frames 13-15");
+        assert_eq!(location["logicalLocations"][0]["name"], "frame 31");
         location["physicalLocation"]["region"]["startLine"].clone()
     };
-    // Frames 13 to 15 begin a segmented upload nobody goes on with; pasted text has other lines before them.
+    // Frame 31 reports bus-off; pasted text has six other lines before it.
     for (path, behind) in [
         ("fixtures/dialects/candump_L.log", 0),
         ("fixtures/dialects/candump_ta.txt", 0),
-        ("fixtures/dialects/pasted_L.log", 2),
-        ("fixtures/dialects/log2asc.asc", 2),
+        ("fixtures/dialects/pasted_L.log", 6),
         ("fixtures/dialects/cr_only.log", 0),
     ] {
         let found = line(path).as_u64().unwrap();
         let file = fs::read_to_string(workspace().join(path)).unwrap();
         let text = file.split(['\n', '\r']).nth(usize::try_from(found).unwrap() - 1).unwrap();
-        assert!(found >= 15 + behind && text.contains("582"), "{path}:{found}: {text}");
+        assert!(found == 31 + behind && text.contains("20000040"), "{path}:{found}: {text}");
     }
 }
 
@@ -125,7 +125,7 @@ fn sarif_holds_what_code_scanning_shows() {
     }
     let physical = &result["locations"][0]["physicalLocation"];
     assert_eq!(physical["artifactLocation"], json!({"uri": LOST, "index": 0}));
-    // Frame 9 is the first heartbeat that is late: the line before its mark.
+    // Frame 9 is the first late heartbeat: the line before its mark.
     let line = physical["region"]["startLine"].as_u64().unwrap();
     let file = fs::read_to_string(workspace().join(LOST)).unwrap();
     assert!(file.lines().nth(usize::try_from(line).unwrap()).unwrap().starts_with("#~ node-lost"));
@@ -136,10 +136,10 @@ fn junit_has_a_suite_a_capture_and_a_case_a_rule() {
     let output = check(&["-f", "junit", LOST, CLEAN]).stdout;
     assert!(output.contains("<testsuite name=\"fixtures/rules/node-lost.log\""), "{output}");
     let (lost, clean) = output.split_once("<testsuite name=\"fixtures/rules/clean/canopen.log\"").unwrap();
-    assert!(lost.contains("<failure message=\"can0 5/05  silent since {10}"), "{lost}");
+    assert!(lost.contains("<failure message=\"can0 5/05  no heartbeat after {10}"), "{lost}");
     assert!(lost.contains("    fixtures/rules/node-lost.log:10</failure>"), "{lost}");
     assert!(
-        clean.contains("<skipped message=\"not exercised: nothing in the capture to judge\"/>"),
+        clean.contains("<skipped message=\"not exercised: nothing to check in the capture\"/>"),
         "{clean}"
     );
     assert!(!clean.contains("<failure"), "{clean}");

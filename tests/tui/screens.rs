@@ -1,15 +1,16 @@
-//! Screens of the terminal UI: each file of `screens/` is a session, command, keys, clicks and what is seen.
+//! Screens of the terminal UI: each file of `screens/` is a session with its command, keys, clicks and
+//! screens.
 //!
 //! ```text
 //! > cobscope view --node 32=danfoss-pve-ci fixtures/devices/pve.log
 //! > size 100x30
 //! > keys ]
 //!   …the screen after these keys…
-//! ▶ …a line that is selected…
+//! ▶ …a selected line…
 //! ```
 //!
-//! Without colours (`--color never`) what is selected is reversed, so it can be told.
-//! `COBSCOPE_BLESS=1` writes what is seen; read it before it is kept.
+//! Without colours (`--color never`), a selected line is reversed, which `▶` marks. `COBSCOPE_BLESS=1` writes
+//! the screens; review them before you commit them.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -28,13 +29,13 @@ use ratatui::style::Modifier;
 use crate::docs::is_blessing;
 use crate::support::workspace;
 
-/// Columns a selection covers at least; the cursor of a prompt is less.
+/// Min columns of a selected line; the cursor of a prompt has fewer.
 const LEAST_SELECTED: usize = 10;
 
-/// Bytes of a capture that a test can look through.
+/// Max bytes of a capture for `look_through`.
 const LARGEST: u64 = 60_000;
 
-/// The application on a screen of a size.
+/// The application on a screen of fixed size.
 pub struct Screen {
     app: App,
     news: Receiver<News>,
@@ -42,9 +43,9 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// `command` names files from the root of the workspace.
+    /// `command` names files relative to the root of the workspace.
     pub fn open(command: &str, width: u16, height: u16) -> Self {
-        // Paths are on the screen, cut where there is no room: they must not depend on where the workspace is.
+        // Screens contain paths, which may be cut: they must not depend on the folder of the workspace.
         std::env::set_current_dir(workspace()).unwrap();
         let words = shell_words(command.strip_prefix("cobscope ").unwrap());
         let (mut app, news) = cobscope::open_view(&words).unwrap();
@@ -55,7 +56,7 @@ impl Screen {
         screen
     }
 
-    /// Waits until the background has nothing more to tell.
+    /// Waits until the background threads have no more news.
     fn settle(&mut self) {
         loop {
             while let Ok(news) = self.news.try_recv() {
@@ -105,7 +106,7 @@ impl Screen {
     }
 }
 
-/// Words as a shell would have them, with single quotes.
+/// Words of a shell command with single quotes.
 fn shell_words(text: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut is_quoted = false;
@@ -119,7 +120,7 @@ fn shell_words(text: &str) -> Vec<String> {
     words
 }
 
-/// Plays a session; gives it with what is seen now.
+/// Plays a session; returns it with the present screens.
 fn play(session: &str) -> String {
     let (mut command, mut size) = (String::new(), (80, 24));
     let mut screen: Option<Screen> = None;
@@ -183,7 +184,7 @@ fn every_session_shows_what_stands_in_its_file() {
     assert!(wrong.is_empty(), "\n{wrong}");
 }
 
-/// A session belongs to the pane whose name its file name begins with.
+/// The file name of a session starts with the name of its pane.
 #[test]
 fn every_pane_has_a_session() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
@@ -206,7 +207,7 @@ fn files(folder: &Path, largest: u64, found: &mut Vec<std::path::PathBuf>) {
     }
 }
 
-/// Goes through all panes, in two sizes, at the first finding and the end; gives how many captures there were.
+/// Shows all panes in two sizes, at the first finding and at the end; returns the number of captures.
 fn look_through(folder: &Path) -> usize {
     let mut paths = Vec::new();
     files(folder, LARGEST, &mut paths);
@@ -214,7 +215,7 @@ fn look_through(folder: &Path) -> usize {
     let mut looked = 0;
     for path in paths {
         let words = ["view", "--color", "never", &path.display().to_string()].map(str::to_owned);
-        // What is no capture is not this test's business.
+        // Other files than captures are skipped.
         let Ok((app, news)) = cobscope::open_view(&words) else { continue };
         looked += 1;
         let mut screen = Screen { app, news, terminal: Terminal::new(TestBackend::new(80, 24)).unwrap() };
@@ -246,4 +247,47 @@ fn every_small_recording_of_the_corpus_can_be_looked_at() {
         return crate::support::skip("corpus", "not there");
     }
     assert!(look_through(&corpus) > 20);
+}
+
+#[test]
+fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
+    let mut screen = Screen::open(
+        "cobscope view --color never --pane nodes --at 70.0 fixtures/devices/sydfec.log",
+        140,
+        24,
+    );
+    // An empty EMCY at its start, TPDO1 of five bytes: the first node is the SYDFEC.
+    assert!(screen.text().contains("behaves like SYDFEC: a assigns rexroth-sydfec"), "{}", screen.text());
+    screen.keys("a");
+    let text = screen.text();
+    assert!(text.contains("2/02 decoded as SYDFEC from its first frame: --node 2=rexroth-sydfec"), "{text}");
+    assert!(text.contains("SYDFEC (rexroth-sydfec, by option)"), "{text}");
+    // The command that opens this view has the option.
+    screen.keys("a");
+    let text = screen.text();
+    assert!(text.contains("already has the profile rexroth-sydfec, assigned by option"), "{text}");
+    screen.keys("j");
+    assert!(screen.text().contains("--node 2=rexroth-sydfec"), "{}", screen.text());
+}
+
+#[test]
+fn nothing_is_assigned_without_a_fitting_profile() {
+    let mut screen =
+        Screen::open("cobscope view --color never --pane nodes fixtures/rules/node-lost.log", 140, 24);
+    screen.keys("a");
+    let text = screen.text();
+    assert!(text.contains("no profile fits the behaviour of node"), "{text}");
+    screen.keys("2a");
+    assert!(!screen.text().contains("decoded as"), "other panes have no such key");
+}
+
+#[test]
+fn a_named_node_without_frames_is_reported() {
+    let mut screen = Screen::open(
+        "cobscope view --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",
+        140,
+        24,
+    );
+    let text = screen.text();
+    assert!(text.contains("sydfec.log: node 99/63 sent no frame; nodes present: 2/02"), "{text}");
 }

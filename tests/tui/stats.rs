@@ -1,12 +1,14 @@
-//! `cobscope stats`.
+//! The command `cobscope stats`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs;
 use std::process::Command;
 
 use serde_json::Value;
 
-use crate::cli::run;
+use crate::check::folder;
+use crate::cli::{run, run_in};
 use crate::support::{self, workspace};
 
 fn figures(capture: &str) -> Value {
@@ -43,27 +45,27 @@ fn a_lost_node_and_its_heartbeat() {
 #[test]
 fn transfers_by_outcome_and_code() {
     // fixtures/canopen/sdo_abort.expected.txt: twelve transfers, all aborted, one of them with node 3, which sent nothing
-    // until the client gave up after 0.3 s (frames 28 and 29).
+    // until the client aborted after 0.3 s (frames 28 and 29).
     let all = figures("fixtures/canopen/sdo_abort.log");
     let nodes = all["buses"][0]["nodes"].as_array().unwrap();
     assert_eq!(nodes.iter().map(|node| node["sdo"]["aborted"].as_u64().unwrap()).sum::<u64>(), 11);
     assert_eq!(nodes[0]["sdo"]["abort_codes"]["0x06020000"], 2);
     let text = run(&["stats", "fixtures/canopen/sdo_abort.log"], "").stdout;
-    assert!(text.contains("\n  3/03         0        0          1      0        –"), "{text}");
+    assert!(text.contains("\n  3/03         0        0            1      0        –"), "{text}");
 }
 
 #[test]
 fn made_up_stamps_and_missing_error_frames_are_said() {
     let lines = every_millisecond(1_200, "705#05");
     let text = run(&["stats", "-"], &lines).stdout;
-    assert!(text.contains("stamps are made up: every 1.000 ms"), "{text}");
+    assert!(text.contains("timestamps synthetic (every 1.000 ms)"), "{text}");
     assert!(text.contains("no error frames"), "{text}");
-    assert!(text.contains("needs the bit rate"), "{text}");
+    assert!(text.contains("unknown without the bit rate"), "{text}");
 }
 
 #[test]
 fn load_needs_a_bit_rate() {
-    // 1,000 frames a second of 0x555 without data, 48 bits each: 48 kbit/s are 19 % of 250.
+    // 1,000 frames per second of 0x555 without data, 48 bits each: 48 kbit/s are 19 % of 250.
     let lines = every_millisecond(3_000, "555#");
     let text = run(&["stats", "--bitrate", "250k", "-"], &lines).stdout;
     assert!(text.contains("load 19.2 % of 250 kbit/s, worst second 19.2 %"), "{text}");
@@ -84,9 +86,9 @@ fn a_truck_is_no_canopen_network() {
 
 #[test]
 fn the_tables_of_a_guarded_node() {
-    // fixtures/canopen/guarding.log: one boot-up and 17 replies as 701, 20 requests every 500 ms from 0.5 s;
-    // replies 6.502 and 8.502 have three unanswered requests between them. NMT at 2.4 and 9.4 s.
-    // SDO in frames 2 to 5, 1 ms each; the second request 1 ms after the first answer.
+    // fixtures/canopen/guarding.log: one boot-up and 17 responses as 701, 20 requests every 500 ms from 0.5
+    // s; three requests between the responses at 6.502 and 8.502 have no response. NMT at 2.4 and 9.4 s. SDO
+    // in frames 2 to 5, 1 ms each; the second request is 1 ms after the first response.
     let text = run(&["stats", "fixtures/canopen/guarding.log"], "").stdout;
     let tables = text.split_once("master").unwrap().1;
     let expected = "    NMT start 1
@@ -95,17 +97,17 @@ fn the_tables_of_a_guarded_node() {
 
  ID/hex  name  NMT      boots  lost  heartbeat ms (min to max)  worst from  EMCY  active
    1/01        stopped      1     1  –                                         0       0
-   1/01  guarding: 17 of 20 requests answered; every 500.0 ms (500.0 to 500.0, worst from 0.500 s)
+   1/01  guarding: 17 responses to 20 requests; every 500.0 ms (500.0 to 500.0, worst from 0.500 s)
 
- SDO server    ok  aborted  no answer  other   ms p50     p90     p99     max   think ms p50
-  1/01         2        0          0      0    1.000   1.000   1.000   1.000          1.000
+ SDO server    ok  aborted  no response  other   ms p50     p90     p99     max   think ms p50
+  1/01         2        0            0      0    1.000   1.000   1.000   1.000          1.000
 
- ID     what                      frames  ms min    mean     max  worst from
- 000    NMT                            2  7000.0  7000.0  7000.0     2.400 s
- 581    SDO response of 1              2   2.000   2.000   2.000     0.002 s
- 601    SDO request to 1               2   2.000   2.000   2.000     0.001 s
- 701    heartbeat, guarding of 1      18   500.0   588.3  2000.0     6.502 s
- 701 R  heartbeat, guarding of 1      20   500.0   500.0   500.0     0.500 s
+ ID     meaning                 frames  ms min    mean     max  worst from
+ 000    NMT                          2  7000.0  7000.0  7000.0     2.400 s
+ 581    SDO response of 1            2   2.000   2.000   2.000     0.002 s
+ 601    SDO request to 1             2   2.000   2.000   2.000     0.001 s
+ 701    NMT error control of 1      18   500.0   588.3  2000.0     6.502 s
+ 701 R  NMT error control of 1      20   500.0   500.0   500.0     0.500 s
  R: remote frames
 ";
     assert_eq!(tables, expected);
@@ -113,7 +115,7 @@ fn the_tables_of_a_guarded_node() {
 
 #[test]
 fn what_stopped_is_said() {
-    // Every 100 ms until 1.0 s; node 6 goes on until 3.0 s.
+    // Every 100 ms until 1.0 s; node 6 until 3.0 s.
     let line = |n: u32, id: u32| format!("({}.{}00000) can0 {id:03X}#05\n", 1_700_000_000 + n / 10, n % 10);
     let lines: String =
         (0..=30).map(|n| if n <= 10 { line(n, 0x705) + &line(n, 0x706) } else { line(n, 0x706) }).collect();
@@ -136,7 +138,7 @@ fn pdos_and_active_errors_of_a_node() {
     assert_eq!((&node["emcy_active"], &node["emcy_codes"]["0x8130"]), (&Value::from(1), &Value::from(1)));
 }
 
-/// What tshark counts, by service; `None` if it is not there.
+/// Frames per service as counted by tshark; `None` if it is missing.
 fn counts_of_tshark(capture: &str) -> Option<BTreeMap<String, u64>> {
     if Command::new("tshark").arg("-v").output().is_err() {
         support::skip("tshark", "the program is missing");
@@ -153,7 +155,7 @@ fn counts_of_tshark(capture: &str) -> Option<BTreeMap<String, u64>> {
     let text = String::from_utf8(output.stdout).unwrap();
     let mut counts = BTreeMap::new();
     for (name, count) in text.lines().filter_map(|line| line.split_once(' ')) {
-        // It has no memory of transfers, and a boot-up is on the identifier of the heartbeat.
+        // tshark does not track transfers, and counts a boot-up as a heartbeat.
         let name = match name {
             _ if name.starts_with("sdo-ccs") => "request",
             _ if name.starts_with("sdo-scs") => "response",
@@ -182,12 +184,12 @@ fn counts_are_those_of_tshark() {
             let name = match what.as_slice() {
                 ["SDO", "request"] => "request".to_owned(),
                 ["SDO", "response"] => "response".to_owned(),
-                ["heartbeat,", _] => "error-control".to_owned(),
+                ["NMT", "error"] => "error-control".to_owned(),
                 ["NMT" | "SYNC" | "TIME" | "EMCY", ..] => what[0].to_lowercase(),
                 [pdo, "of"] if pdo.contains("PDO") => pdo.to_lowercase(),
                 _ => continue,
             };
-            // tshark does not take remote frames for CANopen.
+            // tshark does not decode remote frames as CANopen.
             if id["remote"] == false {
                 *ours.entry(name).or_default() += id["frames"].as_u64().unwrap();
             }
@@ -199,28 +201,84 @@ fn counts_are_those_of_tshark() {
 #[test]
 fn identifiers_of_j1939_are_named_by_their_group() {
     let text = run(&["stats", "fixtures/j1939/mixed.log"], "").stdout;
-    // AVC of valve 0 goes to all (PDU2), the request from F1 to 80, EEFF80 to the address of all.
+    // AVC of valve 0 is a broadcast (PDU2), the request is from F1 to 80, EEFF80 is for the global address.
     for (id, what) in [
         ("0CFE30F1", "FE30 AVC valve 0 of F1  "),
         ("18EA80F1", "EA00 request, F1 to 80  "),
         ("18EEFF80", "EE00 address claimed, 80 to all  "),
         ("18DA20F1", "ISO-TP F1 to 20  "),
-        ("705", "heartbeat, guarding of 5  "),
+        ("705", "NMT error control of 5  "),
     ] {
         let mut rows = text.lines().filter_map(|line| line.trim_start().strip_prefix(id));
         assert!(rows.any(|rest| rest.trim_start().starts_with(what)), "{id}: {what}\n{text}");
     }
-    // 64 addresses, and nothing that is evidence: no J1939 network.
+    // 64 addresses without any evidence: not a J1939 network.
     let lines = (0..64).map(|n| format!("({n}.0) can0 18FF00{n:02X}#00\n")).collect::<Vec<_>>().concat();
     let text = run(&["stats", "-"], &lines).stdout;
     assert!(!text.contains("FF00 "), "{text}");
+}
+
+/// SYNC every 10 ms; `text` adds further lines at the end.
+fn syncs(count: u32, step: u32, text: &str) -> String {
+    use std::fmt::Write as _;
+    let mut log = String::from("(1.000000) can0 705#05\n");
+    for n in 0..count {
+        let micros = 1_000_000 + n * step + n % 2 * 100;
+        writeln!(log, "({}.{:06}) can0 080#", micros / 1_000_000, micros % 1_000_000).unwrap();
+    }
+    log + text
+}
+
+#[test]
+fn jitter_needs_real_times_without_silence() {
+    let of = |log: &str| run(&["stats", "-"], log).stdout;
+    // Intervals 10.1 and 9.9 ms.
+    let jitter = of(&syncs(100, 10_000, ""));
+    assert!(jitter.contains(", jitter ±0.1"), "{jitter}");
+    // The last interval is a silence of 8 s, longer than three times the mean.
+    let silence = of(&syncs(100, 10_000, "(10.000000) can0 080#\n"));
+    assert!(silence.contains("SYNC 101") && !silence.contains("jitter"), "{silence}");
+    // One frame every 10 ms: 1,000 equal steps are synthetic.
+    let synthetic = (0..1_200)
+        .map(|n| {
+            format!(
+                "({}.{:03}) can0 {}\n",
+                1 + n / 100,
+                n % 100 * 10,
+                if n % 7 == 0 { "705#05" } else { "080#" }
+            )
+        })
+        .collect::<Vec<String>>()
+        .concat();
+    let synthetic = of(&synthetic);
+    assert!(synthetic.contains("timestamps synthetic") && !synthetic.contains("jitter"), "{synthetic}");
+}
+
+#[test]
+fn steps_below_a_microsecond_have_a_unit() {
+    let fine = "(1.000000001) can0 705#05\n(2.000000002) can0 705#05\n(3.000000004) can0 705#05\n";
+    let text = run(&["stats", "-"], fine).stdout;
+    assert!(text.contains("timestamps in steps of 1 ns"), "{text}");
+}
+
+/// CiA 304: an SRDO is a pair, data on an odd identifier and the inverted data on the next one.
+#[test]
+fn an_srdo_is_a_pair() {
+    let of =
+        |lines: &str| run(&["stats", "-"], &format!("(1.0) can0 705#05\n(2.0) can0 705#05\n{lines}")).stdout;
+    let lone = of("(2.1) can0 10A#0102\n(2.2) can0 10A#0102\n");
+    assert!(lone.contains("10A") && !lone.contains("srdo"), "{lone}");
+    let neighbours = of("(2.1) can0 10A#0102\n(2.2) can0 10B#FEFD\n");
+    assert!(!neighbours.contains("srdo"), "{neighbours}");
+    let pair = of("(2.1) can0 109#0102\n(2.2) can0 10A#FEFD\n");
+    assert_eq!(pair.matches("srdo").count(), 2, "{pair}");
 }
 
 #[test]
 fn an_error_code_has_the_name_the_device_gives_it() {
     let log = "(1.0) can0 702#05\n(2.0) can0 082#0583010000000000\n(3.0) can0 702#05\n";
     let of = |arguments: &[&str]| run(&[&["stats"], arguments, &["-"]].concat(), log).stdout;
-    assert!(of(&[]).contains("EMCY 8305 no CiA 301 code: 1"), "{}", of(&[]));
+    assert!(of(&[]).contains("EMCY 8305 undefined in CiA 301: 1"), "{}", of(&[]));
     let known = of(&["--node", "2=danfoss-pve-ci"]);
     assert!(known.contains("EMCY 8305 spool position error: 1"), "{known}");
 }
@@ -237,31 +295,73 @@ fn only_what_lies_between_the_bounds_is_counted() {
     assert_eq!(counted(&["--from", "0.002", "--to", "0.004"]), (3, String::new()));
     assert_eq!(counted(&["--from", "#3"]), (8, String::new()));
     let (frames, said) = counted(&["--from", "9"]);
-    assert_eq!(
-        (frames, said.as_str()),
-        (0, "cobscope: -: nothing is as late as --from: its last frame is #10 at 0.009 s\n")
-    );
+    assert_eq!((frames, said.as_str()), (0, "cobscope: -: --from is after the last frame, #10 at 0.009 s\n"));
     assert_eq!(run(&["stats", "--from", "5", "--to", "3", "-"], &log).code, 2);
 }
 
 #[test]
 fn uds_that_nobody_named_is_seen_by_its_answers() {
-    // Two requests for a session (10 03) with their answers (50 03 …).
-    let log = "(1700000000.000000) can0 7E0#0210030000000000\n(1700000000.010000) can0 7E8#065003003201F400\n\
-               (1700000001.000000) can0 7E0#0210030000000000\n(1700000001.010000) can0 7E8#065003003201F400\n";
-    let hint = "7E8 answers 7E0 as UDS does: named under [[uds]] in a bus file (--bus), request = \"7E0\", response = \
-                \"7E8\", they are decoded";
+    // Two requests for a session (10 03) with their responses (50 03 …).
+    let log = "(1700000000.000000) can0 6E0#0210030000000000\n(1700000000.010000) can0 6E8#065003003201F400\n\
+               (1700000001.000000) can0 6E0#0210030000000000\n(1700000001.010000) can0 6E8#065003003201F400\n";
+    let hint = "6E8 responds to 6E0 like a UDS server (2 times); to decode, add to a bus file (--bus): uds = [{ \
+                request = \"6E0\", response = \"6E8\" }]";
     let text = run(&["stats", "-"], log).stdout;
-    assert!(text.contains("bus can0  no sign of CANopen, J1939 or UDS\n"), "{text}");
+    assert!(text.contains("bus can0  no CANopen, J1939 or UDS messages\n"), "{text}");
     assert!(
         text.contains(&format!("          4 frames of no known service, 0 malformed\n          {hint}\n"))
     );
-    assert!(run(&["why", "-"], log).stdout.contains(&format!("CANopen: no sign of it; {hint}\n")));
+    assert!(run(&["why", "-"], log).stdout.contains(&format!("CANopen: no CANopen message; {hint}\n")));
     assert!(run(&["decode", "-"], log).stdout.contains(&format!("NOTE   {hint} {{4}}\n")));
 
     let folder = tempfile::tempdir().unwrap();
     let bus = folder.path().join("bus.toml");
-    std::fs::write(&bus, "[[uds]]\nrequest = \"7E0\"\nresponse = \"7E8\"\n").unwrap();
+    // The line is valid TOML as it is.
+    fs::write(&bus, hint.split_once("(--bus): ").unwrap().1).unwrap();
     let text = run(&["stats", "--bus", bus.to_str().unwrap(), "-"], log).stdout;
     assert!(text.contains("bus can0  UDS\n") && !text.contains("of no known service"), "{text}");
+}
+
+/// Reads of 1000:00, 1018:01 and 1008:00 and a write of 1017:00 on identifiers of PDOs of node 35.
+const DIALOGUE: &str = "\
+(100.000000) can0 723#05
+(100.001000) can0 223#4000100000000000
+(100.002300) can0 1A3#4300100091010300
+(100.004100) can0 223#4018100100000000
+(100.005200) can0 1A3#4318100119030000
+(100.007000) can0 223#2B171000E8030000
+(100.008300) can0 1A3#6017100000000000
+(100.010000) can0 223#4009100000000000
+(100.011000) can0 1A3#4309100031303030
+";
+
+#[test]
+fn entries_of_an_sdo_dialogue_can_be_pasted_into_a_bus_file() {
+    let place = folder("sdo-dialogue");
+    fs::write(place.join("a.log"), DIALOGUE).unwrap();
+    for command in ["stats", "why"] {
+        let output = run_in(&place, &[command, "a.log"], "");
+        let (_, entries) =
+            output.stdout.split_once("with the node-ID of the server:\n").expect(&output.stdout);
+        let is_entry = |line: &&str| line.contains("[[id]]") || line.contains(" = ");
+        let entries: Vec<&str> = entries.lines().take_while(is_entry).collect();
+        assert_eq!(entries.len(), 8, "{command}: {}", output.stdout);
+        fs::write(place.join("bus.toml"), entries.join("\n")).unwrap();
+        let decoded = run_in(&place, &["decode", "--bus", "bus.toml", "-f", "jsonl", "a.log"], "");
+        let transfers =
+            decoded.stdout.lines().filter(|line| line.contains("\"kind\":\"sdo-transfer\"")).count();
+        assert_eq!((decoded.code, transfers), (0, 4), "{command}: {}{}", decoded.stdout, decoded.stderr);
+        let output = run_in(&place, &[command, "-f", "json", "a.log"], "");
+        let text = r#""bus_file":"[[id]]\nid = \"223\"\nservice = \"sdo-request\"\nnode = 35\n[[id]]"#;
+        let report: Value = serde_json::from_str(&output.stdout).unwrap();
+        assert!(report.to_string().contains(text), "{command}: {report}");
+    }
+    // Two exchanges may be chance.
+    let two: Vec<&str> = DIALOGUE.split_inclusive('\n').take(5).collect();
+    let two = two.concat();
+    fs::write(place.join("two.log"), two).unwrap();
+    for command in ["stats", "why"] {
+        let output = run_in(&place, &[command, "two.log"], "");
+        assert!(!output.stdout.contains("[[id]]"), "{command}: {}", output.stdout);
+    }
 }

@@ -1,4 +1,4 @@
-//! The real program in a real pseudo-terminal: what its user sees, and what is left when it ends.
+//! The program in a pseudo-terminal: its screen, and the state of the terminal after its end.
 #![cfg(unix)]
 
 use std::io::{Read as _, Write as _};
@@ -13,14 +13,14 @@ use vt100::{MouseProtocolMode, Parser};
 
 use crate::support::workspace;
 
-/// How long something may take on a busy machine before it counts as not happening.
+/// Time limit for an expected condition on a busy machine.
 const LIMIT: Duration = Duration::from_mins(1);
 
-/// What has come from the program.
+/// Output of the program so far.
 #[derive(Default)]
 struct Seen {
     parser: Parser,
-    /// Everything the program wrote, byte for byte.
+    /// All bytes that the program wrote.
     written: Vec<u8>,
     has_ended: bool,
 }
@@ -45,7 +45,7 @@ impl Session {
         let (source, sink) = (Arc::clone(&pty), Arc::clone(&seen));
         std::thread::spawn(move || {
             let mut piece = [0; 4096];
-            // The end of the program is an error of its terminal.
+            // The end of the program is a read error of its terminal.
             while let Ok(count @ 1..) = (&*source).read(&mut piece) {
                 let piece = piece.get(..count).unwrap();
                 let mut seen = sink.0.lock().unwrap();
@@ -71,12 +71,12 @@ impl Session {
         pty.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Waits until what is on the screen is as wanted.
+    /// Waits until the screen meets a condition.
     pub fn wait(&self, what: &str, is_so: impl Fn(&str) -> bool) {
         self.wait_seen(what, |seen| is_so(&seen.parser.screen().contents()));
     }
 
-    /// Waits until all of the capture is judged.
+    /// Waits until the whole capture is judged.
     pub fn wait_verdict(&self) {
         let is_judged = |header: &str| header.contains("FINDINGS") && !header.contains("warn …");
         let unready = ["state pending", "indexing", "reading"];
@@ -94,7 +94,7 @@ impl Session {
         self.wait(text, |screen| screen.contains(text));
     }
 
-    /// Waits for the end of the program; the terminal is as it was.
+    /// Waits for the end of the program, which must restore the terminal.
     pub fn wait_end(mut self) -> std::process::ExitStatus {
         self.wait_seen("end", |seen| seen.has_ended);
         let seen = self.seen.0.lock().unwrap();
@@ -138,7 +138,7 @@ fn a_line_is_copied_through_the_terminal() {
     session.wait_text("Kind");
     session.send("y");
     session.wait_text("copied");
-    // OSC 52, in Base64: "7.204 can0 0A0 32/20 EMCY 8305 …" begins so.
+    // OSC 52, in Base64: the start of "7.204 can0 0A0 32/20 EMCY 8305 …".
     let copied = b"\x1b]52;c;Ny4yMDQgY2FuMCAwQTAgMzIvMjAgRU1DWSA4MzA1";
     session.wait_seen("copied text", |seen| seen.written.windows(copied.len()).any(|part| part == copied));
     session.send("q");
@@ -151,12 +151,28 @@ fn another_size_is_used_at_once() {
     session.wait_text("BOOT");
     session.seen.0.lock().unwrap().parser.screen_mut().set_size(size(30), size(120));
     session.pty.as_ref().unwrap().resize(Size::new(30, 120)).unwrap();
-    // The header's time stands at the right end.
+    // The time in the header is right-aligned.
     session.wait_seen("header over the whole width", |seen| {
         let header = seen.parser.screen().contents_between(0, 100, 0, 120);
         header.trim_end().ends_with(" s")
             && seen.parser.screen().contents_between(29, 0, 29, 20).contains("? help")
     });
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+/// A reader that waits for edges loses the key when it finds both at once.
+#[test]
+fn a_key_pressed_while_the_size_changes_is_not_lost() {
+    let session = Session::view(PVE);
+    session.wait_verdict();
+    let panes = [("3", "--pane frames"), ("2", "--pane events")].into_iter().cycle().take(400);
+    for (lines, (key, pane)) in [25, 24].into_iter().cycle().zip(panes) {
+        session.seen.0.lock().unwrap().parser.screen_mut().set_size(size(lines), size(80));
+        session.pty.as_ref().unwrap().resize(Size::new(lines, 80)).unwrap();
+        session.send(key);
+        session.wait_text(pane);
+    }
     session.send("q");
     assert!(session.wait_end().success());
 }
@@ -175,7 +191,7 @@ fn a_terminal_that_is_gone_ends_the_program() {
     let mut session = Session::view(PVE);
     session.wait_text("BOOT");
     let id = session.child.id().to_string();
-    // What sshd does when the connection breaks.
+    // sshd sends this signal when the connection breaks.
     assert!(Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
     session.pty = None;
     session.child.wait().unwrap();
@@ -204,7 +220,7 @@ fn without_a_terminal_it_says_what_to_use_instead() {
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
     let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(text, "cobscope: standard output is no terminal; for lines use decode\n");
+    assert_eq!(text, "cobscope: stdout is not a terminal; for text output use decode\n");
 }
 
 #[test]

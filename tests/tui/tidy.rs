@@ -1,9 +1,9 @@
-//! Rules about the sources of the program.
+//! Checks of the source code of the program.
 
 use crate::support::modules::Modules;
 
-/// Modules of `tui/src` with those they may import: all of them are further up. `lib.rs` starts the program and is
-/// exempt, as `main.rs` is.
+/// Modules of `tui/src` with their permitted imports, which are all listed before them. `lib.rs` starts the
+/// program and is exempt, like `main.rs`.
 const LAYERS: &[(&str, &[&str])] = &[
     ("exit_code", &[]),
     ("figures", &[]),
@@ -40,7 +40,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Commands that start the terminal UI; no other one may import it.
+/// Commands that start the terminal UI; no other command may import it.
 const START_UI: [&str; 2] = ["cmd/live/screen", "cmd/view"];
 
 #[test]

@@ -1,4 +1,4 @@
-//! Signals over time against values by hand, and against what `decode` prints.
+//! Signals over time, compared with values derived by hand and with the output of `decode`.
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
-use cobscope::timeline::{Bucket, Captures, MOST_SIGNALS, News, SignalKey, Timeline, Traces};
+use cobscope::timeline::{Bucket, Captures, JoinOptions, MOST_SIGNALS, News, SignalKey, Timeline, Traces};
 use cobscope_decoder::capture::ReadOptions;
 use cobscope_decoder::frame::{CanId, Timestamp};
 use cobscope_decoder::profile::Catalogue;
@@ -20,7 +20,7 @@ use crate::support::workspace;
 
 const MILLISECOND: i64 = 1_000_000;
 
-/// A capture that is read to its end.
+/// A capture that is completely read.
 fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<News>) {
     let catalogue = Catalogue::default();
     let device = catalogue.device(device).unwrap();
@@ -35,6 +35,7 @@ fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
     let captures = Captures {
         paths: vec![path],
         align: false,
+        join: JoinOptions::OFF,
         read: ReadOptions::default(),
         session,
         rules,
@@ -61,7 +62,7 @@ fn wait(traces: &Traces, news: &Receiver<News>) {
     }
 }
 
-/// Milliseconds from the first frame, and the value there.
+/// Milliseconds from the first frame, with the value at that time.
 fn values(timeline: &Timeline, traces: &Traces, key: &SignalKey) -> Vec<(i64, f64)> {
     let zero = timeline.first().unwrap();
     let points = traces.points(key).unwrap();
@@ -75,7 +76,7 @@ fn a_value_is_scaled_as_it_was_at_its_time() {
     let (timeline, news) = open("fixtures/devices/sydfec_nominal_pressure.log", 2, "rexroth-sydfec");
     let zero = timeline.first().unwrap();
     let keys = signals(&timeline);
-    // The actual pressure: 16384 are the nominal pressure, 5208:02.
+    // The actual pressure: 16384 is the nominal pressure, 5208:02.
     let key = keys.iter().find(|key| key.id == CanId::standard(0x182) && key.unit == "bar").unwrap();
     let whole = timeline.trace(vec![key.clone()], zero, None);
     wait(&whole, &news);
@@ -95,7 +96,7 @@ fn a_value_is_scaled_as_it_was_at_its_time() {
         (306, 124.9),
     ];
     assert_eq!(found.get(..expected.len()).unwrap(), expected);
-    // A part of it begins with the value that holds there from before.
+    // A section starts with the value that is valid at its start.
     let (from, to) = (zero.plus(200 * MILLISECOND), zero.plus(250 * MILLISECOND));
     let part = timeline.trace(vec![key.clone()], from, Some(to));
     wait(&part, &news);
@@ -115,7 +116,7 @@ fn a_trace_that_nobody_wants_ends_and_there_are_never_too_many() {
     assert_eq!(traces.signals().len(), MOST_SIGNALS);
 }
 
-/// Lowest and highest value `decode` gives of each signal of a PDO, by identifier and place in the list.
+/// Min and max value of each signal of a PDO in `decode`, by identifier and position in the list.
 fn decoded(capture: &str, node: &str) -> BTreeMap<(u32, usize), (f64, f64)> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cobscope"));
     let arguments = ["decode", "-f", "jsonl", "--node", node, "--filter", "kind == \"pdo\""];
@@ -163,7 +164,7 @@ fn ranges_are_those_of_decode() {
     }
 }
 
-/// A selector, a value of one of its two pages, and one that is always there.
+/// A selector, a value of one of its two pages, and a value that is always present.
 const DBC: &str = "VERSION \"\"\nBO_ 100 MOTION: 3 N\n SG_ Page M : 0|8@1+ (1,0) [0|0] \"\" N\n \
                    SG_ Speed m1 : 8|8@1+ (0.5,0) [0|0] \"km/h\" N\n SG_ Level : 16|8@1- (1,-10) [0|0] \"mm\" N\n";
 
@@ -186,7 +187,7 @@ fn messages_of_a_database_are_traced_and_a_page_that_is_not_there_says_nothing()
     wait(&traces, &news);
     assert_eq!(values(&timeline, &traces, &keys[0]), [(0, 1.0), (100, 2.0), (200, 1.0), (400, 1.0)]);
     assert_eq!(values(&timeline, &traces, &keys[1]), [(0, 127.5), (200, 5.0)]);
-    // Signed, and 10 less.
+    // Signed, with an offset of -10.
     assert_eq!(values(&timeline, &traces, &keys[2]), [(0, -5.0), (100, -12.0), (200, -10.0)]);
 }
 

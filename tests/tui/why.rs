@@ -1,4 +1,4 @@
-//! `cobscope why`. What is expected follows from the tables in `fixtures/` and the profiles.
+//! `cobscope why`. Expected values are derived from the tables in `fixtures/` and the profiles.
 
 use std::fmt::Write as _;
 
@@ -27,7 +27,7 @@ fn kinds(events: &Value) -> Vec<&str> {
     events.as_array().unwrap().iter().map(|event| event["kind"].as_str().unwrap()).collect()
 }
 
-/// Names and stands of a set point's gates.
+/// Names and states of a set point's gates.
 fn gates(point: &Value) -> Vec<(&str, &str)> {
     let list = point["gates"].as_array().unwrap().iter();
     list.map(|gate| (gate["gate"].as_str().unwrap(), gate["status"].as_str().unwrap())).collect()
@@ -42,8 +42,8 @@ const PVE: &[&str] = &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"
 #[test]
 fn the_page() {
     // EMCY 8305 in frame 104, FAULT HOLD reported by 105. Before: 1028:01 and "save" (30 to 33), start (34),
-    // the states INIT (35) to ACTIVE (41), +37.5 % (69). The causes are the first three of the profile.
-    // Whether the mapping is one that was seen is not the matter here.
+    // the states INIT (35) to ACTIVE (41), +37.5 % (69). The causes are the first three of the profile. This
+    // test ignores the `?` of an assumed mapping.
     let page = text(PVE, "").replace("%?", "%");
     let lines: Vec<&str> = page.lines().collect();
     assert_eq!(lines[0], "first fault at 7.204 s, node 32/20 (PVEA, danfoss-pve-ci:pvea)");
@@ -51,18 +51,18 @@ fn the_page() {
     assert!(lines[1].ends_with("{104}"), "{page}");
     assert_eq!(
         lines[2],
-        "      7.206  32/20             STATE  ACTIVE → FAULT HOLD, cause EMCY 8305 {104}; to leave: send 03, then 0B; no error may be left {105}"
+        "      7.206  32/20             STATE  ACTIVE → FAULT HOLD, cause EMCY 8305 {104}; to leave: send 03, then 0B; all errors must be cleared {105}"
     );
-    assert_eq!(lines[3], "before it");
+    assert_eq!(lines[3], "changes before");
     assert!(lines[4].contains("SDO w  1028:01") && lines[4].ends_with("{30-31}"), "{page}");
     assert!(lines[13].contains("SETPT  spool") && lines[13].ends_with("+37.5 % effective {69}"), "{page}");
     let rest = "\
-set points and gates then
+set points and gates at that time
   operational, FAULT HOLD, error 8305
   Spool set point +37.5 %: NOT effective
     closed   device ACTIVE: FAULT HOLD
     open     operational
-    unknown  RPDO1 on the COB-ID of 1400:01 (never on the bus)
+    unknown  RPDO1 on the COB-ID of 1400:01 (not visible on the bus)
 check (PVEA-CI and PVEO-CI Series 6, Technical Information)
   1. spool or actuator blocked, dirt in the oil (Object descriptions; Fault handling)
   2. spool held or moved by its lever (Object descriptions; Fault handling)
@@ -95,8 +95,8 @@ fn the_same_for_programs() {
 
 #[test]
 fn a_master_that_stopped_guarding() {
-    // fixtures/devices/README_ifb.md: requests every 500 ms, none for 1.62 s; EMCY 8100 in frame 33 before the
-    // next one, FAULT told by TPDO1 in frame 37. The last request before is frame 29 at 3.000 s.
+    // fixtures/devices/README_ifb.md: requests every 500 ms, none for 1.62 s; EMCY 8100 in frame 33 before
+    // the next one, FAULT reported by TPDO1 in frame 37. The last request before it is frame 29 at 3.000 s.
     let answer = answer(&["--node", "5=rexroth-ifb-iac", "fixtures/devices/ifb_guarding.log"], "");
     assert_eq!(frames(&answer["fault"]["events"]), [(33, 33), (37, 37)]);
     let silent = &answer["silent"][0];
@@ -112,8 +112,8 @@ fn a_master_that_stopped_guarding() {
 
 #[test]
 fn looking_back_from_a_moment() {
-    // fixtures/devices/README_sydfec.md: 8102 and pre-operational in frame 343, 140.48 s behind the first
-    // frame; the errors FF01 and 3102 before it are gone since 104.46 s.
+    // fixtures/devices/README_sydfec.md: 8102 and pre-operational in frame 343, 140.48 s after the first
+    // frame; the earlier errors FF01 and 3102 ended at 104.46 s.
     let arguments = ["--node", "2=rexroth-sydfec", "--at", "141", "fixtures/devices/sydfec.log"];
     let answer = answer(&arguments, "");
     assert_eq!(answer["fault"]["kinds"], json!(["emcy", "life-guard"]));
@@ -126,8 +126,8 @@ fn looking_back_from_a_moment() {
         assert_eq!(gates(point).iter().filter(|gate| gate.1 == "closed").count(), 1);
         assert_eq!(gates(point)[0], ("operational", "closed"));
     }
-    // The gate as it stands, then the causes of the code.
-    let expected = ["operational: PDOs act in operational only", "the master stopped guarding"];
+    // The state of the gate, then the causes of the code.
+    let expected = ["operational: PDOs are only effective in operational", "the master stopped guarding"];
     assert_eq!(checks(&answer)[..2], expected);
     assert!(
         text(&arguments, "").starts_with("last fault up to 141.000 s: at 140.480 s, node 2/02 (SYDFEC, ")
@@ -136,7 +136,7 @@ fn looking_back_from_a_moment() {
 
 #[test]
 fn a_set_point_without_effect_is_told_where_nothing_is_worse() {
-    // The calibration begins with frame 147 at 59.861 s and ignores the master's set points.
+    // The calibration starts with frame 147 at 59.861 s and ignores the master's set points.
     let arguments = ["--node", "2=rexroth-sydfec", "--at", "#170", "fixtures/devices/sydfec.log"];
     let answer = answer(&arguments, "");
     assert_eq!(
@@ -162,8 +162,8 @@ fn a_restart_nobody_asked_for() {
     assert_eq!(answer["fault"]["kinds"], json!(["restart"]));
     assert_eq!(frames(&answer["fault"]["events"]), [(79, 79)]);
     assert_eq!(answer["nodes"][0]["name"], "auxpump");
-    assert!(checks(&answer)[0].starts_with("the settings that are gone"), "{answer}");
-    // The same node without its profile: the restart is one all the same, the settings nobody knows of.
+    assert!(checks(&answer)[0].starts_with("lost settings: write them after every boot"), "{answer}");
+    // The same node without its profile: the restart is reported, the lost settings are not.
     let plain = self::answer(&[capture], "");
     assert_eq!(frames(&plain["fault"]["events"]), [(79, 79)]);
     assert!(checks(&plain)[0].starts_with("supply of the node"), "{plain}");
@@ -180,13 +180,13 @@ fn a_fault_state_behind_a_reset_that_was_commanded() {
     );
     assert_eq!(frames(&answer["fault"]["events"]), [(36, 36)]);
     assert!(frames(&answer["before"]).contains(&(27, 27)), "{answer}");
-    assert!(checks(&answer)[0].contains("from FAULT HOLD 03, then 0B, then 0F"), "{answer}");
-    assert_eq!(checks(&answer)[1], "from FAULT HOLD to HOLD: send 03, then 0B; no error may be left");
+    assert!(checks(&answer)[0].contains("FAULT HOLD: send 03, then 0B, then 0F"), "{answer}");
+    assert_eq!(checks(&answer)[1], "from FAULT HOLD to HOLD: send 03, then 0B; all errors must be cleared");
 }
 
 #[test]
 fn a_silent_node_in_plain_canopen() {
-    // fixtures/README.md: node 2 every 100 ms until 1.0 s. Node 5 goes on.
+    // fixtures/README.md: node 2 every 100 ms until 1.0 s. Node 5 continues.
     let capture = "fixtures/canopen/heartbeat_lost.log";
     let page = text(&[capture], "");
     assert!(page.starts_with("first fault at 1.200 s, node 2/02\n"), "{page}");
@@ -194,7 +194,7 @@ fn a_silent_node_in_plain_canopen() {
     assert!(page.contains("\n  1. supply and connector of the node"), "{page}");
     assert_eq!(
         text(&["--node", "5", capture], "").lines().next().unwrap(),
-        "no fault of node 5/05 in this capture; what rules find in it: cobscope check"
+        "no fault of node 5/05 in this capture; for rule findings use cobscope check"
     );
     assert_eq!(answer(&["--node", "5", capture], "")["fault"], Value::Null);
     let answer = answer(&["--node", "2", "--at", "6", capture], "");
@@ -207,7 +207,7 @@ fn errors_of_the_bus() {
     let answer = answer(&["fixtures/canopen/error_frames.log"], "");
     assert_eq!((&answer["fault"]["kinds"], &answer["fault"]["node"]), (&json!(["bus-error"]), &Value::Null));
     assert_eq!(frames(&answer["fault"]["events"]), [(10, 10), (11, 11), (12, 12)]);
-    // The warning levels before, frames 8 and 9; of arbitration lost twice the later one, frame 4.
+    // The preceding warning levels, frames 8 and 9; of the two lost arbitrations the later one, frame 4.
     assert_eq!(frames(&answer["before"]), [(2, 2), (4, 4), (6, 6), (7, 7), (8, 8), (9, 9)]);
     assert!(checks(&answer)[0].starts_with("termination"), "{answer}");
 }
@@ -224,29 +224,29 @@ fn a_refused_write_where_there_is_nothing_else() {
 #[test]
 fn nothing_wrong_and_nobody_there() {
     let capture = "fixtures/canopen/pdo_mapping.log";
-    assert_eq!(text(&[capture], ""), "no fault in this capture; what rules find in it: cobscope check\n");
-    let absent = "node 9/09 is not heard in this capture; nodes heard: 2\nno fault of node 9/09 in this capture; what rules find in it: cobscope check\n";
+    assert_eq!(text(&[capture], ""), "no fault in this capture; for rule findings use cobscope check\n");
+    let absent = "node 9/09 not present in this capture; nodes present: 2\nno fault of node 9/09 in this capture; for rule findings use cobscope check\n";
     assert_eq!(text(&["--node", "9", capture], ""), absent);
     let foreign = text(&["-"], "(1700000000.000000) can0 18FEF100#0102030405060708\n");
     assert_eq!(
         foreign,
-        "bus can0 is not taken for CANopen: no sign of it\nno fault in this capture; what rules find in it: cobscope check\n"
+        "bus can0 not detected as CANopen: no CANopen message\nno fault in this capture; for rule findings use cobscope check\n"
     );
 }
 
 #[test]
 fn a_profile_is_suggested_never_assumed() {
     let page = text(&["fixtures/devices/sydfec.log"], "");
-    assert!(page.contains("\n  its set points are not known: no profile is assigned to it"), "{page}");
+    assert!(page.contains("\n  set points unknown: no profile assigned"), "{page}");
     assert!(page.contains("\n  node 2/02 behaves like SYDFEC: --node 2=rexroth-sydfec ("), "{page}");
-    // The code is read as CiA 301 orders its bytes, not as the SYDFEC does.
+    // The bytes of the code are in the order of CiA 301, not of the SYDFEC.
     assert!(page.lines().nth(1).unwrap().contains("EMCY   01FF"), "{page}");
     let known = answer(&["--node", "2=rexroth-sydfec", "fixtures/devices/sydfec.log"], "");
     assert_eq!(known["suggestions"], json!([]));
     assert_eq!(known["fault"]["events"][0]["code"], "0xFF01");
 }
 
-/// A PVEA that was started: boot-up, start, ACTIVE by three control words; then `more`, a line each 100 ms.
+/// A started PVEA: boot-up, start, ACTIVE by three control words; then `more`, one line every 100 ms.
 fn pve(more: &[&str]) -> String {
     let begin = [
         "720#00",
@@ -268,7 +268,7 @@ fn pve(more: &[&str]) -> String {
 
 #[test]
 fn active_left_without_a_reason_on_the_bus() {
-    // Frame 11: HOLD, though the control word is still 0F: 6041 = 0B.
+    // Frame 11: HOLD, although the control word is still 0F: 6041 = 0B.
     let log = pve(&["220#0F000018", "1A0#0B000000", "220#0F000018"]);
     let answer = answer(&["--node", "32=danfoss-pve-ci"], &log);
     assert_eq!(answer["fault"]["kinds"][0], "left-active");
@@ -278,7 +278,7 @@ fn active_left_without_a_reason_on_the_bus() {
 
 #[test]
 fn faults_within_20_ms_are_one() {
-    // The state comes 2 ms before the EMCY: one moment, which begins with the state.
+    // The state is 2 ms before the EMCY: both are one fault, which starts with the state.
     let mut log = pve(&["220#0F000018"]);
     log.push_str("(1700000001.100000) can0 1A0#03000000\n(1700000001.102000) can0 0A0#0583210300000000\n");
     log.push_str("(1700000001.500000) can0 0A0#0583210300000000\n");
@@ -289,7 +289,7 @@ fn faults_within_20_ms_are_one() {
 
 #[test]
 fn of_a_ramp_the_last_set_point_is_told() {
-    // Frames 10 to 29 raise the set point, frame 30 is the EMCY.
+    // Frames 10 to 29 raise the set point; frame 30 is the EMCY.
     let ramp: Vec<String> = (1..=20).map(|n| format!("220#0F0000{n:02X}")).collect();
     let mut more: Vec<&str> = ramp.iter().map(String::as_str).collect();
     more.push("0A0#0583210300000000");
@@ -321,7 +321,7 @@ fn operational_left_without_a_command() {
     let found = answer(&["-"], &log);
     assert_eq!(found["fault"]["kinds"], json!(["left-operational"]));
     assert_eq!(frames(&found["fault"]["events"]), [(4, 4)]);
-    // Within a second of a command the node may still say its old state.
+    // For one second after a command, the node may still report its old state.
     let settling = "(1700000000.0) can0 000#0105\n(1700000000.1) can0 705#05\n(1700000000.5) can0 705#7F\n";
     assert_eq!(answer(&["-"], settling)["fault"], Value::Null);
 }
@@ -334,14 +334,14 @@ fn a_capture_without_times() {
     assert_eq!(answer(&["-"], log)["fault"]["t"], Value::Null);
     let output = run(&["why", "--at", "1.5"], log);
     assert_eq!(output.code, 3);
-    assert!(output.stderr.contains("has no times"), "{}", output.stderr);
+    assert!(output.stderr.contains("no timestamps"), "{}", output.stderr);
     assert!(text(&["--at", "#1"], log).starts_with("no fault up to frame 1\n"));
 }
 
 #[test]
 fn several_captures_and_several_buses() {
     let page = text(&["fixtures/canopen/pdo_mapping.log", "fixtures/canopen/heartbeat_lost.log"], "");
-    assert!(page.starts_with("== fixtures/canopen/pdo_mapping.log\nno fault in this capture; what rules find in it: cobscope check\n== "), "{page}");
+    assert!(page.starts_with("== fixtures/canopen/pdo_mapping.log\nno fault in this capture; for rule findings use cobscope check\n== "), "{page}");
     // The error on the second bus is the first one.
     let log = "(1700000000.0) can0 705#05\n(1700000000.0) can1 705#05\n(1700000000.1) can1 085#3081110000000000\n\
                (1700000000.9) can0 085#3081110000000000\n";
@@ -359,7 +359,7 @@ fn what_could_not_be_read_is_said_where_the_output_has_no_place_for_it() {
             format!("cobscope: {CUT}: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n");
         assert_eq!((cut.code, cut.stderr), (3, said), "{words:?}");
         let lines = run(&[words, &[LINES]].concat(), "").stderr;
-        let said = format!("cobscope: {LINES}: 38 lines or records could not be read, first line ");
+        let said = format!("cobscope: {LINES}: 38 lines or records unreadable (first: line ");
         assert!(lines.starts_with(&said) && lines.lines().count() == 1, "{lines}");
     }
     assert_eq!(run(&["decode", LINES], "").stderr, "");

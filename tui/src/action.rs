@@ -1,88 +1,90 @@
-//! What a user can want, apart from the keys for it.
+//! Actions of the user, independent of keys.
 
-/// One thing to do.
+/// An action of the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// One line up.
+    /// Go up one line.
     Up,
-    /// One line down.
+    /// Go down one line.
     Down,
-    /// To the left: a column, or back in time.
+    /// Previous column, or earlier in time.
     Left,
-    /// To the right: a column, or on in time.
+    /// Next column, or later in time.
     Right,
-    /// A screen up.
+    /// Go up one page.
     PageUp,
-    /// A screen down.
+    /// Go down one page.
     PageDown,
-    /// To the beginning.
+    /// Go to the start.
     Top,
-    /// To the end.
+    /// Go to the end.
     Bottom,
-    /// Into what is selected.
+    /// Open the selected item.
     Open,
-    /// Back out of it.
+    /// Close the open item, or go to the previous pane.
     Back,
-    /// Unfold or fold what is selected; choose it.
+    /// Expand, collapse or choose the selected item.
     Toggle,
-    /// Show the pane with this place in the row of panes.
+    /// Show the pane with this number, from 1.
     Pane(u8),
-    /// The pane behind.
+    /// Show the next pane.
     NextPane,
-    /// The pane before.
+    /// Show the previous pane.
     PreviousPane,
-    /// Type a filter.
+    /// Open the filter prompt.
     Filter,
-    /// Show everything again.
+    /// Clear filter, search and highlight.
     Clear,
-    /// Show only what has the value of the selected cell.
+    /// Filter by the value of the selected cell.
     FilterCell,
-    /// All events, or only what says something new.
+    /// Toggle between all events and changes only.
     News,
-    /// Type what to look for.
+    /// Open the search prompt.
     Search,
-    /// The next place that has it.
+    /// Go to the next match.
     SearchNext,
-    /// The one before.
+    /// Go to the previous match.
     SearchPrevious,
-    /// The next finding.
+    /// Go to the next finding.
     NextFinding,
-    /// The one before.
+    /// Go to the previous finding.
     PreviousFinding,
-    /// The next event that tells of an error.
+    /// Go to the next error event.
     NextError,
-    /// The one before.
+    /// Go to the previous error event.
     PreviousError,
-    /// Type a time or a frame to go to.
+    /// Open the prompt for a time or frame.
     GoTo,
-    /// Give this place a letter.
+    /// Set a mark at the cursor.
     SetMark,
-    /// Go to the place of a letter.
+    /// Go to a mark.
     ToMark,
-    /// Stay here, or follow what comes.
+    /// Pause or resume following new frames.
     Pause,
-    /// Begin a selection here, or give it up.
+    /// Start or clear a selection of frames.
     Select,
     /// Sort by the selected column.
     Sort,
-    /// Highlight what is like the selected.
+    /// Highlight the selected value.
     Highlight,
-    /// Plot what is selected over time.
+    /// Plot the signals of the selected item.
     Plot,
-    /// Look closer.
+    /// Show half the time range.
     ZoomIn,
-    /// Look from further away.
+    /// Show twice the time range.
     ZoomOut,
-    /// Set the second cursor here.
+    /// Set or remove cursor B of the plot.
     SetCursor,
+    /// Assign the suggested profile to the selected node.
+    Assign,
     /// Copy the selected line.
     Copy,
-    /// Write what is shown to a file.
+    /// Export the selection, or everything, to a file.
     Export,
-    /// The next theme.
+    /// Switch to the next theme.
     Theme,
-    /// All keys.
+    /// Show the legend of the pane and all keys.
     Help,
-    /// Leave the program.
+    /// Quit the program.
     Quit,
 }

@@ -1,22 +1,22 @@
-//! Values of a signal, summed up by time.
+//! Samples of a signal, summarised per time interval.
 
-/// The values of a piece of time.
+/// Values of a time interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bucket {
-    /// When, in nanoseconds.
+    /// Start, in ns.
     pub t: i64,
-    /// The lowest of its values.
+    /// Lowest value.
     pub min: f64,
-    /// The highest of its values.
+    /// Highest value.
     pub max: f64,
-    /// The last of its values, which holds until the next bucket.
+    /// Last value; it applies until the next bucket.
     pub last: f64,
 }
 
 impl Bucket {
-    /// The lowest and the highest value, if any is a number.
+    /// Lowest and highest value; None if all are NaN.
     pub fn bounds(&self) -> Option<(f64, f64)> {
-        // `min` and `max` give the other one where one is NaN.
+        // `min` and `max` ignore a NaN.
         let (low, high) = (self.min.min(self.max).min(self.last), self.max.max(self.min).max(self.last));
         (!low.is_nan()).then_some((low, high))
     }

@@ -1,19 +1,19 @@
-//! What the program's exit status says.
+//! Exit status of the program.
 
 use std::process::ExitCode;
 
-/// Exit statuses, worst last: the worst of several captures counts.
+/// Exit statuses by severity; with several captures the most severe one is returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exit {
-    /// All went well; a closed pipe counts as well.
+    /// Success, also if the reader closed the output pipe.
     Clean = 0,
-    /// There are findings at or above `--fail-on`.
+    /// Findings at or above `--fail-on`.
     Findings = 1,
-    /// The command line cannot be understood, or an output cannot be created.
+    /// Invalid command line, or an output cannot be created.
     Usage = 2,
-    /// A capture cannot be opened, recognised or read to its end, or holds no frame; an output cannot be written to its end.
+    /// A capture is unreadable, incomplete or without frames, or an output is incomplete.
     Capture = 3,
-    /// A profile or bus file that is named or used is broken.
+    /// A profile or bus file is invalid.
     Profile = 4,
 }
 

@@ -1,10 +1,10 @@
-//! Figures as they are written: times, rates, bits.
+//! Formatting of numbers: times, rates, bits.
 //!
 //! ```text
 //! 7.204 (seconds)   99.745 (milliseconds)   29.5 (tenths)   12 kbit   1.6 MB
 //! ```
 
-/// A count of tenths: with one digit behind the point while it is small.
+/// A number of tenths, with one decimal place below 100.
 pub fn tenths(tenths: u128) -> String {
     if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
 }
@@ -14,7 +14,7 @@ pub fn bits(count: u128) -> String {
     if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
 }
 
-/// Nanoseconds as milliseconds with three digits behind the point, one from 100 on.
+/// Nanoseconds as milliseconds, with three decimal places, or one from 100 ms on.
 pub fn millis(nanoseconds: i64) -> String {
     let micros = nanoseconds.unsigned_abs() / 1_000;
     if micros >= 100_000 {
@@ -24,14 +24,14 @@ pub fn millis(nanoseconds: i64) -> String {
     }
 }
 
-/// Nanoseconds as seconds with three digits behind the point, cut.
+/// Nanoseconds as seconds with three decimal places, truncated.
 pub fn seconds(nanoseconds: i64) -> String {
     let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
     let sign = if nanoseconds < 0 && milliseconds > 0 { "-" } else { "" };
     format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
 }
 
-/// Bytes with a unit, three digits or so.
+/// Bytes with a unit and about three digits.
 pub fn bytes(count: u64) -> String {
     match count {
         ..1_000 => format!("{count} B"),
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_have_as_many_digits_as_tell_something() {
+    fn figures_have_significant_digits_only() {
         assert_eq!([tenths(295), tenths(10_990)], ["29.5", "1099"]);
         assert_eq!([bits(9_999), bits(48_500)], ["9999 bit", "48 kbit"]);
         assert_eq!([millis(99_745_900), millis(100_049_000)], ["99.745", "100.0"]);

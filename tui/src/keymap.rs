@@ -1,51 +1,51 @@
-//! All keys: tables from which help and footers are made. The registry of panes gives the digits.
+//! Key tables for input, help and key bar. The registry of panes supplies the digits.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use crate::action::Action;
 use crate::panes::PaneId;
 
-/// Keys for one action.
+/// Keys of an action.
 #[derive(Clone, Copy)]
 pub struct Binding {
-    /// Keys, as [`parse`] reads them; the first one is shown in footers.
+    /// Key names for [`parse`]; the key bar shows the first one.
     pub keys: &'static [&'static str],
-    /// What they do.
+    /// Action of the keys.
     pub action: Action,
-    /// One or two words for the footer.
+    /// One or two words for the key bar.
     pub short: &'static str,
-    /// A line for the help.
+    /// One line for the help.
     pub help: &'static str,
-    /// Heading it stands under.
+    /// Heading in the help.
     pub group: Group,
 }
 
 /// Headings of the help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
-    /// Moving in a pane.
+    /// Movement within a pane.
     Move,
-    /// Moving in time.
+    /// Movement in time.
     Time,
-    /// Choosing what is shown.
+    /// Filter and search.
     Show,
-    /// Doing something with it.
+    /// Actions on the selected item.
     Do,
     /// Panes and program.
     Program,
 }
 
 impl Group {
-    /// All, in the order of the help.
+    /// All headings in the order of the help.
     pub const ALL: [Self; 5] = [Self::Move, Self::Time, Self::Show, Self::Do, Self::Program];
 
-    /// Its heading.
+    /// Text of the heading.
     pub const fn title(self) -> &'static str {
         match self {
-            Self::Move => "Moving",
+            Self::Move => "Movement",
             Self::Time => "Time",
-            Self::Show => "What is shown",
-            Self::Do => "Doing",
+            Self::Show => "Filter and search",
+            Self::Do => "Actions",
             Self::Program => "Panes and program",
         }
     }
@@ -61,76 +61,77 @@ const fn key(
     Binding { keys, action, short, help, group }
 }
 
-/// Keys of panes, in their order; a tenth pane has none.
+/// Keys of the first nine panes.
 const DIGITS: [&[&str]; 9] = [&["1"], &["2"], &["3"], &["4"], &["5"], &["6"], &["7"], &["8"], &["9"]];
 
 /// Keys of actions.
 const ACTIONS: &[Binding] = &[
-    key(&["j", "down"], Action::Down, "down", "one line down", Group::Move),
-    key(&["k", "up"], Action::Up, "up", "one line up", Group::Move),
-    key(&["right"], Action::Right, "right", "next column; on in time in a plot", Group::Move),
-    key(&["left"], Action::Left, "left", "previous column; back in time in a plot", Group::Move),
-    key(&["pgdn", "ctrl-f"], Action::PageDown, "page down", "one screen down", Group::Move),
-    key(&["pgup", "ctrl-b"], Action::PageUp, "page up", "one screen up", Group::Move),
-    key(&["g", "home"], Action::Top, "begin", "to the beginning", Group::Move),
-    key(&["G", "end"], Action::Bottom, "end", "to the end", Group::Move),
-    key(&["enter"], Action::Open, "open", "into what is selected: its detail, its evidence", Group::Move),
-    key(&["esc", "backspace"], Action::Back, "back", "back out of it", Group::Move),
-    key(&["x"], Action::Toggle, "unfold", "unfold, fold or choose what is selected", Group::Move),
-    key(&["]"], Action::NextFinding, "finding", "next finding", Group::Time),
-    key(&["["], Action::PreviousFinding, "finding", "previous finding", Group::Time),
-    key(&["e"], Action::NextError, "error", "next event that tells of an error", Group::Time),
-    key(&["E"], Action::PreviousError, "error", "previous event that tells of an error", Group::Time),
+    key(&["j", "down"], Action::Down, "down", "go down one line", Group::Move),
+    key(&["k", "up"], Action::Up, "up", "go up one line", Group::Move),
+    key(&["right"], Action::Right, "right", "next column; later in time in a plot", Group::Move),
+    key(&["left"], Action::Left, "left", "previous column; earlier in time in a plot", Group::Move),
+    key(&["pgdn", "ctrl-f"], Action::PageDown, "page down", "go down one page", Group::Move),
+    key(&["pgup", "ctrl-b"], Action::PageUp, "page up", "go up one page", Group::Move),
+    key(&["g", "home"], Action::Top, "start", "go to the start", Group::Move),
+    key(&["G", "end"], Action::Bottom, "end", "go to the end", Group::Move),
+    key(&["enter"], Action::Open, "open", "open the selected row: detail, evidence, gates", Group::Move),
+    key(&["esc", "backspace"], Action::Back, "back", "close, or go to the previous pane", Group::Move),
+    key(&["x"], Action::Toggle, "expand", "expand, collapse or choose the selected row", Group::Move),
+    key(&["]"], Action::NextFinding, "finding", "go to the next finding", Group::Time),
+    key(&["["], Action::PreviousFinding, "finding", "go to the previous finding", Group::Time),
+    key(&["e"], Action::NextError, "error", "go to the next error event", Group::Time),
+    key(&["E"], Action::PreviousError, "error", "go to the previous error event", Group::Time),
     key(
         &[":"],
         Action::GoTo,
         "go to",
-        "go to 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (from here), a date and time",
+        "go to 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), a date and time",
         Group::Time,
     ),
-    key(&["m"], Action::SetMark, "mark", "give this place a letter", Group::Time),
-    key(&["'"], Action::ToMark, "to mark", "go to the place of a letter", Group::Time),
-    key(&["space"], Action::Pause, "pause", "stay here, or follow what comes", Group::Time),
-    key(&["f", "f3"], Action::Filter, "filter", "show only events and findings a filter means", Group::Show),
+    key(&["m"], Action::SetMark, "mark", "set a mark, named by a letter, at the cursor", Group::Time),
+    key(&["'"], Action::ToMark, "to mark", "go to a mark", Group::Time),
+    key(&["space"], Action::Pause, "pause", "pause or resume following new frames", Group::Time),
     key(
-        &["="],
-        Action::FilterCell,
-        "like this",
-        "show only what has the value of the selected cell",
+        &["f", "f3"],
+        Action::Filter,
+        "filter",
+        "show only events and findings that match a filter",
         Group::Show,
     ),
-    key(&["c"], Action::Clear, "clear", "no filter, no search, no highlight", Group::Show),
-    key(&["v"], Action::News, "all/news", "all events, or only what says something new", Group::Show),
-    key(&["/", "f7"], Action::Search, "search", "look for a text (regular expression)", Group::Show),
-    key(&["n"], Action::SearchNext, "next", "next place that has it", Group::Show),
-    key(&["N"], Action::SearchPrevious, "previous", "previous place that has it", Group::Show),
-    key(&["s"], Action::Sort, "sort", "sort by the selected column: up, down, as it was", Group::Show),
-    key(&["h"], Action::Highlight, "highlight", "highlight what is like the selected", Group::Show),
-    key(&["p"], Action::Plot, "plot", "plot the signals of what is selected", Group::Do),
-    key(&["+"], Action::ZoomIn, "zoom in", "look closer", Group::Do),
-    key(&["-"], Action::ZoomOut, "zoom out", "look from further away", Group::Do),
-    key(&["b"], Action::SetCursor, "cursor b", "set the second cursor of the plot here", Group::Do),
-    key(&["y"], Action::Copy, "copy", "copy the selected line", Group::Do),
+    key(&["="], Action::FilterCell, "like this", "filter by the value of the selected cell", Group::Show),
+    key(&["c"], Action::Clear, "clear", "clear filter, search and highlight", Group::Show),
+    key(&["v"], Action::News, "all/changes", "show all events, or only changes", Group::Show),
+    key(&["/", "f7"], Action::Search, "search", "search for a text (regular expression)", Group::Show),
+    key(&["n"], Action::SearchNext, "next", "go to the next match", Group::Show),
+    key(&["N"], Action::SearchPrevious, "previous", "go to the previous match", Group::Show),
+    key(&["s"], Action::Sort, "sort", "sort by the selected column: ascending, descending, off", Group::Show),
+    key(&["h"], Action::Highlight, "highlight", "highlight the selected value", Group::Show),
+    key(&["p"], Action::Plot, "plot", "plot the signals of the selected row", Group::Do),
+    key(&["+"], Action::ZoomIn, "zoom in", "show half the time range", Group::Do),
+    key(&["-"], Action::ZoomOut, "zoom out", "show twice the time range", Group::Do),
+    key(&["b"], Action::SetCursor, "cursor b", "set or remove cursor B of the plot", Group::Do),
     key(
-        &["V"],
-        Action::Select,
-        "select",
-        "select from here to the cursor, for export; again: nothing",
+        &["a"],
+        Action::Assign,
+        "assign",
+        "assign the profile that the behaviour of the node suggests",
         Group::Do,
     ),
-    key(&["w", "f2"], Action::Export, "export", "write the selection, else everything, to a file", Group::Do),
-    key(&["tab"], Action::NextPane, "pane", "next pane", Group::Program),
-    key(&["shift-tab"], Action::PreviousPane, "pane", "previous pane", Group::Program),
+    key(&["y"], Action::Copy, "copy", "copy the selected line", Group::Do),
+    key(&["V"], Action::Select, "select", "start or clear the selection of frames to export", Group::Do),
+    key(&["w", "f2"], Action::Export, "export", "write the selection, or everything, to a file", Group::Do),
+    key(&["tab"], Action::NextPane, "pane", "go to the next pane", Group::Program),
+    key(&["shift-tab"], Action::PreviousPane, "pane", "go to the previous pane", Group::Program),
 ];
 
-/// Keys of the program, which the help lists after those of the panes.
+/// Keys of the program; the help lists them after the panes.
 const PROGRAM: &[Binding] = &[
-    key(&["T"], Action::Theme, "theme", "dark, light, no colours", Group::Program),
-    key(&["?", "f1"], Action::Help, "help", "this", Group::Program),
-    key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "leave the program", Group::Program),
+    key(&["T"], Action::Theme, "theme", "switch colours: dark, light, none", Group::Program),
+    key(&["?", "f1"], Action::Help, "help", "explain the pane and list all keys", Group::Program),
+    key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "quit the program", Group::Program),
 ];
 
-/// All keys, in the order of the help.
+/// All bindings in the order of the help.
 pub fn keymap() -> impl Iterator<Item = Binding> {
     let panes =
         DIGITS.into_iter().zip(PaneId::ALL).zip(1..).map(|((keys, pane), number)| {
@@ -150,7 +151,7 @@ pub fn binding(action: Action) -> Option<Binding> {
     keymap().find(|binding| binding.action == action)
 }
 
-/// Without what terminals differ in: shift is in the character already.
+/// Normalises a key: some terminals report shift in addition to the capital letter.
 fn normal(event: KeyEvent) -> (KeyCode, KeyModifiers) {
     let modifiers = match event.code {
         KeyCode::Char(_) | KeyCode::BackTab => event.modifiers.difference(KeyModifiers::SHIFT),
@@ -190,11 +191,11 @@ pub fn parse(name: &str) -> Option<(KeyCode, KeyModifiers)> {
     Some((code, KeyModifiers::NONE))
 }
 
-/// Keys written one behind the other, special ones in angle brackets: `jj<enter>/705<enter><ctrl-f>`.
-/// `<<>` is the character `<`.
+/// Parses consecutive keys, special ones in angle brackets: `jj<enter>/705<enter><ctrl-f>`. `<<>` is the
+/// character `<`.
 ///
 /// # Errors
-/// A name in brackets that is none of a key.
+/// Unknown key name in brackets.
 pub fn sequence(text: &str) -> Result<Vec<KeyEvent>, String> {
     let mut keys = Vec::new();
     let mut rest = text;
@@ -203,7 +204,7 @@ pub fn sequence(text: &str) -> Result<Vec<KeyEvent>, String> {
             Some((name, behind)) => (name, behind),
             None => rest.split_at(character.len_utf8()),
         };
-        let (code, modifiers) = parse(name).ok_or_else(|| format!("<{name}> is no key"))?;
+        let (code, modifiers) = parse(name).ok_or_else(|| format!("unknown key <{name}>"))?;
         keys.push(KeyEvent::new(code, modifiers));
         rest = behind;
     }
@@ -232,7 +233,7 @@ mod tests {
             [KeyCode::Char('j'), KeyCode::Enter, KeyCode::Char('/'), KeyCode::Char('<'), KeyCode::Char('f')];
         assert_eq!(codes, expected);
         assert_eq!(action(&keys[4]), Some(Action::PageDown));
-        assert_eq!(sequence("<nokey>").unwrap_err(), "<nokey> is no key");
+        assert_eq!(sequence("<nokey>").unwrap_err(), "unknown key <nokey>");
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! `cobscope`: reads CAN traffic and says what the devices did, in lines, in a terminal UI and in CI.
+//! `cobscope`: decodes CAN traffic and prints the events of the devices, shows them in a terminal UI, and
+//! checks them in CI.
 
 pub mod action;
 pub mod app;
@@ -28,35 +29,36 @@ use clap::Parser as _;
 use app::App;
 use timeline::News;
 
-/// Runs the program as its command line says.
+/// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
     let cli =
         cli::Cli::parse_from(cli::with_default_command(std::env::args_os(), std::io::stdout().is_terminal()));
     cmd::run(cli).into()
 }
 
-/// The terminal UI as a command line has it (`view …`), without a terminal, and what its background finds.
+/// Opens the terminal UI for a command line (`view …`) without a terminal; also returns the results of its
+/// background threads.
 ///
 /// # Errors
-/// A command line that is not that of `view`, or what the command itself would complain about.
+/// If the command is not `view`, or for the errors of `view` itself.
 pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
     let cli::Command::View(view) = cli::Cli::try_parse_from(words)?.command else {
-        anyhow::bail!("{} is not the command view", arguments.join(" "));
+        anyhow::bail!("{}: expected the command view", arguments.join(" "));
     };
     cmd::open_view(&view, arguments)
 }
 
-/// `live - …` over datagrams that stand for frames, each a `struct can_frame`: what receiving costs can be measured
-/// where the kernel has no CAN.
+/// Runs `live - …` on datagrams, each with one `struct can_frame`, to measure the cost of reception on a
+/// kernel without CAN.
 ///
 /// # Errors
-/// A command line that is not that of `live`, or what the command itself would complain about.
+/// If the command is not `live`, or for the errors of `live` itself.
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub fn live_over_datagrams(arguments: &[String], socket: std::net::UdpSocket) -> anyhow::Result<()> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
     let cli::Command::Live(live) = cli::Cli::try_parse_from(words)?.command else {
-        anyhow::bail!("{} is not the command live", arguments.join(" "));
+        anyhow::bail!("{}: expected the command live", arguments.join(" "));
     };
     cmd::over_datagrams(&live, socket)
 }

@@ -1,4 +1,4 @@
-//! `cobscope`: the binary.
+//! The `cobscope` binary.
 
 fn main() -> std::process::ExitCode {
     cobscope::run()

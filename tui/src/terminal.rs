@@ -1,4 +1,4 @@
-//! The real terminal: keys in, screen out. Nothing here decides anything.
+//! The terminal: input events to the application, its screen to the output.
 
 use std::io::{BufWriter, Stdout, Write as _, stdout};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
@@ -21,46 +21,46 @@ use ratatui::crossterm::terminal::{
 use crate::app::{App, Output};
 use crate::timeline::News;
 
-/// How often the screen shows what the background has done while it works.
+/// Minimum interval between screens while background threads report progress.
 const REFRESH: Duration = Duration::from_millis(200);
 
-/// How often the screen shows how live buses are while nothing comes of them.
+/// Interval of screens of silent live buses.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Bytes of a whole screen's changes, which go to the terminal at once.
+/// Buffer for the changes of a whole screen, written at once.
 const OUTPUT: usize = 64 * 1024;
 
-/// What wakes the application.
+/// A message to the main loop.
 pub enum Message {
-    /// The user did something.
+    /// Keyboard, mouse, paste or resize.
     Input(Event),
-    /// The background found something.
+    /// Message of a background thread.
     News(News),
     /// The terminal is gone.
     Gone,
 }
 
-/// A terminal that is given back as it was, whatever happens.
+/// The terminal in UI mode; dropping it restores the previous mode.
 pub struct Screen(Terminal<CrosstermBackend<BufWriter<Stdout>>>);
 
 impl Screen {
-    /// Takes the terminal over.
+    /// Switches the terminal to UI mode.
     ///
     /// # Errors
-    /// When there is none.
+    /// No usable terminal.
     pub fn take() -> anyhow::Result<Self> {
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             give_back();
             hook(info);
         }));
-        enable_raw_mode().context("this is no terminal the UI can use")?;
+        enable_raw_mode().context("the UI cannot use this terminal")?;
         let output = BufWriter::with_capacity(OUTPUT, stdout());
-        let terminal = Terminal::new(CrosstermBackend::new(output)).context("the terminal cannot be used")?;
+        let terminal = Terminal::new(CrosstermBackend::new(output)).context("cannot set up the terminal")?;
         let screen = Self(terminal);
-        execute!(stdout(), EnterAlternateScreen).context("the terminal cannot be written")?;
+        execute!(stdout(), EnterAlternateScreen).context("cannot write to the terminal")?;
         execute!(stdout(), EnableMouseCapture, EnableBracketedPaste)
-            .context("the terminal cannot be written")?;
+            .context("cannot write to the terminal")?;
         Ok(screen)
     }
 }
@@ -71,17 +71,17 @@ impl Drop for Screen {
     }
 }
 
-/// Ends what ratatui's own hook leaves on: mouse and paste reports.
+/// Restores the terminal, including mouse and paste reports, which ratatui's own hook leaves on.
 fn give_back() {
-    // A terminal that is gone needs nothing back.
+    // A terminal that no longer exists needs no restoring.
     let _ = execute!(stdout(), DisableMouseCapture, DisableBracketedPaste, LeaveAlternateScreen, Show);
     let _ = disable_raw_mode();
 }
 
-/// Sends what the user does.
+/// Starts the threads for input and signals.
 ///
 /// # Errors
-/// When no thread can be started.
+/// A thread or the signal handler cannot be started.
 pub fn listen(messages: Sender<Message>) -> anyhow::Result<()> {
     let inputs = messages.clone();
     let listen = move || {
@@ -95,43 +95,46 @@ pub fn listen(messages: Sender<Message>) -> anyhow::Result<()> {
     };
     #[cfg(unix)]
     mind_signals(messages)?;
-    std::thread::Builder::new().name("input".into()).spawn(listen).context("no thread can be started")?;
+    std::thread::Builder::new().name("input".into()).spawn(listen).context("cannot start a thread")?;
     Ok(())
 }
 
-/// Being told to end, or losing the terminal, is leaving.
+/// Ends the program on SIGHUP and SIGTERM.
 #[cfg(unix)]
 fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
     use signal_hook::consts::{SIGHUP, SIGTERM};
-    let mut signals =
-        signal_hook::iterator::Signals::new([SIGHUP, SIGTERM]).context("signals cannot be minded")?;
+    let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGTERM])
+        .context("cannot install the signal handler")?;
     let mind = move || {
         if signals.forever().next().is_some() {
-            // The application may be gone already.
+            // The application may have ended already.
             let _ = messages.send(Message::Gone);
         }
     };
-    std::thread::Builder::new().name("signals".into()).spawn(mind).context("no thread can be started")?;
+    std::thread::Builder::new().name("signals".into()).spawn(mind).context("cannot start a thread")?;
     Ok(())
 }
 
-/// Runs until the user leaves.
+/// Runs until the user quits.
 ///
 /// # Errors
-/// When the terminal cannot be drawn on.
+/// The terminal cannot be drawn on.
 pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
-    let size = screen.0.size().context("the terminal has no size")?;
+    let size = screen.0.size().context("cannot read the terminal size")?;
     app.resize(size.width, size.height);
     let mut is_new = true;
     let mut followed: Option<Instant> = None;
     loop {
-        // What grew is drawn when the place that is followed is known.
+        // While following, growth is drawn together with the new cursor position.
         if is_new || !app.is_seeking() {
-            screen.0.draw(|frame| app.draw(frame.area(), frame.buffer_mut())).context("drawing failed")?;
+            screen
+                .0
+                .draw(|frame| app.draw(frame.area(), frame.buffer_mut()))
+                .context("cannot draw the screen")?;
         }
         let Some(came) = wait(app, messages) else { return Ok(()) };
         is_new = came.is_empty() || came.iter().any(|message| !matches!(message, Message::News(News::Grew)));
-        // Everything that came meanwhile is drawn once.
+        // Messages received in the meantime are drawn together.
         for message in came.into_iter().chain(messages.try_iter()) {
             match message {
                 Message::Input(event) => input(app, event),
@@ -139,7 +142,7 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
                 Message::Gone => return Ok(()),
             }
         }
-        // The end is gone to again no more often than that, however fast the answers are.
+        // Following moves the cursor at most once per REFRESH.
         if followed.is_none_or(|last| last.elapsed() >= REFRESH) {
             followed = Some(Instant::now());
             app.tick();
@@ -148,16 +151,17 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
             match output {
                 Output::Quit => return Ok(()),
                 Output::Copy(text) => {
-                    execute!(stdout(), CopyToClipboard::to_clipboard_from(text)).context("copying failed")?;
-                    stdout().flush().context("copying failed")?;
+                    execute!(stdout(), CopyToClipboard::to_clipboard_from(text))
+                        .context("cannot copy to the clipboard")?;
+                    stdout().flush().context("cannot copy to the clipboard")?;
                 }
             }
         }
     }
 }
 
-/// Waits for a reason to draw again; nothing when there will be none. What grows steadily is drawn every [`REFRESH`],
-/// what comes behind a pause at once, what the user does always.
+/// Waits for the next reason to draw; None after the end. Continuous progress is drawn every [`REFRESH`], the
+/// first message after a pause and user input at once.
 fn wait(app: &App, messages: &Receiver<Message>) -> Option<Vec<Message>> {
     let drawn = Instant::now();
     let mut came = Vec::new();
@@ -200,10 +204,10 @@ mod tests {
 
     use super::*;
 
-    /// Set for the process that panics.
+    /// Environment variable of the child process that panics.
     const CHILD: &str = "COBSCOPE_TEST_PANIC";
 
-    /// Taken over and given back: alternate screen, mouse, bracketed paste, cursor.
+    /// Escape sequences that restore the terminal: alternate screen, bracketed paste, cursor.
     const GIVEN_BACK: [&str; 3] = ["\x1b[?1049l", "\x1b[?2004l", "\x1b[?25h"];
 
     #[test]
@@ -217,7 +221,7 @@ mod tests {
         let command = Command::new(std::env::current_exe().unwrap()).args(arguments).env(CHILD, "1");
         let mut child = command.spawn(pts).unwrap();
         let mut written = Vec::new();
-        // The end of the child is an error of its terminal.
+        // The end of the child is reported as a read error.
         let _ = pty.read_to_end(&mut written);
         assert!(!child.wait().unwrap().success());
         let written = String::from_utf8_lossy(&written);

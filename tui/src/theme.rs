@@ -1,4 +1,4 @@
-//! How things look: the one place that knows colours, attributes, border characters and glyphs.
+//! Colours, attributes, border characters and glyphs.
 //!
 //! ```text
 //!            Depth::Full          Depth::Sixteen       Depth::None
@@ -6,55 +6,55 @@
 //! Selected   grey background      reversed             reversed
 //! ```
 //!
-//! Widgets and panes ask for a [`Role`], never for a colour. A role is a row of a table; what must be told
-//! apart differs in every depth, so that nothing is said by colour alone.
+//! Widgets and panes use a [`Role`], never a colour. Roles that must be distinguished differ in every depth,
+//! so that no information depends on colour alone.
 
 use cobscope_decoder::sink::text::Tone;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::border;
 
-/// What a piece of text is, as far as its look is concerned.
+/// Role of a text; it decides colour and attributes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Ordinary text.
     Text,
-    /// Text beside the point: units, frame numbers, what did not change.
+    /// Minor text: units, frame numbers, unchanged values.
     Quiet,
-    /// As it should be.
+    /// Normal operation.
     Good,
-    /// Look at this: a warning.
+    /// Warning.
     Caution,
-    /// An error.
+    /// Error.
     Bad,
-    /// A remark that judges nothing.
+    /// Remark without a verdict.
     Note,
     /// The title of a pane.
     Title,
-    /// A key to press.
+    /// Name of a key.
     Key,
     /// The border of a pane.
     Border,
-    /// The border of the pane that has the focus.
+    /// The border of the focused pane.
     BorderActive,
-    /// The line that keys act on; laid over the styles of its cells.
+    /// The selected line; laid over the styles of its cells.
     Selected,
-    /// A cursor: of time, of a plot, of the prompt.
+    /// A cursor in time, in a plot or in the prompt.
     Cursor,
-    /// The line at the top of the screen.
+    /// The header line.
     Header,
-    /// The title of a column.
+    /// A column head.
     HeaderCell,
-    /// A byte or value that is not what it was.
+    /// A changed byte or value.
     Changed,
-    /// A series of a plot or a field of a payload; numbers from [`HIGHLIGHTS`] on begin again.
+    /// A plot series or a payload field; the looks repeat after [`HIGHLIGHTS`].
     Highlight(u8),
-    /// What a search found.
+    /// A search match.
     Search,
-    /// Something Enter leads to.
+    /// A target of Enter.
     Link,
 }
 
-/// How the tone of a line looks.
+/// Role of a tone.
 pub fn role_of(tone: Tone) -> Role {
     match tone {
         Tone::Plain => Role::Text,
@@ -65,10 +65,10 @@ pub fn role_of(tone: Tone) -> Role {
     }
 }
 
-/// How many looks of [`Role::Highlight`] differ.
+/// Number of different looks of [`Role::Highlight`].
 pub const HIGHLIGHTS: u8 = 6;
 
-/// What the terminal's background is.
+/// Background of the terminal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Palette {
     /// Light text on a dark background.
@@ -78,18 +78,18 @@ pub enum Palette {
     Light,
 }
 
-/// How many colours the terminal has.
+/// Number of colours of the terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// None: bold, dim, italic, underlined and reversed only.
+    /// No colours: bold, dim, italic, underlined and reversed only.
     None,
-    /// The named ANSI colours, as the user set them up.
+    /// The 16 named ANSI colours of the terminal.
     Sixteen,
-    /// The 256 indexed colours, which look alike in all terminals.
+    /// 256 indexed colours, the same in all terminals.
     Full,
 }
 
-/// What lines, marks and plots are drawn with.
+/// Characters for lines, marks and plots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Borders {
     /// Box drawing, block and braille characters.
@@ -99,30 +99,30 @@ pub enum Borders {
     Ascii,
 }
 
-/// A character that has a substitute in ASCII.
+/// A character with an ASCII substitute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Glyph {
-    /// From one thing to another.
+    /// Change from one value to another.
     Arrow,
-    /// Upwards, ascending.
+    /// Ascending order; the cursor on an axis.
     Up,
-    /// Downwards, descending.
+    /// Descending order.
     Down,
-    /// Something was cut off here.
+    /// Omitted text.
     Ellipsis,
-    /// Attention.
+    /// Warning.
     Warning,
     /// A full block.
     Bar,
-    /// Done, in order.
+    /// Chosen or correct.
     Check,
-    /// Not in order.
+    /// Wrong.
     Cross,
     /// A separator.
     Dot,
-    /// An item whose children are hidden.
+    /// A tree row with hidden children.
     Closed,
-    /// An item whose children are shown.
+    /// A tree row with visible children.
     Open,
     /// A vertical line.
     Vertical,
@@ -143,17 +143,17 @@ pub struct Theme {
 }
 
 impl Theme {
-    /// A theme for a terminal.
+    /// A theme.
     pub fn new(palette: Palette, depth: Depth, borders: Borders) -> Self {
         Self { palette, depth, borders }
     }
 
-    /// What the terminal's background is.
+    /// Background of the terminal.
     pub fn palette(&self) -> Palette {
         self.palette
     }
 
-    /// How many colours are used.
+    /// Number of colours used.
     pub fn depth(&self) -> Depth {
         self.depth
     }
@@ -164,7 +164,7 @@ impl Theme {
         Self { palette, depth, ..self }
     }
 
-    /// The characters lines and plots are drawn with.
+    /// Characters for lines, marks and plots.
     pub fn borders(&self) -> Borders {
         self.borders
     }
@@ -180,14 +180,14 @@ impl Theme {
             (Depth::Full, Palette::Light) => indexed(look.full_light),
         };
         let modifier = match (self.depth, role) {
-            // Only reversing keeps the colours of the cells readable where there are sixteen of them.
+            // With sixteen colours only reversing keeps the colours of the cells readable.
             (Depth::Sixteen, Role::Selected) => Modifier::REVERSED,
             _ => look.modifier,
         };
         Style { fg: front, bg: back, ..Style::new().add_modifier(modifier) }
     }
 
-    /// What is laid over the selected line: as [`Role::Selected`] where keys act on it, weaker elsewhere.
+    /// Style over the selected line: [`Role::Selected`] if keys act on it, else a weaker one.
     pub fn selection(&self, is_focused: bool) -> Style {
         match (is_focused, self.depth, self.palette) {
             (true, _, _) => self.style(Role::Selected),
@@ -197,7 +197,7 @@ impl Theme {
         }
     }
 
-    /// The text in the characters of the theme.
+    /// Replaces special characters of a text if the theme is ASCII.
     pub fn plain(&self, text: &str) -> String {
         if self.borders == Borders::Unicode {
             return text.to_owned();
@@ -208,7 +208,7 @@ impl Theme {
         text.replace('–', "-").replace('×', "x")
     }
 
-    /// The characters of a pane's border.
+    /// Border characters of a pane.
     pub fn border_set(&self) -> border::Set<'static> {
         match self.borders {
             Borders::Unicode => border::PLAIN,
@@ -225,7 +225,7 @@ impl Theme {
         }
     }
 
-    /// A glyph, or what stands for it in ASCII.
+    /// A glyph or its ASCII substitute.
     pub fn glyph(&self, glyph: Glyph) -> &'static str {
         let (unicode, ascii) = match glyph {
             Glyph::Arrow => ("→", "->"),
@@ -251,18 +251,18 @@ impl Theme {
     }
 }
 
-/// Front and back of a role, in whatever colours.
+/// Foreground and background.
 type Pair<C> = (Option<C>, Option<C>);
 
-/// How a role looks in each depth and palette.
+/// Colours and attributes of a role for each depth and palette.
 struct Look {
     full_dark: Pair<u8>,
     full_light: Pair<u8>,
     sixteen_dark: Pair<Color>,
     sixteen_light: Pair<Color>,
-    /// Goes with colours.
+    /// Attributes in addition to colours.
     modifier: Modifier,
-    /// Stands alone.
+    /// Attributes without colours.
     colourless: Modifier,
 }
 
@@ -270,7 +270,7 @@ fn indexed((front, back): Pair<u8>) -> Pair<Color> {
     (front.map(Color::Indexed), back.map(Color::Indexed))
 }
 
-/// A look that changes the foreground only.
+/// A look with a foreground colour only.
 const fn front(full: (u8, u8), sixteen: (Color, Color), modifier: Modifier, colourless: Modifier) -> Look {
     Look {
         full_dark: (Some(full.0), None),
@@ -282,7 +282,7 @@ const fn front(full: (u8, u8), sixteen: (Color, Color), modifier: Modifier, colo
     }
 }
 
-/// A look of attributes, and of a background where there are enough colours for one.
+/// A look with attributes, and with a background at full depth.
 const fn back(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) -> Look {
     let (dark, light) = match full {
         Some((dark, light)) => (Some(dark), Some(light)),
@@ -298,7 +298,7 @@ const fn back(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) 
     }
 }
 
-/// Text in black or white on a colour.
+/// A look with black or white text on a colour.
 const fn block(
     full: (u8, u8),
     sixteen: (Color, Color),
@@ -316,7 +316,8 @@ const fn block(
     }
 }
 
-/// The table of looks. Yellow on white cannot be read, so a light palette of sixteen colours has magenta.
+/// The looks of all roles. Yellow is unreadable on white, so the light palette of sixteen colours uses
+/// magenta.
 const fn look(role: Role) -> Look {
     use Color::{Blue, Cyan, DarkGray, Green, LightBlue, LightCyan, LightGreen, LightMagenta, LightRed};
     use Color::{LightYellow, Magenta, Red, Yellow};
@@ -358,7 +359,7 @@ const fn look(role: Role) -> Look {
 mod tests {
     use super::*;
 
-    /// Roles that stand side by side, where one taken for the other would mislead.
+    /// Groups of roles that appear next to each other and must be distinguishable.
     const APART: &[&[Role]] = &[
         &[Role::Text, Role::Quiet, Role::Good, Role::Caution, Role::Bad, Role::Note],
         &[Role::Border, Role::BorderActive],
@@ -380,7 +381,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_must_be_told_apart_differs_in_every_depth() {
+    fn distinct_roles_differ_in_every_colour_depth() {
         for palette in [Palette::Dark, Palette::Light] {
             for depth in [Depth::None, Depth::Sixteen, Depth::Full] {
                 let theme = Theme::new(palette, depth, Borders::Unicode);
@@ -421,7 +422,7 @@ mod tests {
                 let style = theme.style(role);
                 for colour in [style.fg, style.bg].into_iter().flatten() {
                     assert!(!matches!(colour, Color::Indexed(_) | Color::Rgb(..)), "{role:?}");
-                    // The colours that are close to the background of their palette.
+                    // Colours close to the background of their palette.
                     let faint = match palette {
                         Palette::Dark => [Color::Blue, Color::Magenta],
                         Palette::Light => [Color::LightYellow, Color::White],

@@ -1,34 +1,46 @@
-//! What a bus and a capture come to, in words: `stats` and the bus pane say the same.
+//! Text on buses and captures, shared by `stats` and the bus pane.
 //!
 //! ```text
 //! 181 frames, 29.5/s, 1691 bit/s; worst second 47 frames, 2436 bit from 2.849 s
 //! SYNC 411 every 10.000 ms (9.812 to 14.200, worst from 3.211 s), jitter ±4.200 ms
 //! ```
 
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::session::{Bus, Buses, Node, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
+use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
 use crate::figures::{bits, millis, seconds, tenths};
 
-/// What a bus is taken for, and why not for CANopen.
+/// Maximum number of nodes in a list.
+const LISTED: usize = 20;
+
+/// Protocols detected on a bus, or the reason why it is not detected as CANopen.
 pub fn protocols(bus: &Bus) -> String {
     let seen = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
     let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
     match (seen.as_slice(), bus.doubt()) {
-        ([], Some(reason)) => format!("not CANopen: {reason}"),
-        ([], None) => "no sign of CANopen, J1939 or UDS".to_owned(),
+        ([], Some(reason)) => format!("not detected as CANopen: {reason}"),
+        ([], None) => "no CANopen, J1939 or UDS messages".to_owned(),
         (seen, _) => seen.join(" and "),
     }
 }
 
-/// How fine stamps are, or that they say nothing.
+/// Granularity of the timestamps, or a note that they are synthetic.
 pub fn stamps(quality: &Quality) -> Option<String> {
     if let Some(interval) = quality.made_up_interval() {
-        return Some(format!("stamps are made up: every {} ms, so times say nothing", millis(interval)));
+        return Some(format!("timestamps synthetic (every {}): timing unknown", step(interval)));
     }
-    quality.granularity().map(|step| format!("stamps in steps of {} ms", millis(step)))
+    if quality.has_equal_stamps() {
+        return Some("all timestamps equal: no times".to_owned());
+    }
+    quality.granularity().map(|granularity| format!("timestamps in steps of {}", step(granularity)))
+}
+
+/// A step of timestamps: `0.100 ms`, `100 ns`.
+fn step(nanoseconds: i64) -> String {
+    if nanoseconds < 1_000 { format!("{nanoseconds} ns") } else { format!("{} ms", millis(nanoseconds)) }
 }
 
 /// `27 error frames: protocol 27, bus-error 27`.
@@ -43,15 +55,48 @@ pub fn unreadable(count: u64) -> String {
     if count == 1 { "1 line or record".to_owned() } else { format!("{count} lines or records") }
 }
 
-/// What is said of a bus that `by` names and captures do not have: most likely another name is meant.
+/// Error for a bus name in `by` that occurs in no capture; `None` if the name exists.
 pub fn unknown_bus(captures: &str, name: &str, by: &str, names: &[&str]) -> Option<String> {
     let (has, shown) = (names.join(", "), escape(name));
     let has = escape(&has);
-    (!names.contains(&name))
-        .then(|| format!("{captures}: has no bus {shown}, which {by} names; it has {has}"))
+    (!names.contains(&name)).then(|| format!("{captures}: unknown bus {shown} in {by}; buses present: {has}"))
 }
 
-/// What else is wrong with a capture.
+/// Note on nodes that the user named and that sent no frame, with the nodes that did.
+pub fn unheard(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Option<String> {
+    let mut missing: Vec<NodeId> = Vec::new();
+    for bus in buses.iter() {
+        for (node, is_own) in options.named_nodes(bus.name()) {
+            let is_present =
+                if is_own { has_sent(bus, node) } else { buses.iter().any(|bus| has_sent(bus, node)) };
+            if !is_present && !missing.contains(&node) {
+                missing.push(node);
+            }
+        }
+    }
+    let first = missing.first()?;
+    let (subject, others) = match missing.as_slice() {
+        [_] => (first.words(), String::new()),
+        several => ("named nodes".to_owned(), format!(" {}", list(several.iter().copied()))),
+    };
+    let present = buses.iter().flat_map(Bus::nodes).filter(|node| node.last_seen().0 > 0).map(Node::id);
+    let present = list(present);
+    let present = if present.is_empty() { "none".to_owned() } else { present };
+    Some(format!("{capture}: {subject}{others} sent no frame; nodes present: {present}"))
+}
+
+fn has_sent(bus: &Bus, node: NodeId) -> bool {
+    bus.node(node).is_some_and(|node| node.last_seen().0 > 0)
+}
+
+fn list(nodes: impl Iterator<Item = NodeId>) -> String {
+    let labels: Vec<String> = nodes.map(NodeId::label).collect();
+    let more = if labels.len() > LISTED { ", …" } else { "" };
+    let shown: Vec<String> = labels.into_iter().take(LISTED).collect();
+    format!("{}{more}", shown.join(", "))
+}
+
+/// Defects of a capture.
 pub fn faults(quality: &Quality) -> Vec<String> {
     let mut faults = Vec::new();
     if quality.unreadable > 0 {
@@ -62,20 +107,17 @@ pub fn faults(quality: &Quality) -> Vec<String> {
     }
     if quality.clock_steps.0 > 0 {
         let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
-        faults.push(format!("{} of the stamps, the largest {largest}", plural(steps, "backward step")));
+        faults.push(format!("{} of the timestamps, largest {largest}", plural(steps, "backward step")));
     }
     if quality.silences.0 > 0 {
         let longest = seconds(quality.silences.1);
-        faults.push(format!(
-            "{} of all traffic, the longest {longest} s",
-            plural(quality.silences.0, "silence")
-        ));
+        faults.push(format!("{} without any frame, longest {longest} s", plural(quality.silences.0, "gap")));
+        faults.extend(quality.holes());
     }
     faults
 }
 
-/// Frames and bits of a bus by the second, in the mean and at worst; and its load where the bit rate is known, else
-/// how it is given.
+/// Frames and bits per second, mean and maximum; and the bus load, or `hint` on how to set the bit rate.
 pub fn rates(
     statistics: &BusStatistics,
     duration: Option<i64>,
@@ -107,13 +149,15 @@ pub fn rates(
             let (mean, worst) = (percent(mean), percent(u128::from(load.worst_bits.0)));
             format!("load {mean} % of {} kbit/s, worst second {worst} %", rate / 1000)
         }
-        None => format!("load in % needs the bit rate: {hint}"),
+        None => format!("load in % unknown without the bit rate; {hint}"),
     };
     vec![first, second]
 }
 
-/// What the NMT master sent, a kind a line.
-pub fn commands(statistics: &BusStatistics, start: i64) -> Vec<String> {
+/// Messages of the NMT master, one line per kind.
+pub fn commands(statistics: &BusStatistics, quality: &Quality) -> Vec<String> {
+    let start = quality.first.unwrap_or(0);
+    let is_synthetic = !quality.is_timed();
     let master = &statistics.master;
     let mut parts: Vec<String> =
         master.commands.iter().map(|(service, count)| format!("NMT {} {count}", service.name())).collect();
@@ -123,8 +167,9 @@ pub fn commands(statistics: &BusStatistics, start: i64) -> Vec<String> {
         } else {
             String::new()
         };
-        let jitter =
-            master.sync.jitter().map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
+        // Synthetic timestamps have no jitter, and an interval with a silence is not one.
+        let jitter = master.sync.jitter().filter(|_| !is_synthetic && master.sync.is_regular());
+        let jitter = jitter.map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
         parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period(&master.sync, start)));
     }
     if master.times > 0 {
@@ -147,7 +192,7 @@ pub fn period(intervals: &Intervals, start: i64) -> String {
     format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", since(began, start))
 }
 
-/// Seconds since the first frame.
+/// Time since the first frame, in seconds.
 pub fn since(time: i64, start: i64) -> String {
     seconds(time.saturating_sub(start))
 }

@@ -2,8 +2,8 @@
 //! and pressure control (IAC-P, node 5), an amplifier (MD2, node 1), an actuator (PVEA, node 32).
 //!
 //! ```text
-//! boot, start, then every 10 ms: SYNC, an RPDO to and a TPDO of each; set points move every second,
-//! measured values always; states change now and then
+//! boot-up, start, then every 10 ms: SYNC, one RPDO and one TPDO per node; set points change every second,
+//! measured values in each frame; states change occasionally
 //! ```
 
 use super::{CYCLE, Message, Random, START};
@@ -15,7 +15,7 @@ pub const DEVICES: [(u8, &str); 4] =
 /// Cycles between two changes of the set points.
 const STEP: u64 = 100;
 
-/// Frames without end.
+/// Endless traffic.
 pub struct Devices {
     random: Random,
     cycle: u64,
@@ -24,7 +24,7 @@ pub struct Devices {
 }
 
 impl Devices {
-    /// The same frames for the same seed.
+    /// Creates traffic that depends on the seed only.
     pub fn new(seed: u64) -> Self {
         let mut devices =
             Self { random: Random(seed), cycle: 0, queue: std::collections::VecDeque::new(), set: [0; 4] };
@@ -37,7 +37,7 @@ impl Devices {
         self.queue.push_back(Message { time, ..Message::new(id, payload) });
     }
 
-    /// Boot-ups, the modes that decide layouts, NMT start.
+    /// Queues the boot-ups, the modes that determine the PDO layouts, and the NMT start.
     fn begin(&mut self) {
         for node in [1, 5, 32] {
             self.push(0x700 + node, &[0]);

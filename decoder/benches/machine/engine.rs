@@ -1,14 +1,14 @@
-//! Traffic of a J1939 bus: six control units, twenty groups every 10 to 1000 ms, faults each second, and now and
-//! then a message of several packets.
+//! Traffic of a J1939 bus: six control units, twenty groups every 10 to 1000 ms, DTCs every second, and
+//! occasional multi-packet messages.
 //!
 //! ```text
 //! every 10 ms two groups, 20 ms two, 50 ms four, 100 ms six, 1 s six with DM1; every 5 s a BAM of 6 packets,
-//! every 2 s one to another address by RTS and CTS; a request now and then
+//! every 2 s an RTS/CTS transfer to another address; every 3 s a request
 //! ```
 
 use super::{CYCLE, Message, Random, START};
 
-/// Priority, group, source and cycles between two messages; groups have no meaning here.
+/// Priority, group, source and cycles between two messages; the groups have no meaning.
 const GROUPS: [(u32, u32, u32, u64); 20] = [
     (3, 0xF004, 0x00, 1),
     (3, 0xF003, 0x00, 1),
@@ -32,7 +32,7 @@ const GROUPS: [(u32, u32, u32, u64); 20] = [
     (6, 0xFECA, 0x0B, 100),
 ];
 
-/// Frames without end.
+/// Endless traffic.
 pub struct Engine {
     random: Random,
     cycle: u64,
@@ -41,13 +41,13 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// The same frames for the same seed.
+    /// Creates traffic that depends on the seed only.
     pub fn new(seed: u64) -> Self {
         Self { random: Random(seed), cycle: 0, queue: std::collections::VecDeque::new(), speed: 6_400 }
     }
 
     fn push(&mut self, id: u32, payload: [u8; 8], length: u8) {
-        // 500 kbit/s: 29 bits and eight bytes take about 0.27 ms.
+        // At 500 kbit/s a frame with 29 bits and eight bytes takes about 0.27 ms.
         let time = START + self.cycle * CYCLE + self.queue.len() as u64 * 270_000;
         self.queue.push_back(Message { time, id, extended: true, remote: false, length, data: payload });
     }
@@ -61,7 +61,7 @@ impl Engine {
             if !(self.cycle + place).is_multiple_of(cycles) {
                 continue;
             }
-            // Fast groups change each time, slow ones seldom, faults never.
+            // Fast groups change in each message, slow ones rarely, DM1 never.
             let data = match cycles {
                 1 | 2 => [0xF0, dice.to_le_bytes()[1], 0x7D, low, high, 0, 0xFF, 0xFF],
                 100 if group == 0xFECA => [0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF],

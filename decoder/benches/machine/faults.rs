@@ -1,25 +1,25 @@
-//! What goes wrong on buses and in recorders, put into any traffic at random.
+//! Random faults of buses and recorders, added to any traffic.
 
 use super::{Message, Random};
 
-/// One message in so many has a fault.
+/// One message in this number has a fault.
 const ONE_IN: u64 = 64;
 
-/// Longest gap, and longest step back of the clock, in milliseconds.
+/// Maximum gap, and maximum backward step of the clock, in milliseconds.
 const MOST_MILLISECONDS: u64 = 3_000;
 
-/// Messages some of which are lost, doubled, changed, late, early or out of order.
+/// Adds faults to messages: lost, doubled, changed, late, early or out of order.
 pub struct Faulty<I> {
     messages: I,
     random: Random,
-    /// What comes before the next one.
+    /// Message to emit before the next one.
     held: Option<Message>,
-    /// What clocks and gaps have added up to, in nanoseconds.
+    /// Sum of all gaps, in nanoseconds.
     later: u64,
 }
 
 impl<I: Iterator<Item = Message>> Faulty<I> {
-    /// Puts faults into `messages`, the same ones for the same seed.
+    /// Adds faults to `messages` that depend on the seed only.
     pub fn new(messages: I, seed: u64) -> Self {
         Self { messages, random: Random(seed ^ 0xFA17), held: None, later: 0 }
     }

@@ -1,16 +1,16 @@
-//! Messages as captures, written independently of what reads them.
+//! Writers of captures, independent of the readers under test.
 
 use std::io::{self, Write};
 
 use super::Message;
 
-/// `LINKTYPE_CAN_SOCKETCAN`.
+/// Link type `LINKTYPE_CAN_SOCKETCAN`.
 const LINK_TYPE: u16 = 227;
 
 /// Capture format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// `candump -l`.
+    /// Output of `candump -l`.
     Candump,
     /// Classic pcap with microseconds, little endian.
     Pcap,
@@ -19,10 +19,10 @@ pub enum Format {
 }
 
 impl Format {
-    /// Writes what stands before the first frame.
+    /// Writes the header of the capture.
     ///
     /// # Errors
-    /// When `out` fails.
+    /// If `out` cannot be written.
     pub fn begin(self, out: &mut impl Write) -> io::Result<()> {
         match self {
             Self::Candump => Ok(()),
@@ -49,7 +49,7 @@ impl Format {
     /// Writes one frame.
     ///
     /// # Errors
-    /// When `out` fails.
+    /// If `out` cannot be written.
     pub fn write(self, message: &Message, out: &mut impl Write) -> io::Result<()> {
         let (seconds, nanoseconds) = (message.time / 1_000_000_000, message.time % 1_000_000_000);
         let micros = nanoseconds / 1_000;
@@ -83,7 +83,7 @@ impl Format {
     }
 }
 
-/// `struct can_frame` with the identifier in network byte order, as packet sockets deliver it.
+/// `struct can_frame` with the identifier in network byte order, as in packet sockets.
 fn can_frame(message: &Message) -> [u8; 16] {
     let id = message.id | u32::from(message.remote) << 30 | u32::from(message.extended) << 31;
     let mut frame = [0; 16];

@@ -1,9 +1,9 @@
-//! Traffic of a machine of eight CANopen nodes, the same for the same seed.
+//! Traffic of a machine of eight CANopen nodes that depends on the seed only.
 //!
 //! ```text
 //! NMT reset, boot-up, configuration by SDO, NMT start, then every 10 ms:
-//!   SYNC, TPDO1..4 (every 1st, 2nd, 5th, 10th SYNC), RPDO1..2; and now and then
-//!   heartbeats (100 ms to 1 s), guarding (two nodes), SDO transfers of every kind, EMCY, TIME
+//!   SYNC, TPDO1..4 (every 1st, 2nd, 5th, 10th SYNC), RPDO1..2; in addition
+//!   heartbeats (100 ms to 1 s), guarding (two nodes), SDO transfers of all types, EMCY, TIME
 //! ```
 
 pub mod devices;
@@ -17,41 +17,41 @@ use std::collections::VecDeque;
 
 use sdo::Transfers;
 
-/// Nanoseconds since 1970 at which the recording begins.
+/// Start of the capture, in nanoseconds since 1970.
 const START: u64 = 1_700_000_000_000_000_000;
 
 /// Nanoseconds between two SYNC messages.
 const CYCLE: u64 = 10_000_000;
 
-/// Error codes and their registers, as drives send them.
+/// Typical error codes of drives, and their error registers.
 const ERRORS: [(u16, u8); 6] =
     [(0x2310, 0x03), (0x3210, 0x05), (0x4210, 0x09), (0x7121, 0x21), (0x8611, 0x21), (0x8130, 0x11)];
 
-/// What traffic to make.
+/// Options of the traffic.
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
-    /// Where the pseudo-random numbers start.
+    /// Seed of the pseudo-random numbers.
     pub seed: u64,
-    /// Every second SDO transfer is aborted and every tenth frame is an EMCY.
+    /// Whether every second SDO transfer is aborted and every tenth frame is an EMCY.
     pub storm: bool,
-    /// The configuration by SDO tells the PDO mappings, so that signals can be decoded.
+    /// Whether the SDO configuration includes the PDO mappings, so that signals can be decoded.
     pub mapping: bool,
 }
 
 /// One frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Message {
-    /// Nanoseconds since 1970, whole microseconds.
+    /// Time in nanoseconds since 1970, in whole microseconds.
     pub time: u64,
     /// Identifier.
     pub id: u32,
-    /// It has 29 bits.
+    /// Whether the identifier has 29 bits.
     pub extended: bool,
-    /// Remote frame.
+    /// Whether the frame is a remote frame.
     pub remote: bool,
-    /// Bytes of data, or asked for.
+    /// Number of data bytes; of a remote frame the number requested.
     pub length: u8,
-    /// Data.
+    /// Data bytes; those after `length` are unused.
     pub data: [u8; 8],
 }
 
@@ -72,7 +72,7 @@ impl Message {
     }
 }
 
-/// Small pseudo-random numbers (`SplitMix64`).
+/// Generator of small pseudo-random numbers (`SplitMix64`).
 struct Random(u64);
 
 impl Random {
@@ -88,10 +88,10 @@ impl Random {
     }
 }
 
-/// A node's process values.
+/// Process values of a node.
 struct Node {
     id: u16,
-    /// Cycles between heartbeats; 0 = guarded instead.
+    /// Cycles between heartbeats; 0 means guarding instead.
     heartbeat: u64,
     position: i32,
     velocity: i16,
@@ -115,7 +115,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// A machine that is about to be switched on.
+    /// A machine before power-on.
     pub fn new(options: Options) -> Self {
         let heartbeats = [10, 10, 20, 50, 50, 100, 0, 0];
         let nodes = (1..).zip(heartbeats).map(|(id, heartbeat)| Node {
@@ -143,7 +143,7 @@ impl Machine {
         machine
     }
 
-    /// Puts a message on the bus: it takes its time there at 1 Mbit/s.
+    /// Queues a message, with its transmission time at 1 Mbit/s.
     fn send(&mut self, mut message: Message) {
         let bits = 50 + 9 * u64::from(message.length) + self.random.below(20);
         self.now += bits * 1_000;
@@ -193,7 +193,7 @@ impl Machine {
             self.send(message);
         }
         if self.cycle.is_multiple_of(100) {
-            // Milliseconds of the day and days since 1984 at START, then on.
+            // Milliseconds of the day and days since 1984, counted from START.
             let milliseconds = u32::try_from(80_000_000 + self.cycle * 10 % 6_400_000).unwrap_or(0);
             let [a, b, c, d] = milliseconds.to_le_bytes();
             let [low, high] = 14_562_u16.to_le_bytes();
@@ -205,7 +205,7 @@ impl Machine {
         let (cycle, dice) = (self.cycle, self.random.next());
         let Some(node) = self.nodes.get_mut(index) else { return };
         let id = node.id;
-        // Half of the axes move at a time, for some seconds each.
+        // Half of the axes move at a time, for several seconds each.
         let moves = (cycle / 400 + u64::from(id)).is_multiple_of(2);
         node.velocity = if moves { 500 + i16::from(dice.to_le_bytes()[0] % 8) } else { 0 };
         node.position = node.position.wrapping_add(i32::from(node.velocity) / 10);
@@ -254,7 +254,7 @@ impl Machine {
         }
     }
 
-    /// An error appears about every 16 s somewhere and goes after three.
+    /// Queues EMCY messages: about every 16 s an error occurs at one of the nodes; it is cleared after 3 s.
     fn emergency(&mut self, index: usize) {
         let (cycle, dice) = (self.cycle, self.random.next());
         let Some(node) = self.nodes.get_mut(index) else { return };

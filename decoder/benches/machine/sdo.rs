@@ -1,20 +1,20 @@
-//! SDO transfers (CiA 301 §7.2.4) as the frames both sides send.
+//! SDO transfers (CiA 301 §7.2.4): frames of client and server.
 
 use std::collections::VecDeque;
 
 use super::Message;
 
-/// Segments a block may have.
+/// Maximum number of segments in a block.
 const BLOCK: usize = 32;
 
-/// Frames of transfers that are under way, one transfer after the other.
+/// Frames of queued transfers, one transfer after the other.
 #[derive(Default)]
 pub(super) struct Transfers {
     frames: VecDeque<Message>,
     count: u64,
 }
 
-/// Both identifiers of a node's channel, and an object's bytes in a command.
+/// Both COB-IDs of a node's channel, and the object's address as in a command.
 #[derive(Clone, Copy)]
 struct Object {
     request: u16,
@@ -23,7 +23,7 @@ struct Object {
 }
 
 impl Transfers {
-    /// Whether a further transfer may begin.
+    /// Whether another transfer may begin.
     pub(super) fn is_idle(&self) -> bool {
         self.frames.is_empty()
     }
@@ -33,9 +33,9 @@ impl Transfers {
         self.frames.pop_front()
     }
 
-    /// What a master writes before it starts a node.
+    /// Queues the configuration that the NMT master writes before it starts a node.
     pub(super) fn configure(&mut self, node: u16, mapping: bool) {
-        // Inputs and outputs (CiA 401): a drive would be read by what is known of drives, and be dearer.
+        // Device type I/O (CiA 401): a drive would be decoded with its profile, at higher cost.
         self.upload(object(node, 0x1000, 0), &[0x91, 0x01, 0x0F, 0x00]);
         self.upload_segments(object(node, 0x1008, 0), b"Servo drive, axis controller");
         if !mapping {
@@ -58,7 +58,7 @@ impl Transfers {
         }
     }
 
-    /// Begins a transfer; `kind` below 64 chooses which, most are expedited.
+    /// Begins a transfer; `kind`, below 64, selects its type, mostly expedited.
     pub(super) fn begin(&mut self, node: u16, kind: u64, storm: bool) {
         self.count += 1;
         let bytes: Vec<u8> =
@@ -177,7 +177,7 @@ fn size(data: &[u8]) -> [u8; 4] {
     u32::try_from(data.len()).unwrap_or(0).to_le_bytes()
 }
 
-/// Toggle bit, data, and whether it is the last.
+/// Splits data into segments: toggle bit, data, and whether it is the last segment.
 fn segments(data: &[u8]) -> impl Iterator<Item = (u8, &[u8], bool)> {
     let count = data.len().div_ceil(7);
     data.chunks(7)

@@ -1,4 +1,4 @@
-//! Fills the corpora with what the fixtures hold, and prints the formats there are: `seeds FIXTURES CORPUS`.
+//! Creates the corpora from the fixtures and prints the names of the formats: `seeds FIXTURES CORPUS`.
 
 use std::error::Error;
 use std::fs;
@@ -9,8 +9,8 @@ use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::wire::isotp::{Addresses, IsoTp, parse};
 use cobscope_fuzz::harness::session::encode;
 
-/// Frames of a capture that are used, and how many become one seed of the session: long ones slow the
-/// fuzzer down, and it joins seeds by itself.
+/// Number of frames used of a capture, and number of frames per seed of the session: long seeds slow the
+/// fuzzer down, and it joins seeds itself.
 const FRAMES: usize = 320;
 const FRAMES_A_SEED: usize = 80;
 
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for path in files {
         let bytes = fs::read(&path)?;
         let name = path.strip_prefix(&fixtures)?.to_string_lossy().into_owned();
-        // Kept inputs go to the target they were found by.
+        // Stored inputs belong to the target that found them.
         if let Some((target, name)) = name.strip_prefix("fuzz/").and_then(|name| name.split_once('/')) {
             put(&corpus, target, name, &bytes)?;
             continue;
@@ -74,7 +74,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The payload of a frame for the wire parser of its identifier.
+/// Writes the payload of a frame as a seed of the wire parser for its identifier.
 fn payload(corpus: &Path, frame: &Frame) -> std::io::Result<()> {
     let data = frame.data();
     let name = data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::any`.
+//! Entry point of libFuzzer for `harness::any`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::any(data));

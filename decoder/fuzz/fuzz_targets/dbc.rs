@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::dbc`.
+//! Entry point of libFuzzer for `harness::dbc`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::dbc(data));

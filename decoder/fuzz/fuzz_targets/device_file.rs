@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::device_file`.
+//! Entry point of libFuzzer for `harness::device_file`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::device_file(data));

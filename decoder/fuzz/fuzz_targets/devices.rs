@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::devices`.
+//! Entry point of libFuzzer for `harness::devices`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::devices(data));

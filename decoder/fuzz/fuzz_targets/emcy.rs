@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::emcy`.
+//! Entry point of libFuzzer for `harness::emcy`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::emcy(data));

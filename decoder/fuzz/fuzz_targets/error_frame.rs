@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::error_frame`.
+//! Entry point of libFuzzer for `harness::error_frame`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::error_frame(data));

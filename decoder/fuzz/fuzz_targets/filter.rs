@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::filter`.
+//! Entry point of libFuzzer for `harness::filter`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::filter(data));

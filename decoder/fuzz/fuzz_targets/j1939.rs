@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::j1939`.
+//! Entry point of libFuzzer for `harness::j1939`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::j1939(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::lss`.
+//! Entry point of libFuzzer for `harness::lss`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::lss(data));

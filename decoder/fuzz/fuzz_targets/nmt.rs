@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::nmt`.
+//! Entry point of libFuzzer for `harness::nmt`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::nmt(data));

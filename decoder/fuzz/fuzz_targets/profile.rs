@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::profile`.
+//! Entry point of libFuzzer for `harness::profile`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::profile(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to the reader of the format that `COBSCOPE_FORMAT` names.
+//! Entry point of libFuzzer for the reader of the format that `COBSCOPE_FORMAT` names.
 #![no_main]
 
 use std::sync::LazyLock;

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::sdo`.
+//! Entry point of libFuzzer for `harness::sdo`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::sdo(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::session`.
+//! Entry point of libFuzzer for `harness::session`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::session(data));

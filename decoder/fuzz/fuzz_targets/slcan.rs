@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::slcan`.
+//! Entry point of libFuzzer for `harness::slcan`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::slcan(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::socketcand`.
+//! Entry point of libFuzzer for `harness::socketcand`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::socketcand(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::time`.
+//! Entry point of libFuzzer for `harness::time`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::time(data));

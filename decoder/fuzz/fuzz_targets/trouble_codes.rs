@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::trouble_codes`.
+//! Entry point of libFuzzer for `harness::trouble_codes`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::trouble_codes(data));

@@ -1,4 +1,4 @@
-//! libFuzzer's entry to `harness::uds`.
+//! Entry point of libFuzzer for `harness::uds`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| cobscope_fuzz::harness::uds(data));

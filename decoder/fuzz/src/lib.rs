@@ -1,4 +1,4 @@
-//! Fuzz targets of the decoder. What they check is in [`harness`], which the tests of the workspace
-//! replay as well.
+//! Fuzz targets of the decoder. Their checks are in [`harness`], which the tests of the workspace also
+//! replay.
 
 pub mod harness;

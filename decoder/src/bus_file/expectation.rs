@@ -1,4 +1,4 @@
-//! `[[expect]]`: the user's own rules. What they say in expressions `rules/` reads, so places are kept.
+//! `[[expect]]`: user-defined rules. `rules/` parses their expressions, so each keeps its place in the file.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -6,65 +6,65 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::written::{NodeNumber, Written, Wrong, node_id};
+use super::written::{NodeNumber, SpannedText, TextProblem, node_id};
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
 
-/// Expectations of a file.
+/// Max `[[expect]]` entries per file.
 pub(crate) const EXPECTATION_LIMIT: usize = 1_000;
 
-/// Steps of one `order`.
+/// Max steps of one `order`.
 pub(crate) const STEP_LIMIT: usize = 64;
 
-/// Longest time an expectation waits, in seconds: the year that a capture may last.
+/// Max duration of an expectation, in seconds: one year, the max length of a capture.
 const LONGEST: f64 = 31_536_000.0;
 
-/// How far apart from its period something may come where nothing is said, in percent.
+/// Tolerance of a period without a `tolerance` key, in percent.
 const USUAL_TOLERANCE: f64 = 10.0;
 
-/// One expectation.
+/// A checked `[[expect]]` entry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expectation {
-    /// Its name.
-    pub id: Written,
-    /// What is expected.
+    /// Unique identifier within the file; also the name of the finding.
+    pub id: SpannedText,
+    /// Condition that the capture must fulfil.
     pub demand: Demand,
-    /// Bus; each if none.
+    /// Bus it applies to; `None` for every bus.
     pub bus: Option<String>,
-    /// The node it is about; all if none.
+    /// Node it applies to; `None` for every node.
     pub node: Option<NodeId>,
-    /// Each node is judged apart.
+    /// Whether each node is checked separately (`per = "node"`).
     pub is_per_node: bool,
-    /// How bad it is where it is not met.
+    /// Severity of the finding; error by default.
     pub severity: Severity,
-    /// Why.
+    /// Reason from the file, printed with the finding.
     pub reason: Arc<str>,
 }
 
-/// What is expected; times in nanoseconds.
+/// Condition of an expectation; times in nanoseconds.
 #[derive(Debug, Clone, PartialEq)]
-#[expect(missing_docs, reason = "each kind's line says what its parts are")]
+#[expect(missing_docs, reason = "the line of each variant explains its fields")]
 pub enum Demand {
-    /// Each event meant by `when` is meant by `expect` too.
-    Always { when: Written, expect: Written },
-    /// No event is meant by `when`.
-    Never { when: Written },
-    /// Behind an event of `when` one of `expect` comes in time.
-    Within { when: Written, expect: Written, time: i64 },
-    /// Events of `when` come one a period.
-    Every { when: Written, period: i64, tolerance: i64 },
-    /// So many events of `when` come, over all or in each window.
-    Count { when: Written, min: Option<u64>, max: Option<u64>, window: Option<i64> },
-    /// Events come in this order, from the first to the last in this time.
-    Order { steps: Vec<Written>, time: Option<i64> },
-    /// A signal stays between two values.
-    Bounds { signal: Written, when: Option<Written>, min: Option<f64>, max: Option<f64> },
-    /// A signal changes no faster.
-    Rate { signal: Written, when: Option<Written>, max_per_second: f64 },
+    /// Each event that matches `when` also matches `expect`.
+    Always { when: SpannedText, expect: SpannedText },
+    /// No event matches `when`.
+    Never { when: SpannedText },
+    /// Within `time` after each event that matches `when`, an event matches `expect`.
+    Within { when: SpannedText, expect: SpannedText, time: i64 },
+    /// Events that match `when` occur once per `period`.
+    Every { when: SpannedText, period: i64, tolerance: i64 },
+    /// The number of events that match `when` is within `min` and `max`, in total or per `window`.
+    Count { when: SpannedText, min: Option<u64>, max: Option<u64>, window: Option<i64> },
+    /// Events match the steps in this order, first to last within `time`.
+    Order { steps: Vec<SpannedText>, time: Option<i64> },
+    /// The signal stays within `min` and `max`.
+    Bounds { signal: SpannedText, when: Option<SpannedText>, min: Option<f64>, max: Option<f64> },
+    /// The signal changes by at most `max_per_second`.
+    Rate { signal: SpannedText, when: Option<SpannedText>, max_per_second: f64 },
 }
 
 impl Demand {
-    /// Its `kind` in the file.
+    /// Value of the `kind` key in the file.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Always { .. } => "always",
@@ -79,7 +79,7 @@ impl Demand {
     }
 }
 
-/// Which keys each kind has beside those all have; the first ones it needs.
+/// Kind, required keys and optional keys; keys that every kind accepts are not listed.
 const KINDS: &[(&str, &[&str], &[&str])] = &[
     ("always", &["when", "expect"], &[]),
     ("never", &["when"], &[]),
@@ -91,7 +91,7 @@ const KINDS: &[(&str, &[&str], &[&str])] = &[
     ("rate", &["signal", "max_per_second"], &["when"]),
 ];
 
-/// One `[[expect]]`.
+/// One `[[expect]]` table as parsed.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
@@ -129,22 +129,22 @@ pub(super) struct Entry {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a number of seconds, or a share as \"10 %\"")]
+#[serde(untagged, expecting = "expected a number of seconds, or a percentage such as \"10 %\"")]
 enum Amount {
     Seconds(f64),
     Text(String),
 }
 
-/// Takes all expectations, or tells the first thing wrong with them.
-pub(super) fn check(all: Vec<Entry>) -> Result<Vec<Expectation>, Wrong> {
+/// Checks all entries; returns the first problem.
+pub(super) fn check(all: Vec<Entry>) -> Result<Vec<Expectation>, TextProblem> {
     let mut known: Vec<Expectation> = Vec::new();
     for one in all {
         if known.len() == EXPECTATION_LIMIT {
-            return Err((one.id.span(), format!("a file holds at most {EXPECTATION_LIMIT} expectations")));
+            return Err((one.id.span(), format!("more than {EXPECTATION_LIMIT} expectations in one file")));
         }
         let one = one.check()?;
         if known.iter().any(|other| other.id.text == one.id.text) {
-            return Err((one.id.span, format!("the id '{}' is given twice", one.id.text)));
+            return Err((one.id.span, format!("duplicate id '{}'", one.id.text)));
         }
         known.push(one);
     }
@@ -152,26 +152,31 @@ pub(super) fn check(all: Vec<Entry>) -> Result<Vec<Expectation>, Wrong> {
 }
 
 impl Entry {
-    fn check(mut self) -> Result<Expectation, Wrong> {
+    fn check(mut self) -> Result<Expectation, TextProblem> {
         check_id(&self.id)?;
         if self.reason.get_ref().trim().is_empty() {
-            return Err((self.reason.span(), "an expectation needs its reason".into()));
+            return Err((self.reason.span(), "empty reason; expected a text".into()));
         }
         self.check_keys()?;
         let severity = match self.severity.as_ref().map(|word| (word.get_ref().as_str(), word.span())) {
             None | Some(("error", _)) => Severity::Error,
             Some(("warning", _)) => Severity::Warning,
             Some(("note", _)) => Severity::Note,
-            Some((_, span)) => return Err((span, "a severity is error, warning or note".into())),
+            Some((_, span)) => {
+                return Err((span, "unknown severity; expected \"error\", \"warning\" or \"note\"".into()));
+            }
         };
         let node = self.node.as_ref().map(node_id).transpose()?;
         let is_per_node = match &self.per {
             None => false,
             Some(per) if per.get_ref() != "node" => {
-                return Err((per.span(), "per is \"node\", or left out".into()));
+                return Err((per.span(), "unknown per; expected \"node\" or no per".into()));
             }
             Some(per) if node.is_some() => {
-                return Err((per.span(), "node names one node, so there is nothing to tell apart".into()));
+                return Err((
+                    per.span(),
+                    "per = \"node\" has no effect with a single node; remove per or node".into(),
+                ));
             }
             Some(_) => true,
         };
@@ -180,12 +185,12 @@ impl Entry {
         Ok(Expectation { id, demand: self.demand()?, bus, node, is_per_node, severity, reason })
     }
 
-    /// What belongs to the kind is there, and nothing else.
-    fn check_keys(&self) -> Result<(), Wrong> {
+    /// Checks that all keys required by the kind are present and all others belong to it.
+    fn check_keys(&self) -> Result<(), TextProblem> {
         let kind = self.kind.get_ref().as_str();
         let Some((_, needs, takes)) = KINDS.iter().find(|(name, ..)| *name == kind) else {
             let names: Vec<_> = KINDS.iter().map(|(name, ..)| *name).collect();
-            return Err((self.kind.span(), format!("'{kind}' is no kind: there are {}", names.join(", "))));
+            return Err((self.kind.span(), format!("unknown kind '{kind}'; expected {}", names.join(", "))));
         };
         let given = self.given();
         for (name, span) in &given {
@@ -194,17 +199,20 @@ impl Entry {
                 && !takes.contains(name)
             {
                 let all: Vec<_> = needs.iter().chain(*takes).copied().collect();
-                return Err((span.clone(), format!("{kind} has {}, not {name}", all.join(", "))));
+                return Err((
+                    span.clone(),
+                    format!("{name} is not valid for kind {kind}; expected {}", all.join(", ")),
+                ));
             }
         }
         let is_missing = |name: &str| given.iter().any(|(key, span)| *key == name && span.is_none());
         match needs.iter().find(|name| is_missing(name)) {
-            Some(name) => Err((self.kind.span(), format!("{kind} needs {name}"))),
+            Some(name) => Err((self.kind.span(), format!("{name} is missing; kind {kind} requires it"))),
             None => Ok(()),
         }
     }
 
-    /// Keys that not all kinds have, with the places of those that are given.
+    /// Keys specific to some kinds, with the place of each one present.
     fn given(&self) -> [(&'static str, Option<Range<usize>>); 11] {
         fn at<T>(value: Option<&Spanned<T>>) -> Option<Range<usize>> {
             value.map(Spanned::span)
@@ -224,11 +232,11 @@ impl Entry {
         ]
     }
 
-    fn demand(self) -> Result<Demand, Wrong> {
+    fn demand(self) -> Result<Demand, TextProblem> {
         let kind = self.kind.span();
-        // What a kind needs is there: `check_keys` saw it.
+        // `check_keys` has verified that required keys are present.
         let needed = |text: Option<Spanned<String>>| {
-            text.map(Written::from).ok_or_else(|| (kind.clone(), "an expression is missing".to_owned()))
+            text.map(SpannedText::from).ok_or_else(|| (kind.clone(), "an expression is missing".to_owned()))
         };
         let needed_time = |seconds: Option<&Spanned<f64>>| {
             let given = seconds.ok_or_else(|| (kind.clone(), "seconds are missing".to_owned()));
@@ -259,43 +267,44 @@ impl Entry {
             "bounds" => {
                 let (min, max) = (finite(self.min.as_ref())?, finite(self.max.as_ref())?);
                 limits(&kind, min, max)?;
-                let when = self.when.map(Written::from);
+                let when = self.when.map(SpannedText::from);
                 Demand::Bounds { signal: signal(needed(self.signal)?)?, when, min, max }
             }
             _ => {
                 let most = finite(self.max_per_second.as_ref())?.filter(|most| *most > 0.0);
                 let span = self.max_per_second.as_ref().map_or(kind.clone(), Spanned::span);
-                let wrong = || (span, "max_per_second is a number above 0".to_owned());
-                let (signal, when) = (signal(needed(self.signal)?)?, self.when.map(Written::from));
+                let wrong = || (span, "max_per_second is invalid; expected a number > 0".to_owned());
+                let (signal, when) = (signal(needed(self.signal)?)?, self.when.map(SpannedText::from));
                 Demand::Rate { signal, when, max_per_second: most.ok_or_else(wrong)? }
             }
         })
     }
 }
 
-/// Letters, digits and single hyphens, as the names of rules are.
-fn check_id(id: &Spanned<String>) -> Result<(), Wrong> {
+/// Checks for lower-case letters, digits and single hyphens, as in rule names.
+fn check_id(id: &Spanned<String>) -> Result<(), TextProblem> {
     let is_part = |part: &str| {
         !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit())
     };
     if id.get_ref().split('-').all(is_part) {
         return Ok(());
     }
-    Err((id.span(), "an id is of a-z, 0-9 and hyphens: \"pump-answers\"".into()))
+    Err((id.span(), "invalid id; expected a-z, 0-9 and single hyphens, such as \"pump-responds\"".into()))
 }
 
-fn nanoseconds(seconds: &Spanned<f64>) -> Result<i64, Wrong> {
-    time(*seconds.get_ref()).ok_or_else(|| (seconds.span(), "a time is above 0, in seconds".into()))
+fn nanoseconds(seconds: &Spanned<f64>) -> Result<i64, TextProblem> {
+    time(*seconds.get_ref())
+        .ok_or_else(|| (seconds.span(), "time out of range; expected seconds > 0, max one year".into()))
 }
 
-/// A time in nanoseconds: at least one, at most [`LONGEST`].
+/// Time in nanoseconds: at least 1 ns, at most [`LONGEST`].
 fn time(seconds: f64) -> Option<i64> {
     let fits = (1e-9..=LONGEST).contains(&seconds);
-    #[expect(clippy::cast_possible_truncation, reason = "held to a year")]
+    #[expect(clippy::cast_possible_truncation, reason = "limited to one year")]
     fits.then_some((seconds * 1e9).round() as i64)
 }
 
-fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, Wrong> {
+fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, TextProblem> {
     let (given, span) = match amount {
         None => (Some((USUAL_TOLERANCE, true)), 0..0),
         Some(amount) => {
@@ -309,13 +318,13 @@ fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, Wrong
             (given, amount.span())
         }
     };
-    #[expect(clippy::cast_precision_loss, reason = "a period of at most a year")]
+    #[expect(clippy::cast_precision_loss, reason = "the period is at most one year")]
     let nanoseconds = period as f64;
     let seconds =
         given.map(|(number, is_share)| if is_share { number / 100.0 * nanoseconds / 1e9 } else { number });
     if seconds.is_some_and(|seconds| seconds * 1e9 >= nanoseconds) {
         let reason =
-            "a tolerance as long as the period switches the check off: something would always be in time";
+            "the tolerance is not shorter than the period, so the check could never fail; expected less";
         return Err((span, reason.into()));
     }
     let time = match seconds {
@@ -324,48 +333,60 @@ fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, Wrong
         None => None,
     };
     time.ok_or_else(|| {
-        (span, "a tolerance is a number of seconds, or a share of the period as \"10 %\"".into())
+        (span, "invalid tolerance; expected a number of seconds, or a percentage such as \"10 %\"".into())
     })
 }
 
-fn finite(number: Option<&Spanned<f64>>) -> Result<Option<f64>, Wrong> {
+fn finite(number: Option<&Spanned<f64>>) -> Result<Option<f64>, TextProblem> {
     match number {
-        Some(number) if !number.get_ref().is_finite() => Err((number.span(), "a limit is a number".into())),
+        Some(number) if !number.get_ref().is_finite() => {
+            Err((number.span(), "the limit is not finite; expected a number".into()))
+        }
         other => Ok(other.map(|number| *number.get_ref())),
     }
 }
 
-fn whole(number: Option<&Spanned<f64>>) -> Result<Option<u64>, Wrong> {
+fn whole(number: Option<&Spanned<f64>>) -> Result<Option<u64>, TextProblem> {
     let Some(number) = number else { return Ok(None) };
     let value = *number.get_ref();
     let fits = value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number of 32 bits")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an integer of at most 32 bits"
+    )]
     let value = fits.then_some(value as u64);
-    value.map(Some).ok_or_else(|| (number.span(), "a count is a whole number from 0".into()))
+    value.map(Some).ok_or_else(|| (number.span(), "invalid count; expected an integer ≥ 0".into()))
 }
 
-/// One limit or both, and in order.
-fn limits<T: PartialOrd>(kind: &Range<usize>, min: Option<T>, max: Option<T>) -> Result<(), Wrong> {
+/// Checks that at least one limit is present and `min` ≤ `max`.
+fn limits<T: PartialOrd>(kind: &Range<usize>, min: Option<T>, max: Option<T>) -> Result<(), TextProblem> {
     match (min, max) {
-        (None, None) => Err((kind.clone(), "give min, max or both".into())),
-        (Some(min), Some(max)) if min > max => Err((kind.clone(), "min is above max".into())),
+        (None, None) => Err((kind.clone(), "min and max are missing; expected at least one".into())),
+        (Some(min), Some(max)) if min > max => Err((kind.clone(), "min > max; expected min ≤ max".into())),
         _ => Ok(()),
     }
 }
 
-fn steps(kind: &Range<usize>, steps: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<Written>, Wrong> {
+fn steps(
+    kind: &Range<usize>,
+    steps: Option<Spanned<Vec<Spanned<String>>>>,
+) -> Result<Vec<SpannedText>, TextProblem> {
     let span = steps.as_ref().map_or(kind.clone(), Spanned::span);
-    let steps: Vec<Written> =
-        steps.map_or_else(Vec::new, Spanned::into_inner).into_iter().map(Written::from).collect();
+    let steps: Vec<SpannedText> =
+        steps.map_or_else(Vec::new, Spanned::into_inner).into_iter().map(SpannedText::from).collect();
     if !(2..=STEP_LIMIT).contains(&steps.len()) {
-        return Err((span, format!("an order has 2 to {STEP_LIMIT} steps")));
+        return Err((span, format!("step count {}; expected 2 to {STEP_LIMIT}", steps.len())));
     }
     Ok(steps)
 }
 
-fn signal(name: Written) -> Result<Written, Wrong> {
+fn signal(name: SpannedText) -> Result<SpannedText, TextProblem> {
     if name.text.trim().is_empty() {
-        return Err((name.span, "a signal is its name, an object as \"6041:00\", or \"spn:190\"".into()));
+        return Err((
+            name.span,
+            "empty signal; expected a name, an object such as \"6041:00\", or \"spn:190\"".into(),
+        ));
     }
     Ok(name)
 }

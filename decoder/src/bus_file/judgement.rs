@@ -1,4 +1,4 @@
-//! What the user says of rules: how strict, and which findings are known and accepted.
+//! User settings for rules: severity, tolerances, suppressed findings and expectations.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,64 +8,66 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::expectation::{self, Expectation};
-use super::written::{NodeNumber, Wrong, node_id};
+use super::written::{NodeNumber, TextProblem, node_id};
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
 
-/// Everything said of rules. Whether they exist is known to `rules/`, so places are kept.
+/// Rule settings of the file. `rules/` checks the rule names, so each keeps its place in the file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Judgement {
-    /// `[rules.<name>]`.
+    /// Entries `[rules.<name>]`.
     pub rules: Vec<RuleSettings>,
-    /// `[[suppress]]`.
+    /// Entries `[[suppress]]`.
     pub suppressions: Vec<Suppression>,
-    /// `[[expect]]`.
+    /// Entries `[[expect]]`.
     pub expectations: Vec<Expectation>,
 }
 
-/// What is said of one rule.
+/// Settings of one rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RuleSettings {
-    /// Name.
+    /// Rule slug as written.
     pub rule: String,
-    /// Its place in the file.
+    /// Position of the rule name in the file, in bytes.
     pub span: Range<usize>,
-    /// `Some(None)` switches it off.
+    /// Severity override; `Some(None)` disables the rule.
     pub severity: Option<Option<Severity>>,
-    /// Tolerances by key, with their places.
+    /// Tolerances: key, its position in the file, value.
     pub tolerances: Vec<(String, Range<usize>, f64)>,
 }
 
-/// Findings that are known and accepted.
+/// Known and accepted findings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suppression {
-    /// Rule.
+    /// Rule slug as written.
     pub rule: String,
-    /// Its place in the file.
+    /// Position of the rule name in the file, in bytes.
     pub span: Range<usize>,
-    /// Bus; all if none.
+    /// Bus it applies to; `None` for every bus.
     pub bus: Option<String>,
-    /// Node; all if none.
+    /// Node it applies to; `None` for every node.
     pub node: Option<NodeId>,
-    /// Object, code or name, as the finding prints it; all if none.
+    /// Object, code or name as printed in the finding; `None` for all.
     pub about: Option<String>,
-    /// Why.
+    /// Reason from the file, printed with the suppressed finding.
     pub reason: Arc<str>,
-    /// Last day it holds, as `2026-01-31`.
+    /// Last day on which it applies, as `2026-01-31`; `None` without end.
     pub until: Option<String>,
 }
 
-/// `[rules]`.
+const SEVERITIES: &str = "unknown severity; expected \"error\", \"warning\", \"note\" or \"off\"";
+
+/// Table `[rules]`: settings by rule name.
 pub(super) type Rules = BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, Spanned<Setting>>>;
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a number, or a severity")]
+#[serde(untagged, expecting = "expected a number or a severity")]
 pub(super) enum Setting {
     Number(f64),
     Word(String),
 }
 
-/// One `[[suppress]]`.
+/// One `[[suppress]]` table as parsed.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Suppress {
@@ -82,18 +84,18 @@ pub(super) struct Suppress {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a day, as 2026-01-31")]
+#[serde(untagged, expecting = "expected a date such as 2026-01-31")]
 enum Day {
     Date(toml::value::Datetime),
     Text(String),
 }
 
-/// Takes what the file says, or tells the first thing wrong with it.
+/// Checks all tables on rules; returns the first problem.
 pub(super) fn check(
     rules: Rules,
     suppress: Vec<Suppress>,
     expect: Vec<expectation::Entry>,
-) -> Result<Judgement, Wrong> {
+) -> Result<Judgement, TextProblem> {
     let rules = rules.into_iter().map(|(name, keys)| settings(&name, keys)).collect::<Result<_, _>>()?;
     let suppressions = suppress.into_iter().map(Suppress::check).collect::<Result<_, _>>()?;
     Ok(Judgement { rules, suppressions, expectations: expectation::check(expect)? })
@@ -102,7 +104,7 @@ pub(super) fn check(
 fn settings(
     name: &Spanned<String>,
     keys: BTreeMap<Spanned<String>, Spanned<Setting>>,
-) -> Result<RuleSettings, Wrong> {
+) -> Result<RuleSettings, TextProblem> {
     let mut settings = RuleSettings {
         rule: name.get_ref().clone(),
         span: name.span(),
@@ -118,25 +120,25 @@ fn settings(
                     "note" => Some(Severity::Note),
                     "warning" => Some(Severity::Warning),
                     "error" => Some(Severity::Error),
-                    _ => return Err((span, "a severity is error, warning, note or off".into())),
+                    _ => return Err((span, SEVERITIES.into())),
                 });
             }
             ("severity", Setting::Number(_)) => {
-                return Err((span, "a severity is \"error\", \"warning\", \"note\" or \"off\"".into()));
+                return Err((span, SEVERITIES.into()));
             }
             (other, Setting::Number(number)) if number.is_finite() && number >= 0.0 => {
                 settings.tolerances.push((other.to_owned(), key.span(), number));
             }
-            _ => return Err((span, "a tolerance is a number from 0".into())),
+            _ => return Err((span, "invalid tolerance; expected a number ≥ 0".into())),
         }
     }
     Ok(settings)
 }
 
 impl Suppress {
-    fn check(self) -> Result<Suppression, Wrong> {
+    fn check(self) -> Result<Suppression, TextProblem> {
         if self.reason.get_ref().trim().is_empty() {
-            return Err((self.reason.span(), "a suppression needs its reason".into()));
+            return Err((self.reason.span(), "empty reason; expected a text".into()));
         }
         let node = match &self.node {
             Some(node) => Some(node_id(node)?),
@@ -158,13 +160,13 @@ impl Suppress {
     }
 }
 
-fn date(day: &Spanned<Day>) -> Result<String, Wrong> {
+fn date(day: &Spanned<Day>) -> Result<String, TextProblem> {
     let text = match day.get_ref() {
         Day::Date(date) => date.to_string(),
         Day::Text(text) => text.clone(),
     };
     match text.parse::<jiff::civil::Date>() {
         Ok(date) if date.to_string() == text => Ok(text),
-        _ => Err((day.span(), "a day is written 2026-01-31".into())),
+        _ => Err((day.span(), "invalid date; expected the form 2026-01-31".into())),
     }
 }

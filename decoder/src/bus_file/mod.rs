@@ -1,4 +1,4 @@
-//! The bus file: what the user knows of a machine and no frame tells. `docs/bus-file.md` shows it.
+//! The bus file: what the user knows about a machine and the frames do not contain. See `docs/bus-file.md`.
 //!
 //! ```toml
 //! [bus.can0]
@@ -23,10 +23,10 @@ mod written;
 pub use expectation::{Demand, Expectation};
 
 pub use judgement::{Judgement, RuleSettings, Suppression};
-pub use settings::{AreaEntry, ObjectValue, Settings};
+pub use settings::{AreaEntry, ObjectValue, ProtocolChoice, Settings};
 pub use uds::UdsPair;
 pub use value::encode;
-pub use written::Written;
+pub use written::SpannedText;
 
 use crate::frame::CanId;
 use crate::profile::{Owner, TextError};
@@ -34,57 +34,73 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::SpnConversion;
 
-/// A bus file that was understood.
+/// A parsed and checked bus file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BusFile {
-    /// What holds on every bus.
+    /// Settings for every bus.
     pub everywhere: Settings,
-    /// What holds on one bus, by its name; it goes before what holds everywhere.
+    /// Settings by bus name; they override `everywhere`.
     pub buses: Vec<(String, Settings)>,
-    /// What it says of rules.
+    /// Rule settings, suppressions and expectations.
     pub judgement: Judgement,
 }
 
 impl BusFile {
-    /// Reads the text of a bus file.
+    /// Parses the text of a bus file.
     ///
     /// # Errors
-    /// Text that is no TOML, unknown keys, values out of range; with the place.
+    /// Invalid TOML, unknown keys or values out of range, with line and column.
     pub fn parse(text: &str) -> Result<Self, TextError> {
-        let file: model::File = toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
+        let file: model::AuthoredBusFile =
+            toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
         let (everywhere, buses, judgement) =
             file.check().map_err(|(span, message)| TextError::at(text, span, message))?;
         Ok(Self { everywhere, buses, judgement })
     }
 
-    /// What is said of the bus with this name and of every bus, the special before the general.
+    /// Settings of this bus, then those of every bus.
     fn of<'a>(&'a self, bus: &'a str) -> impl DoubleEndedIterator<Item = &'a Settings> {
         let own = self.buses.iter().filter(move |(name, _)| name == bus).map(|(_, settings)| settings);
         own.chain(std::iter::once(&self.everywhere))
     }
 
-    /// Bit rate of a bus.
+    /// Configured bit rate of a bus, in bit/s.
     pub fn bit_rate(&self, bus: &str) -> Option<u32> {
         self.of(bus).find_map(|settings| settings.bit_rate)
     }
 
-    /// Name of the NMT master of a bus.
+    /// Protocol that the user stated for a bus.
+    pub fn protocol(&self, bus: &str) -> Option<ProtocolChoice> {
+        self.of(bus).find_map(|settings| settings.protocol)
+    }
+
+    /// Nodes of a bus that the file names, also as owner of an identifier, and whether the entry names the bus.
+    pub fn named_nodes<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (NodeId, bool)> + 'a {
+        let own =
+            self.buses.iter().filter(move |(name, _)| name == bus).map(|(_, settings)| (settings, true));
+        own.chain(std::iter::once((&self.everywhere, false))).flat_map(|(settings, is_own)| {
+            let owners = settings.owners.iter().filter_map(|(_, owner)| owner.node().map(NodeId::Canopen));
+            settings.nodes.iter().copied().chain(owners).map(move |node| (node, is_own))
+        })
+    }
+
+    /// Configured name of the NMT master of a bus.
     pub fn master<'a>(&'a self, bus: &'a str) -> Option<&'a str> {
         self.of(bus).find_map(|settings| settings.master.as_deref())
     }
 
-    /// Name of a node.
+    /// Configured name of a node.
     pub fn name<'a>(&'a self, bus: &'a str, node: NodeId) -> Option<&'a str> {
         let mut names = self.of(bus).flat_map(|settings| &settings.names);
         names.find(|(id, _)| *id == node).map(|(_, name)| name.as_str())
     }
 
-    /// What identifiers mean; of two statements about one the last counts.
+    /// Services of CAN identifiers; if an identifier is listed twice, the last entry wins.
     pub(crate) fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, Owner)> + 'a {
         self.of(bus).rev().flat_map(|settings| settings.owners.iter().copied())
     }
 
-    /// Values of objects; of two for one object the last counts.
+    /// Values of objects; if an object is listed twice, the last entry wins.
     pub fn objects<'a>(
         &'a self,
         bus: &'a str,
@@ -92,12 +108,12 @@ impl BusFile {
         self.of(bus).rev().flat_map(|settings| &settings.objects)
     }
 
-    /// Units of objects.
+    /// Units of objects, as selected in the manufacturer's tool.
     pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, String)> {
         self.of(bus).rev().flat_map(|settings| &settings.units)
     }
 
-    /// How J1939 devices code SPNs whose conversion method bit is set; of two for one the last counts.
+    /// SPN conversion versions of J1939 devices that set the conversion method bit; the last entry wins.
     pub(crate) fn conversions<'a>(
         &'a self,
         bus: &'a str,
@@ -105,23 +121,23 @@ impl BusFile {
         self.of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
     }
 
-    /// Identifiers of UDS servers, the special before the general.
+    /// Identifiers of UDS servers; those of this bus first.
     pub fn uds<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a UdsPair> {
         self.of(bus).flat_map(|settings| &settings.uds)
     }
 
-    /// What fills an area of a node.
+    /// Entries of an area (`tx_area`, `rx_area`) of a node.
     pub fn area<'a>(&'a self, bus: &'a str, node: NodeId, area: &'a str) -> Option<&'a [AreaEntry]> {
         let mut areas = self.of(bus).flat_map(|settings| &settings.areas);
         areas.find(|(id, name, _)| *id == node && name == area).map(|(_, _, list)| list.as_slice())
     }
 
-    /// Profiles of nodes: bus (all if none), node-ID, profile; what holds everywhere first.
-    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &Written)> {
+    /// Profiles of nodes: bus (`None` for every bus), node, profile; those for every bus first.
+    pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &SpannedText)> {
         self.placed(|settings| &settings.devices)
     }
 
-    /// Numbers of the rules of devices: profile, rule, key, value.
+    /// Tolerances of device rules: profile, rule, key, value.
     pub fn device_tolerances(&self) -> impl Iterator<Item = (&str, &str, &str, f64)> {
         let rules = self.judgement.rules.iter();
         let rules = rules.filter_map(|one| Some((one.rule.split_once(':')?, &one.tolerances)));
@@ -130,7 +146,7 @@ impl BusFile {
         })
     }
 
-    /// EDS, DCF and XDD files of nodes, alike.
+    /// EDS, DCF and XDD files of nodes: bus (`None` for every bus), node, file name.
     pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
         let all = self.placed(|settings| &settings.device_files);
         all.map(|(bus, node, file)| (bus, node, file.as_str()))
@@ -166,7 +182,7 @@ mod tests {
         assert!(file.buses[1].1.databases.is_empty());
         let error = BusFile::parse("dbc = 5").unwrap_err();
         assert_eq!((error.line, error.column), (1, 7));
-        assert_eq!(error.message, "the name of a file, or a list of names");
+        assert_eq!(error.message, "expected a file name, or a list of file names");
     }
 
     #[test]
@@ -240,8 +256,11 @@ mod tests {
         let area = file.area("can0", PUMP, "tx_area").unwrap();
         assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
         assert_eq!(file.units("can0").next().unwrap().2, "mm");
-        fails("[node.5]\ntx_area = [\"2F10\"]", "2:12: an entry of an area is written 2F10/4");
-        fails("[node.5]\nunit = { \"63\" = \"bar\", \"x\" = \"bar\" }", "an object is written 1018:01");
+        fails(
+            "[node.5]\ntx_area = [\"2F10\"]",
+            "2:12: invalid area entry; expected OBJECT/BYTES with 1 to 8 bytes, such as 2F10/4",
+        );
+        fails("[node.5]\nunit = { \"63\" = \"bar\", \"x\" = \"bar\" }", "not a valid object");
     }
 
     #[test]
@@ -255,7 +274,10 @@ mod tests {
         assert_eq!(of("can0"), Some((device, SpnConversion::Version1)));
         assert_eq!(of("can1"), Some((device, SpnConversion::Version2)));
         fails("[node.\"sa:11\"]\nspn_conversion = 4", "2:18: spn_conversion is 1, 2 or 3");
-        fails("[node.5]\nspn_conversion = 1", "2:18: spn_conversion is for a J1939 address");
+        fails(
+            "[node.5]\nspn_conversion = 1",
+            "2:18: spn_conversion of a CANopen node; expected a J1939 address",
+        );
     }
 
     #[track_caller]
@@ -271,26 +293,32 @@ mod tests {
         assert_eq!(error.show("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
         let shown = error.show("b.toml");
-        assert!(shown.starts_with("b.toml:3:11: 'tpd1' is no service"), "{shown}");
+        assert!(shown.starts_with("b.toml:3:11: unknown service 'tpd1'"), "{shown}");
         assert!(shown.ends_with("\n  3 | service = \"tpd1\"\n    |           ^^^^^^"), "{shown}");
     }
 
     #[test]
     fn values_out_of_range_are_refused() {
-        fails("[node.128]\nname = \"x\"", "1:7: a node-ID is 1 to 127");
-        fails("[node.pump]\nname = \"x\"", "a node-ID is 1 to 127");
-        fails("[node.2]\nname = \"x\"\n[node.0x02]\nname = \"y\"", "3:7: node 2/02 is given twice");
-        fails("[bus.can0.node.0x02]\n[bus.can0.node.2]", "2:16: node 2/02 is given twice");
-        fails("[bus.can0]\nbitrate = 250", "in bit/s: 250 kbit/s is 250000");
-        fails("[[id]]\nid = 0x20000000\nservice = \"sync\"", "2:6: an identifier has 11 or 29 bits");
-        fails("[[id]]\nid = \"1FFG\"\nservice = \"sync\"", "an identifier");
-        fails("[[id]]\nid = 1\nservice = \"emcy\"", "needs a node");
-        fails("[[id]]\nid = 1\nservice = \"sync\"\nnode = 5", "4:8: sync belongs to no node");
-        fails("[[id]]\nid = 1\nservice = \"tpdo513\"\nnode = 5", "is no service");
-        fails("[[id]]\nid = 1\nservice = \"emcy\"\nnode = 0", "4:8: a node-ID is 1 to 127");
+        fails("[node.128]\nname = \"x\"", "1:7: expected a node-ID 1 to 127");
+        fails("[node.pump]\nname = \"x\"", "expected a node-ID 1 to 127");
+        fails("[node.2]\nname = \"x\"\n[node.0x02]\nname = \"y\"", "3:7: duplicate entry for node 2/02");
+        fails("[bus.can0.node.0x02]\n[bus.can0.node.2]", "2:16: duplicate entry for node 2/02");
+        fails("[bus.can0]\nbitrate = 250", "expected bit/s, such as 250000 for 250 kbit/s");
+        fails(
+            "[[id]]\nid = 0x20000000\nservice = \"sync\"",
+            "2:6: invalid CAN identifier; expected 11 or 29 bits",
+        );
+        fails("[[id]]\nid = \"1FFG\"\nservice = \"sync\"", "invalid CAN identifier");
+        fails("[[id]]\nid = 1\nservice = \"emcy\"", "3:11: node is missing; service emcy requires it");
+        fails(
+            "[[id]]\nid = 1\nservice = \"sync\"\nnode = 5",
+            "4:8: service sync does not belong to a node; remove node",
+        );
+        fails("[[id]]\nid = 1\nservice = \"tpdo513\"\nnode = 5", "unknown service 'tpdo513'; expected nmt");
+        fails("[[id]]\nid = 1\nservice = \"emcy\"\nnode = 0", "4:8: node-ID out of range; expected 1 to 127");
         fails(
             "[[id]]\nid = 1\nservice = \"sync\"\n[[id]]\nid = \"001\"\nservice = \"time\"",
-            "5:6: 001 is given twice",
+            "5:6: duplicate entry for 001",
         );
     }
 
@@ -300,11 +328,14 @@ mod tests {
         let value =
             |rest: &str| BusFile::parse(&object(rest)).map(|file| file.everywhere.objects[0].2.clone());
         assert_eq!(value("value = 1000"), Ok(ObjectValue::Bytes(vec![0xE8, 3])));
-        fails(&object("value = 65536"), "3:9: 65536 does not fit UNSIGNED16");
+        fails(&object("value = 65536"), "3:9: 65536 does not fit UNSIGNED16; expected 0 to 65535");
         fails(&object("value = -1"), "does not fit");
-        fails(&object(""), "give value or data");
-        fails(&object("data = \"1\""), "hex pairs");
-        fails("[[node.5.object]]\nobject = \"10170\"\nvalue = 1", "2:10: an object is written 1018:01");
-        fails("[[node.5.object]]\nobject = \"1010:01\"\nvalue = \"save\"\ndata = \"00\"", "not both");
+        fails(&object(""), "value and data are missing; expected one");
+        fails(&object("data = \"1\""), "pairs of hex digits");
+        fails("[[node.5.object]]\nobject = \"10170\"\nvalue = 1", "2:10: not a valid object");
+        fails(
+            "[[node.5.object]]\nobject = \"1010:01\"\nvalue = \"save\"\ndata = \"00\"",
+            "value and data are both present; remove one",
+        );
     }
 }

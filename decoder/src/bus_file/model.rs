@@ -1,4 +1,4 @@
-//! The file as TOML, and what each part must be.
+//! TOML model of the bus file and its checks.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -7,9 +7,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::judgement::Judgement;
-use super::settings::{AreaEntry, BIT_RATES, ObjectValue, Settings};
+use super::settings::{AreaEntry, BIT_RATES, ObjectValue, ProtocolChoice, Settings};
 use super::value::{Value, bytes};
-use super::written::{NO_IDENTIFIER, Number, Wrong};
+use super::written::{NO_IDENTIFIER, Number, TextProblem};
 use super::{expectation, judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
@@ -18,7 +18,7 @@ use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::SpnConversion;
 
-const NODE_ID: &str = "a node-ID is 1 to 127";
+const NODE_ID: &str = "node-ID out of range; expected 1 to 127";
 
 const SERVICES: &str = "nmt, sync, time, emcy, tpdo1 to tpdo512, rpdo1 to rpdo512, sdo-request, sdo-response, \
                         heartbeat, lss-master, lss-slave or none";
@@ -27,7 +27,7 @@ type Nodes = BTreeMap<Spanned<String>, Node>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct File {
+pub(super) struct AuthoredBusFile {
     #[serde(default)]
     dbc: Files,
     #[serde(default)]
@@ -54,6 +54,8 @@ struct Bus {
     #[serde(default)]
     bitrate: Option<Spanned<i64>>,
     #[serde(default)]
+    protocol: Option<ProtocolChoice>,
+    #[serde(default)]
     master: Option<String>,
     #[serde(default)]
     dbc: Files,
@@ -65,9 +67,9 @@ struct Bus {
     uds: Vec<uds::Pair>,
 }
 
-/// `"a.dbc"`, or `["a.dbc", "b.dbc"]`.
+/// One file name or a list: `"a.dbc"`, or `["a.dbc", "b.dbc"]`.
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "the name of a file, or a list of names")]
+#[serde(untagged, expecting = "expected a file name, or a list of file names")]
 enum Files {
     One(String),
     Many(Vec<String>),
@@ -132,20 +134,28 @@ struct Id {
     node: Option<Spanned<i64>>,
 }
 
-/// What holds on every bus, on buses by their names, and of rules.
+/// Settings of every bus, settings by bus name, rule settings.
 pub(super) type Parts = (Settings, Vec<(String, Settings)>, Judgement);
 
-impl File {
-    /// What the file says, or the first thing wrong with it.
-    pub(super) fn check(self) -> Result<Parts, Wrong> {
+impl AuthoredBusFile {
+    /// Checks the file; returns the first problem.
+    pub(super) fn check(self) -> Result<Parts, TextProblem> {
         let everywhere = settings(None, self.node, self.id, self.uds)?;
         let everywhere = Settings { databases: self.dbc.into(), master: self.master, ..everywhere };
         let buses = self.bus.into_iter().map(|(name, bus)| {
             let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
-            Ok((name, Settings { databases: bus.dbc.into(), master: bus.master, ..settings }))
+            Ok((
+                name,
+                Settings {
+                    databases: bus.dbc.into(),
+                    master: bus.master,
+                    protocol: bus.protocol,
+                    ..settings
+                },
+            ))
         });
         let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
-        Ok((everywhere, buses.collect::<Result<_, Wrong>>()?, judgement))
+        Ok((everywhere, buses.collect::<Result<_, TextProblem>>()?, judgement))
     }
 }
 
@@ -154,22 +164,25 @@ fn settings(
     nodes: Nodes,
     ids: Vec<Id>,
     pairs: Vec<uds::Pair>,
-) -> Result<Settings, Wrong> {
+) -> Result<Settings, TextProblem> {
     let mut settings = Settings { uds: uds::check(pairs)?, ..Settings::default() };
     if let Some(rate) = bit_rate {
         let known = u32::try_from(*rate.get_ref()).ok().filter(|rate| BIT_RATES.contains(rate));
-        let wrong = || (rate.span(), "bitrate is in bit/s: 250 kbit/s is 250000".to_owned());
+        let wrong = || {
+            (rate.span(), "bitrate out of range; expected bit/s, such as 250000 for 250 kbit/s".to_owned())
+        };
         settings.bit_rate = Some(known.ok_or_else(wrong)?);
     }
     let mut known: Vec<(NodeId, Range<usize>)> = Vec::new();
     for (key, node) in nodes {
         let id: NodeId = key.get_ref().parse().map_err(|message: &str| (key.span(), message.to_owned()))?;
         if let Some((_, other)) = known.iter().find(|(other, _)| *other == id) {
-            // They come in the order of their names, and the second one in the file is the mistake.
+            // Keys are sorted by name; the error is reported at the later one in the file.
             let later = if other.start > key.span().start { other.clone() } else { key.span() };
-            return Err((later, format!("{} is given twice", id.words())));
+            return Err((later, format!("duplicate entry for {}", id.words())));
         }
         known.push((id, key.span()));
+        settings.nodes.push(id);
         settings.names.extend(node.name.map(|name| (id, name)));
         settings.devices.extend(node.device.map(|device| (id, device.into())));
         settings.device_files.extend(node.eds.map(|file| (id, file)));
@@ -178,7 +191,7 @@ fn settings(
         }
         for (name, list) in [("tx_area", node.tx_area), ("rx_area", node.rx_area)] {
             if !list.is_empty() {
-                let list = list.iter().map(area_entry).collect::<Result<_, Wrong>>()?;
+                let list = list.iter().map(area_entry).collect::<Result<_, TextProblem>>()?;
                 settings.areas.push((id, name.to_owned(), list));
             }
         }
@@ -194,31 +207,33 @@ fn settings(
         let span = id.number.span();
         let (can_id, owner) = id.check()?;
         if settings.owners.iter().any(|(known, _)| *known == can_id) {
-            return Err((span, format!("{can_id} is given twice")));
+            return Err((span, format!("duplicate entry for {can_id}")));
         }
         settings.owners.push((can_id, owner));
     }
     Ok(settings)
 }
 
-fn address(text: &Spanned<String>) -> Result<ObjectAddress, Wrong> {
+fn address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {
     text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
 }
 
-fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, Wrong> {
+fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextProblem> {
     let wrong = |message: &str| (version.span(), message.to_owned());
     if id.j1939().is_none() {
-        return Err(wrong("spn_conversion is for a J1939 address, such as [node.\"sa:0x0B\"]"));
+        return Err(wrong(
+            "spn_conversion of a CANopen node; expected a J1939 address, such as [node.\"sa:0x0B\"]",
+        ));
     }
     SpnConversion::try_from(*version.get_ref()).map_err(wrong)
 }
 
-fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, Wrong> {
+fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, TextProblem> {
     text.get_ref().parse().map_err(|message: &str| (text.span(), message.to_owned()))
 }
 
 impl Object {
-    fn check(self) -> Result<(ObjectAddress, ObjectValue), Wrong> {
+    fn check(self) -> Result<(ObjectAddress, ObjectValue), TextProblem> {
         let span = self.address.span();
         let address = address(&self.address)?;
         let value = match (self.value, self.data) {
@@ -226,11 +241,16 @@ impl Object {
                 let span = value.span();
                 bytes(address, value.into_inner()).map_err(|message| (span, message))?
             }
-            (None, Some(data)) => hex(data.get_ref())
-                .map(ObjectValue::Bytes)
-                .ok_or_else(|| (data.span(), "data is hex pairs, such as \"10 00 41 60\"".to_owned()))?,
-            (Some(_), Some(data)) => return Err((data.span(), "give value or data, not both".into())),
-            (None, None) => return Err((span, "give value or data of the object".into())),
+            (None, Some(data)) => hex(data.get_ref()).map(ObjectValue::Bytes).ok_or_else(|| {
+                (
+                    data.span(),
+                    "invalid data; expected pairs of hex digits, such as \"10 00 41 60\"".to_owned(),
+                )
+            })?,
+            (Some(_), Some(data)) => {
+                return Err((data.span(), "value and data are both present; remove one".into()));
+            }
+            (None, None) => return Err((span, "value and data are missing; expected one".into())),
         };
         Ok((address, value))
     }
@@ -248,7 +268,7 @@ fn hex(text: &str) -> Option<Vec<u8>> {
 }
 
 impl Id {
-    fn check(&self) -> Result<(CanId, Owner), Wrong> {
+    fn check(&self) -> Result<(CanId, Owner), TextProblem> {
         let id = self.number.get_ref().can_id(self.extended);
         let id = id.ok_or_else(|| (self.number.span(), NO_IDENTIFIER.to_owned()))?;
         let node = match &self.node {
@@ -261,9 +281,10 @@ impl Id {
         Ok((id, self.owner(node)?))
     }
 
-    fn owner(&self, node: Option<u8>) -> Result<Owner, Wrong> {
+    fn owner(&self, node: Option<u8>) -> Result<Owner, TextProblem> {
         let service = self.service.get_ref().as_str();
-        let needed = node.ok_or_else(|| (self.service.span(), format!("{service} needs a node")));
+        let needed = node
+            .ok_or_else(|| (self.service.span(), format!("node is missing; service {service} requires it")));
         let owner = match service {
             "emcy" => return needed.map(Owner::Emcy),
             "heartbeat" => return needed.map(Owner::ErrorControl),
@@ -276,13 +297,16 @@ impl Id {
             "lss-slave" => Owner::Lss(false),
             "none" => Owner::Unclassified,
             other => {
-                let unknown = || (self.service.span(), format!("'{other}' is no service: {SERVICES}"));
+                let unknown =
+                    || (self.service.span(), format!("unknown service '{other}'; expected {SERVICES}"));
                 let name: PdoName = other.parse().map_err(|_| unknown())?;
                 return needed.map(|node| Owner::Pdo(name, node));
             }
         };
         match &self.node {
-            Some(node) => Err((node.span(), format!("{service} belongs to no node"))),
+            Some(node) => {
+                Err((node.span(), format!("service {service} does not belong to a node; remove node")))
+            }
             None => Ok(owner),
         }
     }

@@ -1,71 +1,90 @@
-//! What the file says of one bus, or of all.
+//! Settings of one bus, or of every bus.
 
 use std::str::FromStr;
 
 use super::uds::UdsPair;
-use super::written::Written;
+use super::written::SpannedText;
 use crate::frame::CanId;
 use crate::profile::Owner;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::SpnConversion;
 
-/// Slowest and fastest bit rate believed, in bit/s.
+/// Accepted bit rates, in bit/s.
 pub(super) const BIT_RATES: std::ops::RangeInclusive<u32> = 1_000..=10_000_000;
 
-/// What is known of one bus, or of all.
+/// Protocol that the traffic is treated as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProtocolChoice {
+    /// Detected by evidence.
+    #[default]
+    Auto,
+    /// CANopen on 11-bit identifiers without evidence; the protocol on 29 bits is detected.
+    Canopen,
+    /// J1939 on 29-bit identifiers without evidence; the protocol on 11 bits is detected.
+    J1939,
+    /// No protocol: frames are not decoded.
+    None,
+}
+
+/// Settings of one bus, or of every bus.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Settings {
-    /// Bits a second.
+    /// Protocol of the bus; `None` if not stated.
+    pub protocol: Option<ProtocolChoice>,
+    /// Nodes listed, with or without a name or profile.
+    pub nodes: Vec<NodeId>,
+    /// Bit rate in bit/s.
     pub bit_rate: Option<u32>,
     /// Name of the NMT master.
     pub master: Option<String>,
-    /// Names of nodes by node.
+    /// User-defined node names.
     pub names: Vec<(NodeId, String)>,
-    /// What identifiers mean.
+    /// Services of CAN identifiers.
     pub owners: Vec<(CanId, Owner)>,
     /// Values of objects by node.
     pub objects: Vec<(NodeId, ObjectAddress, ObjectValue)>,
     /// Profiles by node.
-    pub devices: Vec<(NodeId, Written)>,
+    pub devices: Vec<(NodeId, SpannedText)>,
     /// EDS, DCF or XDD files by node, relative to the bus file.
     pub device_files: Vec<(NodeId, String)>,
-    /// What the maker's tool put into areas, by node and name of the area.
+    /// Areas set in the manufacturer's tool, by node and area name.
     pub areas: Vec<(NodeId, String, Vec<AreaEntry>)>,
-    /// Units chosen in the maker's tool, by node.
+    /// Units selected in the manufacturer's tool, by node.
     pub units: Vec<(NodeId, ObjectAddress, String)>,
-    /// Databases of messages, relative to the bus file; what an earlier one tells goes before a later one.
+    /// Message databases (DBC, JSON), relative to the bus file; an earlier file overrides a later one.
     pub databases: Vec<String>,
-    /// How J1939 devices code SPNs whose conversion method bit is set.
+    /// SPN conversion versions of J1939 devices that set the conversion method bit.
     pub conversions: Vec<(NodeId, SpnConversion)>,
     /// Identifiers of UDS servers.
     pub uds: Vec<UdsPair>,
 }
 
-/// A value of an object.
+/// Value of an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ObjectValue {
-    /// As it is sent.
+    /// Bytes as transmitted.
     Bytes(Vec<u8>),
-    /// A number as wide as the object of the node's profile, which the file does not know.
+    /// Number, encoded with the data type from the node's profile.
     Number(i64),
 }
 
-/// One entry of an area of the maker's tool.
+/// One entry of an area that is configured in the manufacturer's tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AreaEntry {
-    /// The object.
+    /// Address of the mapped object.
     pub object: ObjectAddress,
-    /// Bytes it takes.
+    /// Length in bytes, 1 to 8.
     pub bytes: u8,
 }
 
-/// `2F10/4`.
+/// Parses the form `2F10/4`.
 impl FromStr for AreaEntry {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, &'static str> {
-        let wrong = "an entry of an area is written 2F10/4: object / bytes, 1 to 8";
+        let wrong = "invalid area entry; expected OBJECT/BYTES with 1 to 8 bytes, such as 2F10/4";
         let (object, bytes) = text.split_once('/').ok_or(wrong)?;
         let bytes = bytes.parse().ok().filter(|bytes| (1..=8).contains(bytes)).ok_or(wrong)?;
         let object = object.parse().map_err(|_| wrong)?;

@@ -1,23 +1,23 @@
-//! UDS servers of the bus file: on which identifiers they are asked and answer.
+//! UDS servers of the bus file: their request and response identifiers.
 
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::written::{NO_IDENTIFIER, Number, Wrong};
+use super::written::{NO_IDENTIFIER, Number, TextProblem};
 use crate::frame::CanId;
 
-/// One UDS server.
+/// Identifiers and addressing of a UDS server.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UdsPair {
-    /// Requests to this server alone.
+    /// Identifier of physical requests to this server.
     pub request: CanId,
-    /// Its responses.
+    /// Identifier of its responses.
     pub response: CanId,
-    /// Requests to a group it belongs to.
+    /// Identifier of functional requests to a group of servers.
     pub functional: Option<CanId>,
-    /// What lines call it.
+    /// Name shown in output.
     pub name: Option<String>,
-    /// The first byte of each payload is an address (ISO 15765-2 §10.3.4, §10.3.5: extended and mixed
+    /// Whether the first byte of each payload is an address (ISO 15765-2 §10.3.4, §10.3.5: extended and mixed
     /// addressing).
     pub extended_addressing: bool,
 }
@@ -37,8 +37,8 @@ pub(super) struct Pair {
     extended_addressing: bool,
 }
 
-/// The pairs of one table, or the first thing wrong with them.
-pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, Wrong> {
+/// Checks the pairs of one table; returns the first problem.
+pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, TextProblem> {
     let mut checked: Vec<UdsPair> = Vec::with_capacity(pairs.len());
     for pair in pairs {
         let id = |number: &Spanned<Number>| {
@@ -48,7 +48,8 @@ pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, Wrong> {
         let (request, response) = (id(&pair.request)?, id(&pair.response)?);
         let functional = pair.functional.as_ref().map(id).transpose()?;
         let own = [(request, &pair.request), (response, &pair.response)];
-        let twice = |number: &Spanned<Number>, id: CanId| (number.span(), format!("{id} is given twice"));
+        let twice =
+            |number: &Spanned<Number>, id: CanId| (number.span(), format!("duplicate entry for {id}"));
         if request == response {
             return Err(twice(&pair.response, response));
         }
@@ -117,13 +118,19 @@ mod tests {
             let error = BusFile::parse(text).unwrap_err().to_string();
             assert!(error.contains(message), "{error}");
         };
-        fails("[[uds]]\nrequest = 0x7E0\nresponse = 0x7E0", "3:12: 7E0 is given twice");
+        fails("[[uds]]\nrequest = 0x7E0\nresponse = 0x7E0", "3:12: duplicate entry for 7E0");
         fails(
             "[[uds]]\nrequest = 0x7E0\nresponse = 0x7E8\n[[uds]]\nrequest = 0x7E1\nresponse = 0x7E8",
-            "6:12: 7E8 is given twice",
+            "6:12: duplicate entry for 7E8",
         );
-        fails("[[uds]]\nrequest = 0x7E0\nresponse = 0x7E8\nfunctional = 0x7E0", "4:14: 7E0 is given twice");
-        fails("[[uds]]\nrequest = 0x20000000\nresponse = 0x7E8", "2:11: an identifier has 11 or 29 bits");
+        fails(
+            "[[uds]]\nrequest = 0x7E0\nresponse = 0x7E8\nfunctional = 0x7E0",
+            "4:14: duplicate entry for 7E0",
+        );
+        fails(
+            "[[uds]]\nrequest = 0x20000000\nresponse = 0x7E8",
+            "2:11: invalid CAN identifier; expected 11 or 29 bits",
+        );
         fails("[[uds]]\nrequest = 0x7E0", "missing field `response`");
     }
 }

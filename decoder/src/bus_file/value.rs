@@ -1,4 +1,6 @@
-//! Values of objects as a person writes them, to the bytes a device sends.
+//! Encodes values of objects from the bus file to the bytes on the wire.
+
+use std::ops::RangeInclusive;
 
 use serde::Deserialize;
 
@@ -6,7 +8,7 @@ use super::settings::ObjectValue;
 use crate::profile::{DataType, plain_device};
 use crate::wire::canopen::ObjectAddress;
 
-/// A value in the file.
+/// Value as written in the file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 pub(super) enum Value {
@@ -14,7 +16,8 @@ pub(super) enum Value {
     Text(String),
 }
 
-/// A value of an object that CiA 301 defines, in bytes; of another one the number, for the node's profile.
+/// Bytes of the value if CiA 301 defines the type of the object; otherwise the number, which is encoded with
+/// the node's profile.
 pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<ObjectValue, String> {
     let number = match value {
         Value::Text(text) => return Ok(ObjectValue::Bytes(text.into_bytes())),
@@ -26,17 +29,18 @@ pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<ObjectValue,
     }
 }
 
-/// The bytes of a number, least significant first, as wide as its type; without one the next of 8, 16, 32
-/// and 64 bits that holds it.
+/// Encodes a number little-endian in the width of its type; without a type, in the smallest of 8, 16, 32
+/// and 64 bits that fits.
 ///
 /// # Errors
-/// A number that does not fit the type.
+/// The number does not fit the type.
 pub fn encode(number: i64, data_type: Option<DataType>) -> Result<Vec<u8>, String> {
     let bits = data_type.and_then(DataType::bits).unwrap_or_else(|| width(number));
     let signed = data_type.map_or(number < 0, DataType::is_signed);
-    if !fits(number, bits, signed) {
-        let name = data_type.map_or_else(String::new, |known| format!(" {}", known.name()));
-        return Err(format!("{number} does not fit{name}"));
+    let range = range(bits, signed);
+    if !range.contains(&i128::from(number)) {
+        let name = data_type.map_or_else(|| "the object".into(), DataType::name);
+        return Err(format!("{number} does not fit {name}; expected {} to {}", range.start(), range.end()));
     }
     let length = usize::from(bits.div_ceil(8)).min(8);
     Ok(number.to_le_bytes().into_iter().take(length).collect())
@@ -52,13 +56,13 @@ fn width(number: i64) -> u16 {
     }
 }
 
-fn fits(number: i64, bits: u16, signed: bool) -> bool {
+fn range(bits: u16, signed: bool) -> RangeInclusive<i128> {
     let bits = u32::from(bits.clamp(1, 64));
     if signed {
         let limit = 1_i128 << (bits - 1);
-        (-limit..limit).contains(&i128::from(number))
+        -limit..=limit - 1
     } else {
-        (0..1_i128 << bits).contains(&i128::from(number))
+        0..=(1_i128 << bits) - 1
     }
 }
 

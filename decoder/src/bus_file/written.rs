@@ -1,4 +1,4 @@
-//! Texts and numbers as the file writes them, and what is wrong with them.
+//! Texts and numbers as written in the bus file, and problems with them.
 
 use std::ops::Range;
 
@@ -8,19 +8,19 @@ use toml::Spanned;
 use crate::frame::CanId;
 use crate::wire::NodeId;
 
-/// What is wrong, and where in the text.
-pub(super) type Wrong = (Range<usize>, String);
+/// Position in the text, in bytes, and the message.
+pub(super) type TextProblem = (Range<usize>, String);
 
-/// A text and its place in the file, quotes included.
+/// A text and its position in the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
-    /// What it says, escapes resolved.
+pub struct SpannedText {
+    /// The text with escapes resolved.
     pub text: String,
-    /// Where it stands.
+    /// Position in bytes, including quotes.
     pub span: Range<usize>,
 }
 
-impl From<Spanned<String>> for Written {
+impl From<Spanned<String>> for SpannedText {
     fn from(text: Spanned<String>) -> Self {
         Self { span: text.span(), text: text.into_inner() }
     }
@@ -34,7 +34,7 @@ pub(super) enum Number {
 }
 
 impl Number {
-    /// The identifier it is, of 29 bits where it has more than eleven, eight digits or `extended`.
+    /// CAN identifier; 29 bits if `extended`, above 7FF or written with eight digits.
     pub(super) fn can_id(&self, extended: bool) -> Option<CanId> {
         let (number, extended) = match self {
             Self::Integer(number) => (u32::try_from(*number).ok()?, extended || *number > 0x7FF),
@@ -52,19 +52,19 @@ impl Number {
     }
 }
 
-/// What is said of a number that is no identifier.
+/// Error message for an invalid CAN identifier.
 pub(super) const NO_IDENTIFIER: &str =
-    "an identifier has 11 or 29 bits: 0x1A0, or \"1A0\" and \"000001A0\" as candump prints them";
+    "invalid CAN identifier; expected 11 or 29 bits: 0x1A0, \"1A0\" or \"000001A0\" as in candump";
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a node-ID, or a J1939 address as \"sa:0x80\"")]
+#[serde(untagged, expecting = "expected a node-ID, or a J1939 address such as \"sa:0x80\"")]
 pub(super) enum NodeNumber {
     Integer(u8),
     Text(String),
 }
 
-/// The node that is meant.
-pub(super) fn node_id(number: &Spanned<NodeNumber>) -> Result<NodeId, Wrong> {
+/// Parses a node-ID or J1939 address.
+pub(super) fn node_id(number: &Spanned<NodeNumber>) -> Result<NodeId, TextProblem> {
     let parsed = match number.get_ref() {
         NodeNumber::Integer(id) => id.to_string().parse(),
         NodeNumber::Text(text) => text.parse(),

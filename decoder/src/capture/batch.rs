@@ -1,12 +1,12 @@
-//! The reused block of frames a reader fills.
+//! The reused buffer of frames and notices that a reader fills.
 
-use super::notice::{Notice, Place};
-use crate::frame::Frame;
+use super::notice::{CapturePlace, Notice};
+use crate::frame::{BusIndex, Frame};
 
-/// Frames a batch holds: 256 of them stay in a core's second-level cache.
+/// Frames in a batch: 256 of them fit into the second-level cache of a core.
 pub const BATCH_FRAMES: usize = 256;
 
-/// Frames in order, and notices each of which stands before one of them.
+/// Frames in capture order, and notices, each with its position before a frame.
 pub struct Batch {
     frames: Box<[Frame]>,
     length: usize,
@@ -25,7 +25,7 @@ impl Batch {
         Self::of(BATCH_FRAMES)
     }
 
-    /// An empty batch of a frame: what is known of the reader's place belongs to it.
+    /// An empty batch for a single frame, so that the reader's position is exact for that frame.
     pub fn of_one() -> Self {
         Self::of(1)
     }
@@ -34,37 +34,37 @@ impl Batch {
         Self { frames: vec![Frame::EMPTY; frames].into(), length: 0, notices: Vec::new() }
     }
 
-    /// Forgets all frames and notices; keeps the memory.
+    /// Removes all frames and notices; keeps the memory.
     pub fn clear(&mut self) {
         self.length = 0;
         self.notices.clear();
     }
 
-    /// Whether no further frame fits.
+    /// Whether the batch has no room for another frame.
     #[inline]
     pub fn is_full(&self) -> bool {
         self.length >= self.frames.len() || self.notices.len() >= self.frames.len()
     }
 
-    /// Whether it holds neither frame nor notice.
+    /// Whether the batch contains neither frames nor notices.
     pub fn is_empty(&self) -> bool {
         self.length == 0 && self.notices.is_empty()
     }
 
-    /// The next free frame, holding leftovers of an earlier one; `None` when full.
-    /// It counts only after `commit`.
+    /// The next free frame, with the content of an earlier one; `None` if the batch is full. It becomes part
+    /// of the batch with `commit`.
     #[inline]
     pub fn slot(&mut self) -> Option<&mut Frame> {
         self.frames.get_mut(self.length)
     }
 
-    /// Takes the frame last handed out by [`Batch::slot`] into the batch.
+    /// Adds the frame last returned by [`Batch::slot`] to the batch.
     #[inline]
     pub(crate) fn commit(&mut self) {
         self.length = (self.length + 1).min(self.frames.len());
     }
 
-    /// Adds a whole frame; dropped when full, so ask [`Batch::is_full`] first.
+    /// Adds a frame; drops it if the batch is full, so check [`Batch::is_full`] first.
     pub fn push(&mut self, frame: Frame) {
         if let Some(slot) = self.slot() {
             *slot = frame;
@@ -72,24 +72,58 @@ impl Batch {
         }
     }
 
-    /// Adds a notice that belongs before the next frame.
+    /// Adds a notice before the next frame.
     pub fn notice(&mut self, notice: Notice) {
         self.notices.push((self.length, notice));
     }
 
-    /// Adds a line or record that cannot be read, before the next frame.
-    pub(super) fn push_unreadable(&mut self, place: Place, reason: String) {
+    /// Adds a notice about an unreadable line or record before the next frame.
+    pub(super) fn push_unreadable(&mut self, place: CapturePlace, reason: String) {
         self.notice(Notice::Unreadable { place, reason });
     }
 
-    /// The frames, in capture order.
+    /// Frames in capture order.
     pub fn frames(&self) -> &[Frame] {
         self.frames.get(..self.length).unwrap_or(&[])
     }
 
-    /// Notices with the index of the frame before which each stands, ascending.
+    /// Notices, each with the index of the frame it precedes, ascending.
     pub fn notices(&self) -> &[(usize, Notice)] {
         &self.notices
+    }
+
+    /// Continues the numbers of an earlier part of the same capture: adds `before` to each frame number, and
+    /// replaces each bus by its entry in `buses`, which is empty if they are equal.
+    pub fn continue_from(&mut self, before: u64, buses: &[BusIndex]) {
+        let of = |bus: BusIndex| buses.get(usize::from(bus.0)).copied().unwrap_or(bus);
+        for frame in self.frames.iter_mut().take(self.length) {
+            frame.number = frame.number.saturating_add(before);
+            frame.bus = of(frame.bus);
+        }
+        for (_, notice) in &mut self.notices {
+            if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } | Notice::ClockSet { bus, .. } =
+                notice
+            {
+                *bus = of(*bus);
+            }
+        }
+    }
+
+    /// Adds nanoseconds to all timestamps.
+    pub fn shift(&mut self, nanoseconds: i64) {
+        for frame in self.frames.iter_mut().take(self.length) {
+            frame.time = frame.time.map(|time| time.plus(nanoseconds));
+        }
+        for (_, notice) in &mut self.notices {
+            if let Notice::Link { time, .. } | Notice::Quiet(time) | Notice::ClockSet { time, .. } = notice {
+                *time = time.plus(nanoseconds);
+            }
+        }
+    }
+
+    /// Removes the notices for which `keeps` is false.
+    pub fn retain_notices(&mut self, mut keeps: impl FnMut(&Notice) -> bool) {
+        self.notices.retain(|(_, notice)| keeps(notice));
     }
 
     /// Frames and notices merged in capture order.
@@ -106,12 +140,12 @@ impl Batch {
     }
 }
 
-/// One thing a batch holds.
+/// Element of a batch.
 #[derive(Debug)]
 pub enum Item<'a> {
     /// A frame.
     Frame(&'a Frame),
-    /// Something the reader has to say.
+    /// A message of the reader.
     Notice(&'a Notice),
 }
 
@@ -121,9 +155,25 @@ mod tests {
     use crate::frame::CanId;
 
     #[test]
+    fn a_later_part_continues_numbers_and_buses() {
+        let mut batch = Batch::new();
+        let frame = Frame { number: 1, bus: BusIndex(1), ..Frame::data_frame(CanId::standard(1), &[]) };
+        batch.push(frame);
+        batch.push(Frame { number: 2, bus: BusIndex(7), ..frame });
+        batch.notice(Notice::LostFrames { place: CapturePlace::Line(3), bus: BusIndex(0), count: None });
+        batch.notice(Notice::Assumption("times read as UTC".into()));
+        batch.continue_from(10, &[BusIndex(2), BusIndex(0)]);
+        batch.retain_notices(|notice| !matches!(notice, Notice::Assumption(_)));
+        // Bus 7 has no entry and keeps its number.
+        let found: Vec<_> = batch.frames().iter().map(|frame| (frame.number, frame.bus.0)).collect();
+        assert_eq!(found, [(11, 0), (12, 7)]);
+        assert_eq!(batch.notices().iter().map(|(_, notice)| notice.bus().0).collect::<Vec<_>>(), [2]);
+    }
+
+    #[test]
     fn notices_come_before_the_frame_they_precede_and_after_the_last() {
         let mut batch = Batch::new();
-        let bad = |line| Notice::Unreadable { place: Place::Line(line), reason: "x".into() };
+        let bad = |line| Notice::Unreadable { place: CapturePlace::Line(line), reason: "x".into() };
         batch.push(Frame::data_frame(CanId::standard(1), &[]));
         batch.notice(bad(2));
         batch.push(Frame::data_frame(CanId::standard(2), &[]));

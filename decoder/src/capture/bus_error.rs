@@ -1,14 +1,14 @@
-//! What recorders report of the bus, as the error frames SocketCAN makes of it (linux/can/error.h).
+//! Bus errors of recorders as SocketCAN error frames (linux/can/error.h).
 //!
 //! ```text
 //! identifier  0x004 controller  0x008 protocol  0x020 no acknowledgement  0x040 bus off
-//!             0x080 bus error   0x200 counters are filled
-//! byte 1  controller   byte 2  protocol violation   byte 3  place in the frame
+//!             0x080 bus error   0x200 counters valid
+//! byte 1  controller   byte 2  protocol violation   byte 3  location in the frame
 //! byte 6  transmit error counter   byte 7  receive error counter
 //! ```
 //!
-//! Places in the frame are the segment codes of the SJA1000, which SocketCAN took over, and which PEAK
-//! and Vector record too; so they pass through unchanged.
+//! Locations in the frame are the segment codes of the SJA1000. SocketCAN, PEAK and Vector use the same
+//! codes, so they are copied unchanged.
 
 use crate::frame::{CanId, Frame, FrameFlags};
 
@@ -20,35 +20,35 @@ const BUS_ERROR: u32 = 0x080;
 const RESTARTED: u32 = 0x100;
 const COUNTERS: u32 = 0x200;
 
-/// Protocol violation bit: the error came while this controller was sending.
+/// Protocol violation bit: the error occurred while this controller was transmitting.
 const WHILE_SENDING: u8 = 0x80;
 
 /// Segment code of the acknowledge slot.
 const ACKNOWLEDGE_SLOT: u8 = 0x19;
 
-/// How a frame broke the protocol.
+/// Protocol violation of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Violation {
-    /// A bit was read back other than it was sent.
+    /// Bit error: the bit read back differs from the bit sent.
     Bit,
-    /// A field of fixed form was wrong.
+    /// Form error: invalid bit in a field of fixed form.
     Form,
-    /// More than five equal bits.
+    /// Stuff error: more than five consecutive equal bits.
     Stuff,
-    /// The checksum was wrong. SocketCAN has no bit for it, only the place.
+    /// CRC error. SocketCAN has no violation bit for it, only the location.
     Checksum,
-    /// Nobody acknowledged.
+    /// Missing acknowledgement.
     Acknowledgement,
-    /// The acknowledge delimiter was wrong.
+    /// Invalid acknowledge delimiter.
     AcknowledgeDelimiter,
-    /// An overload frame.
+    /// Overload frame.
     Overload,
-    /// Something else, or not recorded.
+    /// Other violation, or type not recorded.
     Other,
 }
 
 impl Violation {
-    /// Violation bit, and the place it implies.
+    /// Violation bit, and the location that the violation implies.
     const fn code(self) -> (u8, u8) {
         match self {
             Self::Bit => (0x01, 0),
@@ -66,36 +66,34 @@ impl Violation {
 /// Error counters of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Counters {
-    /// Receive error counter.
     pub(super) receive: u8,
-    /// Transmit error counter.
     pub(super) transmit: u8,
 }
 
 impl Counters {
-    /// Those that a record of an error has a place for. Both 0 are none: an error that is counted leaves one of them
-    /// above (ISO 11898-1, fault confinement), and who does not know them leaves them empty.
+    /// Counters of an error record; `None` if both are 0. A counted error leaves at least one counter above 0
+    /// (ISO 11898-1, fault confinement), and recorders without counter values write 0.
     pub(super) fn of_error(self) -> Option<Self> {
         (self.receive > 0 || self.transmit > 0).then_some(self)
     }
 }
 
-/// State of a controller.
+/// State of a controller, or a change of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ControllerState {
     /// Recovered to error active.
     Active,
-    /// A counter reached the warning limit.
+    /// An error counter reached the warning limit.
     Warning,
     /// Error passive.
     Passive,
     /// Off the bus.
     BusOff,
-    /// A frame was lost: the controller was read too late.
+    /// Overrun: a frame was lost because the controller was read too late.
     Overrun,
 }
 
-/// An error on the bus, at segment code `place` (0 = unknown).
+/// Error frame of a violation at segment code `place` (0 = unknown).
 pub(super) fn violation(kind: Violation, sending: bool, place: u8, counters: Option<Counters>) -> Frame {
     let (bit, implied) = kind.code();
     let place = if place == 0 { implied } else { place };
@@ -103,7 +101,7 @@ pub(super) fn violation(kind: Violation, sending: bool, place: u8, counters: Opt
     if kind != Violation::Overload {
         classes |= BUS_ERROR;
     }
-    // A sender's unclassified error in the acknowledge slot is the missing acknowledgement.
+    // Missing acknowledgement: a transmitter's unclassified error in the acknowledge slot.
     let unanswered = kind == Violation::Other && sending && place == ACKNOWLEDGE_SLOT;
     if kind == Violation::Acknowledgement || unanswered {
         classes |= NO_ACKNOWLEDGEMENT;
@@ -112,8 +110,8 @@ pub(super) fn violation(kind: Violation, sending: bool, place: u8, counters: Opt
     report(classes, [0, 0, bit | sending, place, 0, 0], counters)
 }
 
-/// A change of a controller's state. Which of its counters caused it is not known, so the bits of
-/// both are set.
+/// Error frame of a state change. The counter that caused it is unknown, so the bits of both counters are
+/// set.
 pub(super) fn controller(state: ControllerState) -> Frame {
     let (classes, detail) = match state {
         ControllerState::Active => (CONTROLLER, 0x40),
@@ -125,16 +123,16 @@ pub(super) fn controller(state: ControllerState) -> Frame {
     report(classes, [0, detail, 0, 0, 0, 0], None)
 }
 
-/// New values of a controller's counters, and nothing else.
+/// Error frame with only new values of a controller's counters.
 pub(super) fn counters(counters: Counters) -> Frame {
     report(0, [0; 6], Some(counters))
 }
 
-/// Bits of byte 2 by what they say, the plainest first. That a bit could not be sent is an error of a bit.
+/// Bits of byte 2 and their violations, the most specific first. A bit that could not be sent is a bit error.
 const VIOLATIONS: [(u8, Violation); 4] =
     [(0x04, Violation::Stuff), (0x02, Violation::Form), (0x19, Violation::Bit), (0x20, Violation::Overload)];
 
-/// Bits of byte 1 by what they say, the worst first.
+/// Bits of byte 1 and their states, the most severe first.
 const STATES: [(u8, ControllerState); 4] = [
     (0x30, ControllerState::Passive),
     (0x0C, ControllerState::Warning),
@@ -142,19 +140,18 @@ const STATES: [(u8, ControllerState); 4] = [
     (0x40, ControllerState::Active),
 ];
 
-/// How the protocol was broken, as an error frame tells it.
+/// Protocol violation in an error frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Broken {
-    /// How.
+pub(super) struct ProtocolViolation {
     pub(super) kind: Violation,
-    /// While this controller was sending.
+    /// Whether this controller was transmitting.
     pub(super) sending: bool,
-    /// Segment code of the place in the frame, 0 if it is not known.
+    /// Segment code of the location in the frame, 0 if unknown.
     pub(super) place: u8,
 }
 
-/// How the protocol was broken, if an error frame is about that.
-pub(super) fn broken(frame: &Frame) -> Option<Broken> {
+/// Protocol violation reported by an error frame, if any.
+pub(super) fn broken(frame: &Frame) -> Option<ProtocolViolation> {
     let classes = frame.id.number();
     if classes & (PROTOCOL | BUS_ERROR | NO_ACKNOWLEDGEMENT) == 0 {
         return None;
@@ -164,14 +161,19 @@ pub(super) fn broken(frame: &Frame) -> Option<Broken> {
     let sending = bits & WHILE_SENDING != 0;
     let kind = VIOLATIONS.iter().find(|(known, _)| bits & known != 0).map(|(_, kind)| *kind);
     Some(match kind {
-        Some(kind) => Broken { kind, sending, place },
-        None if classes & NO_ACKNOWLEDGEMENT == 0 => Broken { kind: Violation::Other, sending, place },
-        // Only who sends misses the acknowledgement, and in one place; drivers often leave both open.
-        None => Broken { kind: Violation::Acknowledgement, sending: true, place: ACKNOWLEDGE_SLOT },
+        Some(kind) => ProtocolViolation { kind, sending, place },
+        None if classes & NO_ACKNOWLEDGEMENT == 0 => {
+            ProtocolViolation { kind: Violation::Other, sending, place }
+        }
+        // Only a transmitter detects a missing acknowledgement, in the acknowledge slot. Drivers often set
+        // neither.
+        None => {
+            ProtocolViolation { kind: Violation::Acknowledgement, sending: true, place: ACKNOWLEDGE_SLOT }
+        }
     })
 }
 
-/// The state of the controller, if an error frame tells it.
+/// Controller state reported by an error frame, if any.
 pub(super) fn state(frame: &Frame) -> Option<ControllerState> {
     let classes = frame.id.number();
     if classes & BUS_OFF != 0 {
@@ -182,13 +184,13 @@ pub(super) fn state(frame: &Frame) -> Option<ControllerState> {
     state.map(|(_, state)| *state).or((classes & RESTARTED != 0).then_some(ControllerState::Active))
 }
 
-/// The counters of the controller, if an error frame tells them.
+/// Error counters reported by an error frame, if any.
 pub(super) fn counted(frame: &Frame) -> Option<Counters> {
     let [.., transmit, receive] = details(frame);
     (frame.id.number() & COUNTERS != 0).then_some(Counters { receive, transmit })
 }
 
-/// The eight bytes of an error frame, zeros where it is shorter.
+/// The eight bytes of an error frame, padded with zeros.
 fn details(frame: &Frame) -> [u8; 8] {
     let mut bytes = [0; 8];
     for (byte, found) in bytes.iter_mut().zip(frame.data()) {
@@ -222,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_acknowledgement_is_told_by_its_place() {
+    fn a_missing_acknowledgement_is_detected_by_its_position() {
         let frame = violation(Violation::Other, true, ACKNOWLEDGE_SLOT, None);
         assert_eq!(frame.id, CanId::Extended(0x0A8));
         assert_eq!(frame.data(), [0, 0, 0x80, 0x19, 0, 0, 0, 0]);
@@ -231,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_is_found_again() {
+    fn a_reported_error_is_found_again() {
         let counters = Counters { receive: 8, transmit: 2 };
         for (kind, sending, place) in [
             (Violation::Bit, true, 0x0A),
@@ -242,7 +244,7 @@ mod tests {
             (Violation::Other, false, 0x08),
         ] {
             let frame = violation(kind, sending, place, Some(counters));
-            assert_eq!(broken(&frame), Some(Broken { kind, sending, place }));
+            assert_eq!(broken(&frame), Some(ProtocolViolation { kind, sending, place }));
             assert_eq!((counted(&frame), state(&frame)), (Some(counters), None));
         }
         for told in [
@@ -258,11 +260,11 @@ mod tests {
         let short = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(0x104), &[0]) };
         assert_eq!(state(&short), Some(ControllerState::Active), "restarted");
         let unanswered = Frame::data_frame(CanId::extended(0x20), &[0; 8]);
-        let told = Broken { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
+        let told = ProtocolViolation { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
         assert_eq!(broken(&unanswered), Some(told));
-        // A driver that could not send a recessive bit, and a place no controller codes.
+        // A driver that could not send a recessive bit, and an invalid segment code.
         let odd = Frame::data_frame(CanId::extended(0x08), &[0, 0, 0x90, 0xFF, 0, 0, 0, 0]);
-        assert_eq!(broken(&odd), Some(Broken { kind: Violation::Bit, sending: true, place: 0 }));
+        assert_eq!(broken(&odd), Some(ProtocolViolation { kind: Violation::Bit, sending: true, place: 0 }));
     }
 
     #[test]

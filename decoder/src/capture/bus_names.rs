@@ -2,10 +2,10 @@
 
 use crate::frame::BusIndex;
 
-/// How many buses one capture may name; frames of further ones are unreadable.
+/// Maximum number of buses in one capture; frames of further buses are unreadable.
 pub const MAX_BUSES: usize = 64;
 
-/// Bytes of a bus name that are kept.
+/// Maximum length of a bus name in bytes; longer names are cut.
 pub const MAX_BUS_NAME: usize = 32;
 
 /// Names of the buses of one capture, in order of appearance.
@@ -18,8 +18,8 @@ impl BusNames {
         &self.0
     }
 
-    /// Index of `name`, added if new; `None` when [`MAX_BUSES`] are known.
-    /// Names longer than [`MAX_BUS_NAME`] bytes are cut; bytes that are no UTF-8 are replaced.
+    /// Index of `name`, added if new; `None` if [`MAX_BUSES`] names exist. Names longer than [`MAX_BUS_NAME`]
+    /// bytes are cut; bytes that are not valid UTF-8 are replaced.
     pub fn index_of(&mut self, name: &[u8]) -> Option<BusIndex> {
         let name = String::from_utf8_lossy(name.get(..MAX_BUS_NAME).unwrap_or(name));
         let index = match self.0.iter().position(|known| *known == name) {

@@ -1,6 +1,5 @@
-//! Numbers of binary captures, whose byte order only the capture tells.
+//! Numbers in binary captures, in the byte order that the capture declares.
 
-/// Order of the bytes of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ByteOrder {
     /// Most significant first.
@@ -10,7 +9,7 @@ pub(super) enum ByteOrder {
 }
 
 impl ByteOrder {
-    /// The 16-bit number at `at`; `None` behind the end.
+    /// The 16-bit number at offset `at`; `None` after the end.
     #[inline]
     pub(super) fn u16(self, bytes: &[u8], at: usize) -> Option<u16> {
         let bytes = *bytes.get(at..)?.first_chunk()?;
@@ -20,7 +19,7 @@ impl ByteOrder {
         })
     }
 
-    /// The 32-bit number at `at`; `None` behind the end.
+    /// The 32-bit number at offset `at`; `None` after the end.
     #[inline]
     pub(super) fn u32(self, bytes: &[u8], at: usize) -> Option<u32> {
         let bytes = *bytes.get(at..)?.first_chunk()?;
@@ -30,7 +29,7 @@ impl ByteOrder {
         })
     }
 
-    /// The 64-bit number at `at`; `None` behind the end.
+    /// The 64-bit number at offset `at`; `None` after the end.
     #[inline]
     pub(super) fn u64(self, bytes: &[u8], at: usize) -> Option<u64> {
         let bytes = *bytes.get(at..)?.first_chunk()?;

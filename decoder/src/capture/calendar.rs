@@ -4,8 +4,8 @@ use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 
-/// Nanoseconds since 1970 of a date `[year, month, day, hour, minute, second]` read as UTC; `None` if
-/// there is no such date. Second 60 counts as 59.
+/// Nanoseconds since 1970 of a UTC date `[year, month, day, hour, minute, second]`; `None` if the date is
+/// invalid. Second 60 is read as 59.
 pub(super) fn utc(date: [i64; 6], nanoseconds: i64) -> Option<i64> {
     let [year, month, day, hour, minute, second] = date;
     let date = DateTime::new(
@@ -21,9 +21,9 @@ pub(super) fn utc(date: [i64; 6], nanoseconds: i64) -> Option<i64> {
     i64::try_from(zoned.timestamp().as_nanosecond()).ok()
 }
 
-/// The date of a time in nanoseconds since 1970, read as UTC.
+/// The UTC date of a time in nanoseconds since 1970.
 pub(super) fn date(nanoseconds: i64) -> DateTime {
-    // Every number of nanoseconds is within the years 1677 to 2262.
+    // An i64 of nanoseconds is always within the years 1677 to 2262.
     let time = Timestamp::from_nanosecond(nanoseconds.into()).unwrap_or_default();
     TimeZone::UTC.to_datetime(time)
 }

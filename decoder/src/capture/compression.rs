@@ -8,15 +8,15 @@ const GZIP: &[u8] = &[0x1F, 0x8B];
 /// First bytes of zstd (RFC 8878).
 const ZSTD: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
 
-/// Whether a file that begins with these bytes is compressed, so that its lines are not those of the capture.
+/// Whether these first bytes are those of a compressed file, so that its lines are not the capture's lines.
 pub fn is_compressed(head: &[u8]) -> bool {
     head.starts_with(GZIP) || head.starts_with(ZSTD)
 }
 
-/// Undoes gzip (RFC 1952, several members) or zstd (RFC 8878); other content passes through.
+/// Decompresses gzip (RFC 1952, several members) or zstd (RFC 8878); returns other content unchanged.
 ///
 /// # Errors
-/// When the source fails, or it is compressed in a way this build leaves out.
+/// If the source cannot be read, or this build does not support its compression.
 pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
     let head = source.fill_buf()?;
     if head.starts_with(GZIP) {
@@ -28,18 +28,18 @@ pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> Result<Box<dyn Re
     Ok(Box::new(source))
 }
 
-/// Undoes a compression, and says where a file breaks off inside it.
+/// Decompressor that reports the position at which a compressed file ends early.
 #[cfg(any(feature = "gzip", feature = "zstd"))]
-struct Whole<D> {
+struct CheckedStream<D> {
     decoder: D,
-    /// What it is inside of.
+    /// Compressed unit in the error message: `gzip member` or `zstd frame`.
     what: &'static str,
-    /// Bytes of the compressed file that were taken.
+    /// Returns the number of compressed bytes read so far.
     taken: fn(&D) -> u64,
 }
 
 #[cfg(any(feature = "gzip", feature = "zstd"))]
-impl<D: Read> Read for Whole<D> {
+impl<D: Read> Read for CheckedStream<D> {
     fn read(&mut self, room: &mut [u8]) -> Result<usize> {
         self.decoder.read(room).map_err(|error| match error.kind() {
             std::io::ErrorKind::UnexpectedEof => {
@@ -51,15 +51,15 @@ impl<D: Read> Read for Whole<D> {
     }
 }
 
-/// Counts the bytes that are taken of a source.
+/// Counts the bytes read from a source.
 #[cfg(any(feature = "gzip", feature = "zstd"))]
-struct Counted<R> {
+struct CountedSource<R> {
     source: R,
     taken: u64,
 }
 
 #[cfg(any(feature = "gzip", feature = "zstd"))]
-impl<R: BufRead> Read for Counted<R> {
+impl<R: BufRead> Read for CountedSource<R> {
     fn read(&mut self, room: &mut [u8]) -> Result<usize> {
         let count = self.source.read(room)?;
         self.taken = self.taken.saturating_add(count as u64);
@@ -68,7 +68,7 @@ impl<R: BufRead> Read for Counted<R> {
 }
 
 #[cfg(any(feature = "gzip", feature = "zstd"))]
-impl<R: BufRead> BufRead for Counted<R> {
+impl<R: BufRead> BufRead for CountedSource<R> {
     fn fill_buf(&mut self) -> Result<&[u8]> {
         self.source.fill_buf()
     }
@@ -82,26 +82,26 @@ impl<R: BufRead> BufRead for Counted<R> {
 #[cfg(feature = "gzip")]
 #[expect(clippy::unnecessary_wraps, reason = "one signature with and without the feature")]
 fn gzip<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
-    let counted = Counted { source, taken: 0 };
+    let counted = CountedSource { source, taken: 0 };
     let decoder = flate2::bufread::MultiGzDecoder::new(counted);
-    Ok(Box::new(Whole { decoder, what: "gzip member", taken: |decoder| decoder.get_ref().taken }))
+    Ok(Box::new(CheckedStream { decoder, what: "gzip member", taken: |decoder| decoder.get_ref().taken }))
 }
 
 #[cfg(not(feature = "gzip"))]
 fn gzip<'a>(_source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
-    Err(std::io::Error::other("gzip capture, but this build leaves out the feature `gzip`"))
+    Err(std::io::Error::other("gzip compression; this build lacks the feature `gzip`"))
 }
 
 #[cfg(feature = "zstd")]
 fn zstd<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
-    let counted = Counted { source, taken: 0 };
+    let counted = CountedSource { source, taken: 0 };
     let decoder = zstd::stream::read::Decoder::with_buffer(counted)?;
-    Ok(Box::new(Whole { decoder, what: "zstd frame", taken: |decoder| decoder.get_ref().taken }))
+    Ok(Box::new(CheckedStream { decoder, what: "zstd frame", taken: |decoder| decoder.get_ref().taken }))
 }
 
 #[cfg(not(feature = "zstd"))]
 fn zstd<'a>(_source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
-    Err(std::io::Error::other("zstd capture, but this build leaves out the feature `zstd`"))
+    Err(std::io::Error::other("zstd compression; this build lacks the feature `zstd`"))
 }
 
 #[cfg(test)]

@@ -1,25 +1,26 @@
-//! Times counted from the first frame, for formats that have a date at their start and no others.
+//! Times relative to the first frame, for formats with a start date and relative times only.
 
 use crate::frame::Timestamp;
 
-/// Counts from the time of the first frame.
+/// Converts times to times since the start of the capture.
 #[derive(Debug)]
 pub(super) struct Elapsed {
     unit: i64,
     earliest: i64,
     start: Option<i64>,
-    /// Of the first frame that has a time.
+    /// Time of the first frame that has one.
     first: Option<i64>,
     last: i64,
 }
 
 impl Elapsed {
-    /// Starts are whole `unit`s of nanoseconds, and not before `earliest`, in nanoseconds since 1970.
+    /// The start is rounded down to a multiple of `unit` nanoseconds, but is not before `earliest`, in
+    /// nanoseconds since 1970.
     pub(super) fn new(unit: i64, earliest: i64) -> Self {
         Self { unit: unit.max(1), earliest, start: None, first: None, last: 0 }
     }
 
-    /// The start, in nanoseconds since 1970, if this frame is the first.
+    /// Start in nanoseconds since 1970, if this frame is the first.
     #[inline]
     pub(super) fn start(&mut self, time: Option<Timestamp>) -> Option<i64> {
         if self.start.is_some() {
@@ -30,8 +31,8 @@ impl Elapsed {
         self.start
     }
 
-    /// Nanoseconds from the start. A frame without time has that of the frame before, one with a time before
-    /// the first has that of the first.
+    /// Nanoseconds since the start. A frame without time gets the time of the frame before; a frame earlier
+    /// than the first gets the time of the first.
     #[inline]
     pub(super) fn nanoseconds(&mut self, time: Option<Timestamp>) -> u64 {
         if let Some(Timestamp(time)) = time {

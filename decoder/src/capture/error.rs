@@ -1,47 +1,47 @@
-//! Why a capture cannot be read.
+//! Errors that stop the reading of a capture.
 
 use std::io::ErrorKind;
 
-/// Why a capture cannot be read at all, or no further.
+/// Reason why a capture cannot be read at all, or no further.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CaptureError {
-    /// The source failed, or breaks off inside of what it is compressed with.
+    /// The source cannot be read, or its compressed data ends early.
     #[error("{how}: {0}", how = how(.0))]
     Io(std::io::Error),
-    /// No format's reader knows these bytes.
+    /// The first bytes match no known format.
     #[error("not a capture in a known format ({known}); it begins with {found}")]
     Unrecognised {
-        /// Titles of the formats that were tried.
+        /// Titles of the known formats.
         known: String,
-        /// The first bytes, printable.
+        /// The first bytes, escaped.
         found: String,
     },
-    /// The format is known but its header cannot be used.
-    #[error("{format}: byte {offset}: found {found}, expected {expected}")]
+    /// The format is known, but its header is unusable.
+    #[error("{format}: byte {offset}: found {found}; expected {expected}")]
     Header {
         /// Title of the format.
         format: &'static str,
         /// Byte offset in the decompressed capture.
         offset: u64,
-        /// What stands there.
+        /// Content found at the offset.
         found: String,
-        /// What should stand there.
+        /// Content expected at the offset.
         expected: &'static str,
     },
-    /// No bytes at all.
+    /// The capture is empty.
     #[error("the capture is empty")]
     Empty,
 }
 
-/// What failed stands in the text, so it is no source: those who print sources too would say it twice.
+/// No `#[source]`: the message already contains the cause, and printing the chain would repeat it.
 impl From<std::io::Error> for CaptureError {
     fn from(error: std::io::Error) -> Self {
         Self::Io(error)
     }
 }
 
-/// What became of the source.
+/// Description of an I/O error.
 fn how(error: &std::io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::UnexpectedEof => "the file is cut off",

@@ -1,71 +1,75 @@
-//! What formats have a place for, and what a capture loses in one that has less.
+//! Data that formats can store, and the data that a capture loses when it is converted to a format.
 
 use super::bus_error::{
-    Broken, ControllerState, Counters, Violation, broken, controller, counted, counters, state, violation,
+    ControllerState, Counters, ProtocolViolation, Violation, broken, controller, counted, counters, state,
+    violation,
 };
 use crate::frame::{Frame, FrameFlags, Timestamp};
 
-/// What of error frames a format holds.
+/// Part of an error frame that a format stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorFrames {
-    /// All that SocketCAN says of them.
+    /// All of a SocketCAN error frame.
     Whole,
-    /// How the protocol was broken, where in the frame, and who was sending; of others that there was one.
+    /// The protocol violation, its location in the frame, and whether this controller was transmitting. Other
+    /// error frames are stored without details.
     Violations,
-    /// Either a state of the controller, or how and where the protocol was broken and the error counters (both 0
-    /// where they are not known), or these counters alone; of others that there was an error.
+    /// One of: a controller state; a protocol violation with its location and the error counters (both 0 if
+    /// unknown); the error counters alone. Other error frames are stored without details.
     Reports,
-    /// That there was one, without its class and details.
+    /// A marker without class and details.
     Mark,
-    /// Nothing: they are left out.
+    /// Nothing: error frames are dropped.
     None,
 }
 
-/// What of a frame's direction a format holds.
+/// Information on a frame's direction that a format stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Directions {
-    /// Whether it was received or sent, or that this is not known.
+    /// Received, transmitted or unknown.
     Whole,
-    /// Received or sent: what is not known is written as received.
+    /// Received or transmitted; unknown is written as received.
     Assumed,
-    /// Nothing.
+    /// Nothing: directions are dropped.
     None,
 }
 
-/// What a format has a place for, besides identifier, data and time of classic frames and remote frames.
+/// Data that a format can store, in addition to identifier, data and time of classic frames and remote
+/// frames.
 #[derive(Debug, Clone, Copy)]
-pub struct Holds {
-    /// Unit of its times in nanoseconds.
+pub struct FormatCapabilities {
+    /// Resolution of timestamps in nanoseconds.
     pub resolution: i64,
-    /// Frames without time; otherwise they get the time of the frame before.
+    /// Frames without timestamp; otherwise they get the timestamp of the frame before.
     pub untimed: bool,
-    /// Times before that of the first frame; otherwise they are written as that one.
+    /// Timestamps before that of the first frame; otherwise they are set to that of the first frame.
     pub backwards: bool,
-    /// Times below zero (before 1970); otherwise they are written as zero.
+    /// Negative timestamps (before 1970); otherwise they are written as zero.
     pub negative: bool,
-    /// CAN FD frames with both their flags; otherwise they are left out.
+    /// CAN FD frames with both of their flags; otherwise they are dropped.
     pub fd: bool,
-    /// Error frames.
+    /// Stored part of error frames.
     pub errors: ErrorFrames,
     /// DLCs above 8 of classic frames.
     pub raw_dlc: bool,
-    /// Received or sent.
+    /// Direction of frames: received or transmitted.
     pub directions: Directions,
-    /// Names of buses; otherwise they are numbered from 1.
+    /// Bus names as part of each frame; otherwise frames have numbers from 1, and comments name the buses.
     pub bus_names: bool,
-    /// Lost frames, links, and times in which nothing came.
+    /// Notices of lost frames, link changes and quiet periods.
     pub notices: bool,
-    /// A text with a frame.
+    /// A comment at a frame.
     pub comments: bool,
 }
 
 impl ErrorFrames {
-    /// Whether some of what they say is held.
+    /// Whether the details of error frames are stored in part.
     fn is_part(self) -> bool {
         matches!(self, Self::Violations | Self::Reports)
     }
 
-    /// An error frame as it is read again; none where it is left out. What is held in part has no direction.
+    /// The error frame as it is read back; `None` if it is dropped. Error frames stored in part lose their
+    /// direction.
     fn kept(self, frame: &Frame) -> Option<Frame> {
         let mark = violation(Violation::Other, false, 0, None);
         let found = match self {
@@ -73,10 +77,10 @@ impl ErrorFrames {
             Self::Whole => return Some(*frame),
             Self::Mark => Frame { flags: frame.flags, ..mark },
             Self::Violations => match broken(frame) {
-                Some(Broken { kind: Violation::Overload, .. }) => {
+                Some(ProtocolViolation { kind: Violation::Overload, .. }) => {
                     violation(Violation::Overload, false, 0, None)
                 }
-                Some(Broken { kind, sending, place }) => violation(kind, sending, place, None),
+                Some(ProtocolViolation { kind, sending, place }) => violation(kind, sending, place, None),
                 None => mark,
             },
             Self::Reports => Report::of(frame).frame(),
@@ -85,51 +89,51 @@ impl ErrorFrames {
     }
 }
 
-/// One of the things that lines of [`ErrorFrames::Reports`] say.
+/// Content of an error report in a format with [`ErrorFrames::Reports`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Report {
-    /// The controller changed its state.
+    /// State of the controller.
     State(ControllerState),
-    /// The protocol was broken. It is a bit, its form or its stuffing, or something else at a place. Counters that are
-    /// both 0 stand for none: an error that is counted leaves one of them above.
-    Broken(Broken, Option<Counters>),
+    /// A bit, form or stuff error, or another violation at a location, and the error counters. Counters that
+    /// are both 0 are `None`: a counted error leaves at least one counter above 0.
+    Broken(ProtocolViolation, Option<Counters>),
     /// The error counters.
     Counters(Counters),
 }
 
 impl Report {
-    /// What of an error frame can be said: the state first, it is the rarest.
+    /// The report for an error frame. A state takes precedence because it is the rarest.
     pub(super) fn of(frame: &Frame) -> Self {
         let counters = counted(frame);
         match (state(frame), broken(frame), counters) {
             (Some(state), _, _) => Self::State(state),
             (None, None, Some(counters)) => Self::Counters(counters),
             (None, found, _) => {
-                let nothing = Broken { kind: Violation::Other, sending: false, place: 0 };
+                let nothing = ProtocolViolation { kind: Violation::Other, sending: false, place: 0 };
                 let found = found.unwrap_or(nothing);
                 let kind = match found.kind {
                     kind @ (Violation::Bit | Violation::Form | Violation::Stuff) => kind,
                     _ => Violation::Other,
                 };
-                Self::Broken(Broken { kind, ..found }, counters.and_then(Counters::of_error))
+                Self::Broken(ProtocolViolation { kind, ..found }, counters.and_then(Counters::of_error))
             }
         }
     }
 
-    /// The error frame that is read again.
+    /// The error frame as it is read back.
     fn frame(self) -> Frame {
         match self {
             Self::State(state) => controller(state),
             Self::Counters(counted) => counters(counted),
-            Self::Broken(Broken { kind, sending, place }, counters) => {
+            Self::Broken(ProtocolViolation { kind, sending, place }, counters) => {
                 violation(kind, sending, place, counters)
             }
         }
     }
 }
 
-impl Holds {
-    /// A format that has a place for everything.
+impl FormatCapabilities {
+    /// A format that can store all data.
     pub const ALL: Self = Self {
         resolution: 1,
         untimed: true,
@@ -144,7 +148,8 @@ impl Holds {
         comments: true,
     };
 
-    /// What of a frame is read again; none where it is left out. Its time is not looked at beyond the resolution.
+    /// The frame as it is read back; `None` if it is dropped. Of the format's limits on timestamps, only
+    /// resolution and sign are applied.
     pub fn kept(&self, frame: &Frame) -> Option<Frame> {
         let is_error = frame.flags.contains(FrameFlags::ERROR);
         if frame.flags.contains(FrameFlags::FD) && !self.fd {
@@ -169,45 +174,47 @@ impl Holds {
         Some(kept)
     }
 
-    /// What it has no place for, a text each.
+    /// Names of the data that the format cannot store.
     pub fn lacks(&self) -> Vec<String> {
         let errors = match self.errors {
             ErrorFrames::Whole => None,
-            ErrorFrames::Violations => Some("of error frames, all but how and where the protocol was broken"),
+            ErrorFrames::Violations => {
+                Some("error frame details except the protocol violation and its location")
+            }
             ErrorFrames::Reports => Some(
-                "of error frames, all but the controller's state, how the protocol was broken and the counters (0 where not known), or these alone",
+                "error frame details except the controller state, or the protocol violation and error counters (0 if unknown), or the error counters alone",
             ),
             ErrorFrames::Mark => Some("class and details of error frames"),
             ErrorFrames::None => Some("error frames"),
         };
         let directions = match self.directions {
             Directions::Whole => None,
-            Directions::Assumed => Some("that it is not known whether a frame was received or sent"),
-            Directions::None => Some("whether a frame was received or sent"),
+            Directions::Assumed => Some("unknown direction of frames"),
+            Directions::None => Some("direction of frames"),
         };
-        let time = (self.resolution > 1).then(|| format!("times finer than {}", unit(self.resolution)));
+        let time = (self.resolution > 1).then(|| format!("timestamps finer than {}", unit(self.resolution)));
         let others = [
-            (!self.untimed).then_some("frames without time"),
-            (!self.backwards).then_some("times before that of the first frame"),
-            (!self.negative).then_some("times below zero"),
+            (!self.untimed).then_some("frames without timestamp"),
+            (!self.backwards).then_some("timestamps before the first frame"),
+            (!self.negative).then_some("negative timestamps"),
             (!self.fd).then_some("CAN FD frames"),
             errors,
             (!self.raw_dlc).then_some("DLCs above 8 of classic frames"),
             directions,
-            (!self.bus_names).then_some("names of buses"),
-            (!self.notices).then_some("lost frames, links and quiet times"),
+            (!self.bus_names).then_some("bus names, except in comments"),
+            (!self.notices).then_some("lost frames, link changes and quiet periods"),
             (!self.comments).then_some("comments"),
         ];
         time.into_iter().chain(others.into_iter().flatten().map(str::to_owned)).collect()
     }
 
-    /// A time in the format's unit, cut towards the past.
+    /// A time rounded down to the format's resolution.
     pub fn cut(&self, time: Timestamp) -> Timestamp {
         Timestamp(time.0.saturating_sub(time.0.rem_euclid(self.resolution.max(1))))
     }
 }
 
-/// Something a frame had and the format has no place for.
+/// Data of a frame that the format cannot store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Loss {
     FdFrame,
@@ -223,42 +230,42 @@ enum Loss {
     DirectionAssumed,
 }
 
-/// What is said of each, behind the number of frames.
+/// Text for each loss, printed after the number of frames.
 const SAID: [(Loss, &str); 11] = [
-    (Loss::FdFrame, "CAN FD frames left out"),
-    (Loss::ErrorFrame, "error frames left out"),
-    (Loss::ErrorDetail, "error frames without their class and details"),
-    (Loss::ErrorCounters, "error frames whose counters are not known, written as 0"),
-    (Loss::Resolution, "times cut to"),
-    (Loss::NoTime, "frames without time got the time of the frame before"),
-    (Loss::Backwards, "times before that of the first frame written as that one"),
-    (Loss::Negative, "times below zero written as zero"),
-    (Loss::RawDlc, "DLCs above 8 written as 8"),
-    (Loss::Direction, "frames without being received or sent"),
-    (Loss::DirectionAssumed, "frames not known to be received or sent, written as received"),
+    (Loss::FdFrame, "CAN FD frames dropped"),
+    (Loss::ErrorFrame, "error frames dropped"),
+    (Loss::ErrorDetail, "error frames written without class and details"),
+    (Loss::ErrorCounters, "error frames with unknown error counters, written as 0"),
+    (Loss::Resolution, "timestamps truncated to"),
+    (Loss::NoTime, "frames without timestamp, written with that of the frame before"),
+    (Loss::Backwards, "timestamps before the first frame, written as that of the first frame"),
+    (Loss::Negative, "negative timestamps, written as 0"),
+    (Loss::RawDlc, "DLCs above 8, written as 8"),
+    (Loss::Direction, "frames written without direction"),
+    (Loss::DirectionAssumed, "frames of unknown direction, written as received"),
 ];
 
 /// Counts what frames lose in a format.
 #[derive(Debug, Clone)]
 pub struct Losses {
-    holds: Holds,
+    holds: FormatCapabilities,
     first: Option<Timestamp>,
     counts: [u64; SAID.len()],
     notices: u64,
 }
 
 impl Losses {
-    /// Nothing is lost yet in a format that holds this.
-    pub fn new(holds: Holds) -> Self {
+    /// Creates counters at zero for a format that can store `holds`.
+    pub fn new(holds: FormatCapabilities) -> Self {
         Self { holds, first: None, counts: [0; SAID.len()], notices: 0 }
     }
 
-    /// Another file of the same capture begins: its first frame is the first of it.
+    /// Begins another file of the same capture; timestamps are then compared with its first frame.
     pub fn begin(&mut self) {
         self.first = None;
     }
 
-    /// Counts what a frame loses, in the order in which frames are written.
+    /// Counts the losses of a frame. Frames must be passed in the order in which they are written.
     pub fn see(&mut self, frame: &Frame) {
         let (holds, flags) = (self.holds, frame.flags);
         let is_error = flags.contains(FrameFlags::ERROR);
@@ -267,11 +274,11 @@ impl Losses {
         }
         if is_error {
             let Some(kept) = holds.errors.kept(frame) else { return self.count(Loss::ErrorFrame) };
-            // That is what a mark says of itself: that it knows no more.
+            // A marker cannot express that details existed, so each error frame counts, even without details.
             if holds.errors == ErrorFrames::Mark || (kept.id, kept.data()) != (frame.id, frame.data()) {
                 self.count(Loss::ErrorDetail);
             }
-            // Read again they are none, but other programs show them.
+            // Counters of 0 are read back as unknown, but other programs show them as 0.
             let writes_counters = holds.errors == ErrorFrames::Reports
                 && matches!(Report::of(frame), Report::Broken(_, None))
                 && counted(frame).is_none();
@@ -309,7 +316,7 @@ impl Losses {
         }
     }
 
-    /// Counts a notice that had no place.
+    /// Counts a notice that the format cannot store.
     pub fn miss_notice(&mut self) {
         self.notices += 1;
     }
@@ -322,33 +329,33 @@ impl Losses {
         }
     }
 
-    /// What was lost, a text each, with how often.
-    pub fn said(&self) -> Vec<String> {
+    /// Text of each loss with its count.
+    pub fn texts(&self) -> Vec<String> {
         let mut all = Vec::new();
         for ((loss, text), count) in SAID.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
             all.push(match loss {
                 Loss::Resolution => format!("{count} {text} {}", unit(self.holds.resolution)),
                 Loss::ErrorDetail if self.holds.errors != ErrorFrames::Mark => {
-                    format!("{count} error frames with a part of their class and details only")
+                    format!("{count} error frames written with only part of their class and details")
                 }
                 _ => format!("{count} {text}"),
             });
         }
         if self.notices > 0 {
-            all.push(format!("{} notes of lost frames, links and quiet times left out", self.notices));
+            all.push(format!("{} notices dropped (lost frames, link changes, quiet periods)", self.notices));
         }
         all
     }
 }
 
-/// A unit of time by its nanoseconds.
+/// Name of a time unit given in nanoseconds.
 fn unit(nanoseconds: i64) -> String {
     match nanoseconds {
         1_000 => "microseconds".into(),
         1_000_000 => "milliseconds".into(),
         1_000_000_000 => "seconds".into(),
-        other if other % 1_000 == 0 => format!("steps of {} microseconds", other / 1_000),
-        other => format!("steps of {other} nanoseconds"),
+        other if other % 1_000 == 0 => format!("multiples of {} microseconds", other / 1_000),
+        other => format!("multiples of {other} nanoseconds"),
     }
 }
 
@@ -357,7 +364,7 @@ mod tests {
     use super::*;
     use crate::frame::CanId;
 
-    const POOR: Holds = Holds {
+    const POOR: FormatCapabilities = FormatCapabilities {
         resolution: 1_000,
         untimed: false,
         backwards: false,
@@ -377,16 +384,16 @@ mod tests {
 
     #[test]
     fn nothing_is_lost_where_there_is_a_place_for_everything() {
-        let mut losses = Losses::new(Holds::ALL);
+        let mut losses = Losses::new(FormatCapabilities::ALL);
         let odd = Frame { raw_dlc: 15, flags: FrameFlags::TRANSMITTED, ..frame(1_001) };
         losses.see(&odd);
         losses.see(&Frame { time: None, flags: FrameFlags::FD, ..odd });
-        assert_eq!(losses.said(), [] as [&str; 0]);
-        assert_eq!(Holds::ALL.kept(&odd), Some(odd));
+        assert_eq!(losses.texts(), [] as [&str; 0]);
+        assert_eq!(FormatCapabilities::ALL.kept(&odd), Some(odd));
     }
 
     #[test]
-    fn each_loss_is_counted_and_said() {
+    fn each_loss_is_counted_and_reported() {
         let mut losses = Losses::new(POOR);
         losses.see(&frame(5_000));
         losses.see(&Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(4_999) });
@@ -396,17 +403,17 @@ mod tests {
         losses.see(&frame(-1_000));
         losses.miss_notice();
         assert_eq!(
-            losses.said(),
+            losses.texts(),
             [
-                "1 CAN FD frames left out",
-                "1 error frames without their class and details",
-                "1 times cut to microseconds",
-                "1 frames without time got the time of the frame before",
-                "2 times before that of the first frame written as that one",
-                "1 times below zero written as zero",
-                "1 DLCs above 8 written as 8",
-                "1 frames without being received or sent",
-                "1 notes of lost frames, links and quiet times left out",
+                "1 CAN FD frames dropped",
+                "1 error frames written without class and details",
+                "1 timestamps truncated to microseconds",
+                "1 frames without timestamp, written with that of the frame before",
+                "2 timestamps before the first frame, written as that of the first frame",
+                "1 negative timestamps, written as 0",
+                "1 DLCs above 8, written as 8",
+                "1 frames written without direction",
+                "1 notices dropped (lost frames, link changes, quiet periods)",
             ]
         );
     }
@@ -417,8 +424,12 @@ mod tests {
             flags: FrameFlags::ERROR,
             ..Frame::data_frame(CanId::extended(class), &bytes)
         };
-        let violations = Holds { errors: ErrorFrames::Violations, ..Holds::ALL };
-        let reports = Holds { errors: ErrorFrames::Reports, directions: Directions::Assumed, ..Holds::ALL };
+        let violations = FormatCapabilities { errors: ErrorFrames::Violations, ..FormatCapabilities::ALL };
+        let reports = FormatCapabilities {
+            errors: ErrorFrames::Reports,
+            directions: Directions::Assumed,
+            ..FormatCapabilities::ALL
+        };
         let mark = error(0x88, [0; 8]);
         let stuffing = error(0x288, [0, 0, 0x84, 2, 0, 0, 7, 9]);
         let passive = error(0x204, [0, 0x10, 0, 0, 0, 0, 130, 0]);
@@ -442,18 +453,18 @@ mod tests {
             assert_eq!(holds.kept(&sent), Some(Frame { number: 5, ..kept }), "{given:?}");
             let mut losses = Losses::new(holds);
             losses.see(&given);
-            let lost = "1 error frames with a part of their class and details only".to_owned();
-            let mut said = losses.said();
-            said.retain(|said| !said.ends_with("whose counters are not known, written as 0"));
+            let lost = "1 error frames written with only part of their class and details".to_owned();
+            let mut said = losses.texts();
+            said.retain(|said| !said.ends_with("with unknown error counters, written as 0"));
             assert_eq!(said, if given == kept { vec![] } else { vec![lost] });
             losses.see(&sent);
-            assert_eq!(losses.said().last().unwrap(), "1 frames without being received or sent");
+            assert_eq!(losses.texts().last().unwrap(), "1 frames written without direction");
         }
     }
 
     #[test]
-    fn counters_nobody_knows_are_none_and_said_to_be_written() {
-        let reports = Holds { errors: ErrorFrames::Reports, ..Holds::ALL };
+    fn unknown_counters_are_none_and_reported() {
+        let reports = FormatCapabilities { errors: ErrorFrames::Reports, ..FormatCapabilities::ALL };
         let stuffing = violation(Violation::Stuff, false, 2, None);
         assert_eq!(reports.kept(&stuffing), Some(stuffing));
         let mut losses = Losses::new(reports);
@@ -462,7 +473,7 @@ mod tests {
         {
             losses.see(&frame);
         }
-        assert_eq!(losses.said(), ["1 error frames whose counters are not known, written as 0"]);
+        assert_eq!(losses.texts(), ["1 error frames with unknown error counters, written as 0"]);
     }
 
     #[test]
@@ -470,7 +481,7 @@ mod tests {
         let odd = Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(-1) };
         let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..frame(0) };
         assert_eq!(POOR.kept(&odd), Some(kept));
-        let since = Holds { resolution: 1_000, ..Holds::ALL };
+        let since = FormatCapabilities { resolution: 1_000, ..FormatCapabilities::ALL };
         assert_eq!(since.kept(&odd).unwrap().time, Some(Timestamp(-1_000)));
         assert_eq!(POOR.kept(&Frame { flags: FrameFlags::FD, ..odd }), None);
         let error = Frame {
@@ -479,7 +490,7 @@ mod tests {
         };
         let mark = POOR.kept(&error).unwrap();
         assert_eq!((mark.id, mark.data()), (CanId::extended(0x88), &[0; 8][..]));
-        let assumed = Holds { directions: Directions::Assumed, ..Holds::ALL };
+        let assumed = FormatCapabilities { directions: Directions::Assumed, ..FormatCapabilities::ALL };
         assert!(assumed.kept(&frame(0)).unwrap().flags.contains(FrameFlags::RECEIVED));
         assert!(
             !assumed

@@ -1,29 +1,82 @@
-//! zlib streams (RFC 1950) inside binary captures.
+//! zlib streams (RFC 1950), zstd frames (RFC 8878) and LZ4 frames inside binary captures.
 
-/// What became of a stream.
+#[cfg(any(feature = "zstd", feature = "mcap"))]
+use std::io::Read;
+
+/// Outcome of decompressing a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(not(feature = "gzip"), expect(dead_code, reason = "callers say so in either build"))]
-pub(super) enum Inflated {
-    /// It ended after so many of its bytes.
+#[cfg_attr(not(feature = "gzip"), expect(dead_code, reason = "callers match on it in either build"))]
+pub(super) enum Decompression {
+    /// Complete; number of compressed bytes used.
     Whole(usize),
-    /// It has not ended where its bytes do.
+    /// The data ends before the stream does.
     CutOff,
-    /// Something in it is wrong: what came before may be.
+    /// The stream is corrupt; the output before the error may be wrong.
     Damaged,
-    /// It holds more than was allowed.
+    /// The content exceeds the limit.
     TooLong,
-    /// This build leaves out the feature `gzip`.
-    #[cfg_attr(feature = "gzip", expect(dead_code, reason = "callers say so in either build"))]
+    /// This build lacks the feature `gzip`.
+    #[cfg_attr(feature = "gzip", expect(dead_code, reason = "callers match on it in either build"))]
     Unavailable,
 }
 
-/// Bytes of room that are added at a time.
+/// Compression of data inside a capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Codec {
+    Zlib,
+    Zstd,
+    Lz4,
+}
+
+impl Codec {
+    /// Feature of this library that contains the decompressor.
+    pub(super) const fn feature(self) -> &'static str {
+        match self {
+            Self::Zlib => "gzip",
+            Self::Zstd => "zstd",
+            Self::Lz4 => "mcap",
+        }
+    }
+
+    /// Appends the decompressed content of `data` to `bytes`, at most `limit` bytes.
+    pub(super) fn decompress(self, data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Decompression {
+        match self {
+            Self::Zlib => inflate(data, bytes, limit),
+            #[cfg(feature = "zstd")]
+            Self::Zstd => read(zstd::stream::read::Decoder::with_buffer(data), data, bytes, limit),
+            #[cfg(feature = "mcap")]
+            Self::Lz4 => read(lz4::Decoder::new(data), data, bytes, limit),
+            #[cfg(not(all(feature = "zstd", feature = "mcap")))]
+            _ => Decompression::Unavailable,
+        }
+    }
+}
+
+/// Reads a decompressor; its output grows with the data, not with the declared size.
+#[cfg(any(feature = "zstd", feature = "mcap"))]
+fn read(source: std::io::Result<impl Read>, data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Decompression {
+    let Ok(source) = source else { return Decompression::Damaged };
+    let end = bytes.len().saturating_add(limit);
+    let outcome = source.take((limit as u64).saturating_add(1)).read_to_end(bytes);
+    if bytes.len() > end {
+        bytes.truncate(end);
+        return Decompression::TooLong;
+    }
+    match outcome {
+        Ok(_) => Decompression::Whole(data.len()),
+        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => Decompression::CutOff,
+        Err(_) => Decompression::Damaged,
+    }
+}
+
+/// Growth step of the output buffer in bytes.
 #[cfg(feature = "gzip")]
 const STEP: usize = 64 * 1024;
 
-/// Adds what `data` holds to `bytes`, at most `limit` of them: how much it is, is found out and not believed.
+/// Appends the decompressed content of `data` to `bytes`, at most `limit` bytes. Sizes that a capture
+/// declares are not trusted.
 #[cfg(feature = "gzip")]
-pub(super) fn inflate(data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Inflated {
+pub(super) fn inflate(data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Decompression {
     let mut stream = flate2::Decompress::new(true);
     let limit = bytes.len().saturating_add(limit);
     loop {
@@ -33,23 +86,25 @@ pub(super) fn inflate(data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Inflate
         let status = stream.decompress_vec(rest, bytes, flate2::FlushDecompress::None);
         if bytes.len() > limit {
             bytes.truncate(limit);
-            return Inflated::TooLong;
+            return Decompression::TooLong;
         }
         match status {
             Ok(flate2::Status::StreamEnd) => {
-                return Inflated::Whole(usize::try_from(stream.total_in()).unwrap_or(data.len()));
+                return Decompression::Whole(usize::try_from(stream.total_in()).unwrap_or(data.len()));
             }
-            Err(_) => return Inflated::Damaged,
-            Ok(_) if (taken, given) == (stream.total_in(), stream.total_out()) => return Inflated::CutOff,
+            Err(_) => return Decompression::Damaged,
+            Ok(_) if (taken, given) == (stream.total_in(), stream.total_out()) => {
+                return Decompression::CutOff;
+            }
             Ok(_) => {}
         }
     }
 }
 
-/// Adds nothing.
+/// Appends nothing.
 #[cfg(not(feature = "gzip"))]
-pub(super) fn inflate(_data: &[u8], _bytes: &mut Vec<u8>, _limit: usize) -> Inflated {
-    Inflated::Unavailable
+pub(super) fn inflate(_data: &[u8], _bytes: &mut Vec<u8>, _limit: usize) -> Decompression {
+    Decompression::Unavailable
 }
 
 #[cfg(feature = "gzip")]
@@ -71,31 +126,61 @@ mod tests {
         let data = deflate(&content);
         let mut bytes = b"before".to_vec();
         let with_more = [&data[..], b"behind"].concat();
-        assert_eq!(inflate(&with_more, &mut bytes, 1 << 20), Inflated::Whole(data.len()));
+        assert_eq!(inflate(&with_more, &mut bytes, 1 << 20), Decompression::Whole(data.len()));
         assert_eq!(bytes, [b"before", &content[..]].concat());
+    }
+
+    #[cfg(feature = "mcap")]
+    #[test]
+    fn zstd_and_lz4_give_what_was_packed_and_no_more_than_the_limit() {
+        let content: Vec<u8> =
+            (0..300_000_u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let mut encoder = lz4::EncoderBuilder::new().build(Vec::new()).unwrap();
+        encoder.write_all(&content).unwrap();
+        let (lz4, outcome) = encoder.finish();
+        outcome.unwrap();
+        for (codec, data) in
+            [(Codec::Zstd, zstd::stream::encode_all(&content[..], 1).unwrap()), (Codec::Lz4, lz4)]
+        {
+            let mut bytes = Vec::new();
+            let whole = codec.decompress(&data, &mut bytes, content.len());
+            assert_eq!((whole, bytes == content), (Decompression::Whole(data.len()), true), "{codec:?}");
+            bytes.clear();
+            assert_eq!(codec.decompress(&data, &mut bytes, 1_000), Decompression::TooLong, "{codec:?}");
+            assert_eq!(bytes, content[..1_000], "{codec:?}");
+            bytes.clear();
+            let cut = codec.decompress(&data[..data.len() / 2], &mut bytes, content.len());
+            assert!(
+                !matches!(cut, Decompression::Whole(_)) || bytes.len() < content.len(),
+                "{codec:?}: {cut:?}"
+            );
+            assert!(content.starts_with(&bytes), "{codec:?}");
+            bytes.clear();
+            assert_eq!(codec.decompress(b"no stream", &mut bytes, 9), Decompression::Damaged, "{codec:?}");
+        }
     }
 
     #[test]
     fn a_bomb_is_stopped() {
         let data = deflate(&vec![0; 10_000_000]);
         let mut bytes = Vec::new();
-        assert_eq!(inflate(&data, &mut bytes, 1_000_000), Inflated::TooLong);
+        assert_eq!(inflate(&data, &mut bytes, 1_000_000), Decompression::TooLong);
         assert_eq!(bytes.len(), 1_000_000);
     }
 
     #[test]
-    fn what_stands_before_the_end_of_a_stream_is_given() {
+    fn data_before_the_end_of_a_stream_is_returned() {
         let content: Vec<u8> = (0..100_000_u32).flat_map(u32::to_le_bytes).collect();
         let mut data = deflate(&content);
         let mut bytes = Vec::new();
-        assert_eq!(inflate(&data[..data.len() / 2], &mut bytes, 1 << 20), Inflated::CutOff);
+        assert_eq!(inflate(&data[..data.len() / 2], &mut bytes, 1 << 20), Decompression::CutOff);
         assert!(bytes.len() > 100_000 && content.starts_with(&bytes), "{}", bytes.len());
         let last = data.len() - 1;
         data[last] ^= 1;
         bytes.clear();
-        assert_eq!(inflate(&data, &mut bytes, 1 << 20), Inflated::Damaged, "the checksum");
+        assert_eq!(inflate(&data, &mut bytes, 1 << 20), Decompression::Damaged, "the checksum");
         assert_eq!(bytes.len(), content.len());
-        assert_eq!(inflate(b"no stream", &mut bytes, 1 << 20), Inflated::Damaged);
-        assert_eq!(inflate(b"", &mut bytes, 1 << 20), Inflated::CutOff);
+        assert_eq!(inflate(b"no stream", &mut bytes, 1 << 20), Decompression::Damaged);
+        assert_eq!(inflate(b"", &mut bytes, 1 << 20), Decompression::CutOff);
     }
 }

@@ -1,13 +1,14 @@
-//! Several captures as one: frames in the order of their times.
+//! Merges several captures: frames in the order of their timestamps.
 //!
 //! ```text
 //! a.log  ──1───────3──4──▶ ┐
-//! b.log  ─────2───────────▶┘──▶ 1 2 3 4       by each capture's latest time, ties by order of naming
+//! b.log  ─────2───────────▶┘──▶ 1 2 3 4       by each capture's latest time, ties by command-line order
 //! ```
 //!
-//! A capture alone passes through untouched. Of several, frames are numbered anew in common order, and each
-//! capture's interfaces are buses of their own unless it is a part of one recording
-//! ([`MergedCapture::group`]).
+//! A single capture passes through unchanged. Frames of several captures are renumbered in common order, and
+//! each capture's interfaces are separate buses unless the captures are parts of one group
+//! ([`MergedCapture::group`]). A capture that continues the one before it starts after its last frame,
+//! whatever the timestamps ([`MergedCapture::continues`]).
 
 use std::io::Read;
 
@@ -16,62 +17,65 @@ use crate::frame::{BusIndex, Frame, Timestamp};
 
 /// A capture to be merged.
 pub struct MergedCapture<R> {
-    /// Its frames.
+    /// Reader of the capture.
     pub reader: Reader<R>,
-    /// Captures of one group share their buses: interfaces of the same name are one bus.
+    /// Group of the capture: within a group, interfaces of the same name are one bus.
     pub group: usize,
-    /// Nanoseconds added to its stamps.
+    /// Nanoseconds added to each timestamp.
     pub shift: i64,
+    /// The capture before this one is the previous part of the same capture.
+    pub continues: bool,
 }
 
-/// Captures read as one.
-pub struct Merged<R> {
-    parts: Vec<Part<R>>,
+/// Several captures read as one.
+pub struct MergedReader<R> {
+    parts: Vec<MergedPart<R>>,
     names: BusNames,
-    /// Group and name of each bus, in order of its index.
+    /// Group and name of each bus, in order of bus index.
     buses: Vec<(usize, String)>,
     number: u64,
-    /// What broke a capture, told when it is asked for more: frames of the others stood before it.
+    /// Pending error of a capture, returned by the next `read`, after the frames that precede it.
     failure: Option<CaptureError>,
     failed: usize,
-    /// Capture of each notice of the last batch.
+    /// Index of the capture of each notice of the last batch.
     tellers: Vec<usize>,
 }
 
-struct Part<R> {
+struct MergedPart<R> {
     reader: Reader<R>,
     lane: Lane,
     batch: Batch,
-    /// Place of the reader before `batch`.
+    /// Position of the reader before `batch`.
     before: Position,
-    /// Frames and notices of `batch` that were taken.
+    /// Frames and notices of `batch` already used.
     frames: usize,
     notices: usize,
 }
 
-/// What is known of a capture besides its reader.
+/// State of a capture in addition to its reader.
 #[derive(Clone)]
 struct Lane {
     group: usize,
     shift: i64,
-    /// Latest stamp so far.
+    continues: bool,
+    /// Latest timestamp so far.
     clock: Option<Timestamp>,
-    /// Index here of each of its own buses.
+    /// Merged bus index of each bus of the capture.
     buses: Vec<BusIndex>,
     is_done: bool,
 }
 
-/// A place in merged captures from which reading can go on.
+/// A position in merged captures from which reading can resume.
 #[derive(Clone)]
 pub struct MergedPosition {
-    parts: Vec<PartPosition>,
+    parts: Vec<CapturePosition>,
     names: BusNames,
     buses: Vec<(usize, String)>,
     number: u64,
 }
 
 #[derive(Clone)]
-struct PartPosition {
+struct CapturePosition {
     position: Position,
     lane: Lane,
     frames: usize,
@@ -79,7 +83,7 @@ struct PartPosition {
 }
 
 impl MergedPosition {
-    /// The place in the one capture there is, if there is only one and its stamps are as recorded.
+    /// Position in the only capture; `None` for several captures or a capture with shifted timestamps.
     pub fn alone(&self) -> Option<Position> {
         match self.parts.as_slice() {
             [part] if part.lane.shift == 0 => Some(part.position.clone()),
@@ -87,19 +91,19 @@ impl MergedPosition {
         }
     }
 
-    /// Byte of each decompressed capture from which it is read again.
+    /// Byte offset in each decompressed capture at which reading resumes.
     pub fn offsets(&self) -> impl Iterator<Item = u64> {
         self.parts.iter().map(|part| part.position.offset)
     }
 }
 
-impl<R: Read> Merged<R> {
-    /// Reads captures from their beginnings.
+impl<R: Read> MergedReader<R> {
+    /// Reads captures from the start.
     pub fn new(captures: Vec<MergedCapture<R>>) -> Self {
-        let part = |MergedCapture { reader, group, shift }| {
+        let part = |MergedCapture { reader, group, shift, continues }| {
             let before = reader.position();
-            let lane = Lane { group, shift, clock: None, buses: Vec::new(), is_done: false };
-            Part { reader, lane, batch: Batch::new(), before, frames: 0, notices: 0 }
+            let lane = Lane { group, shift, continues, clock: None, buses: Vec::new(), is_done: false };
+            MergedPart { reader, lane, batch: Batch::new(), before, frames: 0, notices: 0 }
         };
         let parts = captures.into_iter().map(part).collect();
         Self {
@@ -113,15 +117,15 @@ impl<R: Read> Merged<R> {
         }
     }
 
-    /// Goes on at `position`; each source stands at its offset.
+    /// Resumes at `position`; each source must be at its offset.
     ///
     /// # Errors
-    /// When a source fails.
+    /// If a source cannot be read.
     pub fn resume(sources: Vec<R>, position: &MergedPosition) -> Result<Self, CaptureError> {
         let mut parts = Vec::new();
         for (source, part) in sources.into_iter().zip(&position.parts) {
             let reader = Reader::resume(source, &part.position);
-            let mut part = Part {
+            let mut part = MergedPart {
                 before: reader.position(),
                 reader,
                 lane: part.lane.clone(),
@@ -137,16 +141,16 @@ impl<R: Read> Merged<R> {
         Ok(Self { parts, names, buses, number, failure: None, failed: 0, tellers: Vec::new() })
     }
 
-    /// The present place, behind the last batch.
+    /// The current position, after the last batch.
     pub fn position(&self) -> MergedPosition {
         let is_alone = self.parts.len() == 1;
-        let part = |part: &Part<R>| {
+        let part = |part: &MergedPart<R>| {
             let (position, frames, notices) = if is_alone {
                 (part.reader.position(), 0, 0)
             } else {
                 (part.before.clone(), part.frames, part.notices)
             };
-            PartPosition { position, lane: part.lane.clone(), frames, notices }
+            CapturePosition { position, lane: part.lane.clone(), frames, notices }
         };
         MergedPosition {
             parts: self.parts.iter().map(part).collect(),
@@ -156,11 +160,11 @@ impl<R: Read> Merged<R> {
         }
     }
 
-    /// Replaces the content of `batch` by the next frames and notices; `false` at the end.
+    /// Replaces the content of `batch` with the next frames and notices; `false` at the end.
     ///
     /// # Errors
-    /// When a source fails, or its format allows no going on: once, after all that stood before. The others can be
-    /// read on: its capture is at its end then.
+    /// If a source or its content cannot be read further: returned once per capture, after the frames before
+    /// the error. The failed capture is then at its end; reading of the others can continue.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         if let [part] = self.parts.as_mut_slice()
             && part.lane.shift == 0
@@ -180,15 +184,19 @@ impl<R: Read> Merged<R> {
                 self.failure = Some(error);
                 return Ok(true);
             }
-            // The first of equals.
-            let left = self.parts.iter_mut().enumerate().filter(|(_, part)| !part.lane.is_done);
-            let Some((index, part)) = left.min_by_key(|(_, part)| part.due()) else { break };
+            let Some(index) = self.next_part() else { break };
+            let Some(part) = self.parts.get_mut(index) else { break };
             if let Some(mut notice) = part.next_notice() {
-                if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
+                if let Notice::LostFrames { bus, .. }
+                | Notice::Link { bus, .. }
+                | Notice::ClockSet { bus, .. } = &mut notice
+                {
                     let own = part.reader.buses();
                     *bus = bus_of(&mut part.lane, own, *bus, &mut self.names, &mut self.buses);
                 }
-                if let Notice::Link { time, .. } | Notice::Quiet(time) = &mut notice {
+                if let Notice::Link { time, .. } | Notice::Quiet(time) | Notice::ClockSet { time, .. } =
+                    &mut notice
+                {
                     *time = time.plus(part.lane.shift);
                 }
                 batch.notice(notice);
@@ -204,7 +212,21 @@ impl<R: Read> Merged<R> {
         Ok(!batch.is_empty())
     }
 
-    /// Reads on in captures of which nothing is left.
+    /// Index of the capture with the next frame; among simultaneous frames the first capture.
+    fn next_part(&self) -> Option<usize> {
+        let mut next: Option<(Option<Timestamp>, usize)> = None;
+        let mut is_before_done = true;
+        for (index, part) in self.parts.iter().enumerate() {
+            let may_start = !part.lane.continues || is_before_done;
+            if !part.lane.is_done && may_start && next.is_none_or(|(due, _)| part.due() < due) {
+                next = Some((part.due(), index));
+            }
+            is_before_done = part.lane.is_done;
+        }
+        next.map(|(_, index)| index)
+    }
+
+    /// Refills the batch of each capture that is used up.
     fn fill(&mut self) -> Result<(), CaptureError> {
         for (index, part) in self.parts.iter_mut().enumerate() {
             if let Err(error) = part.fill() {
@@ -215,12 +237,13 @@ impl<R: Read> Merged<R> {
         Ok(())
     }
 
-    /// Which capture a notice of the last batch is of, by its place among them, from 0 in order of naming.
+    /// Index of the capture of a notice of the last batch, from 0 in command-line order. `notice` is the
+    /// index of the notice.
     pub fn teller(&self, notice: usize) -> usize {
         self.tellers.get(notice).copied().unwrap_or(0)
     }
 
-    /// Which capture the last error is of, from 0 in order of naming.
+    /// Index of the capture of the last error, from 0 in command-line order.
     pub fn failed(&self) -> usize {
         self.failed
     }
@@ -239,7 +262,7 @@ impl<R: Read> Merged<R> {
     }
 }
 
-/// The bus here of a capture's own bus; beyond the last one possible, that one.
+/// The merged bus for a bus of a capture; if too many buses exist, the last one.
 fn bus_of(
     lane: &mut Lane,
     own: &BusNames,
@@ -261,8 +284,8 @@ fn bus_of(
     lane.buses.get(usize::from(bus.0)).copied().unwrap_or_default()
 }
 
-impl<R: Read> Part<R> {
-    /// Reads on if nothing is left.
+impl<R: Read> MergedPart<R> {
+    /// Reads the next batch if the current one is used up.
     fn fill(&mut self) -> Result<(), CaptureError> {
         while !self.lane.is_done && self.is_used_up() {
             (self.frames, self.notices) = (0, 0);
@@ -282,13 +305,13 @@ impl<R: Read> Part<R> {
         self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
     }
 
-    /// Takes again what was taken of the batch behind the place.
+    /// Skips the frames and notices that were used before the position was stored.
     fn skip(&mut self) -> Result<(), CaptureError> {
         let (frames, notices) = (self.frames, self.notices);
         (self.frames, self.notices) = (0, 0);
         let (mut frames, mut notices) = (frames, notices);
         while frames > 0 || notices > 0 {
-            // A batch may be shorter than it was: the buffer ends elsewhere.
+            // A batch may be shorter than before because the buffer ends elsewhere.
             self.before = self.reader.position();
             if !self.reader.read(&mut self.batch)? {
                 break;
@@ -301,7 +324,7 @@ impl<R: Read> Part<R> {
         Ok(())
     }
 
-    /// When its next frame is due: never before one of its earlier ones.
+    /// Time at which the next frame is due; not before an earlier frame of the capture.
     fn due(&self) -> Option<Timestamp> {
         let next = self.batch.frames().get(self.frames).and_then(|frame| frame.time);
         next.map(|time| time.plus(self.lane.shift)).max(self.lane.clock)
@@ -336,10 +359,11 @@ mod tests {
         b"(1700000010.200000) can0 102#01\nrubbish\n(1700000010.100000) can0 105#01\n(1700000010.300000) can0 106#01\n";
 
     fn part(text: &'static [u8], group: usize, shift: i64) -> MergedCapture<&'static [u8]> {
-        MergedCapture { reader: Reader::open(text, &ReadOptions::default()).unwrap(), group, shift }
+        let reader = Reader::open(text, &ReadOptions::default()).unwrap();
+        MergedCapture { reader, group, shift, continues: false }
     }
 
-    fn all(merged: &mut Merged<&[u8]>) -> Vec<String> {
+    fn all(merged: &mut MergedReader<&[u8]>) -> Vec<String> {
         let mut batch = Batch::new();
         let mut found = Vec::new();
         while merged.read(&mut batch).unwrap() {
@@ -355,8 +379,8 @@ mod tests {
 
     #[test]
     fn frames_come_by_time_and_never_before_an_earlier_one_of_their_capture() {
-        let mut merged = Merged::new(vec![part(A, 0, 0), part(B, 1, 0)]);
-        // 105 is stamped before 102, behind which it stands; at 10.3 the first capture goes first.
+        let mut merged = MergedReader::new(vec![part(A, 0, 0), part(B, 1, 0)]);
+        // 105 has an earlier timestamp than 102 but follows it; at 10.3 the first capture takes precedence.
         let expected =
             ["1 can0 101", "2 can0@2 102", "3 can0@2 105", "4 can0 103", "5 can0@2 106", "6 can1 104"];
         assert_eq!(all(&mut merged), expected);
@@ -379,8 +403,9 @@ mod tests {
             reader: Reader::open(Source(text, is_broken), &ReadOptions::default()).unwrap(),
             group: 0,
             shift: 0,
+            continues: false,
         };
-        let mut merged = Merged::new(vec![part(A, false), part(B, true), part(REST, false)]);
+        let mut merged = MergedReader::new(vec![part(A, false), part(B, true), part(REST, false)]);
         let (mut batch, mut found) = (Batch::new(), Vec::new());
         loop {
             match merged.read(&mut batch) {
@@ -395,22 +420,31 @@ mod tests {
 
     #[test]
     fn parts_of_one_recording_share_their_buses() {
-        let mut merged = Merged::new(vec![part(A, 0, 0), part(B, 0, 1_000_000_000)]);
+        let mut merged = MergedReader::new(vec![part(A, 0, 0), part(B, 0, 1_000_000_000)]);
         let found = all(&mut merged);
         assert_eq!(found.last().map(String::as_str), Some("6 can0 106"));
         assert_eq!(merged.buses().names(), ["can0", "can1"]);
     }
 
     #[test]
-    fn reading_goes_on_from_any_place() {
-        // A line a second, and one every other second half a second later.
+    fn a_part_starts_after_the_part_before_it_whatever_its_times() {
+        // The clock of B steps back to 10.1 s; A ends at 10.4 s. By time alone, 102 would precede 103.
+        let next = MergedCapture { continues: true, ..part(B, 0, 0) };
+        let mut merged = MergedReader::new(vec![part(A, 0, 0), next]);
+        let expected = ["1 can0 101", "2 can0 103", "3 can1 104", "4 can0 102", "5 can0 105", "6 can0 106"];
+        assert_eq!(all(&mut merged), expected);
+    }
+
+    #[test]
+    fn reading_resumes_from_any_position() {
+        // One line per second; one line every other second, offset by half a second.
         let lines = |seconds: i64, step: usize, rest: &str| {
             let stamps = (0..seconds).step_by(step);
             let text: Vec<_> = stamps.map(|n| format!("(17{n:08}.{rest}#{n:04X}\n")).collect();
             &*text.concat().leak()
         };
         let (long, other) = (lines(2_000, 1, "000000) can0 101"), lines(1_800, 2, "500000) can0 102"));
-        let open = || Merged::new(vec![part(long.as_bytes(), 0, 0), part(other.as_bytes(), 1, 0)]);
+        let open = || MergedReader::new(vec![part(long.as_bytes(), 0, 0), part(other.as_bytes(), 1, 0)]);
         let whole = all(&mut open());
         let mut merged = open();
         let mut batch = Batch::new();
@@ -423,7 +457,7 @@ mod tests {
                 .zip(position.offsets())
                 .map(|(text, offset)| &text[usize::try_from(offset).unwrap()..])
                 .collect();
-            let mut rest = Merged::resume(sources, &position).unwrap();
+            let mut rest = MergedReader::resume(sources, &position).unwrap();
             assert_eq!(all(&mut rest), whole[taken..]);
         }
     }

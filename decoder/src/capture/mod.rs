@@ -4,12 +4,13 @@
 //! bytes ─Reader (buffer, offset)─▶ Parser of one format ─▶ Batch of frames and notices
 //! ```
 //!
-//! A [`Parser`] knows one format and nothing of files: it is given the bytes at hand and says how many
-//! it took. It is cloneable, so a place in a capture can be kept and returned to. [`Reader`] owns the
-//! source and the one reused buffer. Formats are found by content, never by suffix.
+//! A [`Parser`] handles one format and does no I/O: it receives the available bytes and returns the number of
+//! bytes it used. It is cloneable, so a position in a capture can be stored and resumed. [`Reader`] owns the
+//! source and the single reused buffer. Formats are detected by content, never by file name.
 //!
-//! A line or record that cannot be read becomes a [`Notice`]; reading goes on behind it. So does a record inside of which
-//! the capture ends; of text the last line is one like any other, without its end too.
+//! A line or record that cannot be read becomes a [`Notice`], and reading continues after it. The same
+//! applies to a record that is cut off by the end of the capture. The last line of a text capture needs no
+//! line end.
 
 pub mod adapter;
 mod batch;
@@ -42,10 +43,10 @@ pub use error::CaptureError;
 #[cfg(feature = "mcap")]
 pub(crate) use formats::mcap::{McapWriter, Topic};
 pub use formats::{FORMATS, WRITABLE, detect};
-pub use holds::{Directions, ErrorFrames, Holds, Losses};
+pub use holds::{Directions, ErrorFrames, FormatCapabilities, Losses};
 pub use link::kernel_frame;
-pub use merged::{Merged, MergedCapture, MergedPosition};
-pub use notice::{Notice, Place};
+pub use merged::{MergedCapture, MergedPosition, MergedReader};
+pub use notice::{CapturePlace, Notice};
 pub use parser::{Format, LARGEST_RECORD, Parser, ReadOptions, TimeStyle};
 pub use reader::{Position, Reader};
 pub use writer::{FrameWriter, Packing, WritableFormat, WriteOptions};

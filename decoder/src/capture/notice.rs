@@ -1,22 +1,22 @@
-//! What a reader has to say besides frames, and where in a capture it stands.
+//! Messages of a reader other than frames, and positions in a capture.
 
 use std::fmt;
 
 use crate::frame::{BusIndex, LinkState, Timestamp};
 use crate::words::plural;
 
-/// Where in a capture something stands.
+/// Position in a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum CapturePlace {
     /// Line of a text capture, from 1.
     Line(u64),
     /// Byte offset of a binary capture, from 0, after decompression.
     Offset(u64),
-    /// On a live bus, as it happens.
+    /// On a live bus, at the present time.
     Now,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for CapturePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
@@ -26,54 +26,64 @@ impl fmt::Display for Place {
     }
 }
 
-/// What a reader has to say besides frames. Texts may hold bytes of the capture: escape before printing.
+/// Message of a reader other than a frame. Texts may contain bytes of the capture: escape before printing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Notice {
-    /// A line or record that is no frame although it should be one.
+    /// A line or record that should contain a frame but cannot be read.
     Unreadable {
-        /// Where it stands.
-        place: Place,
-        /// What was found and what was expected.
+        /// Position of the line or record.
+        place: CapturePlace,
+        /// The content found and the content expected.
         reason: String,
     },
-    /// The capture ends inside a record: the recorder was switched off, or the file was not copied whole.
+    /// The capture ends inside a record: the recorder was switched off, or the file was not copied
+    /// completely.
     CutOff {
-        /// Where the record begins.
-        place: Place,
-        /// What was found of it.
+        /// Start of the record.
+        place: CapturePlace,
+        /// The part of the record found.
         reason: String,
     },
-    /// Something assumed of the whole capture, said once ("times read as UTC").
+    /// An assumption about the whole capture, emitted once ("times read as UTC").
     Assumption(String),
-    /// The recorder itself says that frames were lost here.
+    /// The recorder reports lost frames.
     LostFrames {
-        /// Where it says so.
-        place: Place,
-        /// The bus they were on; the first one where it does not say.
+        /// Position of the report.
+        place: CapturePlace,
+        /// Bus of the lost frames; the first bus if the recorder does not state it.
         bus: BusIndex,
-        /// How many, if it says.
+        /// Number of lost frames; `None` if the recorder does not state it.
         count: Option<u64>,
     },
-    /// The way to a bus opened or closed: frames in between were not seen.
+    /// The connection to a bus opened or closed; frames while it was closed are missing.
     Link {
-        /// The bus.
+        /// Bus of the link.
         bus: BusIndex,
-        /// When, on the clock of its frames.
+        /// Time of the change, on the clock of the bus's frames.
         time: Timestamp,
-        /// How it is from here on.
+        /// State after the change.
         state: LinkState,
-        /// Bit rate of the bus in bit/s, where the recorder knows it.
+        /// Bit rate of the bus in bit/s; `None` if the recorder does not know it.
         bit_rate: Option<u32>,
     },
-    /// The recorder listened up to this time, and nothing came.
+    /// The recorder received nothing up to this time.
     Quiet(Timestamp),
+    /// The clock that sets the times of the frames was set forward.
+    ClockSet {
+        /// Bus whose frames use the clock.
+        bus: BusIndex,
+        /// Time after the step.
+        time: Timestamp,
+        /// Size of the step, in ns.
+        step: i64,
+    },
 }
 
 impl Notice {
-    /// The bus it is about; the first one where it is about none.
+    /// Bus that the notice refers to; the first bus if it refers to none.
     pub fn bus(&self) -> BusIndex {
         match self {
-            Self::LostFrames { bus, .. } | Self::Link { bus, .. } => *bus,
+            Self::LostFrames { bus, .. } | Self::Link { bus, .. } | Self::ClockSet { bus, .. } => *bus,
             Self::Unreadable { .. } | Self::CutOff { .. } | Self::Assumption(_) | Self::Quiet(_) => {
                 BusIndex(0)
             }
@@ -93,7 +103,10 @@ impl fmt::Display for Notice {
             }
             Self::LostFrames { place, count: None, .. } => write!(f, "{place}: frames lost"),
             Self::Link { time, state, .. } => write!(f, "{time}: link {}", state.name()),
-            Self::Quiet(time) => write!(f, "nothing until {time}"),
+            Self::Quiet(time) => write!(f, "no frame received until {time}"),
+            Self::ClockSet { time, step, .. } => {
+                write!(f, "{time}: clock set forward by {} ms", step / 1_000_000)
+            }
         }
     }
 }

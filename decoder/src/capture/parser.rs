@@ -1,43 +1,44 @@
-//! What the reader of a format is: [`Parser`], and how it is listed among the [`Format`]s.
+//! The [`Parser`] trait of format readers, and [`Format`], their entry in the list of formats.
 
 use super::batch::Batch;
 use super::bus_names::BusNames;
 use super::error::CaptureError;
 
-/// Input a parser may be asked to look at before it must take some, unless it says otherwise
-/// ([`Parser::largest`]): longer lines and records are skipped by it piece by piece.
+/// Default of [`Parser::largest`] in bytes: a parser must use input of this size. Longer lines and records
+/// are skipped in pieces.
 pub const LARGEST_RECORD: usize = 128 * 1024;
 
-/// Meaning of candump's relative stamps, and of its stamps at all.
+/// Meaning of ambiguous timestamps in candump text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeStyle {
-    /// `-t a`, `-l`, `-L`, `-t A`, `-t z`: each stamp stands for itself.
+    /// `-t a`, `-l`, `-L`, `-t A`, `-t z`: absolute times.
     Absolute,
-    /// `-t d`: each stamp is the time since the frame before.
+    /// `-t d`: time since the frame before.
     Delta,
 }
 
-/// How to read what a capture leaves open.
+/// Options for data that a capture leaves ambiguous.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadOptions {
-    /// What candump's relative times mean; `None` finds out from the first 1,000 lines.
+    /// Meaning of candump's relative times; `None` determines it from the first 1,000 lines.
     pub time_style: Option<TimeStyle>,
 }
 
-/// Reader of one format: takes bytes, gives frames. Holds no source, so that it can be cloned.
+/// Parser of one format: bytes to frames. It owns no source, so it can be cloned.
 pub trait Parser: Send + Sync {
-    /// Takes frames from the front of `input` into `batch` until either runs out; returns how many
-    /// bytes it took. `at_end` says that nothing follows `input`.
+    /// Parses frames from the start of `input` into `batch` until either is exhausted; returns the number of
+    /// bytes used. `at_end` means that no data follows `input`.
     ///
-    /// Taking nothing and giving nothing asks for more input; given [`Parser::largest`] bytes, or `at_end`
-    /// with any, it takes or gives some. A parser of containers takes one only when all that is in it has
-    /// been given: meanwhile it gives frames and takes nothing, and is called again with the same bytes.
+    /// A call that uses and emits nothing requests more input. If `input` has [`Parser::largest`] bytes, or
+    /// if `at_end` is set and `input` is not empty, the parser must use or emit something. A parser of
+    /// containers uses a container only after it has emitted all of its content: until then it emits frames,
+    /// uses nothing, and is called again with the same bytes.
     ///
     /// # Errors
-    /// Only where no later byte can be read either.
+    /// Only if no later byte can be read either.
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError>;
 
-    /// Bytes it may need to see at once before it takes some.
+    /// Bytes of input that the parser may require at once before it uses any.
     fn largest(&self) -> usize {
         LARGEST_RECORD
     }
@@ -45,26 +46,26 @@ pub trait Parser: Send + Sync {
     /// Buses seen so far.
     fn buses(&self) -> &BusNames;
 
-    /// Line that was taken last, from 1; none in a binary format.
+    /// Number of the last line used, from 1; `None` in a binary format.
     fn line(&self) -> Option<u64> {
         None
     }
 
-    /// A copy at the same place. It is kept for every place that is returned to, so it is small: what can
-    /// be made again of the bytes not taken yet is not in it.
+    /// A copy at the same position. Copies are kept for all positions that may be resumed, so they are small:
+    /// data that can be rebuilt from unused input is not copied.
     fn clone_box(&self) -> Box<dyn Parser>;
 }
 
-/// One readable format.
+/// A format that can be read.
 pub struct Format {
-    /// Short name, as options take it.
+    /// Short name, as used in options.
     pub name: &'static str,
-    /// What people call it.
+    /// Name for display.
     pub title: &'static str,
-    /// A line a frame: it can be entered behind the end of any line.
+    /// Whether the format is text with one line per frame: reading can start after any line end.
     pub is_text: bool,
-    /// Whether the first bytes of a capture (up to 64 KiB) look like it.
+    /// Whether the first bytes of a capture (up to 64 KiB) match the format.
     pub detect: fn(&[u8]) -> bool,
-    /// A parser at the start of a capture.
+    /// Creates a parser at the start of a capture.
     pub parser: fn(&ReadOptions) -> Box<dyn Parser>,
 }

@@ -1,14 +1,14 @@
-//! Feeds a parser from a source through one reused buffer.
+//! Passes a source to a parser through one reused buffer.
 
 use std::io::{ErrorKind, Read};
 
 use super::{Batch, BusNames, CaptureError, FORMATS, Format, LARGEST_RECORD, Parser, ReadOptions, detect};
 
-/// Bytes asked for at a time: fits the second-level cache, so that what `read` copied is still there
+/// Bytes requested per read: fits the second-level cache, so that data copied by `read` is still cached
 /// when it is parsed.
 const CHUNK: usize = 256 * 1024;
 
-/// A capture being read.
+/// Reader of a capture: source, buffer and parser.
 pub struct Reader<R> {
     source: R,
     parser: Box<dyn Parser>,
@@ -21,24 +21,24 @@ pub struct Reader<R> {
     failure: Failure,
 }
 
-/// What ended a capture before its end.
+/// Error that ended a capture early.
 enum Failure {
     None,
-    /// Told when it is asked for more: frames stood before it.
+    /// Pending: returned by the next `read`, after the frames that precede the error.
     Waiting(CaptureError),
     Told,
 }
 
-/// A place in a capture from which reading can go on later, or elsewhere.
+/// A position in a capture from which reading can resume, also in another reader.
 pub struct Position {
-    /// Bytes of the decompressed capture before it.
+    /// Byte offset in the decompressed capture.
     pub offset: u64,
     format: &'static Format,
     parser: Box<dyn Parser>,
 }
 
 impl Position {
-    /// Whether the capture is text: it can be entered behind the end of any line.
+    /// Whether the capture is text: reading can start after any line end.
     pub fn is_text(&self) -> bool {
         self.format.is_text
     }
@@ -51,16 +51,16 @@ impl Clone for Position {
 }
 
 impl<R: Read> Reader<R> {
-    /// Opens a decompressed capture: reads its beginning and finds its format.
+    /// Opens a decompressed capture: reads its start and detects its format.
     ///
     /// # Errors
-    /// When the source fails, is empty or in no known format.
+    /// If the source cannot be read, is empty or has no known format.
     pub fn open(source: R, options: &ReadOptions) -> Result<Self, CaptureError> {
         let mut buffer = vec![0; CHUNK + LARGEST_RECORD];
         let mut source = source;
         let mut end = 0;
         let mut at_end = false;
-        // A pipe may deliver a few bytes at a time; a format needs some lines to be recognised.
+        // A pipe may deliver a few bytes at a time; detection of a format needs several lines.
         loop {
             if let Some(format) = detect(buffer.get(..end).unwrap_or_default(), at_end) {
                 let parser = (format.parser)(options);
@@ -87,7 +87,7 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// Goes on at `position`; `source` must stand at its offset.
+    /// Resumes at `position`; `source` must be at its offset.
     pub fn resume(source: R, position: &Position) -> Self {
         Self {
             source,
@@ -102,10 +102,11 @@ impl<R: Read> Reader<R> {
         }
     }
 
-    /// Replaces the content of `batch` by the next frames and notices; `false` at the end.
+    /// Replaces the content of `batch` with the next frames and notices; `false` at the end.
     ///
     /// # Errors
-    /// When the source fails, or the format allows no going on: once, after all that stood before; that is the end.
+    /// If the source or its content cannot be read further: returned once, after the frames before the error.
+    /// The capture is then at its end.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         batch.clear();
         let error = match std::mem::replace(&mut self.failure, Failure::Told) {
@@ -162,8 +163,8 @@ impl<R: Read> Reader<R> {
         Ok(())
     }
 
-    /// Makes room in a full buffer, up to what the parser may need to see at once. It grows only with bytes
-    /// that have really come, whatever size the capture claims.
+    /// Enlarges a full buffer, up to the size that the parser may require. It grows only with bytes received,
+    /// independent of the size that the capture declares.
     fn grow(&mut self) {
         let limit = self.parser.largest().saturating_add(CHUNK);
         let size = self.buffer.len().saturating_mul(2).min(limit);
@@ -177,12 +178,13 @@ impl<R: Read> Reader<R> {
         self.parser.buses()
     }
 
-    /// Line that was taken last, from 1, in a text format: that of a frame where batches hold only one.
+    /// Number of the last line used, from 1, in a text format: the line of the frame if batches hold one
+    /// frame.
     pub fn line(&self) -> Option<u64> {
         self.parser.line()
     }
 
-    /// Format found at the start.
+    /// Format detected at the start.
     pub fn format(&self) -> &'static Format {
         self.format
     }
@@ -192,14 +194,14 @@ impl<R: Read> Reader<R> {
         self.offset
     }
 
-    /// The present place, behind the last batch.
+    /// The current position, after the last batch.
     pub fn position(&self) -> Position {
         Position { offset: self.offset, format: self.format, parser: self.parser.clone_box() }
     }
 }
 
-/// One `read`, repeated when a signal interrupts it. A full buffer reads as the end: parsers take
-/// something of [`Parser::largest`] bytes, so it does not happen before the end.
+/// Calls `read` once, again if a signal interrupts it. A full buffer returns 0, like the end of the source.
+/// This does not occur earlier, because parsers use some of [`Parser::largest`] bytes.
 fn fill(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureError> {
     loop {
         match source.read(room) {
@@ -224,7 +226,7 @@ mod tests {
     use super::*;
     use crate::frame::{CanId, Frame};
 
-    /// Reads containers of `size` bytes: a frame for each 1,000 bytes, two a call.
+    /// Parser of containers of `size` bytes: one frame per 1,000 bytes, two frames per call.
     #[derive(Clone)]
     struct Containers {
         size: usize,
@@ -290,7 +292,7 @@ mod tests {
         assert_eq!(reader.buffer.len(), CHUNK + LARGEST_RECORD, "a small container needs no more");
     }
 
-    /// Gives what there is, then fails for ever.
+    /// Returns its bytes, then fails on every call.
     struct Broken<'a>(&'a [u8]);
 
     impl Read for Broken<'_> {
@@ -303,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ends_a_capture_is_told_once_behind_its_frames() {
+    fn the_error_that_ends_a_capture_is_reported_once_after_its_frames() {
         let bytes = vec![7; 4_000];
         let mut reader = Reader::resume(Broken(&bytes), &start(2_000));
         let mut batch = Batch::new();
@@ -316,7 +318,7 @@ mod tests {
             }
         }
         assert_eq!(found, ["007", "007", "007", "007", "reading failed: broken"]);
-        // A version nobody knows ends a trace; the frame before it is given first.
+        // An unknown version ends the capture; the frame before it is emitted first.
         let trace = b";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n 1 1.0 DT 1 0123 Rx - 1 00\n;$FILEVERSION=9.0\n";
         let mut reader = Reader::open(&trace[..], &ReadOptions::default()).unwrap();
         assert!(reader.read(&mut batch).unwrap());
@@ -327,7 +329,7 @@ mod tests {
 
     #[test]
     fn the_beginning_of_a_line_tells_no_format() {
-        /// Gives a byte at a time.
+        /// Returns one byte per call.
         struct Slow<'a>(&'a [u8]);
         impl Read for Slow<'_> {
             fn read(&mut self, room: &mut [u8]) -> std::io::Result<usize> {
@@ -335,7 +337,7 @@ mod tests {
                 self.0.read(&mut room[..most])
             }
         }
-        // Without its end the first would be the header of a CSV.
+        // Without its line end, the first text would be the header of a CSV capture.
         for (text, is_known) in
             [("ID,Data Bytes and more\n", false), ("ID,Data Bytes\n", true), ("ID,Data Bytes", true)]
         {

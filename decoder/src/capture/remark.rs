@@ -1,12 +1,13 @@
-//! What this program says in comments of captures whose format has no place for it.
+//! Comments in which cobscope stores notices in formats without records for them.
 //!
 //! ```text
-//! cobscope: link up 250000      the way to the bus is open, at this bit rate
-//! cobscope: link up             … at a bit rate that is not known
+//! cobscope: link up 250000      the link to the bus is up, at this bit rate
+//! cobscope: link up             … at an unknown bit rate
 //! cobscope: link down           the interface was switched off
-//! cobscope: link gone           it was taken away
-//! cobscope: quiet               nothing came up to this time
-//! cobscope: lost 3              so many frames were lost before this one; "lost" where it is not known how many
+//! cobscope: link gone           the interface was removed
+//! cobscope: quiet               no frame was received up to this time
+//! cobscope: clock 3600000000000 the clock of the timestamps was set forward by these nanoseconds
+//! cobscope: lost 3              number of frames lost before this one; "lost" if unknown
 //! ```
 
 use crate::frame::LinkState;
@@ -15,20 +16,23 @@ const PREFIX: &str = "cobscope: ";
 const LINK: &str = "link ";
 const QUIET: &str = "quiet";
 const LOST: &str = "lost";
+const CLOCK: &str = "clock ";
 
-/// Such a comment.
+/// Content of a comment of cobscope.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Remark {
-    /// How the way to the bus is from here on, and the bit rate in bit/s.
+    /// New state of the link to the bus, and the bit rate in bit/s.
     Link(LinkState, Option<u32>),
-    /// Nothing came until now.
+    /// No frame was received up to now.
     Quiet,
-    /// Frames were lost, so many where it is known.
+    /// Number of lost frames; `None` if unknown.
     Lost(Option<u64>),
+    /// The clock was set forward by this time in ns.
+    ClockSet(i64),
 }
 
 impl Remark {
-    /// What a comment says, if it is one of these.
+    /// Parses a comment; `None` if it is not a comment of cobscope.
     pub(super) fn parse(comment: &[u8]) -> Option<Self> {
         let text = std::str::from_utf8(comment).ok()?.strip_prefix(PREFIX)?;
         if text == QUIET {
@@ -37,16 +41,20 @@ impl Remark {
         if let Some(count) = text.strip_prefix(LOST) {
             return Some(Self::Lost(count.strip_prefix(' ').and_then(|count| count.parse().ok())));
         }
+        if let Some(step) = text.strip_prefix(CLOCK) {
+            return Some(Self::ClockSet(step.parse().ok().filter(|step| *step > 0)?));
+        }
         let mut words = text.strip_prefix(LINK)?.split(' ');
         let name = words.next()?;
         let state = LinkState::ALL.into_iter().find(|state| state.name() == name)?;
         Some(Self::Link(state, words.next().and_then(|rate| rate.parse().ok())))
     }
 
-    /// The comment.
+    /// The text of the comment.
     pub(super) fn text(self) -> String {
         match self {
             Self::Quiet => format!("{PREFIX}{QUIET}"),
+            Self::ClockSet(step) => format!("{PREFIX}{CLOCK}{step}"),
             Self::Lost(None) => format!("{PREFIX}{LOST}"),
             Self::Lost(Some(count)) => format!("{PREFIX}{LOST} {count}"),
             Self::Link(state, None) => format!("{PREFIX}{LINK}{}", state.name()),
@@ -69,7 +77,7 @@ mod tests {
             Some(Remark::Link(LinkState::Up, Some(250_000)))
         );
         assert_eq!(Remark::parse(b"cobscope: link gone"), Some(Remark::Link(LinkState::Gone, None)));
-        for remark in [Remark::Quiet, Remark::Lost(None), Remark::Lost(Some(7))] {
+        for remark in [Remark::Quiet, Remark::Lost(None), Remark::Lost(Some(7)), Remark::ClockSet(i64::MAX)] {
             assert_eq!(Remark::parse(remark.text().as_bytes()), Some(remark));
         }
     }

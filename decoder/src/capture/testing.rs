@@ -1,25 +1,25 @@
-//! Reading captures that tests make up.
+//! Helpers to read captures built by tests.
 
 use std::io::Read;
 
 use super::{Batch, Item, ReadOptions, Reader};
 use crate::frame::Frame;
 
-/// What a capture gave.
+/// Content read from a capture.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Content {
     pub(super) frames: Vec<Frame>,
-    /// Frames and notices in order, printed.
+    /// Frames and notices in order, as text.
     pub(super) items: Vec<String>,
     pub(super) buses: Vec<String>,
 }
 
-/// Reads a whole capture.
+/// Reads a complete capture.
 pub(super) fn read(capture: &[u8]) -> Content {
     read_from(capture)
 }
 
-/// Reads a whole capture that arrives in pieces of these sizes, in turn.
+/// Reads a complete capture that arrives in pieces of these sizes, repeated in turn.
 pub(super) fn read_in_pieces(capture: &[u8], sizes: &[usize]) -> Content {
     read_from(Pieces { rest: capture, sizes, turn: 0 })
 }

@@ -1,84 +1,84 @@
-//! Frames to bytes of a capture.
+//! Writers of captures: frames to bytes.
 
 use std::io::{self, Write};
 
 use super::Notice;
-use super::holds::Holds;
+use super::holds::FormatCapabilities;
 use crate::frame::Frame;
 
-/// Writes frames in one format. What it wrote is a readable capture after each frame that was flushed.
+/// Writes frames in one format. The output is a readable capture after each flush.
 pub trait FrameWriter: Send {
-    /// Writes a frame of the bus of this name. A frame for which the format has no place at all is left out; what of it
-    /// the format keeps is told by [`Holds::kept`].
+    /// Writes a frame of the named bus. Frames that the format cannot store are dropped; [`FormatCapabilities::kept`]
+    /// returns the stored part of a frame.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()>;
 
-    /// Writes a frame with a text of lines that belongs to it; without the text where the format has no place for it.
+    /// Writes a frame with a comment of one or more lines; drops the comment if the format cannot store it.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     fn write_commented(&mut self, frame: &Frame, bus: &str, _comment: &str) -> io::Result<()> {
         self.write(frame, bus)
     }
 
-    /// Writes what else the recorder knows of the bus of this name; `false` where the format has no place for it.
+    /// Writes a notice about the named bus; `false` if the format cannot store it.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool>;
 
-    /// Bytes the output may get at most for what is held back, besides what it got already.
+    /// Maximum number of bytes that a flush would add to the output.
     fn pending(&self) -> u64 {
         0
     }
 
-    /// Writes what is held back so far.
+    /// Writes all buffered data.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     fn flush(&mut self) -> io::Result<()>;
 
-    /// Nothing follows: writes what is still held back.
+    /// Ends the capture: writes all buffered data and the end of the file.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     fn finish(&mut self) -> io::Result<()> {
         self.flush()
     }
 }
 
-/// How a capture is packed, in formats that pack what they hold.
+/// Compression of a capture, in formats that support it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Packing {
-    /// Not at all.
+    /// Uncompressed.
     None,
-    /// LZ4: quick.
+    /// LZ4: fast.
     Lz4,
-    /// Zstandard: small.
+    /// Zstandard: small files.
     #[default]
     Zstd,
 }
 
-/// How a capture is written, where its format leaves that open.
+/// Options of formats that can be written in several ways.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WriteOptions {
-    /// How it is packed.
+    /// Compression.
     pub packing: Packing,
 }
 
-/// One format that can be written.
+/// A format that can be written.
 pub struct WritableFormat {
-    /// Short name, as options take it.
+    /// Short name, as used in options.
     pub name: &'static str,
-    /// Usual end of a file's name.
+    /// Usual file name extension.
     pub suffix: &'static str,
-    /// What people call it.
+    /// Name for display.
     pub title: &'static str,
-    /// What it has a place for.
-    pub holds: Holds,
-    /// A writer at the start of a capture; the output should be buffered.
+    /// Data that the format can store.
+    pub holds: FormatCapabilities,
+    /// Creates a writer at the start of a capture; the output should be buffered.
     pub writer: fn(Box<dyn Write + Send>, &WriteOptions) -> Box<dyn FrameWriter>,
 }
 
@@ -89,7 +89,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::capture::{Batch, Losses, Place, ReadOptions, Reader, WRITABLE};
+    use crate::capture::{Batch, CapturePlace, Losses, ReadOptions, Reader, WRITABLE};
     use crate::frame::{BusIndex, CanId, FrameFlags, LinkState, Timestamp, fd_length};
 
     const START: i64 = 1_700_000_000_000_000_000;
@@ -107,8 +107,8 @@ mod tests {
         }
     }
 
-    /// A frame, the name of its bus, and a comment.
-    type Given = (Frame, String, Option<String>);
+    /// A frame, its bus name, and a comment.
+    type WriterInput = (Frame, String, Option<String>);
 
     fn error(class: u32, bytes: [u8; 8]) -> Frame {
         Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(class), &bytes) }
@@ -170,9 +170,9 @@ mod tests {
         ]
     }
 
-    /// A frame of each sort, on two buses.
-    fn frames() -> Vec<Given> {
-        let mut all: Vec<Given> = Vec::new();
+    /// One frame of each type, on two buses.
+    fn frames() -> Vec<WriterInput> {
+        let mut all: Vec<WriterInput> = Vec::new();
         for (number, frame) in (1_u32..).zip(data_frames().into_iter().chain(error_frames())) {
             let bus = usize::from(number % 3 == 2);
             let time = Some(Timestamp(START + i64::from(number) * 1_001));
@@ -181,8 +181,8 @@ mod tests {
         all
     }
 
-    /// Numbers frames and buses, in order of appearance.
-    fn number(mut frames: Vec<Given>) -> Vec<Given> {
+    /// Assigns frame numbers and bus indices in order of appearance.
+    fn number(mut frames: Vec<WriterInput>) -> Vec<WriterInput> {
         let mut names: Vec<String> = Vec::new();
         for (number, (frame, bus, _)) in (1..).zip(&mut frames) {
             let known = names.iter().position(|name| name == bus);
@@ -196,8 +196,8 @@ mod tests {
         frames
     }
 
-    /// What is read again of the frames, by what a format says of itself.
-    fn expected(holds: &Holds, frames: &[Given]) -> Vec<Frame> {
+    /// The frames as they are read back, according to the format's `FormatCapabilities`.
+    fn expected(holds: &FormatCapabilities, frames: &[WriterInput]) -> Vec<Frame> {
         let (mut first, mut last) = (None, None);
         let mut kept = Vec::new();
         for (frame, _, _) in frames {
@@ -216,7 +216,7 @@ mod tests {
         kept
     }
 
-    fn written(format: &WritableFormat, frames: &[Given]) -> (Vec<u8>, Vec<u8>) {
+    fn written(format: &WritableFormat, frames: &[WriterInput]) -> (Vec<u8>, Vec<u8>) {
         let output = Shared::default();
         let mut writer = (format.writer)(Box::new(output.clone()), &WriteOptions::default());
         for (frame, bus, comment) in frames {
@@ -232,10 +232,10 @@ mod tests {
         (flushed, finished)
     }
 
-    /// Format, frames, notices, and names of buses.
-    type Found = (&'static str, Vec<Frame>, Vec<Notice>, Vec<String>);
+    /// Format, frames, notices, and bus names.
+    type ReadCapture = (&'static str, Vec<Frame>, Vec<Notice>, Vec<String>);
 
-    fn read(bytes: &[u8]) -> Found {
+    fn read(bytes: &[u8]) -> ReadCapture {
         let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
         let (mut batch, mut frames, mut notices) = (Batch::new(), Vec::new(), Vec::new());
         while reader.read(&mut batch).unwrap() {
@@ -245,8 +245,8 @@ mod tests {
         (reader.format().name, frames, notices, reader.buses().names().to_vec())
     }
 
-    /// Frames come back as the format says of itself, and what they lost is counted.
-    fn comes_back(format: &WritableFormat, frames: &[Given]) -> Result<(), TestCaseError> {
+    /// Checks that frames are read back as the format's `FormatCapabilities` states, and that losses are counted.
+    fn comes_back(format: &WritableFormat, frames: &[WriterInput]) -> Result<(), TestCaseError> {
         let (flushed, finished) = written(format, frames);
         let expected = expected(&format.holds, frames);
         for bytes in [flushed, finished] {
@@ -261,17 +261,18 @@ mod tests {
             losses.see(frame);
         }
         let given: Vec<Frame> = frames.iter().map(|(frame, _, _)| *frame).collect();
-        let mut said = losses.said();
-        // These are read again as none.
-        said.retain(|said| !said.ends_with("counters are not known, written as 0"));
-        prop_assert_eq!(said.is_empty(), given == expected, "{}: {:?}", format.name, said);
+        let mut texts = losses.texts();
+        // Counters of 0 are read back as unknown.
+        texts.retain(|text| !text.ends_with("with unknown error counters, written as 0"));
+        prop_assert_eq!(texts.is_empty(), given == expected, "{}: {:?}", format.name, texts);
         Ok(())
     }
 
     #[test]
     fn what_else_the_recorder_knew_is_kept_where_there_is_a_place_for_it() {
         let time = |offset: i64| Timestamp(START + offset);
-        let lost = |count| Notice::LostFrames { place: Place::Now, bus: BusIndex(1), count: Some(count) };
+        let lost =
+            |count| Notice::LostFrames { place: CapturePlace::Now, bus: BusIndex(1), count: Some(count) };
         let link = |state, bit_rate| Notice::Link { bus: BusIndex(1), time: time(7), state, bit_rate };
         let notices = [
             lost(3),
@@ -291,11 +292,11 @@ mod tests {
             writer.finish().unwrap();
             let bytes = output.0.lock().unwrap().clone();
             let (_, _, mut read, _) = read(&bytes);
-            // That times are read as UTC was not written.
+            // The assumption that times are UTC was not written.
             read.retain(|notice| !matches!(notice, Notice::Assumption(_)));
             for notice in &mut read {
                 if let Notice::LostFrames { place, .. } = notice {
-                    *place = Place::Now;
+                    *place = CapturePlace::Now;
                 }
             }
             let expected: Vec<_> = notices
@@ -315,8 +316,7 @@ mod tests {
             let frames = number(frames());
             comes_back(format, &frames).unwrap();
             let (_, finished) = written(format, &frames);
-            let names: [&str; 2] = if format.holds.bus_names { ["can0", "can1"] } else { ["1", "2"] };
-            assert_eq!(read(&finished).3, names, "{}", format.name);
+            assert_eq!(read(&finished).3, ["can0", "can1"], "{}", format.name);
         }
     }
 
@@ -435,7 +435,7 @@ mod tests {
         prop::collection::vec(part, 0..12).prop_map(|parts| parts.concat())
     }
 
-    fn a_recording() -> impl Strategy<Value = Vec<Given>> {
+    fn a_recording() -> impl Strategy<Value = Vec<WriterInput>> {
         let time = prop_oneof![
             1 => Just(None),
             4 => (0..4_000_000_000_i64).prop_map(|offset| Some(Timestamp(START + offset))),
@@ -461,7 +461,7 @@ mod tests {
             }
         }
 
-        /// Numbers no reader gives; nothing is asked of what comes back.
+        /// Values that no reader emits; the result is not compared.
         #[test]
         fn any_numbers_are_written(
             times in prop::collection::vec(any::<Option<i64>>(), 1..8),

@@ -1,39 +1,39 @@
-//! Events of a device: what its manual makes of its messages.
+//! Events of a device, derived from its profile.
 
 use std::sync::Arc;
 
 use crate::profile::{Carrier, Effect};
 use crate::wire::canopen::ObjectAddress;
 
-/// A node that was recognised.
+/// A node whose device was identified.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct NodeIdentified {
-    /// Profile and variant.
+    /// Profile id, with variant.
     pub device: String,
-    /// What output calls it.
+    /// Title of the profile.
     pub title: String,
-    /// What told it.
+    /// Source of the identification.
     pub by: &'static str,
 }
 
-/// Why a device's state changed.
+/// Cause of a state change of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceCause {
-    /// The control word commands it.
+    /// The control word commanded the change.
     ControlWord,
-    /// An NMT command.
+    /// An NMT command caused it.
     NmtCommand,
-    /// An EMCY: the error behind it.
+    /// An EMCY reports the error that caused it.
     Emcy,
-    /// A trouble code of DM1: the fault behind it.
+    /// A DM1 trouble code reports the fault that caused it.
     Dtc,
     /// Life guarding expired.
     LifeGuard,
-    /// The node started.
+    /// The node booted.
     BootUp,
-    /// Nothing on the bus explains it: a hardware input, the maker's tool.
+    /// No message explains it; possible causes are a hardware input or the manufacturer's tool.
     NotOnTheBus,
 }
 
@@ -52,42 +52,42 @@ impl DeviceCause {
     }
 }
 
-/// The device reports another state of its machine.
+/// The device reports a new state of its state machine.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct DeviceState {
-    /// Machine.
+    /// Name of the state machine.
     pub machine: String,
-    /// Output of the device, where each has a machine.
+    /// Output of the device, if each one has a state machine.
     pub channel: Option<u8>,
-    /// State before, if it was known.
+    /// Previous state, if known.
     pub from: Option<String>,
-    /// State now.
+    /// New state.
     pub to: String,
     /// The new state is a fault.
     pub fault: bool,
-    /// Why.
+    /// Cause of the change.
     pub cause: DeviceCause,
-    /// Frame of the cause; 0 if there is none.
+    /// Frame of the cause; 0 if none.
     pub cause_frame: u64,
-    /// Code of the EMCY that is the cause.
+    /// EMCY code, if an EMCY is the cause.
     pub emcy: Option<u16>,
-    /// Of a fault: what the control word must do to leave it.
+    /// Control word needed to leave the fault.
     pub leave: Option<String>,
-    /// Control word that commands it.
+    /// Control word that commanded the state.
     pub control: Option<u64>,
-    /// On the way to the state commanded: states passed, and control words sent.
+    /// Intermediate states and control words, if the command took several steps.
     pub path: Option<Box<Path>>,
 }
 
-/// How a commanded state was reached in several steps.
+/// Steps to a commanded state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Path {
-    /// States from the first to the present one.
+    /// States from the first to the current one.
     pub states: Vec<String>,
     /// Frames of the control words.
     pub frames: Vec<u64>,
-    /// Nanoseconds from the first control word.
+    /// Time since the first control word, in ns.
     pub duration: Option<i64>,
 }
 
@@ -95,28 +95,28 @@ pub struct Path {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct BitsChanged {
-    /// Object.
+    /// Address of the control or status word.
     pub object: ObjectAddress,
-    /// Its name.
+    /// Name of the object.
     pub name: String,
     /// Output of the device.
     pub channel: Option<u8>,
-    /// Names of bits that are set now; of several bits together name and number.
+    /// Names of bits that are now set; a multi-bit field has its name and number.
     pub set: Vec<String>,
-    /// Names of bits that are clear now.
+    /// Names of bits that are now clear.
     pub cleared: Vec<String>,
-    /// The same in words for people.
+    /// All changes as text.
     pub words: Vec<String>,
 }
 
-/// Whether a set point acts.
+/// Whether the device acts on a set point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effective {
     /// All gates are open.
     Yes,
-    /// One is closed.
+    /// At least one gate is closed.
     No,
-    /// The bus does not tell.
+    /// The state of a gate is not visible on the bus.
     Unknown,
 }
 
@@ -131,33 +131,33 @@ impl Effective {
     }
 }
 
-/// A set point changed, or began or ceased to act.
+/// A set point changed, or became effective or ineffective.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct SetPoint {
-    /// Object.
+    /// Address of the object.
     pub object: ObjectAddress,
-    /// Its name.
+    /// Name of the object.
     pub signal: String,
-    /// The word for it in lines.
+    /// Short name in text output.
     pub short: Option<String>,
     /// Output of the device.
     pub channel: Option<u8>,
-    /// PDO or message it came by.
+    /// PDO or message that carried it.
     pub carrier: Carrier,
-    /// Value before, as people write it.
+    /// Previous value, formatted.
     pub from: Option<Quantity>,
-    /// Value now.
+    /// New value, formatted.
     pub to: Quantity,
-    /// Unit.
+    /// Unit of the values.
     pub unit: String,
-    /// Rests on an assumption.
+    /// The value depends on an assumed scale or mapping.
     pub assumed: bool,
-    /// Whether it acts.
+    /// Whether the device acts on the set point.
     pub effective: Effective,
-    /// Names of the gates that are closed, or of those nothing is known of.
+    /// Names of the closed gates, or of the gates in unknown state.
     pub gates: Vec<String>,
-    /// Nanoseconds until the SYNC that makes it act.
+    /// Time to the SYNC that makes it effective, in ns.
     pub sync_after: Option<i64>,
 }
 
@@ -166,7 +166,7 @@ pub struct SetPoint {
 pub struct Quantity {
     /// Scaled number; `None` for special values.
     pub number: Option<f64>,
-    /// As people write it.
+    /// Formatted value, without unit.
     pub text: String,
 }
 
@@ -174,55 +174,58 @@ pub struct Quantity {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ModeChange {
-    /// Object.
+    /// Address of the object.
     pub object: ObjectAddress,
-    /// Its name.
+    /// Name of the object.
     pub name: String,
     /// Output of the device.
     pub channel: Option<u8>,
-    /// Mode before.
+    /// Previous mode, if known.
     pub from: Option<String>,
-    /// Mode now.
+    /// New mode.
     pub to: String,
-    /// What it changes: PDO words and their units.
+    /// Effect on PDOs: words and units that change.
     pub consequence: String,
 }
 
-/// A procedure started, went a step on, or ended.
+/// Step of a procedure whose status reports a failure without a start in the capture.
+pub const PROCEDURE_FAILED_EARLIER: &str = "failed earlier";
+
+/// A procedure started, advanced or ended.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ProcedureEvent {
-    /// Name.
+    /// Name of the procedure.
     pub procedure: String,
-    /// KIND of its line.
+    /// KIND column in text output.
     pub word: Option<String>,
-    /// `started`, the name of a step, `finished`.
+    /// `started`, the name of a step, `finished`, or [`PROCEDURE_FAILED_EARLIER`].
     pub step: String,
-    /// How it stands.
+    /// Status of the procedure.
     pub status: &'static str,
-    /// Nanoseconds since it started.
+    /// Time since its start, in ns.
     pub duration: Option<i64>,
     /// Nominal duration in seconds.
     pub nominal: Option<f64>,
-    /// What the device says of it.
+    /// Status text of the device.
     pub text: String,
-    /// Object that started it.
+    /// Address of the object that started it.
     pub object: Option<ObjectAddress>,
-    /// Set points of the bus are ignored meanwhile.
+    /// The device ignores set points from the bus while the procedure runs.
     pub takes_over: bool,
 }
 
-/// Two sources say different things of one object.
+/// Two sources contradict each other about an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Conflict {
-    /// Object.
+    /// Address of the object.
     pub object: ObjectAddress,
-    /// Its name.
+    /// Name of the object.
     pub name: String,
-    /// Who says what: source and bytes.
+    /// Value in bytes by source.
     pub sources: Vec<(Arc<str>, Vec<u8>)>,
-    /// What it comes to.
+    /// Conclusion as text.
     pub text: String,
 }
 
@@ -230,17 +233,17 @@ pub struct Conflict {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ObjectChange {
-    /// Object.
+    /// Address of the object.
     pub object: ObjectAddress,
-    /// Bytes known before.
+    /// Previous value in bytes, if known.
     pub from: Option<Vec<u8>>,
-    /// Bytes now; `None` if they fell back to something unknown.
+    /// New value in bytes; None if it fell back to an unknown value.
     pub to: Option<Vec<u8>>,
-    /// `download` or `upload`; `reset`: the device fell back to what it keeps; `restart`: a value that
-    /// waited for it took effect.
+    /// `download` or `upload`; `reset`: fell back to the stored value; `restart`: a value that required a
+    /// restart took effect.
     pub origin: &'static str,
-    /// When it acts, if known.
+    /// Time of effect, if known.
     pub effect: Option<Effect>,
-    /// Whether it stays: `yes`, `no`, `needs-save`, `unknown`.
+    /// Persistence: `yes`, `no`, `needs-save`, `unknown`.
     pub persists: Option<&'static str>,
 }

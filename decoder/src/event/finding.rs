@@ -1,38 +1,40 @@
-//! News of findings: a rule judged something to be wrong.
+//! Events of findings.
 
 use std::sync::Arc;
 
 use crate::profile::device::Severity;
 use crate::wire::canopen::ObjectAddress;
 
-/// A finding opened, or closed.
+/// A finding opened or closed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct FindingNews {
-    /// The same in its opening and closing, within a capture.
+    /// Number within the capture; equal for opening and closing.
     pub id: u64,
     /// Name of the rule.
     pub rule: Arc<str>,
-    /// How bad, after what quality and presumption take from it.
+    /// Severity, after reductions for the quality of the capture and a presumed protocol.
     pub severity: Severity,
-    /// KIND of its line in text.
+    /// KIND column in text output.
     pub word: &'static str,
-    /// What is wrong.
+    /// Text of the finding.
     pub text: String,
-    /// Object it is about.
+    /// Object as subject.
     pub object: Option<ObjectAddress>,
-    /// Group of J1939 it is about.
+    /// J1939 PGN as subject.
     pub pgn: Option<u32>,
-    /// What else it is about: a code, an identifier, a name.
+    /// Other subject: a code, an identifier, a name.
     pub about: Option<String>,
-    /// Finding that explains it.
+    /// Number of the finding that is the cause.
     pub cause: Option<u64>,
-    /// Why it is less severe than its rule says.
+    /// Reason for a lower severity than that of the rule.
     pub downgraded: Option<String>,
-    /// Times seen since it opened.
+    /// Occurrences since it opened.
     pub count: u64,
-    /// It closes because the capture ends: nothing tells that it is over.
+    /// Closed by the end of the capture; the condition may still hold.
     pub is_at_end: bool,
-    /// Section of the manual, or clause, that says so.
+    /// Section of the manual, or clause of the standard.
     pub source: Option<Arc<str>>,
+    /// `source` is a manual, which text output cites.
+    pub is_manual: bool,
 }

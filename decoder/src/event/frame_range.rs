@@ -1,6 +1,6 @@
-//! The frames something is made of.
+//! Range of frames of an event.
 
-/// First and last frame of something, numbered from 1 within a capture; 0 for "none".
+/// First and last frame of an event, numbered from 1 within a capture; 0 for none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameRange {
     /// First frame.
@@ -10,7 +10,7 @@ pub struct FrameRange {
 }
 
 impl FrameRange {
-    /// A single frame.
+    /// Range of a single frame.
     pub const fn one(number: u64) -> Self {
         Self { first: number, last: number }
     }

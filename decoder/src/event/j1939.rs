@@ -7,40 +7,42 @@ use crate::frame::{CanId, MAX_DATA};
 use crate::profile::Layout;
 use crate::wire::j1939::{self, J1939Id, Name, Pgn};
 
-/// A message that fits one frame; signals are computed by whoever wants them.
+/// A single-frame message; signals are decoded on demand.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct J1939Message {
-    /// What its identifier says.
+    /// Decoded identifier: priority, PGN, addresses.
     pub id: J1939Id,
-    /// The identifier itself.
+    /// Raw identifier.
     pub can_id: CanId,
-    /// Name of its group, if known.
+    /// Name of the parameter group, if known.
     pub name: Option<Arc<str>>,
     /// Payload length in bytes.
     pub length: u8,
-    /// Payload.
+    /// Payload, padded; see `length`.
     pub bytes: [u8; MAX_DATA],
-    /// What the bits mean, if known.
+    /// Layout of the signals, if known.
     pub layout: Option<Arc<Layout>>,
 }
 
 impl J1939Message {
-    /// The payload.
+    /// Payload without padding.
     pub fn payload(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&self.bytes)
     }
 }
 
-/// How a longer message travels.
+/// Transport protocol of a multi-packet message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransportMode {
-    /// Broadcast announce message: to all, nobody answers (J1939-21 §5.10.2.5).
+    /// Broadcast announce message: to all nodes, without a response (J1939-21 §5.10.2.5).
     Broadcast,
     /// Request and clear to send, up to 1,785 bytes (J1939-21 §5.10.3).
     Connection,
     /// Extended transport protocol, up to 117,440,505 bytes (ISO 11783-3).
     Extended,
+    /// Fast packet of NMEA 2000, up to 223 bytes in frames of one group.
+    FastPacket,
 }
 
 impl TransportMode {
@@ -50,28 +52,29 @@ impl TransportMode {
             Self::Broadcast => "bam",
             Self::Connection => "rts-cts",
             Self::Extended => "etp",
+            Self::FastPacket => "fast-packet",
         }
     }
 }
 
-/// A time-out of a transport protocol.
+/// Time-out of a transport protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Timer {
-    /// 750 ms: the next packet (J1939-21 §5.10.2.4, as are those below).
+    /// 750 ms: next packet (J1939-21 §5.10.2.4; also T2 to Th).
     T1,
-    /// 1,250 ms: the first packet behind a clear to send.
+    /// 1,250 ms: first packet after a clear to send.
     T2,
-    /// 1,250 ms: the answer to the last packet.
+    /// 1,250 ms: response to the last packet.
     T3,
-    /// 1,050 ms: the next clear to send behind one that holds.
+    /// 1,050 ms: next clear to send after a hold message.
     T4,
-    /// 200 ms: any answer.
+    /// 200 ms: any response.
     Tr,
-    /// 500 ms: the next clear to send while the connection is held.
+    /// 500 ms: next clear to send while the connection is held.
     Th,
     /// 1,000 ms: flow control (ISO 15765-2 §9.7).
     NBs,
-    /// 1,000 ms: the next consecutive frame (ISO 15765-2 §9.7).
+    /// 1,000 ms: next consecutive frame (ISO 15765-2 §9.7).
     NCr,
 }
 
@@ -94,75 +97,75 @@ impl Timer {
 /// A connection abort (J1939-21 §5.10.3.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TransportAbort {
-    /// Reason.
+    /// Reason code.
     pub reason: u8,
-    /// By the sender of the data rather than its receiver.
+    /// Sent by the sender of the data, not by its receiver.
     pub by_sender: bool,
 }
 
-/// A message of several packets, from its first frame to its last.
+/// A multi-packet message, from its first frame to its last.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct J1939Transfer {
-    /// How it travels; `None` where the capture began too late to tell.
+    /// Transport protocol; None if the start is not in the capture.
     pub mode: Option<TransportMode>,
-    /// Its group; `None` where the capture began too late to tell.
+    /// Parameter group; None if the start is not in the capture.
     pub pgn: Option<Pgn>,
-    /// Name of the group, if known.
+    /// Name of the parameter group, if known.
     pub name: Option<Arc<str>>,
-    /// Priority of its packets.
+    /// Priority of the packets.
     pub priority: u8,
-    /// Who sends the data.
+    /// Address of the sender of the data.
     pub source: u8,
-    /// To whom: an address or 255.
+    /// Address of the receiver, or 255.
     pub destination: u8,
-    /// Bytes announced.
+    /// Announced size in bytes.
     pub announced: Option<u32>,
-    /// Packets announced.
+    /// Announced number of packets.
     pub packets: Option<u32>,
-    /// Bytes seen, each once.
+    /// Bytes seen, without repetitions.
     pub size: u64,
     /// Packets that were not seen.
     pub missing: u32,
     /// Packets seen more than once.
     pub repeated: u32,
-    /// Of a broadcast, shortest and longest time between its frames in nanoseconds, missing packets apart.
+    /// Shortest and longest time between the frames of a broadcast, in ns, except across missing packets.
     pub spacing: Option<(i64, i64)>,
-    /// Data in order, cut at 64 KiB; up to the first gap where packets are missing.
+    /// Data in order, up to 64 KiB or to the first missing packet.
     pub data: Vec<u8>,
-    /// `data` is not whole: over the limit, or packets were not seen.
+    /// `data` is incomplete: over the limit, or packets are missing.
     pub truncated: bool,
-    /// What the bits mean, if known and all are there.
+    /// Layout of the signals, if known and the data is complete.
     pub layout: Option<Arc<Layout>>,
-    /// Nanoseconds from first to last frame.
+    /// Time from first to last frame, in ns.
     pub duration: Option<i64>,
-    /// How it ended.
+    /// Result of the transfer.
     pub outcome: Outcome,
-    /// The time-out that ended it.
+    /// Time-out that ended it.
     pub timer: Option<Timer>,
-    /// The abort that ended it.
+    /// Abort that ended it.
     pub abort: Option<TransportAbort>,
-    /// First frames not in the capture.
+    /// The first frames are not in the capture.
     pub cut_start: bool,
-    /// Last frames not in the capture.
+    /// The last frames are not in the capture.
     pub cut_end: bool,
-    /// Frames it took.
+    /// Number of frames.
     pub frame_count: u64,
 }
 
-/// What is not as it should be within a transfer that goes on.
+/// Irregularity that does not end a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum IrregularityKind {
-    /// A packet came before an earlier one.
+    /// A packet arrived before an earlier one.
     Gap,
-    /// A packet came again that nobody asked for.
+    /// A packet was repeated without a request.
     Duplicate,
-    /// The receiver asked for packets again.
+    /// The receiver requested packets again.
     Retransmission,
-    /// An answer came later than its time-out, which does not end the transfer.
+    /// A response arrived after its time-out without ending the transfer.
     Late,
-    /// A message that no open transfer explains.
+    /// A message that belongs to no open transfer.
     Unexpected,
 }
 
@@ -179,41 +182,41 @@ impl IrregularityKind {
     }
 }
 
-/// Something irregular within a transfer.
+/// An irregularity within a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Irregularity {
-    /// What.
+    /// Kind of irregularity.
     pub what: IrregularityKind,
-    /// What it is about, for people: `TP.CM_CTS`, `consecutive frame`.
+    /// Name of the message: `TP.CM_CTS`, `consecutive frame`.
     pub message: &'static str,
-    /// Group of the transfer.
+    /// Parameter group of the transfer.
     pub pgn: Option<Pgn>,
-    /// Who sent the frame; `None` where addresses are not known.
+    /// Address of the sender of the frame; None if addresses are unknown.
     pub source: Option<u8>,
-    /// To whom.
+    /// Address of the receiver of the frame; None if addresses are unknown.
     pub destination: Option<u8>,
-    /// Number of the packet that came.
+    /// Number of the packet received.
     pub packet: Option<u32>,
-    /// Number of the packet that was due.
+    /// Number of the packet expected.
     pub expected: Option<u32>,
-    /// The time-out that passed.
+    /// Expired time-out.
     pub timer: Option<Timer>,
-    /// Nanoseconds it took.
+    /// Actual time in ns.
     pub delay: Option<i64>,
 }
 
-/// A request for a group (PGN 59904).
+/// A request for a parameter group (PGN 59904).
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct J1939Request {
-    /// The group asked for.
+    /// Requested parameter group.
     pub pgn: Pgn,
-    /// Its name, if known.
+    /// Name of the parameter group, if known.
     pub name: Option<Arc<str>>,
-    /// Who asks.
+    /// Address of the requester.
     pub source: u8,
-    /// Whom: an address or 255.
+    /// Requested address, or 255.
     pub destination: u8,
 }
 
@@ -221,18 +224,18 @@ pub struct J1939Request {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct J1939Acknowledgement {
-    /// What it says.
+    /// Decoded acknowledgement.
     pub message: j1939::Acknowledgement,
-    /// Name of the group, if known.
+    /// Name of the parameter group, if known.
     pub name: Option<Arc<str>>,
-    /// Who sends it.
+    /// Address of the sender.
     pub source: u8,
-    /// To whom: an address or 255.
+    /// Address of the receiver, or 255.
     pub destination: u8,
 }
 
 impl J1939Acknowledgement {
-    /// Name of the control byte used in all output.
+    /// Name of the control byte in all output.
     pub const fn control(&self) -> &'static str {
         match self.message.control {
             0 => "ack",
@@ -244,17 +247,17 @@ impl J1939Acknowledgement {
     }
 }
 
-/// What a claim comes to.
+/// Result of an address claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ClaimAction {
-    /// The device has the address now.
+    /// The device now has the address.
     Claimed,
-    /// It had it before: an answer to a request, or after another one's claim.
+    /// The device already had the address: response to a request, or to the claim of another device.
     Confirmed,
     /// Another device with a lower NAME has the address.
     Lost,
-    /// The device found no address: its source is 254.
+    /// The device found no free address; its source address is 254.
     CannotClaim,
 }
 
@@ -270,12 +273,12 @@ impl ClaimAction {
     }
 }
 
-/// Two devices want one address.
+/// Two devices claim the same address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Contention {
-    /// The other one.
+    /// NAME of the other device.
     pub other: Name,
-    /// Whose NAME is lower.
+    /// Lower of the two NAMEs.
     pub winner: Name,
 }
 
@@ -283,17 +286,17 @@ pub struct Contention {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AddressClaim {
-    /// What it comes to.
+    /// Result of the claim.
     pub action: ClaimAction,
-    /// Who claims.
+    /// NAME of the claiming device.
     pub name: Name,
-    /// The address; 254 of who cannot claim.
+    /// Claimed address; 254 for cannot claim.
     pub source: u8,
-    /// Address the device had before.
+    /// Previous address of the device.
     pub from: Option<u8>,
-    /// The other device that wants the address.
+    /// Contention with another device for the address.
     pub contention: Option<Contention>,
-    /// Frame of the commanded address that brought it; 0 if there is none.
+    /// Frame of the commanded address that caused the claim; 0 if none.
     pub commanded: u64,
 }
 
@@ -301,29 +304,29 @@ pub struct AddressClaim {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CommandedAddress {
-    /// Whom it is for.
+    /// NAME of the commanded device.
     pub name: Name,
-    /// Address it is to take.
+    /// New address.
     pub address: u8,
-    /// Who commands.
+    /// Address of the commander.
     pub source: u8,
-    /// Present address of the device, if it is known.
+    /// Current address of the device, if known.
     pub present: Option<u8>,
 }
 
-/// What became of a fault.
+/// Change of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DtcAction {
-    /// It is reported for the first time, or again after it was not.
+    /// Reported for the first time, or again after an interruption.
     Raised,
-    /// Its occurrence count rose while it was reported.
+    /// The occurrence count rose while the fault was reported.
     Recurred,
-    /// It is reported no longer: gone, or hidden by another one.
+    /// No longer reported: cleared, or hidden by another fault.
     NoLongerReported,
-    /// A list of previously active faults has it.
+    /// Contained in a list of previously active faults.
     PreviouslyActive,
-    /// It was cleared, as the device acknowledged.
+    /// Cleared, with an acknowledgement of the device.
     Cleared,
 }
 
@@ -340,52 +343,52 @@ impl DtcAction {
     }
 }
 
-/// A diagnostic trouble code (J1939-73 §5.7.1.6) and what became of it.
+/// A diagnostic trouble code (J1939-73 §5.7.1.6) and its change.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Dtc {
-    /// Suspect parameter, 19 bits.
+    /// Suspect parameter number, 19 bits.
     pub spn: u32,
-    /// Failure mode, 5 bits.
+    /// Failure mode identifier, 5 bits.
     pub fmi: u8,
-    /// Occurrences, 0..=126; `None` where the device does not count.
+    /// Occurrence count, 0..=126; None if the device does not count.
     pub count: Option<u8>,
-    /// What became of it.
+    /// Change of the fault.
     pub action: DtcAction,
-    /// Who reports it.
+    /// Address of the reporting device.
     pub source: u8,
-    /// Conversion method bit is set, and which of three older ways the SPN is coded in is assumed.
+    /// The conversion method bit is set, so one of three older SPN encodings is assumed.
     pub is_old_coding: bool,
-    /// Lamps that are lit, as the tables name them; with `-slow` or `-fast` where they flash.
+    /// Names of lit lamps, with `-slow` or `-fast` if they flash.
     pub lamps: Vec<&'static str>,
     /// First frame that reported it.
     pub first_frame: u64,
     /// Last frame that reported it.
     pub last_frame: u64,
-    /// Nanoseconds since that frame.
+    /// Time since `last_frame`, in ns.
     pub since: Option<i64>,
-    /// It left, but the device shows only its most urgent fault, and shows another one.
+    /// No longer reported by a device that reports only its most urgent fault, and now reports another one.
     pub may_be_hidden: bool,
-    /// It ended by silence of DM1, not by a DM1 without it.
+    /// Ended by the absence of DM1, not by a DM1 without the fault.
     pub by_silence: bool,
 }
 
-/// A message came later than the device's manual permits.
+/// A message was later than the device manual permits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MessageGap {
-    /// Message, as the profile titles it: `AVC valve 0`.
+    /// Title of the message in the profile: `AVC valve 0`.
     pub message: String,
-    /// Its group.
+    /// Parameter group of the message.
     pub pgn: Pgn,
-    /// Who sent it last.
+    /// Address of the last sender.
     pub source: u8,
-    /// Nanoseconds without it.
+    /// Time without the message, in ns.
     pub gap: i64,
-    /// Nanoseconds permitted.
+    /// Maximum permitted time, in ns.
     pub limit: i64,
-    /// Usual interval in nanoseconds, and the largest deviation from it, of the last ones.
+    /// Usual interval and the largest deviation from it, in ns, from the last messages.
     pub usual: Option<(i64, i64)>,
-    /// It came again; else it is still missing when the capture ends.
+    /// The message was received again; false if it was still missing at the end of the capture.
     pub came_again: bool,
 }

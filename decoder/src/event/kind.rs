@@ -1,4 +1,6 @@
-//! The one list of kinds of events: names, numbers, descriptions and data come from [`EventKind`].
+//! List of all event kinds. Names, numbers, descriptions and data are derived from [`EventKind`].
+
+use std::sync::Arc;
 
 use strum::{EnumCount, EnumDiscriminants, EnumMessage, EnumProperty, IntoStaticStr, VariantArray};
 
@@ -22,10 +24,11 @@ use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::test_marker::TestMarker;
 use crate::wire::error_frame::ErrorFrame;
 
-/// What happened.
+/// Kind of an event with its data.
 ///
-/// The name of a kind in all output is that of its variant in kebab case, its description the doc comment. `single_frame`: a
-/// single frame can say it by itself; all other kinds are made of several frames, or of what was known before.
+/// The name of a kind in all output is its variant in kebab case; its description is the doc comment.
+/// `single_frame` marks a kind that a single frame can show; all others need several frames or earlier
+/// knowledge.
 #[derive(Debug, Clone, EnumDiscriminants)]
 #[strum_discriminants(
     name(Kind),
@@ -37,119 +40,119 @@ use crate::wire::error_frame::ErrorFrame;
 #[expect(missing_docs, reason = "fields are documented by the field table in query/")]
 #[non_exhaustive]
 pub enum EventKind {
-    /// The NMT master commands.
+    /// An NMT command of the master.
     #[strum_discriminants(strum(props(single_frame = true)))]
     NmtCommand { service: NmtService, target: u8, from: Option<NmtState>, to: Option<NmtState> },
     /// A node's NMT state changed, became known or was confirmed.
     NmtState(StateChange),
-    /// A node started.
+    /// A node booted.
     #[strum_discriminants(strum(props(single_frame = true)))]
     BootUp { cause: BootCause, lost: u32 },
-    /// A producer's heartbeat.
+    /// A heartbeat of a producer.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Heartbeat { state: Option<NmtState>, code: u8 },
-    /// The master's guarding request, a remote frame.
+    /// A guarding request of the master, a remote frame.
     #[strum_discriminants(strum(props(single_frame = true)))]
     GuardRequest,
-    /// A node's answer to guarding.
+    /// A guarding response of a node.
     #[strum_discriminants(strum(props(single_frame = true)))]
     GuardReply { state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool },
-    /// A monitored node went silent.
+    /// A monitored node fell silent.
     NodeLost(Silence),
-    /// It is heard again.
+    /// A lost node was received again.
     NodeBack(Silence),
-    /// SYNC.
+    /// A SYNC message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Sync { counter: Option<u8>, expected: Option<u8> },
-    /// TIME.
+    /// A TIME message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Time { milliseconds: u32, days: u16 },
     /// An emergency message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Emcy(Emergency),
-    /// A PDO, or the request for one.
+    /// A PDO, or a remote request for one.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Pdo(Pdo),
-    /// A whole SDO transfer.
+    /// A complete SDO transfer.
     SdoTransfer(Box<SdoTransfer>),
     /// An LSS message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Lss { command: u8, from_master: bool, content: Content },
-    /// A node takes another node-ID.
+    /// A node changed its node-ID.
     NodeIdChange { from: Option<u8>, to: u8, by: &'static str },
-    /// What a node said of itself told which device it is.
+    /// The device of a node was identified.
     NodeIdentified(Box<NodeIdentified>),
-    /// A device reports another state of its state machine.
+    /// A device reports a new state of its state machine.
     DeviceState(Box<DeviceState>),
     /// Bits of a control or status word changed.
     BitsChanged(Box<BitsChanged>),
-    /// A set point changed, or began or ceased to act.
+    /// A set point changed, or became effective or ineffective.
     SetPoint(Box<SetPoint>),
     /// A mode of operation changed, or became known.
     Mode(Box<ModeChange>),
-    /// A procedure of a device started, went a step on, or ended.
+    /// A procedure of a device started, advanced or ended.
     Procedure(Box<ProcedureEvent>),
-    /// Two sources say different things of one object.
+    /// Two sources contradict each other about an object.
     Conflict(Box<Conflict>),
-    /// The object store learnt another value.
+    /// A value in the object store changed.
     ObjectChange(Box<ObjectChange>),
-    /// The CAN controller's report of an error.
+    /// An error reported by the CAN controller.
     #[strum_discriminants(strum(props(single_frame = true)))]
     CanError(ErrorFrame),
-    /// A frame no protocol explains.
+    /// A frame that belongs to no known protocol.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Frame(Undecoded),
-    /// Bytes too few for their service, or a command that does not exist.
+    /// A message too short for its service, or with an undefined command.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Malformed { error: Malformed, reason: &'static str },
-    /// State was given up to keep memory bounded.
+    /// State was evicted to keep memory bounded.
     Evicted { what: &'static str, count: u64 },
-    /// Time stamps went backwards.
+    /// Timestamps went backwards, or the clock was set forward during a live capture.
     ClockStep { step: i64 },
     /// All traffic stopped for a while.
     BusSilent { gap: i64 },
-    /// The recorder lost frames.
+    /// Frames were lost during the capture.
     LostFrames { count: Option<u64> },
-    /// A line or record of the capture that could not be read.
-    Unreadable { line: Option<u64>, offset: Option<u64>, count: u64, reason: String },
-    /// Something to know about the bus or the capture, said once.
+    /// A line or record of the capture is unreadable; `file` is its file in a capture of several parts.
+    Unreadable { file: Option<Arc<str>>, line: Option<u64>, offset: Option<u64>, count: u64, reason: String },
+    /// A notice about the bus or the capture, emitted once.
     Note { text: String },
-    /// A J1939 message of one frame.
+    /// A single-frame J1939 message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     J1939Message(J1939Message),
-    /// A J1939 message of several packets, from its first frame to its last.
+    /// A multi-packet J1939 message, from its first frame to its last.
     J1939Transfer(Box<J1939Transfer>),
     /// A request for a parameter group.
     #[strum_discriminants(strum(props(single_frame = true)))]
     J1939Request(J1939Request),
-    /// An answer to a request or command that carries no data.
+    /// A response without data to a request or command.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Acknowledgement(J1939Acknowledgement),
     /// A device claims an address, or cannot.
     #[strum_discriminants(strum(props(single_frame = true)))]
     AddressClaim(AddressClaim),
-    /// A device is told to take another address.
+    /// A device is commanded to change its address.
     #[strum_discriminants(strum(props(single_frame = true)))]
     CommandedAddress(CommandedAddress),
     /// A diagnostic trouble code was raised, is no longer reported or was cleared.
     Dtc(Box<Dtc>),
-    /// A message came later than the device's manual permits.
+    /// A message was later than the device manual permits.
     MessageGap(Box<MessageGap>),
-    /// Something irregular within a transfer that goes on: a gap, a duplicate, a late answer.
+    /// An irregularity that does not end a transfer: a gap, a duplicate, a late response.
     TransportIrregularity(Box<Irregularity>),
-    /// A whole ISO-TP message, of one frame or several.
+    /// A complete ISO-TP message, single-frame or multi-frame.
     #[strum_discriminants(strum(serialize = "isotp-transfer"))]
     IsoTpTransfer(Box<IsoTpTransfer>),
-    /// A UDS request with its answer.
+    /// A UDS request with its response.
     UdsExchange(Box<UdsExchange>),
-    /// A rule found something wrong; of the same thing again within 5 s only the count grows.
+    /// A rule reports a defect; repetitions within 5 s only increase the count.
     FindingOpened(Box<FindingNews>),
-    /// It is over, or did not come again for 5 s.
+    /// A finding is over, or did not occur again for 5 s.
     FindingClosed(Box<FindingNews>),
-    /// CiA's conformance test tool begins or ends a case.
+    /// A case of CiA's conformance test tool begins or ends.
     #[strum_discriminants(strum(props(single_frame = true)))]
     TestCase(TestMarker),
-    /// The way to the bus opened or closed: an interface went down, an adapter was pulled.
+    /// The connection to the bus opened or closed: an interface went down, an adapter was unplugged.
     Link { state: LinkState, bit_rate: Option<u32> },
 }
 
@@ -168,7 +171,7 @@ impl EventKind {
 }
 
 impl Kind {
-    /// All kinds in order of their numbers.
+    /// All kinds, in order of their numbers.
     pub const ALL: &[Self] = Self::VARIANTS;
 
     /// The name used in all output.
@@ -176,12 +179,12 @@ impl Kind {
         self.into()
     }
 
-    /// What an event of this kind says, in one sentence without its end.
+    /// Description of the kind: one sentence without a full stop.
     pub fn description(self) -> &'static str {
         self.get_documentation().unwrap_or_default().trim_end_matches('.')
     }
 
-    /// Whether a single frame can say it by itself.
+    /// Whether a single frame can show an event of this kind.
     pub fn is_of_one_frame(self) -> bool {
         self.get_bool("single_frame").unwrap_or_default()
     }

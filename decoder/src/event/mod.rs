@@ -1,7 +1,7 @@
-//! Events: what happened on a bus, as facts. Judgements are made of them by rules, lines by sinks.
+//! Events: facts about a bus. Rules evaluate them, and sinks print them.
 //!
-//! An event of several frames carries the time of its last one; an event a deadline brings carries the
-//! deadline's time. Names of kinds and of their keys in output are in `query/`.
+//! An event of several frames has the time of its last frame; an event at a deadline has the time of the
+//! deadline. The names of kinds and their keys in output are defined in `query/`.
 
 mod device;
 mod finding;
@@ -16,7 +16,7 @@ mod undecoded;
 
 pub use device::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
-    Path, ProcedureEvent, Quantity, SetPoint,
+    PROCEDURE_FAILED_EARLIER, Path, ProcedureEvent, Quantity, SetPoint,
 };
 pub use finding::FindingNews;
 pub use frame_range::FrameRange;
@@ -28,19 +28,19 @@ pub use j1939::{
 pub use kind::{EventKind, Kind};
 pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
 pub use transfer::{
-    Abort, Crc, Direction, Mode, Outcome, Pdo, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
+    Abort, Crc, DataRange, Direction, Mode, Outcome, Pdo, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
 };
-pub use uds::{Ends, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
+pub use uds::{Endpoints, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
 pub use undecoded::Undecoded;
 
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::wire::NodeId;
 
-/// What the event's protocol is.
+/// Protocol of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Protocol {
-    /// The bus itself: errors, silence, clocks, frames nobody owns.
+    /// The CAN bus itself: errors, silence, clocks, frames of no known protocol.
     Can,
     /// CiA 301 and CiA 305.
     Canopen,
@@ -48,34 +48,34 @@ pub enum Protocol {
     J1939,
     /// ISO 15765-2 and ISO 14229.
     Uds,
-    /// Messages about the capture.
+    /// The capture.
     Capture,
 }
 
-/// One fact.
+/// A fact about a bus or the capture.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Event {
-    /// When; `None` where the capture has no times.
+    /// Timestamp; None without timestamps in the capture.
     pub time: Option<Timestamp>,
-    /// Which bus.
+    /// Index of the bus.
     pub bus: BusIndex,
-    /// Frames it is made of.
+    /// Frames of the event.
     pub frames: FrameRange,
-    /// Protocol.
+    /// Protocol of the event.
     pub protocol: Protocol,
-    /// Node it is about.
+    /// Node of the event, if any.
     pub node: Option<NodeId>,
-    /// Understood as CANopen without evidence that the bus is one.
+    /// Decoded as CANopen without evidence that the bus uses it.
     pub presumed: bool,
-    /// Says nothing new: a repetition that a reader of changes need not see.
+    /// A repetition without new information, hidden in the default view.
     pub routine: bool,
-    /// What happened.
+    /// Kind and data.
     pub kind: EventKind,
 }
 
 impl Event {
-    /// An event without time or node, of the bus itself; all of it can be set afterwards.
+    /// Creates an event of the bus itself, without time and node; other fields can be set later.
     pub fn new(bus: BusIndex, frames: FrameRange, kind: EventKind) -> Self {
         Self {
             time: None,
@@ -89,7 +89,7 @@ impl Event {
         }
     }
 
-    /// The event of a frame that is taken by itself, as no protocol explains it.
+    /// Creates the event of a frame that no protocol explains.
     pub fn undecoded(frame: &Frame) -> Self {
         let kind = EventKind::Frame(Undecoded { frame: *frame, name: None, message: None });
         Self { time: frame.time, ..Self::new(frame.bus, FrameRange::one(frame.number), kind) }

@@ -1,25 +1,25 @@
-//! Events of a node's life: states, boot-up, silence, errors.
+//! Events of the life cycle of a node: states, boot-up, silence, errors.
 
 use crate::frame::CanId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::ByteOrder;
 
-/// Why a node's state is what it is.
+/// Evidence for the NMT state of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StateCause {
-    /// An NMT command, unconfirmed as all of them are.
+    /// An NMT command, which a node never acknowledges.
     Command,
     /// A boot-up message.
     BootUp,
     /// A heartbeat.
     Heartbeat,
-    /// A guarding reply.
+    /// A guarding response.
     GuardReply,
-    /// A PDO the node sent: only operational nodes do.
+    /// A PDO of the node, which only an operational node sends.
     Pdo,
-    /// Life guarding or heartbeat consumer fired, as an EMCY tells.
+    /// An EMCY reports that life guarding or the heartbeat consumer expired.
     LifeGuard,
-    /// Another EMCY, by the device's manual.
+    /// Another EMCY, according to the profile of the device.
     Emcy,
 }
 
@@ -38,55 +38,55 @@ impl StateCause {
     }
 }
 
-/// How sure a state is (CiA 301 NMT commands are never acknowledged).
+/// Certainty of a state; NMT commands are never acknowledged (CiA 301).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Certainty {
-    /// Follows from a command.
+    /// Follows from a command only.
     Presumed,
-    /// The node said or showed it.
+    /// Reported or shown by the node itself.
     Confirmed,
 }
 
-/// A change of NMT state.
+/// A change of the NMT state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct StateChange {
-    /// State before, if known.
+    /// Previous state, if known.
     pub from: Option<NmtState>,
-    /// State now.
+    /// New state.
     pub to: NmtState,
-    /// What tells it.
+    /// Evidence for the new state.
     pub cause: StateCause,
     /// Frame of the command or message that caused it.
     pub cause_frame: u64,
-    /// Nanoseconds since the command that this confirms.
+    /// Time since the command that this confirms, in ns.
     pub after: Option<i64>,
-    /// How sure it is.
+    /// Certainty of the new state.
     pub certainty: Certainty,
 }
 
-/// Why a node started.
+/// Reason for a boot-up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BootCause {
-    /// An NMT reset since its last frame.
+    /// An NMT reset since the last frame of the node.
     Commanded {
         /// Frame of the command.
         frame: u64,
     },
-    /// No reset was commanded: power-on or a restart of its own.
+    /// No reset was commanded: power cycle or self-reset.
     PresumedPowerOn {
-        /// What makes a power-on likelier than a restart of this node alone.
+        /// Evidence for a power cycle rather than a self-reset.
         sign: Option<PowerSign>,
     },
 }
 
-/// What speaks for a power-on of the machine. A trace never shows one.
+/// Indirect evidence for a power cycle of the machine, which a capture never shows directly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PowerSign {
-    /// Another node booted uncommanded just before.
+    /// Another node booted just before without a command.
     OtherNodesToo,
-    /// The bus had been silent until just before.
+    /// The bus was silent until just before.
     BusWasSilent,
 }
 
@@ -99,7 +99,7 @@ impl PowerSign {
         }
     }
 
-    /// The same for people.
+    /// Text for people.
     pub const fn words(self) -> &'static str {
         match self {
             Self::OtherNodesToo => "other nodes booted too",
@@ -108,35 +108,35 @@ impl PowerSign {
     }
 }
 
-/// A node's silence.
+/// Silence of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Silence {
-    /// Last frame heard from it.
+    /// Last frame received from the node.
     pub last_frame: u64,
-    /// Its state then.
+    /// Last state of the node.
     pub last_state: Option<NmtState>,
-    /// Its last error code other than 0.
+    /// Last error code other than 0.
     pub last_emcy: Option<u16>,
-    /// Nanoseconds without a sign.
+    /// Time without a frame, in ns.
     pub gap: i64,
-    /// What was expected.
+    /// Message that was expected.
     pub monitored_by: &'static str,
 }
 
-/// What an EMCY does to the set of active errors.
+/// Effect of an EMCY on the set of active errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EmcyAction {
-    /// An error appeared, or appeared again.
+    /// An error occurred, or occurred again.
     Raised,
-    /// Code 0 with errors left in the register.
+    /// Code 0 while the error register is not 0.
     Cleared,
-    /// Code 0 with an empty register.
+    /// Code 0 while the error register is 0.
     AllCleared,
-    /// No data: started without error (CiA 301 version 3).
+    /// No data: booted without errors (CiA 301 version 3).
     Ready,
-    /// Code 0 as one of the first messages after boot-up.
+    /// Code 0 in one of the first messages after the boot-up.
     NoErrorAtBoot,
 }
 
@@ -157,26 +157,26 @@ impl EmcyAction {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Emergency {
-    /// Its identifier.
+    /// COB-ID of the message.
     pub cob_id: CanId,
-    /// Code in the byte order in force; `None` for "ready".
+    /// Error code in the active byte order; None for [`EmcyAction::Ready`].
     pub code: Option<u16>,
     /// Error register, object 0x1001.
     pub register: Option<u8>,
     /// Manufacturer-specific bytes.
     pub vendor: [u8; 5],
-    /// How many of them were sent.
+    /// Number of manufacturer-specific bytes sent.
     pub vendor_length: u8,
-    /// What it does.
+    /// Effect on the set of active errors.
     pub action: EmcyAction,
-    /// Active errors after it.
+    /// Number of active errors after the message.
     pub active: u16,
-    /// Byte order used.
+    /// Active byte order.
     pub byte_order: ByteOrder,
-    /// What tells the byte order: `standard`, `profile`, `wire`, `learnt`, `presumed`.
+    /// Source of the byte order: `standard`, `profile`, `wire`, `learnt`, `presumed`.
     pub byte_order_by: &'static str,
-    /// The code the other byte order would give, where only that is a code of the device.
+    /// Code in the other byte order, if only that one is a code of the device.
     pub alternative: Option<u16>,
-    /// Of a device without boot-up message: this message shows its start, and why it started.
+    /// Boot reason, if the device sends this message in place of a boot-up message.
     pub boot: Option<BootCause>,
 }

@@ -6,8 +6,8 @@ use super::{Event, EventKind};
 use crate::profile::{Layout, Signal};
 
 impl Event {
-    /// Values of a PDO, of a J1939 message, or of a frame that a database describes. Empty for all other events, and if the
-    /// layout of the payload is unknown.
+    /// Values of a PDO, of a J1939 message, or of a frame that a database describes. Empty for all other
+    /// events, and if the layout of the payload is unknown.
     ///
     /// ```
     /// use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
@@ -26,7 +26,7 @@ impl Event {
         self.laid_out().into_iter().flat_map(|(layout, payload)| layout.signals(payload))
     }
 
-    /// Layout and bytes of the values it carries.
+    /// Layout and payload of the values in the event.
     pub(crate) fn laid_out(&self) -> Option<(&Arc<Layout>, &[u8])> {
         match &self.kind {
             EventKind::Pdo(pdo) if !pdo.is_request => Some((pdo.layout.as_ref()?, pdo.payload())),

@@ -1,4 +1,4 @@
-//! Events that carry objects: PDOs and SDO transfers.
+//! Events that contain objects: PDOs and SDO transfers.
 
 use std::sync::Arc;
 
@@ -6,44 +6,44 @@ use crate::frame::{CanId, MAX_DATA};
 use crate::profile::{Effect, Layout, Meaning, PdoName};
 use crate::wire::canopen::ObjectAddress;
 
-/// A PDO: layout and payload; signals are computed by whoever wants them.
+/// A PDO with layout and payload; signals are decoded on demand.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Pdo {
-    /// Which PDO of the node.
+    /// Direction and number of the PDO.
     pub name: PdoName,
-    /// Its identifier.
+    /// COB-ID of the PDO.
     pub cob_id: CanId,
     /// A remote frame: a request for this PDO.
     pub is_request: bool,
-    /// Payload length in bytes; of a request the length asked for.
+    /// Payload length in bytes; for a request, the requested length.
     pub length: u8,
-    /// Payload.
+    /// Payload, padded; see `length`.
     pub bytes: [u8; MAX_DATA],
-    /// What the bits mean, if known.
+    /// Layout of the signals, if known.
     pub layout: Option<Arc<Layout>>,
 }
 
 impl Pdo {
-    /// The payload; empty for a request.
+    /// Payload without padding; empty for a request.
     pub fn payload(&self) -> &[u8] {
         let length = if self.is_request { 0 } else { usize::from(self.length) };
         self.bytes.get(..length).unwrap_or(&self.bytes)
     }
 
-    /// The first eight bytes as a number, least significant byte first; bytes beyond the payload are zero.
+    /// First eight bytes as a number, least significant byte first; bytes beyond the payload are 0.
     #[inline]
     pub fn word(&self) -> u64 {
         self.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
     }
 }
 
-/// Direction of an SDO transfer as CiA 301 names it.
+/// Direction of an SDO transfer, as defined in CiA 301.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Client reads.
+    /// The client reads.
     Upload,
-    /// Client writes.
+    /// The client writes.
     Download,
 }
 
@@ -54,25 +54,25 @@ pub enum Mode {
     Expedited,
     /// Confirmed segments.
     Segmented,
-    /// Blocks.
+    /// Block transfer.
     Block,
 }
 
-/// How a transfer ended.
+/// Result of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Outcome {
-    /// As it should.
+    /// Completed correctly.
     Complete,
-    /// By an abort message.
+    /// Ended by an abort message.
     Aborted,
-    /// Nothing more came within the silence limit.
+    /// No further message within the time limit.
     Timeout,
-    /// Another one began in its place.
+    /// Replaced by a new transfer.
     Superseded,
-    /// It came to its end, but not all of it was seen.
+    /// Completed, but not all frames were seen.
     Incomplete,
-    /// The capture ended first.
+    /// The capture ended before the transfer.
     Unfinished,
 }
 
@@ -90,16 +90,16 @@ impl Outcome {
     }
 }
 
-/// The CRC of a block transfer.
+/// CRC check of a block transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Crc {
-    /// Both sides offered it and it equals the data seen.
+    /// Offered by client and server, and equal to that of the data.
     Correct,
-    /// Both sides offered it and it differs.
+    /// Offered by client and server, but different from that of the data.
     Wrong,
-    /// Not both sides offered it.
+    /// Not offered by both.
     NotUsed,
-    /// Segments were not seen, so it cannot be judged.
+    /// Segments were not seen, so it cannot be checked.
     Unchecked,
 }
 
@@ -120,19 +120,19 @@ impl Crc {
 pub struct Abort {
     /// Abort code.
     pub code: u32,
-    /// Sent by the client rather than the server.
+    /// Sent by the client, not by the server.
     pub by_client: bool,
 }
 
-/// What within a transfer is against the protocol.
+/// Protocol violation within a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SdoIrregularityKind {
-    /// A toggle bit that does not alternate, or does not answer the other side's.
+    /// A toggle bit that does not alternate, or a response with the wrong toggle bit.
     Toggle,
     /// A block size other than 1 to 127.
     BlockSize,
-    /// A sequence number beyond the block, or an acknowledgement of one.
+    /// A sequence number beyond the block, or an acknowledgement of such a number.
     Sequence,
 }
 
@@ -147,68 +147,126 @@ impl SdoIrregularityKind {
     }
 }
 
-/// The first thing within a transfer that is against the protocol.
+/// First protocol violation within a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SdoIrregularity {
-    /// What.
+    /// Kind of violation.
     pub what: SdoIrregularityKind,
-    /// The client did it rather than the server.
+    /// Caused by the client, not by the server.
     pub by_client: bool,
-    /// Frame.
+    /// Frame of the violation.
     pub frame: u64,
+}
+
+/// Contiguous captured bytes of a transfer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DataRange {
+    /// Position of the first byte in the transferred value; without the start of the transfer, from the first
+    /// byte captured.
+    pub offset: u64,
+    /// Captured bytes.
+    pub data: Vec<u8>,
+}
+
+impl DataRange {
+    /// Position after the last byte.
+    pub fn end(&self) -> u64 {
+        self.offset.saturating_add(self.data.len() as u64)
+    }
 }
 
 /// One SDO transfer, from its first frame to its last.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct SdoTransfer {
-    /// Identifier of the requests.
+    /// COB-ID of the requests.
     pub request: CanId,
-    /// Identifier of the responses.
+    /// COB-ID of the responses.
     pub response: CanId,
     /// Node-ID of the client, if configured.
     pub client: Option<u8>,
-    /// `None` where the capture began too late to tell.
+    /// Upload or download; None if the start is not in the capture.
     pub direction: Option<Direction>,
-    /// `None` where the capture began too late to tell.
+    /// Kind of transfer; None if the start is not in the capture.
     pub mode: Option<Mode>,
-    /// Object; `None` where the capture began too late to tell.
+    /// Address of the object; None if the start is not in the capture.
     pub object: Option<ObjectAddress>,
-    /// Bytes transferred; with a failed transfer those seen.
+    /// Number of bytes transferred; in a failed transfer, up to the last one seen.
     pub size: u64,
-    /// What its value means, if known.
+    /// Bytes of `size` that are missing in the capture.
+    pub unseen: u64,
+    /// Meaning of the value, if known.
     pub meaning: Option<Arc<Meaning>>,
-    /// When a write acts, if known.
+    /// Time of effect of a write, if known.
     pub effect: Option<Effect>,
-    /// Whether a written value stays: `yes`, `no`, `needs-save`, `unknown`.
+    /// Persistence of a written value: `yes`, `no`, `needs-save`, `unknown`.
     pub persists: Option<&'static str>,
-    /// Size announced, if it was.
+    /// Announced size in bytes, if any.
     pub announced: Option<u32>,
-    /// Data, cut at 64 KiB.
+    /// Transferred data up to the first byte that is missing in the capture, max 64 KiB with `later_data`.
     pub data: Vec<u8>,
-    /// Data is not whole: over the limit, or segments were not seen.
+    /// Data after bytes that are missing in the capture, in ascending order.
+    pub later_data: Vec<DataRange>,
+    /// Segments of a block transfer that the receiver acknowledged, but that are missing in the capture.
+    pub missing_segments: u64,
+    /// Blocks of which the receiver did not acknowledge all segments: lost on the bus and repeated.
+    pub losses: u64,
+    /// Sequence number of the first lost segment, and frame of the acknowledgement, if captured.
+    pub first_loss: Option<(u8, Option<u64>)>,
+    /// `data` is incomplete: over the limit, or segments were not seen.
     pub truncated: bool,
     /// Value known before this transfer.
     pub previous: Option<Vec<u8>>,
-    /// That value is a default, or may have changed unseen.
+    /// `previous` is a default, or may have changed unseen.
     pub previous_assumed: bool,
-    /// Nanoseconds from first to last frame.
+    /// Time from first to last frame, in ns.
     pub duration: Option<i64>,
-    /// Nanoseconds the server was given, where it sent nothing before the client gave up or time ran out; 0 without
-    /// stamps.
+    /// Time in ns that a silent server had until the client stopped waiting or the time-out expired; 0
+    /// without timestamps.
     pub waited: Option<i64>,
-    /// How it ended.
+    /// Result of the transfer.
     pub outcome: Outcome,
     /// Abort message, if any.
     pub abort: Option<Abort>,
     /// CRC of a block transfer.
     pub crc: Option<Crc>,
-    /// What in it is against the protocol.
+    /// First protocol violation, if any.
     pub irregularity: Option<SdoIrregularity>,
-    /// First frames not in the capture.
+    /// Time in ns from the request to the next one of the client, which did not wait for the response.
+    pub overlap: Option<i64>,
+    /// Number of times that the client repeated the request.
+    pub retries: u32,
+    /// Two transfers were open, so that segments may belong to the other one.
+    pub is_ambiguous: bool,
+    /// A response or an abort message without a request.
+    pub is_unrequested: bool,
+    /// The server sent the last frame.
+    pub awaits_client: bool,
+    /// The first frames are not in the capture.
     pub cut_start: bool,
-    /// Last frames not in the capture.
+    /// The last frames are not in the capture.
     pub cut_end: bool,
-    /// Frames it took.
+    /// Number of frames.
     pub frame_count: u64,
+}
+
+impl SdoTransfer {
+    /// All captured data with its position.
+    pub fn ranges(&self) -> impl Iterator<Item = (u64, &[u8])> {
+        let first = Some((0, self.data.as_slice())).filter(|(_, data)| !data.is_empty());
+        first.into_iter().chain(self.later_data.iter().map(|range| (range.offset, range.data.as_slice())))
+    }
+
+    /// Bytes captured.
+    pub fn seen(&self) -> u64 {
+        self.size.saturating_sub(self.unseen)
+    }
+
+    /// Bytes captured and bytes of the whole value, if they differ because the capture lacks some.
+    pub fn partly_seen(&self) -> Option<(u64, u64)> {
+        let announced = self.announced.map_or(0, u64::from);
+        let whole = self.size.max(announced);
+        let is_partial = self.missing_segments > 0 || self.unseen > 0 || self.cut_end && !self.cut_start;
+        Some((self.seen(), whole)).filter(|(seen, whole)| is_partial && seen < whole && *whole > 0)
+    }
 }

@@ -1,4 +1,4 @@
-//! Events of ISO-TP and UDS: whole messages, requests with their answers.
+//! Events of ISO-TP and UDS: complete messages, requests with their responses.
 
 use std::sync::Arc;
 
@@ -8,36 +8,36 @@ use crate::profile::{DataType, Effect, Meaning, Value, ValueIn, uds};
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::uds::SubFunction;
 
-/// Who talks to whom.
+/// Addresses of sender and receiver.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Ends {
-    /// Address of the sender, its net in bits 10..8; `None` where the identifiers are those of the bus file.
+pub struct Endpoints {
+    /// Address of the sender, with its net in bits 10..8; None for identifiers of the bus file.
     pub source: Option<u16>,
-    /// Address of the receiver, alike.
+    /// Address of the receiver, in the same form.
     pub target: Option<u16>,
     /// The receiver is a group of servers.
     pub functional: bool,
-    /// What the bus file calls the server.
+    /// Name of the server in the bus file.
     pub server: Option<Arc<str>>,
 }
 
-/// How an ISO-TP message ended.
+/// Result of an ISO-TP message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MessageOutcome {
-    /// All of it was seen.
+    /// All frames were seen.
     Complete,
-    /// It came to its end, but frames of it were not seen.
+    /// Completed, but frames are missing.
     Incomplete,
-    /// The sender waited for flow control and got none (N_Bs).
+    /// The sender received no flow control in time (N_Bs).
     NoFlowControl,
-    /// The sender did not go on (N_Cr).
+    /// The sender did not continue in time (N_Cr).
     Timeout,
-    /// The receiver has no room for it.
+    /// The receiver reported a buffer overflow.
     Overflow,
-    /// The sender began another one.
+    /// The sender started a new message.
     Superseded,
-    /// The capture ended first.
+    /// The capture ended before the message.
     Unfinished,
 }
 
@@ -54,7 +54,7 @@ impl MessageOutcome {
         }
     }
 
-    /// The time-out that ended it.
+    /// Time-out that ended the message.
     pub const fn timer(self) -> Option<Timer> {
         match self {
             Self::NoFlowControl => Some(Timer::NBs),
@@ -64,53 +64,53 @@ impl MessageOutcome {
     }
 }
 
-/// One ISO-TP message, in one frame or several.
+/// An ISO-TP message, single-frame or multi-frame.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct IsoTpTransfer {
     /// Sender and receiver.
-    pub ends: Ends,
-    /// Identifier of its data.
+    pub ends: Endpoints,
+    /// Identifier of the data frames.
     pub id: CanId,
-    /// Identifier of its flow control, if any was seen.
+    /// Identifier of the flow control frames, if any were seen.
     pub flow_control: Option<CanId>,
-    /// Address before the payload (extended and mixed addressing).
+    /// Address byte before the payload (extended and mixed addressing).
     pub address_byte: Option<u8>,
-    /// Bytes it has by its first frame.
+    /// Size in bytes according to the first frame.
     pub announced: u32,
-    /// Bytes seen.
+    /// Number of bytes seen.
     pub size: u64,
-    /// Data, cut at 64 KiB and where a frame is missing.
+    /// Data up to 64 KiB or to the first missing frame.
     pub data: Vec<u8>,
-    /// Data is not all that was sent.
+    /// `data` is incomplete.
     pub truncated: bool,
     /// Whether it is a single frame.
     pub is_single: bool,
-    /// Flow controls that said wait.
+    /// Number of flow control frames with status wait.
     pub waits: u32,
-    /// Frames it took, flow control included.
+    /// Number of frames, including flow control.
     pub frame_count: u64,
-    /// Nanoseconds from first to last frame.
+    /// Time from first to last frame, in ns.
     pub duration: Option<i64>,
-    /// How it ended.
+    /// Result of the message.
     pub outcome: MessageOutcome,
 }
 
-/// How a request ended.
+/// Result of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ExchangeOutcome {
-    /// Done.
+    /// Positive response.
     Positive,
-    /// Refused.
+    /// Negative response.
     Negative,
-    /// Nothing came.
+    /// No response.
     NoAnswer,
-    /// A response to no request that was seen.
+    /// A response without a visible request.
     Unsolicited,
-    /// Nothing came, and a positive response was not asked for.
+    /// No response, as the request suppresses a positive one.
     Suppressed,
-    /// The capture ended first.
+    /// The capture ended before the response.
     Unfinished,
 }
 
@@ -131,55 +131,55 @@ impl ExchangeOutcome {
 /// A UDS message with its service identifier.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// Identifier of its frames.
+    /// Identifier of the frames.
     pub id: CanId,
-    /// Its bytes as far as they were kept.
+    /// Message bytes, up to the storage limit.
     pub data: Vec<u8>,
-    /// Bytes it has.
+    /// Full size in bytes.
     pub size: u64,
-    /// Bytes are missing.
+    /// `data` is incomplete.
     pub truncated: bool,
-    /// Its frames.
+    /// Frames of the message.
     pub frames: FrameRange,
 }
 
-/// One UDS request with its answer.
+/// A UDS request with its response.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct UdsExchange {
     /// Client (source) and server (target).
-    pub ends: Ends,
+    pub ends: Endpoints,
     /// Service identifier of the request.
     pub service: u8,
     /// Sub-function.
     pub sub_function: Option<SubFunction>,
     /// Data or routine identifier.
     pub identifier: Option<u16>,
-    /// What the device's profile says of the identifier.
+    /// Meaning of the identifier in the device profile.
     pub meaning: Option<Arc<Meaning>>,
-    /// When a write acts, if the profile says.
+    /// Time of effect of a write according to the profile.
     pub effect: Option<Effect>,
     /// Byte order of numbers and identifiers.
     pub order: ByteOrder,
     /// The request, if it was seen.
     pub request: Option<Message>,
-    /// The final response, if one came.
+    /// Final response, if any.
     pub response: Option<Message>,
-    /// How it ended.
+    /// Result of the request.
     pub outcome: ExchangeOutcome,
     /// Negative response code.
     pub nrc: Option<u8>,
-    /// Responses that said the answer takes longer.
+    /// Number of response-pending messages (NRC 78).
     pub pending: u32,
-    /// Nanoseconds from the last frame of the request to the first of the final response.
+    /// Time from the last frame of the request to the first frame of the final response, in ns.
     pub latency: Option<i64>,
-    /// Nanoseconds from the first frame of the request to the last of the response.
+    /// Time from the first frame of the request to the last frame of the response, in ns.
     pub duration: Option<i64>,
 }
 
 impl UdsExchange {
-    /// The bytes of the identifier's value: read, or to be written. `None` where the service carries none,
-    /// or several values without a sign where one ends.
+    /// Bytes of the value that is read or written. None if the service has no value, or several values
+    /// without visible boundaries.
     pub fn value(&self) -> Option<&[u8]> {
         let service = uds().service(self.service)?;
         let whole = |message: &Option<Message>| message.as_ref().is_some_and(|it| !it.truncated);
@@ -197,7 +197,7 @@ impl UdsExchange {
         Some(shape.record(message.data.get(1..)?)).filter(|value| !value.is_empty())
     }
 
-    /// Name of the identifier: the device's own, or the standard's.
+    /// Name of the identifier in the device profile, else in the standard.
     pub fn name(&self) -> Option<&str> {
         match &self.meaning {
             Some(meaning) => Some(&meaning.name),
@@ -205,7 +205,7 @@ impl UdsExchange {
         }
     }
 
-    /// The value as the profile describes it; a run of characters as text; else `None`.
+    /// Value as described in the profile, else text if all bytes are printable.
     pub fn decoded(&self) -> Option<Value> {
         let value = self.value()?;
         match self.meaning.as_deref() {
@@ -222,7 +222,7 @@ impl UdsExchange {
     }
 }
 
-/// Bytes that are a text: all printable but padding at the end.
+/// Bytes as text, if all are printable except for padding at the end.
 fn text(value: &[u8]) -> Option<Value> {
     let end = value.iter().rposition(|byte| !matches!(byte, 0 | 0xFF))?;
     let characters = value.get(..=end)?;
@@ -246,7 +246,7 @@ mod tests {
     }
 
     fn exchange(request: &[u8], response: &[u8]) -> UdsExchange {
-        let ends = Ends { source: None, target: None, functional: false, server: None };
+        let ends = Endpoints { source: None, target: None, functional: false, server: None };
         UdsExchange {
             ends,
             service: request[0],
@@ -266,14 +266,14 @@ mod tests {
     }
 
     #[test]
-    fn a_value_stands_in_the_request_or_in_the_response() {
+    fn a_value_is_in_the_request_or_in_the_response() {
         let read = exchange(&[0x22, 0xF1, 0x90], b"\x62\xF1\x90WAUZ\0");
         assert_eq!(read.value(), Some(&b"WAUZ\0"[..]));
         assert_eq!(read.decoded(), Some(Value::Text("WAUZ".into())));
         assert_eq!(read.name(), Some("VIN"));
         let written = exchange(&[0x2E, 0xF1, 0x90, 7, 8], &[0x6E, 0xF1, 0x90]);
         assert_eq!((written.value(), written.decoded()), (Some(&[7, 8][..]), None));
-        // Two identifiers at once: nothing tells where the first value ends.
+        // Two identifiers in one request: the boundary between their values is unknown.
         assert_eq!(exchange(&[0x22, 0xF1, 0x90, 0xF1, 0x8C], &[0x62, 0xF1, 0x90, 1]).value(), None);
         assert_eq!(exchange(&[0x3E, 0], &[0x7E, 0]).value(), None);
     }

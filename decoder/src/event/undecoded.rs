@@ -5,14 +5,14 @@ use std::sync::Arc;
 use crate::frame::Frame;
 use crate::profile::dbc::DatabaseMessage;
 
-/// A frame that is no message of any protocol.
+/// A frame that does not belong to a message of any known protocol.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Undecoded {
-    /// The frame.
+    /// The frame itself.
     pub frame: Frame,
-    /// Name of its service where that is all that is known.
+    /// Name of its service, if only that is known.
     pub name: Option<&'static str>,
-    /// What a database of the user tells of its identifier.
+    /// Description of the identifier in a database of the user.
     pub message: Option<Arc<DatabaseMessage>>,
 }

@@ -1,4 +1,4 @@
-//! The entries of an object dictionary as TOML, and what they become.
+//! TOML form of object dictionary entries, and its conversion.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,21 +11,24 @@ use toml::Spanned;
 use super::data_type::DataType;
 use super::dictionary::{Entry, Object};
 use super::names::{BitNames, Names, Shared};
-use super::object::{Access, Effect, Format, Given, Look, ONCE, Only, Repeat, Role, Scale, Storage, When};
+use super::object::{
+    Access, DefaultValue, Effect, Format, Interpretation, ONCE, ObjectCondition, Repeat, Role, Scale,
+    Storage, VariantFilter,
+};
 use super::reference::{ObjectRange, Reference};
 
-/// What is wrong, and where in the text.
-pub(super) type Wrong = (Range<usize>, String);
+/// Position in the text, in bytes, and the message.
+pub(super) type TextProblem = (Range<usize>, String);
 
-/// An object, a sub-entry or a meaning by mode: every key any of them may have.
+/// All keys of an object, a sub-entry or a mode.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct Authored {
+pub(super) struct AuthoredEntry {
     index: Option<u16>,
     repeat: Option<Repeat>,
     sub: Sub,
     to: Option<u8>,
-    when: Option<When>,
+    when: Option<ObjectCondition>,
     name: Option<String>,
     #[serde(rename = "type")]
     data_type: Option<DataType>,
@@ -37,7 +40,7 @@ pub(super) struct Authored {
     decimals: Option<u8>,
     range: Option<[i64; 2]>,
     limits: Option<[f64; 2]>,
-    default: Option<Given>,
+    default: Option<DefaultValue>,
     values: Option<Spanned<Shared<Names>>>,
     special: Option<Spanned<Shared<Names>>>,
     bits: Option<Spanned<Shared<Vec<super::names::BitName>>>>,
@@ -50,19 +53,19 @@ pub(super) struct Authored {
     invalidates: Vec<ObjectRange>,
     channel: Option<u8>,
     open_loop: Vec<i64>,
-    modes: Vec<Spanned<Authored>>,
-    only: Only,
+    modes: Vec<Spanned<AuthoredEntry>>,
+    only: VariantFilter,
     source: Option<String>,
     note: Option<String>,
 }
 
-/// `sub`: a number in a sub-entry, the list of them in an object.
+/// Key `sub`: a number in a sub-entry, the list of sub-entries in an object.
 #[derive(Debug, Clone, Default)]
 enum Sub {
     #[default]
     None,
     Number(u8),
-    List(Vec<Spanned<Authored>>),
+    List(Vec<Spanned<AuthoredEntry>>),
 }
 
 impl<'de> Deserialize<'de> for Sub {
@@ -72,11 +75,13 @@ impl<'de> Deserialize<'de> for Sub {
             type Value = Sub;
 
             fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("a sub-index, or the list of sub-entries")
+                f.write_str("a sub-index or a list of sub-entries")
             }
 
             fn visit_i64<E: serde::de::Error>(self, number: i64) -> Result<Sub, E> {
-                u8::try_from(number).map(Sub::Number).map_err(|_| E::custom("a sub-index is 0 to 255"))
+                u8::try_from(number)
+                    .map(Sub::Number)
+                    .map_err(|_| E::custom("sub-index out of range; expected 0 to 255"))
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Sub, A::Error> {
@@ -91,7 +96,7 @@ impl<'de> Deserialize<'de> for Sub {
     }
 }
 
-/// Tables that entries name.
+/// Shared tables that entries refer to by name.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
     pub(super) values: BTreeMap<String, Arc<Names>>,
@@ -99,33 +104,40 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    fn values(&self, shared: &Spanned<Shared<Names>>) -> Result<Arc<Names>, Wrong> {
+    fn values(&self, shared: &Spanned<Shared<Names>>) -> Result<Arc<Names>, TextProblem> {
         match shared.get_ref() {
             Shared::Here(names) => Ok(Arc::new(names.clone())),
             Shared::Named(name) => self.values.get(name).cloned().ok_or_else(|| {
-                (shared.span(), format!("there is no table [values.{name}]{}", known(self.values.keys())))
+                (shared.span(), format!("unknown table [values.{name}]{}", known(self.values.keys())))
             }),
         }
     }
 
-    fn bits(&self, shared: &Spanned<Shared<Vec<super::names::BitName>>>) -> Result<Arc<BitNames>, Wrong> {
+    fn bits(
+        &self,
+        shared: &Spanned<Shared<Vec<super::names::BitName>>>,
+    ) -> Result<Arc<BitNames>, TextProblem> {
         match shared.get_ref() {
             Shared::Here(list) => Ok(Arc::new(BitNames { list: list.clone() })),
             Shared::Named(name) => self.bits.get(name).cloned().ok_or_else(|| {
-                (shared.span(), format!("there is no table [bits.{name}]{}", known(self.bits.keys())))
+                (shared.span(), format!("unknown table [bits.{name}]{}", known(self.bits.keys())))
             }),
         }
     }
 }
 
-/// `, only: a, b`.
+/// Suffix of an error message: `; expected a, b`.
 fn known<'a>(names: impl Iterator<Item = &'a String>) -> String {
     let names: Vec<_> = names.map(String::as_str).collect();
-    if names.is_empty() { String::new() } else { format!(", only: {}", names.join(", ")) }
+    if names.is_empty() { String::new() } else { format!("; expected {}", names.join(", ")) }
 }
 
-/// All objects of a file; what is wrong with any of them goes to `wrong`.
-pub(super) fn objects(list: Vec<Spanned<Authored>>, tables: &Tables, wrong: &mut Vec<Wrong>) -> Vec<Object> {
+/// Converts all objects of a file; adds problems to `wrong`.
+pub(super) fn objects(
+    list: Vec<Spanned<AuthoredEntry>>,
+    tables: &Tables,
+    wrong: &mut Vec<TextProblem>,
+) -> Vec<Object> {
     let mut objects = Vec::with_capacity(list.len());
     for authored in list {
         let span = authored.span();
@@ -137,24 +149,26 @@ pub(super) fn objects(list: Vec<Spanned<Authored>>, tables: &Tables, wrong: &mut
     objects
 }
 
-fn object(mut authored: Authored, span: Range<usize>, tables: &Tables) -> Result<Object, Wrong> {
+fn object(mut authored: AuthoredEntry, span: Range<usize>, tables: &Tables) -> Result<Object, TextProblem> {
     let here = |message: &str| (span.clone(), message.to_owned());
-    let index = authored.index.take().ok_or_else(|| here("an object needs its index"))?;
+    let index = authored.index.take().ok_or_else(|| here("index is missing; every object requires one"))?;
     let repeat = authored.repeat.take().unwrap_or(ONCE);
-    let name = authored.name.clone().ok_or_else(|| here("an object needs a name"))?;
+    let name = authored.name.clone().ok_or_else(|| here("name is missing; every object requires one"))?;
     let last = u32::from(index) + u32::from(repeat.count.saturating_sub(1)) * u32::from(repeat.stride);
     if repeat.count == 0 || repeat.count > 1 && repeat.stride == 0 || last > 0xFFFF {
-        return Err(here("repeat needs a count and a stride that stay within 0xFFFF"));
+        return Err(here("invalid repeat; expected count > 0, stride > 0 and indexes up to 0xFFFF"));
     }
     let only = authored.only.clone();
     let source = authored.source.clone().unwrap_or_default();
     let entries = match std::mem::take(&mut authored.sub) {
-        Sub::Number(_) => return Err(here("sub of an object is the list of its sub-entries")),
+        Sub::Number(_) => return Err(here("sub of an object is a number; expected a list of sub-entries")),
         Sub::None => vec![entry(authored, span.clone(), 0, &source, tables)?],
         Sub::List(entries) => {
             let strange = authored.stray_key();
             if let Some(key) = strange {
-                return Err(here(&format!("{key} stands at the sub-entries of an object that has some")));
+                return Err(here(&format!(
+                    "{key} at an object with sub-entries; move it to the sub-entries"
+                )));
             }
             sub_entries(entries, &source, authored.note.as_deref(), tables)?
         }
@@ -164,20 +178,20 @@ fn object(mut authored: Authored, span: Range<usize>, tables: &Tables) -> Result
 }
 
 fn sub_entries(
-    list: Vec<Spanned<Authored>>,
+    list: Vec<Spanned<AuthoredEntry>>,
     source: &str,
     note: Option<&str>,
     tables: &Tables,
-) -> Result<Vec<Entry>, Wrong> {
+) -> Result<Vec<Entry>, TextProblem> {
     let mut entries = Vec::with_capacity(list.len());
     for authored in list {
         let span = authored.span();
         let mut authored = authored.into_inner();
         let Sub::Number(sub) = authored.sub else {
-            return Err((span, "a sub-entry needs its sub-index: sub = 1".into()));
+            return Err((span, "sub is missing; expected a sub-index such as sub = 1".into()));
         };
         if authored.index.is_some() || authored.repeat.is_some() {
-            return Err((span, "index and repeat stand at the object".into()));
+            return Err((span, "index or repeat in a sub-entry; move it to the object".into()));
         }
         authored.note = authored.note.or_else(|| note.map(str::to_owned));
         entries.push(entry(authored, span, sub, source, tables)?);
@@ -186,27 +200,27 @@ fn sub_entries(
 }
 
 fn entry(
-    mut authored: Authored,
+    mut authored: AuthoredEntry,
     span: Range<usize>,
     sub: u8,
     source: &str,
     tables: &Tables,
-) -> Result<Entry, Wrong> {
+) -> Result<Entry, TextProblem> {
     let mut modes = Vec::new();
     for mode in std::mem::take(&mut authored.modes) {
         let span = mode.span();
         let mut mode = mode.into_inner();
         let when = mode.when.take().ok_or_else(|| {
-            (span.clone(), "a meaning by mode needs when = { object = …, equals = … }".to_owned())
+            (span.clone(), "when is missing; expected when = { object = …, equals = … }".to_owned())
         })?;
         if mode.data_type.is_some() || mode.access.is_some() || mode.default.is_some() {
-            return Err((span, "type, access and default do not differ by mode".into()));
+            return Err((span, "type, access and default cannot depend on the mode".into()));
         }
         modes.push((when, mode.look(tables)?));
     }
     let to = authored.to.unwrap_or(sub);
     if to < sub {
-        return Err((span, format!("sub-indexes {sub} to {to} are none")));
+        return Err((span, format!("sub-indexes {sub} to {to}; expected the lower one first")));
     }
     Ok(Entry {
         sub,
@@ -230,20 +244,20 @@ fn entry(
     })
 }
 
-impl Authored {
-    /// The keys that may differ by mode.
-    fn look(&self, tables: &Tables) -> Result<Look, Wrong> {
+impl AuthoredEntry {
+    /// Converts the keys that can depend on the mode.
+    fn look(&self, tables: &Tables) -> Result<Interpretation, TextProblem> {
         if let Some(unit) = &self.unit
             && !super::lookup::units().contains(unit.get_ref())
         {
             let message = format!(
-                "'{}' is no known unit; known are {}",
+                "unknown unit '{}'; expected one of {}",
                 unit.get_ref(),
                 super::lookup::units().join(" ")
             );
             return Err((unit.span(), message));
         }
-        Ok(Look {
+        Ok(Interpretation {
             name: self.name.clone(),
             short: self.short.clone(),
             unit: self.unit.as_ref().map(|unit| unit.get_ref().clone()),
@@ -260,7 +274,7 @@ impl Authored {
         })
     }
 
-    /// A key that an object with sub-entries cannot have.
+    /// First key that an object with sub-entries must not have.
     fn stray_key(&self) -> Option<&'static str> {
         let keys = [
             ("type", self.data_type.is_some()),

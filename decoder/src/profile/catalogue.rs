@@ -1,29 +1,29 @@
-//! All profiles by id: those of this program, and those the user brings.
+//! All profiles by id: built-in and user-supplied ones.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use serde::Deserialize;
 
-use super::device::{Device, Identity, ProfileFile};
+use super::device::{Device, Hint, Identity, ProfileFile};
 use super::position::TextError;
 use super::{compiled, embedded};
 
-/// Profiles by id. Those of this program are read when first asked for.
+/// Profiles by id. Built-in profiles are loaded on first use.
 #[derive(Debug, Default)]
 pub struct Catalogue {
     user: Vec<UserProfile>,
-    /// Profile, rule, key and value: what the user set of the rules of devices.
+    /// User settings of device rules: profile, rule, key, value.
     tolerances: Vec<(String, String, String, f64)>,
     read: Mutex<BTreeMap<String, Arc<Device>>>,
 }
 
-/// A profile the user brought.
+/// A user-supplied profile.
 #[derive(Debug)]
 struct UserProfile {
     id: String,
     origin: String,
-    identities: Vec<Identity>,
+    recognition: Recognition,
     content: Content,
 }
 
@@ -44,34 +44,34 @@ impl UserProfile {
     }
 }
 
-/// Why there is no such profile.
+/// Reason why a profile cannot be loaded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProfileError {
-    /// No profile has that id.
-    #[error("there is no profile '{id}'{}", closest.as_ref().map(|it| format!("; did you mean '{it}'?")).unwrap_or_default())]
+    /// No profile has this id.
+    #[error("unknown profile '{id}'{}", closest.as_ref().map(|it| format!("; did you mean '{it}'?")).unwrap_or_default())]
     Unknown {
-        /// What was asked for.
+        /// Requested id.
         id: String,
-        /// The id most like it.
+        /// Most similar id.
         closest: Option<String>,
     },
-    /// It has no such variant.
-    #[error("profile '{id}' has no variant '{variant}'{}", if known.is_empty() { "; it has none".into() } else { format!(", only: {known}") })]
+    /// The profile has no such variant.
+    #[error("unknown variant '{variant}' of profile '{id}'; {}", if known.is_empty() { "it has no variants".into() } else { format!("expected {known}") })]
     NoVariant {
-        /// Profile.
+        /// Id of the profile.
         id: String,
-        /// What was asked for.
+        /// Requested variant.
         variant: String,
-        /// What there is.
+        /// Variants of the profile, separated by commas.
         known: String,
     },
-    /// Its text is wrong.
+    /// The text of the profile is invalid.
     #[error("{}", shown(file, errors))]
     Broken {
-        /// Where it comes from.
+        /// File name or origin of the profile.
         file: String,
-        /// What is wrong.
+        /// Problems in the text.
         errors: Vec<TextError>,
     },
 }
@@ -80,24 +80,24 @@ fn shown(file: &str, errors: &[TextError]) -> String {
     errors.iter().map(|error| error.show(file)).collect::<Vec<_>>().join("\n")
 }
 
-/// What a node said of itself.
+/// Identity data that a node reported.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Introduction {
-    /// 1018:01.
+pub struct ReportedIdentity {
+    /// Vendor-ID, object 1018:01.
     pub vendor_id: Option<u32>,
-    /// 1018:02.
+    /// Product code, object 1018:02.
     pub product_code: Option<u32>,
-    /// 1018:03.
+    /// Revision number, object 1018:03.
     pub revision: Option<u32>,
-    /// 1000:00.
+    /// Device type, object 1000:00.
     pub device_type: Option<u32>,
-    /// 1008:00.
+    /// Manufacturer device name, object 1008:00.
     pub device_name: Option<String>,
 }
 
 impl Identity {
-    /// Whether all it asks for is there.
-    pub fn fits(&self, node: &Introduction) -> bool {
+    /// Whether the node reported all the required data.
+    pub fn fits(&self, node: &ReportedIdentity) -> bool {
         let same = |wanted: Option<u32>, is: Option<u32>| wanted.is_none() || wanted == is;
         let asks = self.vendor_id.is_some() || self.device_name.is_some() || self.profile_number.is_some();
         let profile = node.device_type.map(|device_type| device_type & 0xFFFF);
@@ -113,13 +113,14 @@ impl Identity {
     }
 }
 
-/// Folder of the devices of this program.
+/// Folder of the built-in device profiles.
 const VENDOR: &str = "vendor/";
 
-/// Folder of what is known of any device of a sort, for those of which nothing better is known.
+/// Folder of the profiles of device classes, used for devices without a more specific profile.
 const GENERIC: &str = "generic/";
 
-/// `vendor/rexroth/sydfec.toml` has the id `rexroth-sydfec`, `standard/cia301.toml` the id `cia301`.
+/// Profile id of a path: `rexroth-sydfec` for `vendor/rexroth/sydfec.toml`, `cia301` for
+/// `standard/cia301.toml`.
 fn id_of(path: &str) -> Option<String> {
     let stem = path.strip_suffix(".toml")?;
     match stem.strip_prefix(VENDOR) {
@@ -129,10 +130,11 @@ fn id_of(path: &str) -> Option<String> {
 }
 
 impl Catalogue {
-    /// Brings a profile as text and gives its id; `origin` names its file in errors. It goes before one of the same id.
+    /// Adds a profile as text and returns its id; `origin` is its name in error messages. It overrides an
+    /// earlier profile with the same id.
     ///
     /// # Errors
-    /// Text that cannot be read.
+    /// Invalid text.
     pub fn add_text(&mut self, origin: &str, text: &str) -> Result<String, ProfileError> {
         let broken = |errors| ProfileError::Broken { file: origin.to_owned(), errors };
         let file = ProfileFile::parse(text).map_err(broken)?;
@@ -140,58 +142,57 @@ impl Catalogue {
         self.user.push(UserProfile {
             id: id.clone(),
             origin: origin.to_owned(),
-            identities: identities(text),
+            recognition: recognition(text),
             content: Content::Text(text.to_owned()),
         });
         Ok(id)
     }
 
-    /// Remembers a profile that cannot be read, for when a node wants it.
+    /// Adds an invalid profile; the error is reported when a node requires it.
     pub fn add_broken(&mut self, id: &str, error: ProfileError) {
         self.user.push(UserProfile {
             id: id.to_owned(),
             origin: String::new(),
-            identities: Vec::new(),
+            recognition: Recognition::default(),
             content: Content::Broken(error),
         });
     }
 
-    /// Brings a device that was read elsewhere: of an EDS, DCF or XDD file.
+    /// Adds a device from another source: an EDS, DCF or XDD file.
     pub fn add_device(&mut self, origin: &str, device: Device) {
         self.user.push(UserProfile {
             id: device.id.clone(),
             origin: origin.to_owned(),
-            identities: device.identities.clone(),
+            recognition: Recognition { identity: device.identities.clone(), hint: device.hints.clone() },
             content: Content::Device(Arc::new(device)),
         });
     }
 
-    /// Sets a number of a device's rule instead of the one its profile has; for devices that are asked for from now on.
+    /// Overrides a number in a device rule; applies to devices that are loaded later.
     pub fn set_tolerance(&mut self, profile: &str, rule: &str, key: &str, value: f64) {
         self.tolerances.push((profile.to_owned(), rule.to_owned(), key.to_owned(), value));
         self.read.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Whether a profile of this id is a device file's.
+    /// Whether the profile with this id originates from a device file.
     pub fn is_device_file(&self, id: &str) -> bool {
         let user = self.user.iter().rev().find(|user| user.id == id);
         user.is_some_and(UserProfile::is_device_file)
     }
 
-    /// Whether the user brought a profile of this id, and from where.
-    pub fn brought(&self, id: &str) -> Option<&str> {
+    /// Origin of the user-supplied profile with this id; `None` without one.
+    pub fn content_of(&self, id: &str) -> Option<&str> {
         self.user.iter().rev().find(|user| user.id == id).map(|user| user.origin.as_str())
     }
 
-    /// What the profile that was brought last for this id stands in the place of: the origin of another one, or an empty
-    /// text for a device of this program.
+    /// Origin of the profile that the last one added for this id overrides; empty for a built-in profile.
     pub fn replaced(&self, id: &str) -> Option<&str> {
         let of_user = self.user.iter().rev().filter(|user| user.id == id).nth(1);
         let is_bundled = || bundled_devices().any(|device| device == id);
         of_user.map(|user| user.origin.as_str()).or_else(|| is_bundled().then_some(""))
     }
 
-    /// Ids of all devices, sorted; standards are not among them.
+    /// Sorted ids of all devices, without standards.
     pub fn ids(&self) -> Vec<String> {
         let mut ids: Vec<_> = bundled_devices().chain(self.user.iter().map(|user| user.id.clone())).collect();
         ids.sort();
@@ -199,10 +200,10 @@ impl Catalogue {
         ids
     }
 
-    /// The device of an assignment: `rexroth-sydfec`, `wandfluh-md2:controller`.
+    /// Device of an assignment: `rexroth-sydfec`, `wandfluh-md2:controller`.
     ///
     /// # Errors
-    /// Unknown ids and variants; profiles that cannot be read.
+    /// Unknown ids and variants; invalid profiles.
     pub fn device(&self, assignment: &str) -> Result<Arc<Device>, ProfileError> {
         let read = || self.read.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(device) = read().get(assignment) {
@@ -260,12 +261,12 @@ impl Catalogue {
         ProfileError::Unknown { id: id.to_owned(), closest: closest(id, self.ids()) }
     }
 
-    /// Assignments that fit what a node said of itself; more than one is ambiguous. Device files count
-    /// only where no profile fits, and what is known of any device of its sort where none of them does.
-    pub(crate) fn identify(&self, node: &Introduction) -> Vec<String> {
+    /// Assignments that match the identity data of a node; ambiguous if more than one. Device files are used
+    /// only if no profile matches, profiles of device classes only if no device file matches.
+    pub(crate) fn identify(&self, node: &ReportedIdentity) -> Vec<String> {
         let own = || {
-            let own = bundled_identities().iter().filter(|own| self.brought(&own.id).is_none());
-            own.map(|own| (own, (own.id.as_str(), own.list.as_slice())))
+            let own = bundled_recognition().iter().filter(|own| self.content_of(&own.id).is_none());
+            own.map(|own| (own, (own.id.as_str(), own.by.identity.as_slice())))
         };
         let devices = own().filter(|(own, _)| !own.is_generic).map(|(_, identities)| identities);
         let mut found = fitting(self.users(UserProfile::is_profile).chain(devices), node);
@@ -278,21 +279,31 @@ impl Catalogue {
         found
     }
 
-    /// Whether a profile of this id says no more than is known of any device of its sort.
+    /// Ids of the devices that have hints, sorted, with these hints. Only the chosen devices need to be loaded.
+    pub(crate) fn hints(&self) -> BTreeMap<&str, &[Hint]> {
+        let own = bundled_recognition().iter().map(|own| (own.id.as_str(), own.by.hint.as_slice()));
+        let users = self.user.iter().map(|user| (user.id.as_str(), user.recognition.hint.as_slice()));
+        let mut hints: BTreeMap<_, _> = own.chain(users).collect();
+        hints.retain(|_, hints| !hints.is_empty());
+        hints
+    }
+
+    /// Whether the profile with this id describes a device class rather than a device.
     pub fn is_generic(&self, id: &str) -> bool {
-        self.brought(id).is_none() && bundled_identities().iter().any(|own| own.is_generic && own.id == id)
+        self.content_of(id).is_none()
+            && bundled_recognition().iter().any(|own| own.is_generic && own.id == id)
     }
 
     fn users(&self, counts: fn(&UserProfile) -> bool) -> impl Iterator<Item = (&str, &[Identity])> {
         let user = self.user.iter().filter(move |user| counts(user));
-        user.map(|user| (user.id.as_str(), user.identities.as_slice()))
+        user.map(|user| (user.id.as_str(), user.recognition.identity.as_slice()))
     }
 }
 
-/// Assignments of the profiles whose identity fits.
+/// Assignments of the profiles whose identity matches.
 fn fitting<'a>(
     profiles: impl Iterator<Item = (&'a str, &'a [Identity])>,
-    node: &Introduction,
+    node: &ReportedIdentity,
 ) -> Vec<String> {
     let mut all: Vec<String> = Vec::new();
     for (id, identities) in profiles {
@@ -309,8 +320,8 @@ fn fitting<'a>(
     all
 }
 
-/// The name most like one that does not exist: most letters in common from a word's beginning, three at
-/// least, since a letter or two are in any name.
+/// Most similar known name: the longest common prefix of words, at least three letters, because shorter
+/// prefixes are too common.
 fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<String> {
     let common = |a: &str, b: &str| a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
     let alike = |name: &str| {
@@ -325,25 +336,26 @@ fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<Stri
     scored.filter(|(score, _)| *score > 2).max_by_key(|(score, _)| *score).map(|(_, name)| name)
 }
 
-/// Path, text and compiled form of the profiles of this program.
+/// Path, text and compiled form of the built-in profiles.
 fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static [u8])> {
     embedded::FILES.iter()
 }
 
-/// Ids of the devices of this program.
+/// Ids of the built-in devices.
 fn bundled_devices() -> impl Iterator<Item = String> {
     bundled().filter(|(path, ..)| is_device(path)).filter_map(|(path, ..)| id_of(path))
 }
 
-/// Whether a profile of this program is a device's, and no standard for others to build on.
+/// Whether a built-in profile describes a device rather than a standard.
 fn is_device(path: &str) -> bool {
     path.starts_with(VENDOR) || path.starts_with(GENERIC)
 }
 
-/// Whether a TOML text is a bus file rather than a profile: it has parts that only bus files have, and no id of its own.
+/// Whether a TOML text is a bus file rather than a profile: it has keys specific to bus files, and no profile
+/// id.
 pub fn is_bus_file(text: &str) -> bool {
     const PARTS: [&str; 7] = ["bus", "node", "master", "dbc", "rules", "suppress", "expect"];
-    // Both have these: a bus file several, a profile one.
+    // In a bus file these are lists, in a profile single values.
     const LISTS: [&str; 2] = ["id", "uds"];
     let Ok(table) = text.parse::<toml::Table>() else { return false };
     let has_list = LISTS.iter().any(|key| table.get(*key).is_some_and(toml::Value::is_array));
@@ -351,30 +363,32 @@ pub fn is_bus_file(text: &str) -> bool {
         && (has_list || PARTS.iter().any(|key| table.contains_key(*key)))
 }
 
-/// What tells a device by what it says of itself.
-#[derive(Default, Deserialize)]
+/// The parts of a profile by which a device is recognised, readable without the rest.
+#[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-struct Identities {
+struct Recognition {
+    /// Identity data that assign the profile.
     identity: Vec<Identity>,
+    /// Behaviour that suggests the profile.
+    hint: Vec<Hint>,
 }
 
-/// What tells a device of this program.
-struct OwnIdentities {
+/// How a built-in device is recognised.
+struct OwnRecognition {
     id: String,
-    list: Vec<Identity>,
+    by: Recognition,
     is_generic: bool,
 }
 
-/// Identities of the devices of this program; collected when first asked for.
-fn bundled_identities() -> &'static [OwnIdentities] {
-    static ALL: OnceLock<Vec<OwnIdentities>> = OnceLock::new();
+/// How the built-in devices are recognised; collected on first use.
+fn bundled_recognition() -> &'static [OwnRecognition] {
+    static ALL: OnceLock<Vec<OwnRecognition>> = OnceLock::new();
     ALL.get_or_init(|| {
         let devices = bundled().filter(|(path, ..)| is_device(path));
-        let of = |compiled| compiled::read::<Identities>(compiled).unwrap_or_default().identity;
         let own = |path: &str, compiled| {
-            Some(OwnIdentities {
+            Some(OwnRecognition {
                 id: id_of(path)?,
-                list: of(compiled),
+                by: compiled::read(compiled).unwrap_or_default(),
                 is_generic: path.starts_with(GENERIC),
             })
         };
@@ -382,9 +396,9 @@ fn bundled_identities() -> &'static [OwnIdentities] {
     })
 }
 
-/// The identities of a profile that is known to be one.
-fn identities(text: &str) -> Vec<Identity> {
-    toml::from_str::<Identities>(text).unwrap_or_default().identity
+/// How the device of a valid profile is recognised.
+fn recognition(text: &str) -> Recognition {
+    toml::from_str(text).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -404,16 +418,16 @@ mod tests {
         assert!(device.dictionary.find("1017:00".parse().unwrap()).is_some());
         assert_eq!(catalogue.device("acme-pump:b").unwrap().variant.as_deref(), Some("b"));
         let error = catalogue.device("acme-pump:c").unwrap_err();
-        assert_eq!(error.to_string(), "profile 'acme-pump' has no variant 'c', only: a, b");
+        assert_eq!(error.to_string(), "unknown variant 'c' of profile 'acme-pump'; expected a, b");
         let error = catalogue.device("pump").unwrap_err();
-        assert_eq!(error.to_string(), "there is no profile 'pump'; did you mean 'acme-pump'?");
+        assert_eq!(error.to_string(), "unknown profile 'pump'; did you mean 'acme-pump'?");
     }
 
     #[test]
     fn identity_assigns_when_all_of_it_fits() {
         let mut catalogue = Catalogue::default();
         catalogue.add_text("pump.toml", PUMP).unwrap();
-        let mut node = Introduction { vendor_id: Some(0x19), ..Introduction::default() };
+        let mut node = ReportedIdentity { vendor_id: Some(0x19), ..ReportedIdentity::default() };
         assert!(catalogue.identify(&node).is_empty());
         node.product_code = Some(7);
         assert_eq!(catalogue.identify(&node), ["acme-pump:b"]);
@@ -428,6 +442,6 @@ mod tests {
         let text = PUMP.replace("[\"cia301\"]", "[\"cia999\"]");
         catalogue.add_text("x.toml", &text).unwrap();
         let error = catalogue.device("acme-pump").unwrap_err().to_string();
-        assert!(error.contains("x.toml:3:12: there is no profile 'cia999'"), "{error}");
+        assert!(error.contains("x.toml:3:12: unknown profile 'cia999'"), "{error}");
     }
 }

@@ -1,12 +1,12 @@
-//! TOML as the build script leaves it, so that no start of the program reads text.
+//! Binary form of TOML written by the build script, so that the program parses no text at start.
 //!
 //! ```text
-//! value    tag (1), begin and length of its place in the text, length of its content, content
+//! value    tag (1), start and length of its position in the text, length of its content, content
 //! content  s text · i number (8, two's complement) · f IEEE 754 (8) · b 0 or 1 · a values ·
 //!          t keys (length, text), each with its value
 //! ```
-//! Numbers of eight bytes have the least significant one first; places and lengths have seven bits a byte, the lowest
-//! first, and the top bit set where more follow.
+//! Numbers of eight bytes are little-endian. Positions and lengths have seven bits per byte, the lowest
+//! first; the top bit is set if more bytes follow.
 
 use std::ops::Range;
 
@@ -18,19 +18,19 @@ use serde::{Deserialize, Deserializer, forward_to_deserialize_any};
 use serde_spanned::de::{SpannedDeserializer, is_spanned};
 use toml::de::Error;
 
-/// Reads what a compiled file says.
+/// Deserializes a compiled file.
 ///
 /// # Errors
-/// Keys and values that `T` does not have, bytes that end too early.
+/// Keys and values unknown to `T`, unexpected end of the data.
 pub(super) fn read<'de, T: Deserialize<'de>>(compiled: &'de [u8]) -> Result<T, Error> {
     T::deserialize(Bytes(compiled).value()?)
 }
 
-/// Compiled values that stand one behind the other.
+/// Sequence of compiled values.
 #[derive(Clone, Copy)]
 struct Bytes<'de>(&'de [u8]);
 
-/// One of them.
+/// A compiled value.
 #[derive(Clone)]
 struct Value<'de> {
     tag: u8,
@@ -41,7 +41,7 @@ struct Value<'de> {
 impl<'de> Bytes<'de> {
     fn take(&mut self, length: usize) -> Result<&'de [u8], Error> {
         let (taken, rest) =
-            self.0.split_at_checked(length).ok_or_else(|| Error::custom("compiled file: ends too early"))?;
+            self.0.split_at_checked(length).ok_or_else(|| Error::custom("compiled file: unexpected end"))?;
         self.0 = rest;
         Ok(taken)
     }
@@ -55,7 +55,7 @@ impl<'de> Bytes<'de> {
                 return Ok(number);
             }
         }
-        Err(Error::custom("compiled file: a length without end"))
+        Err(Error::custom("compiled file: unterminated length"))
     }
 
     fn text(&mut self) -> Result<&'de str, Error> {
@@ -77,7 +77,7 @@ impl Value<'_> {
         self.content
             .first_chunk()
             .copied()
-            .ok_or_else(|| Error::custom("compiled file: no number of eight bytes"))
+            .ok_or_else(|| Error::custom("compiled file: number shorter than eight bytes"))
     }
 }
 
@@ -92,7 +92,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
             b'b' => visitor.visit_bool(self.content == [1]),
             b'a' => visitor.visit_seq(Items(Bytes(self.content))),
             b't' => visitor.visit_map(Items(Bytes(self.content))),
-            tag => Err(Error::custom(format!("compiled file: tag {tag}"))),
+            tag => Err(Error::custom(format!("compiled file: unknown tag {tag}"))),
         }
     }
 
@@ -121,7 +121,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
         self.deserialize_any(visitor)
     }
 
-    /// A name, or a table of one key that is the name.
+    /// A name, or a table with the name as its only key.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -137,7 +137,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
         visitor.visit_enum(Variant { name, value })
     }
 
-    /// Passed over as a whole.
+    /// Skips the value.
     fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
         visitor.visit_unit()
     }
@@ -156,7 +156,7 @@ impl<'de> IntoDeserializer<'de, Error> for Value<'de> {
     }
 }
 
-/// The content of an array or a table.
+/// Content of an array or a table.
 struct Items<'de>(Bytes<'de>);
 
 impl<'de> SeqAccess<'de> for Items<'de> {
@@ -186,7 +186,7 @@ impl<'de> MapAccess<'de> for Items<'de> {
     }
 }
 
-/// A variant with what it holds.
+/// Name and value of an enum variant.
 struct Variant<'de> {
     name: &'de str,
     value: Value<'de>,
@@ -206,7 +206,7 @@ impl<'de> VariantAccess<'de> for Value<'de> {
     type Error = Error;
 
     fn unit_variant(self) -> Result<(), Error> {
-        Err(Error::custom("a variant that holds nothing is written as its name"))
+        Err(Error::custom("table for a variant without content; expected its name"))
     }
 
     fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Error> {
@@ -241,7 +241,7 @@ mod tests {
 
     #[derive(Debug, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Thing {
+    struct CompiledItem {
         name: Spanned<String>,
         shapes: Vec<Shape>,
         weight: Option<f64>,
@@ -257,19 +257,19 @@ mod tests {
 
     #[test]
     fn values_of_every_kind() {
-        let thing: Thing = read(THING).unwrap();
+        let thing: CompiledItem = read(THING).unwrap();
         assert_eq!((thing.name.get_ref().as_str(), thing.name.span()), ("a", 7..10));
         assert_eq!(thing.shapes, [Shape::Round, Shape::Square(-2)]);
         assert_eq!((thing.weight, thing.light), (Some(0.5), true));
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
-        let error = |bytes: &[u8]| read::<Thing>(bytes).unwrap_err().to_string();
-        assert!(error(&THING[..40]).contains("ends too early"), "{}", error(&THING[..40]));
+    fn errors_are_reported() {
+        let error = |bytes: &[u8]| read::<CompiledItem>(bytes).unwrap_err().to_string();
+        assert!(error(&THING[..40]).contains("unexpected end"), "{}", error(&THING[..40]));
         assert!(error(b"t\x00\x00\x06\x01xb\x00\x00\x01\x01").contains("unknown field `x`"));
         assert!(error(b"?\x00\x00\x00").contains("tag 63"));
-        assert!(error(b"t\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff").contains("without end"));
+        assert!(error(b"t\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff").contains("unterminated length"));
     }
 
     proptest! {
@@ -277,7 +277,7 @@ mod tests {
         fn no_bytes_are_too_broken(place in 0..THING.len(), byte: u8, rest: Vec<u8>) {
             let mut bytes = THING.to_vec();
             bytes[place] = byte;
-            let _ = read::<Thing>(&bytes);
+            let _ = read::<CompiledItem>(&bytes);
             let _ = read::<toml::Table>(&rest);
         }
     }

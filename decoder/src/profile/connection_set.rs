@@ -1,4 +1,4 @@
-//! The predefined connection set (CiA 301 §7.3.3): what an 11-bit identifier means by default.
+//! The predefined connection set (CiA 301 §7.3.3): default meaning of 11-bit identifiers.
 
 use std::sync::OnceLock;
 
@@ -11,31 +11,43 @@ use crate::wire::canopen::sdo::Side;
 /// Service and node of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Owner {
-    /// Nothing the connection set knows.
+    /// Unknown to the connection set.
     Unclassified,
-    /// A service that is named but not decoded: GFC, SRDO, flying master.
+    /// Service without a decoder: GFC, SRDO, flying master.
     Named(&'static str),
     /// NMT node control.
     Nmt,
-    /// SYNC.
+    /// SYNC message.
     Sync,
-    /// TIME.
+    /// TIME message.
     Time,
     /// EMCY of a node.
     Emcy(u8),
-    /// A PDO of a node.
+    /// PDO of a node.
     Pdo(PdoName, u8),
-    /// The default SDO channel of a node.
+    /// Default SDO channel of a node.
     Sdo(Side, u8),
-    /// Heartbeat, boot-up, guarding of a node.
+    /// NMT error control of a node: boot-up, heartbeat, guarding.
     ErrorControl(u8),
-    /// LSS; `true` = from the master.
+    /// LSS; `true` for messages of the master.
     Lss(bool),
-    /// Marks of CiA's conformance test tool.
+    /// Markers of CiA's conformance test tool.
     TestMarker,
 }
 
-/// Owners of all 2,048 identifiers.
+impl Owner {
+    /// Node-ID of the owner; `None` for a service of the whole network.
+    pub const fn node(self) -> Option<u8> {
+        match self {
+            Self::Emcy(node) | Self::Pdo(_, node) | Self::Sdo(_, node) | Self::ErrorControl(node) => {
+                Some(node)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Owners of all 2,048 identifiers of 11 bits.
 pub struct ConnectionSet {
     owners: Box<[Owner]>,
     restricted: Vec<(u16, u16, &'static str)>,
@@ -43,7 +55,7 @@ pub struct ConnectionSet {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct ConnectionSetFile {
     #[serde(rename = "id", default)]
     _id: String,
     #[serde(rename = "title", default)]
@@ -51,7 +63,7 @@ struct File {
     #[serde(rename = "source", default)]
     _source: String,
     cob: Vec<Cob>,
-    restricted: Vec<Restricted>,
+    restricted: Vec<RestrictedRange>,
 }
 
 #[derive(Deserialize)]
@@ -72,7 +84,7 @@ struct Cob {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Restricted {
+struct RestrictedRange {
     from: u16,
     to: u16,
     r#use: String,
@@ -84,7 +96,7 @@ impl ConnectionSet {
         self.owners.get(usize::from(id)).copied().unwrap_or(Owner::Unclassified)
     }
 
-    /// Why an identifier may not be configured (CiA 301 §7.3.5), if it may not.
+    /// Reason why an identifier is restricted (CiA 301 §7.3.5); `None` if configurable.
     pub fn restriction(&self, id: u16) -> Option<&'static str> {
         self.restricted.iter().find(|(from, to, _)| (*from..=*to).contains(&id)).map(|(_, _, why)| *why)
     }
@@ -107,11 +119,11 @@ fn owner(cob: &Cob, node: u8) -> Owner {
     }
 }
 
-/// The predefined connection set.
+/// The predefined connection set, loaded on first use.
 pub fn connection_set() -> &'static ConnectionSet {
     static SET: OnceLock<ConnectionSet> = OnceLock::new();
     SET.get_or_init(|| {
-        let file: File = parse("standard/predefined.toml");
+        let file: ConnectionSetFile = parse("standard/predefined.toml");
         let mut owners = vec![Owner::Unclassified; 2048].into_boxed_slice();
         for cob in &file.cob {
             let last = if cob.nodes { cob.base + 127 } else { cob.to.unwrap_or(cob.base) };
@@ -123,7 +135,7 @@ pub fn connection_set() -> &'static ConnectionSet {
                 }
             }
         }
-        let leak = |entry: Restricted| (entry.from, entry.to, &*entry.r#use.leak());
+        let leak = |entry: RestrictedRange| (entry.from, entry.to, &*entry.r#use.leak());
         ConnectionSet { owners, restricted: file.restricted.into_iter().map(leak).collect() }
     })
 }

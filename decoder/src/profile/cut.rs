@@ -1,28 +1,28 @@
-//! Integers in the first eight bytes of a payload, taken without looking at the layout again.
+//! Fast extraction of integers from the first eight bytes of a payload, without the layout.
 
 use super::data_type::DataType;
 use super::layout::{BitOrder, Field};
 
-/// Where an integer lies in eight bytes.
+/// Position of an integer within eight bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cut {
-    /// Bytes the payload needs for it.
+pub(crate) struct IntegerPosition {
+    /// Required length of the payload, in bytes.
     bytes: usize,
-    /// Bits above it.
+    /// Number of bits above the integer.
     above: u32,
-    /// Bits that are not its own.
+    /// Number of bits outside the integer.
     others: u32,
     is_signed: bool,
 }
 
-impl Cut {
-    /// Where a field lies; `None` of one that is no integer of up to 64 bits, or lies elsewhere.
+impl IntegerPosition {
+    /// Position of a field; `None` if it is not an integer of up to 64 bits within the first eight bytes.
     pub fn of(field: &Field) -> Option<Self> {
         let is_number = !matches!(field.data_type, DataType::Real32 | DataType::Real64);
         let is_signed = field.data_type.is_signed();
         let end = field.end().filter(|end| *end <= 64 && field.order == BitOrder::LittleEndian)?;
-        // Where the type is narrower than the field, its sign is not the uppermost bit. A number of 64 bits without
-        // sign may be too large for `i64`.
+        // If the type is narrower than the field, the sign bit is not the top bit. An unsigned 64-bit number
+        // can exceed `i64`.
         let fits = match field.data_type.bits() {
             Some(width) if is_signed => field.bits <= width,
             _ => field.bits < 64,
@@ -35,13 +35,13 @@ impl Cut {
         })
     }
 
-    /// Its bits, from the first eight bytes of a payload that has them.
+    /// Raw bits; the payload must be long enough.
     #[inline]
     pub fn raw(self, word: u64) -> u64 {
         (word << self.above) >> self.others
     }
 
-    /// The number, from the first eight bytes as one number, least significant byte first, of a payload of some length.
+    /// Number from the first eight bytes (little-endian) of a payload; `None` if its `length` is too short.
     #[inline]
     pub fn number(self, word: u64, length: usize) -> Option<i64> {
         let top = word << self.above;
@@ -69,7 +69,7 @@ mod tests {
             .flat_map(|of| (0..56_u16).flat_map(move |bit| (1..=16).map(move |bits| (of, bit, bits))))
         {
             let field = Field::of_object(ObjectAddress::new(0x2000, 0), bit, bits, data_type);
-            let Some(cut) = Cut::of(&field) else { continue };
+            let Some(cut) = IntegerPosition::of(&field) else { continue };
             for length in 0..=8 {
                 let raw = field.extract(&payload[..length]);
                 let number = raw.and_then(|raw| integer(&field.value(raw)));
@@ -82,8 +82,8 @@ mod tests {
             }
         }
         let wide = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 64, DataType::Integer64);
-        assert_eq!(Cut::of(&wide).unwrap().number(u64::MAX, 8), Some(-1));
+        assert_eq!(IntegerPosition::of(&wide).unwrap().number(u64::MAX, 8), Some(-1));
         let real = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 32, DataType::Real32);
-        assert_eq!(Cut::of(&real), None);
+        assert_eq!(IntegerPosition::of(&real), None);
     }
 }

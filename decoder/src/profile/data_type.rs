@@ -1,4 +1,4 @@
-//! Data types of CiA 301 §7.1.6 and the values they make of bytes.
+//! Data types of CiA 301 §7.1.6, and decoding of their values.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// Basic data types (CiA 301 table 44).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
-#[expect(missing_docs, reason = "the standard's own names")]
+#[expect(missing_docs, reason = "names of the standard")]
 pub enum DataType {
     Boolean,
     Integer8,
@@ -36,22 +36,22 @@ pub enum DataType {
     Domain,
 }
 
-/// What bytes mean, without unit.
+/// Decoded value without unit.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// BOOLEAN and UNSIGNEDn.
+    /// BOOLEAN or UNSIGNEDn.
     Unsigned(u64),
     /// INTEGERn.
     Integer(i64),
-    /// REAL32 and REAL64.
+    /// REAL32 or REAL64.
     Real(f64),
-    /// Strings. May hold control characters: escape before printing.
+    /// String. May contain control characters: escape before printing.
     Text(String),
-    /// Everything without a number or text: domains, times, wrong lengths.
+    /// Bytes without a number or text: domains, times, data of the wrong length.
     Bytes(Vec<u8>),
 }
 
-/// Integers in full, reals shortest, text escaped, bytes as hex pairs.
+/// Prints integers in full, reals in the shortest form, text escaped, bytes in hex pairs.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -71,7 +71,7 @@ impl fmt::Display for Value {
 }
 
 impl DataType {
-    /// The standard's name: `UNSIGNED32`, `TIME_OF_DAY`.
+    /// Name in the standard: `UNSIGNED32`, `TIME_OF_DAY`.
     pub fn name(self) -> String {
         let mut name = String::new();
         for letter in format!("{self:?}").chars() {
@@ -83,7 +83,7 @@ impl DataType {
         name
     }
 
-    /// Width in bits of the types that have a fixed one.
+    /// Length in bits; `None` for types of variable length.
     pub const fn bits(self) -> Option<u16> {
         Some(match self {
             Self::Boolean => 1,
@@ -99,7 +99,7 @@ impl DataType {
         })
     }
 
-    /// Whether it is one of INTEGERn.
+    /// Whether the type is an INTEGERn.
     pub const fn is_signed(self) -> bool {
         matches!(
             self,
@@ -114,12 +114,12 @@ impl DataType {
         )
     }
 
-    /// Whether it is one of INTEGERn or UNSIGNEDn.
+    /// Whether the type is an INTEGERn or UNSIGNEDn.
     pub(crate) fn is_integer(self) -> bool {
         self.is_signed() || self.bits().is_some_and(|bits| self == Self::unsigned(bits))
     }
 
-    /// Least and largest number of an integer type; `None` for other types and what `i64` does not hold.
+    /// Minimum and maximum of an integer type; `None` for other types and ranges beyond `i64`.
     pub fn bounds(self) -> Option<[i64; 2]> {
         let bits = u32::from(self.bits().filter(|_| self.is_integer())?);
         Some(if self.is_signed() {
@@ -129,9 +129,8 @@ impl DataType {
         })
     }
 
-    /// The value of `data`, least significant byte first. Data of another length than the type's is
-    /// [`Value::Bytes`]; data that is longer by padding only (an expedited transfer without size)
-    /// counts by its first bytes.
+    /// Decodes little-endian data. Data of the wrong length become [`Value::Bytes`]; trailing zeros are
+    /// ignored, as in an expedited transfer without a size.
     pub fn decode(self, data: &[u8]) -> Value {
         match self {
             Self::VisibleString => return Value::Text(latin1(data)),
@@ -148,7 +147,7 @@ impl DataType {
         self.number(little_endian(head))
     }
 
-    /// The value of a number already taken from its bits.
+    /// Converts extracted bits to a value.
     pub fn number(self, raw: u64) -> Value {
         match self {
             Self::Real32 => Value::Real(f64::from(f32::from_bits(u32::try_from(raw).unwrap_or(0)))),
@@ -158,7 +157,7 @@ impl DataType {
         }
     }
 
-    /// The type of the low `bits` of a wider integer; `None` where there is none of that width.
+    /// Integer type for the low `bits` of a wider integer; `None` if no type has that length.
     pub(crate) fn narrowed(self, bits: u16) -> Option<Self> {
         self.bits().filter(|width| *width > bits)?;
         let unsigned = Self::unsigned(bits);
@@ -168,7 +167,7 @@ impl DataType {
         Some(if self.is_signed() { Self::signed(bits) } else { unsigned })
     }
 
-    /// The signed type of a width.
+    /// Signed integer type of at least this length.
     pub const fn signed(bits: u16) -> Self {
         match bits {
             0..=8 => Self::Integer8,
@@ -182,7 +181,7 @@ impl DataType {
         }
     }
 
-    /// The integer type of a width, for objects of unknown type.
+    /// Unsigned integer type of at least this length, for objects of unknown type.
     pub const fn unsigned(bits: u16) -> Self {
         match bits {
             0..=8 => Self::Unsigned8,
@@ -197,18 +196,18 @@ impl DataType {
     }
 }
 
-/// Up to eight bytes as a number, least significant first.
+/// Up to eight bytes as a little-endian number.
 pub(crate) fn little_endian(bytes: &[u8]) -> u64 {
     bytes.iter().take(8).rev().fold(0, |value, byte| value << 8 | u64::from(*byte))
 }
 
-/// The signed reading of the low `bits` of `raw`.
+/// The low `bits` of `raw` as a signed number.
 pub(crate) const fn sign_extend(raw: u64, bits: u16) -> i64 {
     let unused = if bits >= 64 { 0 } else { 64 - bits as u32 };
     (raw << unused).cast_signed() >> unused
 }
 
-/// VISIBLE_STRING is ISO 646; devices also send Latin-1. A terminating zero ends it.
+/// Decodes a VISIBLE_STRING as Latin-1: a superset of ISO 646 that some devices send. Ends at a zero byte.
 fn latin1(data: &[u8]) -> String {
     data.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect()
 }

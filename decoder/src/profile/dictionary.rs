@@ -1,87 +1,93 @@
-//! Objects by address, from a device's own file and the standards it extends.
+//! Objects by address, from the device profile and the standards that it extends.
 
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use super::data_type::DataType;
+use super::error_texts::ErrorTexts;
 use super::formula::formula;
-use super::object::{Access, Effect, Format, Given, Look, Only, Repeat, Scale, Storage, When};
+use super::object::{
+    Access, DefaultValue, Effect, Format, Interpretation, ObjectCondition, Repeat, Scale, Storage,
+    VariantFilter,
+};
 use super::reference::{ObjectRange, Reference};
 use crate::wire::canopen::ObjectAddress;
 
-/// One object of a file, or several at a distance.
+/// An object, or several equal objects at a constant distance.
 #[derive(Debug, Clone)]
 pub struct Object {
-    /// Index of the first.
+    /// Index of the first repeat.
     pub index: u16,
-    /// How often, how far.
+    /// Number of repeats and distance of their indexes.
     pub repeat: Repeat,
-    /// Name; `{n}` stands for the number of the repeat.
+    /// Name; `{n}` is replaced by the repeat number.
     pub name: String,
-    /// Sub-entries; of a variable one with sub-index 0.
+    /// Sub-entries; a variable has one with sub-index 0.
     pub entries: Vec<Entry>,
-    /// Whether entries have names of their own.
+    /// Whether the entries have separate names.
     pub is_record: bool,
-    /// Variants it belongs to.
-    pub only: Only,
-    /// Section.
+    /// Variants it applies to; all if empty.
+    pub only: VariantFilter,
+    /// Section of the manual.
     pub source: String,
     pub(super) span: Range<usize>,
 }
 
-/// One sub-entry, or equal ones from `sub` to `to`.
+/// A sub-entry, or equal ones from `sub` to `to`.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// First sub-index.
     pub sub: u8,
     /// Last sub-index.
     pub to: u8,
-    /// Data type.
+    /// Data type; `None` if unknown.
     pub data_type: Option<DataType>,
     /// Access by SDO.
     pub access: Option<Access>,
-    /// How people read it.
+    /// Number format in output.
     pub format: Format,
-    /// How it is read.
-    pub look: Look,
-    /// How it is read instead, the first that fits; what one of them leaves out is as above.
-    pub modes: Vec<(When, Look)>,
-    /// As delivered.
-    pub default: Option<Given>,
-    /// What keeps it.
+    /// Interpretation of the value.
+    pub look: Interpretation,
+    /// Interpretations by mode; the first match is used, missing keys are taken from `look`.
+    pub modes: Vec<(ObjectCondition, Interpretation)>,
+    /// Factory default.
+    pub default: Option<DefaultValue>,
+    /// Persistence of a written value.
     pub storage: Storage,
-    /// Store object that keeps it.
+    /// Object that stores the value.
     pub save: Option<Reference>,
-    /// When a write acts.
+    /// Time at which a write takes effect.
     pub effect: Effect,
-    /// Objects whose known value is void after a write.
+    /// Objects whose known value becomes invalid after a write.
     pub invalidates: Vec<ObjectRange>,
     pub(super) channel: Option<u8>,
-    /// Raw values of a mode in which measured values do not follow set points.
+    /// Raw values of a mode in which actual values do not follow set points.
     pub open_loop: Vec<i64>,
-    /// Variants it belongs to.
-    pub only: Only,
-    /// Section.
+    /// Variants it applies to; all if empty.
+    pub only: VariantFilter,
+    /// Section of the manual.
     pub source: String,
-    /// An assumption or a defect of the manual.
+    /// Assumption or defect of the manual.
     pub note: String,
     pub(super) span: Range<usize>,
 }
 
-/// Repeats followed where an object decides how others are read, or on which identifiers.
+/// Max repeats expanded for objects that decide the meaning or the identifiers of others.
 const MOST_REPEATS: u16 = 1024;
 
-/// Objects of one or more documents: the first that has an address counts.
+/// Objects of one or several documents; the first definition of an address takes precedence.
 #[derive(Debug, Clone, Default)]
 pub struct Dictionary {
     pub(super) layers: Vec<Arc<Layer>>,
+    /// Texts of the device's error codes.
+    pub(super) errors: ErrorTexts,
 }
 
-/// Objects of one document, in its order.
+/// Objects of one document, in file order.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Layer {
     objects: Vec<Object>,
-    /// First and last index of each: looked through for each transfer, so they lie side by side.
+    /// First and last index of each object, stored contiguously because every transfer searches them.
     spans: Vec<(u16, u16)>,
 }
 
@@ -91,14 +97,14 @@ impl Layer {
         Self { objects, spans }
     }
 
-    /// Objects with this index, and which repeat of each it is.
+    /// Objects with this index, with their repeat number.
     fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
         let near = self.spans.iter().zip(&self.objects);
         let near = near.filter(move |((first, last), _)| (*first..=*last).contains(&index));
         near.filter_map(move |(_, object)| Some((object, object.nth(index)?)))
     }
 
-    /// Whether it describes an entry.
+    /// Whether the layer describes this entry.
     pub(super) fn has(&self, address: ObjectAddress) -> bool {
         self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
     }
@@ -112,40 +118,40 @@ impl Deref for Layer {
     }
 }
 
-/// What is known of an address: the object, the entry if the object has that sub-index, and which repeat.
+/// Definition of an address: object, entry if the sub-index is described, repeat number.
 #[derive(Debug, Clone, Copy)]
-pub struct Found<'a> {
-    /// The address asked for.
+pub struct ResolvedObject<'a> {
+    /// Requested address.
     pub address: ObjectAddress,
-    /// Object.
+    /// Object with this index.
     pub object: &'a Object,
-    /// Sub-entry.
+    /// Sub-entry; `None` if the sub-index is not described.
     pub entry: Option<&'a Entry>,
-    /// Number of the repeat, from 0.
+    /// Repeat number, from 0.
     pub nth: u16,
 }
 
 impl Dictionary {
-    /// What is known of an address.
-    pub fn find(&self, address: ObjectAddress) -> Option<Found<'_>> {
+    /// Definition of an address.
+    pub fn find(&self, address: ObjectAddress) -> Option<ResolvedObject<'_>> {
         let mut index_only = None;
         for (object, nth) in self.layers.iter().flat_map(|layer| layer.at(address.index)) {
             if let Some(entry) = object.entry(address.sub) {
-                return Some(Found { address, object, entry: Some(entry), nth });
+                return Some(ResolvedObject { address, object, entry: Some(entry), nth });
             }
             if index_only.is_none() && object.is_record {
-                index_only = Some(Found { address, object, entry: None, nth });
+                index_only = Some(ResolvedObject { address, object, entry: None, nth });
             }
         }
         index_only
     }
 
-    /// Place of the layer that describes an entry.
+    /// Index of the layer that describes an entry.
     pub(super) fn layer_of(&self, address: ObjectAddress) -> Option<usize> {
         self.layers.iter().position(|layer| layer.has(address))
     }
 
-    /// Addresses with sub-index 0 or 1 that `picks` and that have a default, ascending.
+    /// Addresses with sub-index 0 or 1 that have a default and that `picks` accepts, ascending.
     pub fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
         let mut found = Vec::new();
         for object in self.layers.iter().flat_map(|layer| layer.iter()) {
@@ -161,24 +167,24 @@ impl Dictionary {
         found
     }
 
-    /// Type of an address.
+    /// Data type of an address.
     pub fn data_type(&self, address: ObjectAddress) -> Option<DataType> {
         self.find(address)?.entry?.data_type
     }
 
-    /// Whether the device's own file describes an address, not only a standard it extends.
+    /// Whether the device profile itself describes an address, rather than a standard it extends.
     pub fn is_own(&self, address: ObjectAddress) -> bool {
         self.layers.first().is_some_and(|own| own.has(address))
     }
 
-    /// Objects of the device's own file.
+    /// Objects of the device profile itself.
     pub fn own(&self) -> &[Object] {
         self.layers.first().map_or(&[], |layer| layer)
     }
 }
 
 impl Object {
-    /// Which repeat an index is, from 0.
+    /// Repeat number of an index, from 0.
     pub fn nth(&self, index: u16) -> Option<u16> {
         let distance = index.checked_sub(self.index)?;
         if distance == 0 {
@@ -195,12 +201,12 @@ impl Object {
         self.index.saturating_add(count.saturating_sub(1).saturating_mul(stride))
     }
 
-    /// The entry of a sub-index.
+    /// Entry with a sub-index.
     pub fn entry(&self, sub: u8) -> Option<&Entry> {
         self.entries.iter().find(|entry| (entry.sub..=entry.to).contains(&sub))
     }
 
-    /// Objects that decide how entries of this one are read, in all repeats.
+    /// Collects the objects that decide the meaning of this object's entries, in all repeats.
     pub(super) fn deciding(&self, all: &mut Vec<ObjectAddress>) {
         for entry in &self.entries {
             let looks = std::iter::once(&entry.look).chain(entry.modes.iter().map(|(_, look)| look));
@@ -218,12 +224,12 @@ impl Object {
         }
     }
 
-    /// Number of a repeat as people count, from 1.
+    /// Repeat number for output.
     pub fn number(&self, nth: u16) -> u16 {
         self.repeat.first.saturating_add(nth)
     }
 
-    /// Entries after repeats.
+    /// Number of entries, including repeats.
     pub fn count(&self) -> usize {
         let subs = self.entries.iter().map(|entry| usize::from(entry.to - entry.sub) + 1);
         subs.sum::<usize>() * usize::from(self.repeat.count)
@@ -231,7 +237,8 @@ impl Object {
 }
 
 impl Entry {
-    /// When a write acts and whether it stays, where the device tells. A signature is a command, no value.
+    /// Effect and persistence of a write, if known; none for signatures, which are commands rather than
+    /// values.
     pub(crate) fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
         if self.format == Format::Ascii {
             return (None, None);
@@ -241,26 +248,26 @@ impl Entry {
         (effect, storage.map(Storage::persists))
     }
 
-    /// The raw number it holds as delivered; `$NODEID+0x200` is one where the node-ID is known.
+    /// Factory default as a raw number; formulas such as `$NODEID+0x200` require the node-ID.
     pub fn default_number(&self, node: Option<u8>) -> Option<i64> {
         match self.default.as_ref()? {
-            Given::Number(number) => Some(*number),
-            Given::Text(text) if self.data_type.is_none_or(DataType::is_integer) => {
+            DefaultValue::Number(number) => Some(*number),
+            DefaultValue::Text(text) if self.data_type.is_none_or(DataType::is_integer) => {
                 i64::try_from(formula(text, node)?).ok()
             }
-            Given::Text(_) | Given::Real(_) => None,
+            DefaultValue::Text(_) | DefaultValue::Real(_) => None,
         }
     }
 }
 
-impl Found<'_> {
-    /// The entry as one of its own: a single sub-index, without repeat, with references that do not move.
+impl ResolvedObject<'_> {
+    /// Copy of the entry for this sub-index alone, with references that do not move with repeats.
     pub(super) fn alone(&self) -> Option<Entry> {
         let (nth, stride) = (self.nth, self.object.repeat.stride);
         let mut entry = self.entry?.clone();
         (entry.sub, entry.to) = (self.address.sub, self.address.sub);
         entry.channel = self.channel();
-        entry.only = Only::default();
+        entry.only = VariantFilter::default();
         entry.save = entry.save.map(|save| save.pinned(nth, stride));
         entry.invalidates = entry.invalidates.iter().map(|range| range.pinned(nth, stride)).collect();
         for (when, _) in &mut entry.modes {
@@ -279,12 +286,12 @@ impl Found<'_> {
         Some(entry)
     }
 
-    /// Name of the object.
+    /// Name of the object, with its repeat number.
     pub fn object_name(&self) -> String {
         self.numbered(&self.object.name)
     }
 
-    /// `Producer heartbeat time`, `Identity object, Vendor-ID`.
+    /// Full name: `Producer heartbeat time`, `Identity object, Vendor-ID`.
     pub fn name(&self) -> String {
         let entry = self.entry.filter(|_| self.object.is_record).and_then(|entry| entry.look.name.as_deref());
         match entry {
@@ -295,14 +302,14 @@ impl Found<'_> {
         }
     }
 
-    /// The output of the device it belongs to.
+    /// Channel that the entry belongs to.
     pub fn channel(&self) -> Option<u8> {
         let own = self.entry.and_then(|entry| entry.channel);
         let of_repeat = || u8::try_from(self.object.number(self.nth)).ok();
         own.or_else(|| self.object.repeat.channel.then(of_repeat).flatten())
     }
 
-    /// A name with the number of the repeat in the place of `{n}`.
+    /// Replaces `{n}` in a name by the repeat number.
     pub fn numbered(&self, name: &str) -> String {
         if name.contains("{n}") {
             name.replace("{n}", &self.object.number(self.nth).to_string())
@@ -311,7 +318,7 @@ impl Found<'_> {
         }
     }
 
-    /// The object a reference in this entry means.
+    /// Object that a reference in this entry addresses.
     pub fn shifted(&self, reference: Reference) -> ObjectAddress {
         reference.shifted(self.nth, self.object.repeat.stride)
     }

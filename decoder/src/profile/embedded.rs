@@ -1,11 +1,10 @@
-//! The TOML files below `decoder/profiles/`, as the build script left them.
+//! Compiled TOML files of `decoder/profiles/`, embedded by the build script.
 
 use super::compiled;
 
 include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 
-/// Reads an embedded file. Broken data ships in no build: a test reads every file, so the fallback to an empty
-/// table is never taken.
+/// Loads an embedded file. The fallback to an empty table is unreachable: a test reads every file.
 pub(super) fn parse<T: serde::de::DeserializeOwned + Default>(path: &str) -> T {
     let file = FILES.iter().find(|(name, ..)| *name == path);
     file.and_then(|(_, _, compiled)| compiled::read(compiled).ok()).unwrap_or_default()

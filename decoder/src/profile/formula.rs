@@ -1,7 +1,7 @@
-//! Numbers that depend on the node-ID: `$NODEID+0x180` (CiA 306-1 §4.6.3), in profiles and device files.
+//! Formulas with the node-ID in profiles and device files: `$NODEID+0x180` (CiA 306-1 §4.6.3).
 
-/// `$NODEID+0x180`, `0x180+$NODEID`, `$NODEID-0x80`, `0x1A0`, with spaces, in any case; `None` for other texts,
-/// for numbers below 0, and where it asks for a node-ID that is not known.
+/// Evaluates `$NODEID+0x180`, `0x180+$NODEID`, `$NODEID-0x80`, `0x1A0`, with spaces, in any letter case.
+/// `None` for other text, for results below 0, and if the required node-ID is unknown.
 pub fn formula(text: &str, node: Option<u8>) -> Option<u64> {
     let mut sum: u64 = 0;
     for part in text.replace('-', "+-").split('+').map(str::trim) {

@@ -1,7 +1,7 @@
-//! PDO layouts: which bits of a payload are which object, everything resolved.
+//! Resolved PDO layouts: the bits of a payload and their objects.
 //!
-//! A layout is immutable; a configuration that takes effect makes a new one. So an event that holds the
-//! layout and the payload can be understood later, and elsewhere, without the object store.
+//! A layout is immutable; a new configuration creates a new one. An event that holds layout and payload can
+//! therefore be decoded later without the object store.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -12,7 +12,7 @@ use super::data_type::{DataType, Value, sign_extend};
 use super::meaning::Meaning;
 use crate::wire::canopen::ObjectAddress;
 
-/// Direction as the device sees it.
+/// Direction as seen from the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PdoDirection {
     /// TPDO: the device sends.
@@ -21,16 +21,21 @@ pub enum PdoDirection {
     Receive,
 }
 
-/// Which PDO of a node.
+/// PDO of a node by direction and number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PdoName {
-    /// Sent or received by the node.
+    /// Direction as seen from the node.
     pub direction: PdoDirection,
-    /// 1..=512.
+    /// Number, 1..=512.
     pub number: u16,
 }
 
 impl PdoName {
+    /// Whether it is a TPDO.
+    pub(crate) const fn is_sent(self) -> bool {
+        matches!(self.direction, PdoDirection::Transmit)
+    }
+
     /// Index of the communication parameter: 0x1400 + n − 1 or 0x1800 + n − 1.
     pub(crate) const fn communication_index(self) -> u16 {
         let base = match self.direction {
@@ -45,7 +50,7 @@ impl PdoName {
         self.communication_index() + 0x200
     }
 
-    /// The PDO a communication or mapping parameter belongs to.
+    /// PDO that a communication or mapping parameter belongs to.
     pub(crate) const fn of_parameter(index: u16) -> Option<Self> {
         let direction = match index {
             0x1400..=0x17FF => PdoDirection::Receive,
@@ -56,7 +61,7 @@ impl PdoName {
     }
 }
 
-/// `TPDO1`, `RPDO4`.
+/// Prints `TPDO1`, `RPDO4`.
 impl fmt::Display for PdoName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let direction = match self.direction {
@@ -67,7 +72,7 @@ impl fmt::Display for PdoName {
     }
 }
 
-/// `TPDO1` to `TPDO512`, `RPDO1` to `RPDO512`, in any case.
+/// Parses `TPDO1` to `TPDO512`, `RPDO1` to `RPDO512`, in any letter case.
 impl FromStr for PdoName {
     type Err = &'static str;
 
@@ -76,10 +81,10 @@ impl FromStr for PdoName {
         let (direction, number) = match (lower.strip_prefix("tpdo"), lower.strip_prefix("rpdo")) {
             (Some(number), _) => (PdoDirection::Transmit, number),
             (None, Some(number)) => (PdoDirection::Receive, number),
-            (None, None) => return Err("a PDO is written TPDO1 or RPDO1"),
+            (None, None) => return Err("expected a PDO such as TPDO1 or RPDO1"),
         };
         let number = number.parse().ok().filter(|number| (1..=512).contains(number));
-        Ok(Self { direction, number: number.ok_or("PDOs are numbered 1 to 512")? })
+        Ok(Self { direction, number: number.ok_or("expected a PDO number 1 to 512")? })
     }
 }
 
@@ -90,16 +95,16 @@ impl<'de> serde::Deserialize<'de> for PdoName {
     }
 }
 
-/// What brings values of a node.
+/// Message that carries values of a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Carrier {
-    /// A PDO.
+    /// A PDO by name.
     Pdo(PdoName),
-    /// A J1939 message, by the name the profile gives it.
+    /// A J1939 message, by its name in the profile.
     Message(Arc<str>),
 }
 
-/// `RPDO1`, `AVC`.
+/// Prints `RPDO1`, `AVC`.
 impl fmt::Display for Carrier {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -109,18 +114,18 @@ impl fmt::Display for Carrier {
     }
 }
 
-/// What a signal is the value of.
+/// Identification of a signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SignalId {
-    /// An object of the node; of a J1939 message of a profile its PGN and the parameter's number.
+    /// Object of the node; for a J1939 message of a profile, PGN and number of the parameter.
     Object(ObjectAddress),
-    /// A suspect parameter (SAE J1939-71).
+    /// Suspect parameter number (SAE J1939-71).
     Spn(u32),
-    /// Only its name tells.
+    /// Identified by its name only.
     Name,
 }
 
-/// `6041:00`, `SPN 190`; nothing where only a name tells.
+/// Prints `6041:00`, `SPN 190`, or nothing for a name.
 impl fmt::Display for SignalId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -131,81 +136,109 @@ impl fmt::Display for SignalId {
     }
 }
 
-/// In which order the bits of a field stand.
+/// Bit order of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BitOrder {
-    /// The least significant first: CANopen, J1939, "Intel".
+    /// Least significant bit first: CANopen, J1939, "Intel".
     #[default]
     LittleEndian,
-    /// The most significant first: "Motorola".
+    /// Most significant bit first: "Motorola".
     BigEndian,
 }
 
-/// When a multiplexed field is there. The field that selects may be selected itself.
+/// Multiplexor of a field; the multiplexor can itself be multiplexed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Selector {
-    /// Place in the layout of the field that selects.
+    /// Index of the multiplexor in the layout.
     pub field: usize,
-    /// Its raw values that do.
+    /// Raw values of the multiplexor that select the field.
     pub values: Vec<RangeInclusive<u64>>,
 }
 
-/// One value within a payload.
+/// Definition of a value within a payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// What the bits belong to.
+    /// Object, SPN or name of the value.
     pub id: SignalId,
-    /// What its values mean, if known.
+    /// Meaning of the value, if known.
     pub meaning: Option<Arc<Meaning>>,
-    /// Where it begins: bit `n % 8` of byte `n / 8`, bit 0 of a byte being its least significant one. That is
-    /// the field's least significant bit, of one with the most significant bit first that one.
+    /// Start bit: bit `n % 8` of byte `n / 8`, where bit 0 is the least significant bit of a byte. It is the
+    /// least significant bit of a little-endian field, the most significant bit of a big-endian one.
     pub bit: u16,
-    /// Width in bits, 1..=64.
+    /// Length in bits, 1..=64.
     pub bits: u16,
     /// Order of the bits.
     pub order: BitOrder,
-    /// Only with these values of another field.
+    /// Multiplexor that selects the field; `None` if the field is always present.
     pub present: Option<Selector>,
-    /// How the bits are read.
+    /// Data type of the bits.
     pub data_type: DataType,
-    /// Whether `data_type` is known rather than taken from the width.
+    /// Whether `data_type` is known rather than derived from the length.
     pub is_typed: bool,
 }
 
-/// All fields of a PDO.
+/// Fields of a PDO or message.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {
     /// Fields in order of their bits.
     pub fields: Vec<Field>,
-    /// Bits the mapping takes, gaps included.
+    /// Total length in bits, including gaps.
     pub bits: u16,
-    /// Where it comes from: `wire` (SDO traffic seen), `bus-file`, …
+    /// Origin: `wire` (SDO traffic seen), `bus-file`, …
     pub origin: &'static str,
-    /// It may have changed unseen since it was learnt (the node restarted), or is a default.
+    /// Whether it is a default or may have changed without being seen, for example after a restart of the
+    /// node.
     pub assumed: bool,
-    /// Objects whose values decided something: when one changes, so does the layout.
+    /// Objects that the layout depends on; it must be rebuilt when one changes.
     pub depends: Vec<ObjectAddress>,
+    /// Bits of the first eight bytes with a fixed content in the profile.
+    pub fixed: FixedBits,
 }
 
-/// A field's bits as a number.
+/// Bits with a fixed content, little-endian: bit 0 is bit 0 of byte 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FixedBits {
+    /// The bits.
+    pub mask: u64,
+    /// Their content.
+    pub value: u64,
+}
+
+impl FixedBits {
+    /// Adds a field; bits after the first eight bytes are ignored.
+    pub(crate) fn add(&mut self, bit: u16, bits: u16, content: u64) {
+        let ones = u64::MAX.checked_shr(64_u32.saturating_sub(u32::from(bits))).unwrap_or(0);
+        let shifted = |number: u64| number.checked_shl(u32::from(bit)).unwrap_or(0);
+        self.mask |= shifted(ones);
+        self.value |= shifted(content & ones);
+    }
+
+    /// Bits of a payload that differ; `bytes` is its length.
+    pub(crate) const fn differing(self, word: u64, bytes: usize) -> u64 {
+        let sent = if bytes >= 8 { u64::MAX } else { (1 << (8 * bytes)) - 1 };
+        (word ^ self.value) & self.mask & sent
+    }
+}
+
+/// Bits of a field as a number.
 pub(crate) type RawValue = u64;
 
-/// One field's value in one payload.
+/// Value of a field in one payload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal<'a> {
-    /// Where and what.
+    /// Definition of the field.
     pub field: &'a Field,
-    /// Bits as sent.
+    /// Bits as transmitted.
     pub raw: RawValue,
-    /// Bits read by the field's type.
+    /// Value decoded with the data type of the field.
     pub value: Value,
 }
 
-/// Fields that select one another in a row. Vector's tools have no limit; nobody nests more than three.
+/// Max nesting depth of multiplexors. Vector's tools have no limit; files in practice nest up to three.
 pub(super) const DEEPEST_SELECTION: usize = 8;
 
 impl Layout {
-    /// Values of all fields the payload has: it is long enough for them, and a multiplexed one is selected.
+    /// Values of all fields that the payload is long enough for and whose multiplexor selects them.
     pub fn signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = Signal<'a>> {
         let selected = self.fields.iter().filter(move |field| self.is_selected(field, payload));
         selected.filter_map(move |field| {
@@ -214,22 +247,22 @@ impl Layout {
         })
     }
 
-    /// The value of one field, where the payload has it.
+    /// Value of one field; `None` if the payload is too short or the multiplexor does not select it.
     pub fn signal<'a>(&'a self, field: usize, payload: &[u8]) -> Option<Signal<'a>> {
         let field = self.fields.get(field).filter(|field| self.is_selected(field, payload))?;
         let raw = field.extract(payload)?;
         Some(Signal { field, raw, value: field.value(raw) })
     }
 
-    /// Fields a payload is too short for. One that is not selected is not missed.
+    /// Selected fields that the payload is too short for.
     pub fn missing<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a Field> {
         self.fields
             .iter()
             .filter(move |field| field.extract(payload).is_none() && self.is_selected(field, payload))
     }
 
-    /// Whether all fields that select this one, each by the next, have such a value. Bounded, for a layout
-    /// made of a file may select in a circle.
+    /// Whether all multiplexors in the chain of this field select it. Limited in depth, because a layout from
+    /// a file can contain a cycle.
     fn is_selected(&self, field: &Field, payload: &[u8]) -> bool {
         let mut selector = &field.present;
         for _ in 0..DEEPEST_SELECTION {
@@ -246,12 +279,13 @@ impl Layout {
 }
 
 impl<'a> Signal<'a> {
-    /// Name, if known; else [`Field::id`] identifies it.
+    /// Name, if known; otherwise [`Field::id`] identifies the signal.
     pub fn name(&self) -> Option<&'a str> {
         self.field.name()
     }
 
-    /// Quantity in [`Self::unit`]; `None` if no scale is known, and for special values such as "not available".
+    /// Quantity in [`Self::unit`]; `None` if no scale is known, and for special values such as "not
+    /// available".
     pub fn scaled(&self) -> Option<f64> {
         self.field.meaning.as_deref()?.scaled(&self.value)
     }
@@ -261,12 +295,12 @@ impl<'a> Signal<'a> {
         self.field.meaning.as_deref().map_or("", |meaning| &meaning.unit)
     }
 
-    /// Name of the value: of an enumeration, or of a special value.
+    /// Name of an enumeration value or special value.
     pub fn label(&self) -> Option<&'a str> {
         self.field.meaning.as_deref()?.label(&self.value)
     }
 
-    /// Value as people write it: `157.5 bar`, `pressure control (2)`, `80000185h`.
+    /// Value for output: `157.5 bar`, `pressure control (2)`, `80000185h`.
     pub fn text(&self) -> String {
         self.field
             .meaning
@@ -276,7 +310,7 @@ impl<'a> Signal<'a> {
 }
 
 impl Field {
-    /// A value of an object whose bits stand as CANopen and J1939 order them; nothing more is known of it.
+    /// Little-endian field of an object without further information, as in CANopen and J1939.
     pub fn of_object(object: ObjectAddress, bit: u16, bits: u16, data_type: DataType) -> Self {
         Self {
             id: SignalId::Object(object),
@@ -290,7 +324,7 @@ impl Field {
         }
     }
 
-    /// The object it is a value of, if it is one's.
+    /// Object of the field, if it belongs to one.
     pub const fn object(&self) -> Option<ObjectAddress> {
         match self.id {
             SignalId::Object(object) => Some(object),
@@ -298,12 +332,12 @@ impl Field {
         }
     }
 
-    /// Its name, if known.
+    /// Name of the field, if known.
     pub fn name(&self) -> Option<&str> {
         self.meaning.as_deref().map(|meaning| meaning.name.as_str())
     }
 
-    /// The field's bits in `payload`; `None` if it is too short.
+    /// Bits of the field in `payload`; `None` if the payload is too short.
     pub fn extract(&self, payload: &[u8]) -> Option<RawValue> {
         let first = usize::from(self.bit / 8);
         let end = usize::from(self.end()?.div_ceil(8));
@@ -313,7 +347,7 @@ impl Field {
             let word = bytes.iter().rev().fold(0, |word: u64, byte| word << 8 | u64::from(*byte));
             return Some(word >> (self.bit % 8) & mask);
         }
-        // Up to nine bytes: 64 bits that do not start at a byte.
+        // Up to nine bytes: 64 bits that start within a byte.
         let join = |value: u128, byte: &u8| value << 8 | u128::from(*byte);
         let (wide, below) = match self.order {
             BitOrder::LittleEndian => (bytes.iter().rev().fold(0, join), self.bit % 8),
@@ -324,13 +358,13 @@ impl Field {
         Some(low & mask)
     }
 
-    /// As many low bits as the field has.
+    /// Mask with the length of the field.
     pub fn mask(&self) -> RawValue {
         if self.bits >= 64 { u64::MAX } else { (1 << self.bits) - 1 }
     }
 
-    /// Bits of a payload up to the end of the field, counted in its order: of one with the most significant
-    /// bit first, bit 7 of byte 0 is the first of all.
+    /// Number of bits up to the end of the field, counted in its bit order: big-endian starts with bit 7 of
+    /// byte 0.
     ///
     /// ```text
     /// byte     |       0       |        1        |
@@ -345,7 +379,7 @@ impl Field {
         first.checked_add(self.bits)
     }
 
-    /// The number of bits taken by [`Self::extract`]; the sign of an integer is the field's uppermost bit.
+    /// Value of the extracted bits; the sign bit of an integer is the top bit of the field.
     pub fn value(&self, raw: RawValue) -> Value {
         if self.data_type.is_signed() {
             Value::Integer(sign_extend(raw, self.bits.min(self.data_type.bits().unwrap_or(64))))
@@ -422,12 +456,27 @@ mod tests {
         let bits = |payload: &[u8]| layout.signals(payload).map(|it| it.field.bit).collect::<Vec<_>>();
         assert_eq!(bits(&[5, 9, 7, 0]), [0, 8, 16]);
         assert_eq!(bits(&[1, 8, 7, 0]), [0, 8]);
-        // Of the third neither: the second is not there, whatever its bits are. The last two select each other.
+        // Without the second field, the third is also absent. The last two select each other.
         assert_eq!(bits(&[2, 9, 7, 0]), [0]);
         assert_eq!(layout.signal(2, &[5, 9, 7, 0]).map(|it| it.raw), Some(7));
         assert!(layout.signal(2, &[1, 8, 7, 0]).is_none() && layout.signal(5, &[5, 9, 7, 0]).is_none());
         assert_eq!(layout.missing(&[5, 9]).map(|it| it.bit).collect::<Vec<_>>(), [16]);
         assert_eq!(layout.missing(&[2]).count(), 0);
+    }
+
+    #[test]
+    fn fixed_bits_are_compared_within_the_payload() {
+        let mut fixed = FixedBits::default();
+        fixed.add(32, 16, 0);
+        fixed.add(56, 8, 0xAA);
+        assert_eq!(fixed, FixedBits { mask: 0xFF00_FFFF_0000_0000, value: 0xAA00_0000_0000_0000 });
+        let word = |bytes: [u8; 8]| u64::from_le_bytes(bytes);
+        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 0, 9, 0xAA]), 8), 0);
+        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 1, 9, 0xAA]), 8), 1 << 40);
+        // The last byte is not in the payload.
+        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 0, 0, 0]), 6), 0);
+        fixed.add(64, 8, 1);
+        assert_eq!(fixed.mask, 0xFF00_FFFF_0000_0000);
     }
 
     #[test]

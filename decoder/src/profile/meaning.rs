@@ -1,47 +1,77 @@
-//! What a number of an object means on one node at one time: unit, scale, names, everything resolved.
+//! Resolved meaning of an object on one node at one time: unit, scale, names.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::data_type::{DataType, Value};
+use super::error_texts::ErrorTexts;
 use super::names::{BitNames, Names};
 use super::object::{Format, Role};
 use crate::wire::canopen::ObjectAddress;
 
-/// Raw number to quantity.
+/// Conversion of a raw number to a quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factor {
-    /// value = raw × factor + offset.
+    /// Factor in value = raw × factor + offset.
     pub factor: f64,
-    /// Added after scaling.
+    /// Offset in value = raw × factor + offset.
     pub offset: f64,
-    /// Object that holds the full-scale value, and that value.
+    /// Object that contains the full-scale value, and that value.
     pub full_scale: Option<(ObjectAddress, f64)>,
+    /// Whether value = factor / raw + offset; raw 0 has no value.
+    pub is_reciprocal: bool,
 }
 
-/// Codes of a parameter that carry no value (SAE J1939-71 §5.1.4, tables 1 and 2).
+/// Codes of a parameter without a value. J1939: SAE J1939-71 §5.1.4, tables 1 and 2. NMEA 2000: the largest
+/// numbers of the type, as canboat reads them.
 ///
 /// ```text
-/// bits           error          not available
-/// 2..=7          all but bit 0  all
-/// 8              FE             FF
-/// 16, 24, 32, …  FExx…          FFxx…
-/// others         -              all
+///            bits           error          not available
+/// J1939      2..=7          all but bit 0  all
+///            8              FE             FF
+///            16, 24, 32, …  FExx…          FFxx…
+///            others         -              all
+/// NMEA 2000  2, 3           -              largest
+///            4, 5, …        largest − 1    largest, signed 16 bits: 7FFF
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Indicators {
-    /// Width of the parameter in bits.
+    /// Length of the parameter in bits.
     pub bits: u16,
-    /// Largest raw value; codes up to it are values.
+    /// Largest raw value; codes above it have no value.
     pub largest: u64,
+    /// Standard that defines the codes.
+    pub coding: IndicatorCoding,
+}
+
+/// Standard that defines the codes of a parameter without a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum IndicatorCoding {
+    /// SAE J1939-71, for unsigned parameters.
+    #[default]
+    J1939,
+    /// NMEA 2000.
+    Nmea2000 {
+        /// Two's complement: the largest number has a 0 as its first bit.
+        is_signed: bool,
+    },
 }
 
 impl Indicators {
-    /// What a code says; `None` for values and codes that are reserved.
+    /// Meaning of a code; `None` for values and reserved codes.
     pub fn label(self, raw: u64) -> Option<&'static str> {
-        let all = u64::MAX.checked_shr(64_u32.checked_sub(u32::from(self.bits))?)?;
+        let all = self.greatest()?;
         if raw <= self.largest || raw > all {
             return None;
+        }
+        if self.coding != IndicatorCoding::J1939 {
+            const LEAST_WITH_ERROR: u64 = 15;
+            return match all - raw {
+                0 if all > 1 => Some("not available"),
+                1 if all >= LEAST_WITH_ERROR => Some("error"),
+                _ => None,
+            };
         }
         let top = if self.bits.is_multiple_of(8) { raw >> (self.bits - 8) } else { 0 };
         match (self.bits, top) {
@@ -52,84 +82,105 @@ impl Indicators {
             _ => None,
         }
     }
+
+    /// Largest number of the type.
+    pub(crate) fn greatest(self) -> Option<u64> {
+        let is_signed = self.coding == IndicatorCoding::Nmea2000 { is_signed: true };
+        let bits = u32::from(self.bits).checked_sub(u32::from(is_signed))?;
+        u64::MAX.checked_shr(64_u32.checked_sub(bits)?)
+    }
 }
 
-/// How one object is read.
+/// Interpretation of one object.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Meaning {
-    /// The object.
+    /// Address of the object.
     pub object: ObjectAddress,
     /// Full name.
     pub name: String,
-    /// The word for it in lines.
+    /// Short name in event lines.
     pub short: Option<String>,
-    /// Type, if known.
+    /// Data type, if known.
     pub data_type: Option<DataType>,
-    /// How people read it.
+    /// Number format in output.
     pub format: Format,
     /// Unit of the scaled value; empty for plain numbers.
     pub unit: String,
     /// Scale; `None` for plain numbers.
     pub scale: Option<Factor>,
-    /// Digits after the point.
+    /// Decimals in output.
     pub decimals: u8,
-    /// Digits after the point no value has more of; 0 if that is not known.
+    /// Max decimals of any value; 0 if unknown.
     pub digits: u8,
-    /// Permitted raw values.
+    /// Permitted raw values: minimum and maximum.
     pub range: Option<[i64; 2]>,
-    /// Permitted values in `unit`.
+    /// Permitted values in `unit`: minimum and maximum.
     pub limits: Option<[f64; 2]>,
-    /// Enumeration.
+    /// Names of enumeration values.
     pub values: Option<Arc<Names>>,
-    /// Raw values that are no quantity.
+    /// Names of raw values other than quantities.
     pub special: Option<Arc<Names>>,
-    /// Raw values above the largest one that say why there is none (SAE J1939-71).
+    /// Codes above the largest value, which indicate an error or a missing value (SAE J1939-71).
     pub indicators: Option<Indicators>,
-    /// Named bits.
+    /// Names of bits.
     pub bits: Option<Arc<BitNames>>,
-    /// What it is for the device.
+    /// Texts of error codes, for an entry of the error history.
+    pub errors: Option<ErrorTexts>,
+    /// Function of the object in the device.
     pub role: Option<Role>,
-    /// Of an actual value the set point it follows.
+    /// Set point that an actual value follows.
     pub of: Option<ObjectAddress>,
-    /// Output of the device.
+    /// Channel of the device.
     pub channel: Option<u8>,
-    /// Rests on a default, or on a value that may have changed unseen.
+    /// Whether it depends on a default, or on a value that may have changed without being seen.
     pub assumed: bool,
 }
 
 impl Meaning {
-    /// The value of bytes; bytes where the type is unknown.
+    /// Decodes data with the data type; bytes if the type is unknown.
     pub fn decode(&self, data: &[u8]) -> Value {
         match self.data_type {
+            // CiA 301 §7.5.2.13 and §7.5.2.14: a write contains a signature, a read returns capability bits.
+            Some(data_type) if self.format == Format::Ascii && !is_signature(data) => data_type.decode(data),
             _ if self.format == Format::Ascii => DataType::VisibleString.decode(data),
             Some(data_type) => data_type.decode(data),
             None => Value::Bytes(data.to_vec()),
         }
     }
 
-    /// A number as a value of its type.
+    /// Converts a raw number to a value of the data type.
     pub fn number(&self, raw: i64) -> Value {
         self.data_type.map_or(Value::Integer(raw), |data_type| data_type.number(raw.cast_unsigned()))
     }
 
-    /// The scaled quantity; `None` without scale, and for special values and texts.
+    /// Scaled quantity; `None` without a scale, for special values, for codes without a value and for texts. A
+    /// value with a name keeps its quantity.
     pub fn scaled(&self, value: &Value) -> Option<f64> {
         let scale = self.scale?;
-        if self.label(value).is_some() {
+        if self.is_special(value) || self.has_no_value(value) {
             return None;
         }
         let raw = match value {
-            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "scaled values are for display; raw numbers are exact"
+            )]
             Value::Unsigned(raw) => *raw as f64,
-            #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "scaled values are for display; raw numbers are exact"
+            )]
             Value::Integer(raw) => *raw as f64,
             Value::Real(raw) => *raw,
             Value::Text(_) | Value::Bytes(_) => return None,
         };
+        if scale.is_reciprocal {
+            return (raw != 0.0).then(|| scale.factor / raw + scale.offset);
+        }
         Some(raw * scale.factor + scale.offset)
     }
 
-    /// Name of a value: of an enumeration, or a special one.
+    /// Name of an enumeration value or special value.
     pub fn label(&self, value: &Value) -> Option<&str> {
         let name = |number| {
             let special = self.special.as_deref().and_then(|names| names.get(number));
@@ -138,28 +189,99 @@ impl Meaning {
         integer(value).and_then(name).or_else(|| self.indicated(value))
     }
 
-    /// What a code beyond the values says.
+    /// Text that explains a number: its name, the names of its bits, or the parts that it is composed of.
+    pub fn description(&self, value: &Value) -> Option<Cow<'_, str>> {
+        if let Some(label) = self.label(value) {
+            return Some(Cow::Borrowed(label));
+        }
+        let parts = self.parts(word(value)?);
+        (!parts.is_empty()).then(|| Cow::Owned(parts.join(", ")))
+    }
+
+    /// Whether a write of the object contains a signature.
+    pub fn is_signature(&self) -> bool {
+        self.format == Format::Ascii
+    }
+
+    /// Interpretation of written data: the bits of a signature object describe reads only.
+    #[must_use]
+    pub fn for_write(self) -> Self {
+        if self.is_signature() { Self { bits: None, data_type: None, ..self } } else { self }
+    }
+
+    /// Whether its numbers are composed of bits or parts.
+    pub fn is_composed(&self) -> bool {
+        let is_format = matches!(self.format, Format::Mapping | Format::Emcy | Format::HeartbeatConsumer);
+        is_format || self.bits.is_some()
+    }
+
+    /// Texts of the parts of a composed number.
+    fn parts(&self, word: u64) -> Vec<String> {
+        let word = word & (u64::MAX >> (64 - self.width()));
+        let mut parts = match self.format {
+            Format::Mapping if word != 0 => vec![mapping_entry(word)],
+            Format::HeartbeatConsumer => vec![consumer_heartbeat(word)],
+            // CiA 301 §7.5.2.4: the upper 16 bits are manufacturer-specific.
+            Format::Emcy => {
+                let code = u16::try_from(word & 0xFFFF).unwrap_or_default();
+                self.errors.iter().map(|errors| errors.get(code).to_owned()).collect()
+            }
+            _ => Vec::new(),
+        };
+        parts.extend(self.bits.iter().flat_map(|bits| bit_words(bits, word)));
+        parts
+    }
+
+    /// Length of the data type in bits, 1 to 64.
+    fn width(&self) -> u16 {
+        self.data_type.and_then(DataType::bits).unwrap_or(64).clamp(1, 64)
+    }
+
+    /// Whether a value has a name other than a quantity.
+    fn is_special(&self, value: &Value) -> bool {
+        let number = integer(value);
+        number.zip(self.special.as_deref()).is_some_and(|(number, names)| names.get(number).is_some())
+    }
+
+    /// Whether a code indicates a missing or erroneous value: a J1939 indicator, or a code with such a name.
+    pub fn has_no_value(&self, value: &Value) -> bool {
+        /// Names used by SAE J1939-71 §5.1.4 and by databases ("SNA": signal not available).
+        const NAMES: [&str; 5] = ["not available", "signal not available", "sna", "error", "error indicator"];
+        if self.indicated(value).is_some() {
+            return true;
+        }
+        let name = integer(value).and_then(|number| self.values.as_deref()?.get(number));
+        name.is_some_and(|name| NAMES.iter().any(|known| name.trim().eq_ignore_ascii_case(known)))
+    }
+
+    /// Meaning of an indicator code.
     fn indicated(&self, value: &Value) -> Option<&'static str> {
         match value {
             Value::Unsigned(raw) => self.indicators?.label(*raw),
+            Value::Integer(raw) => self.indicators?.label(u64::try_from(*raw).ok()?),
             _ => None,
         }
     }
 
-    /// Whether a value lies outside what the manual permits.
+    /// Whether a value is outside the range permitted by the manual.
     pub fn is_outside(&self, value: &Value) -> bool {
         let Some(number) = integer(value) else { return false };
-        let is_special = self.special.as_deref().is_some_and(|names| names.get(number).is_some());
-        if is_special || self.indicated(value).is_some() {
+        if self.is_special(value) || self.has_no_value(value) {
             return false;
         }
         let outside_range = self.range.is_some_and(|[least, most]| number < least || number > most);
-        #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
-        let quantity = self.scaled(value).or_else(|| self.scale.is_none().then_some(number as f64));
+        #[expect(clippy::cast_precision_loss, reason = "compared with limits that have few digits")]
+        let quantity = match self.scale {
+            // A code with a name may exceed the limits of the quantity.
+            Some(_) if self.label(value).is_some() => None,
+            Some(_) => self.scaled(value),
+            None => Some(number as f64),
+        };
         let outside_limits = match (self.limits, quantity) {
-            // Half a step of the raw number: limits are printed rounded.
+            // Half a step of the raw number, because manuals state rounded limits.
             (Some([least, most]), Some(quantity)) => {
-                let slack = self.scale.map_or(0.0, |scale| scale.factor.abs()) / 2.0 + f64::EPSILON;
+                let linear = self.scale.filter(|scale| !scale.is_reciprocal);
+                let slack = linear.map_or(0.0, |scale| scale.factor.abs()) / 2.0 + f64::EPSILON;
                 quantity < least - slack || quantity > most + slack
             }
             _ => false,
@@ -167,10 +289,13 @@ impl Meaning {
         outside_range || outside_limits
     }
 
-    /// Between which raw numbers no value lies outside; `None` where that is not told by their ends.
+    /// Raw numbers that are permitted throughout: minimum and maximum; `None` if they form no single range.
     pub fn inside(&self) -> Option<[i64; 2]> {
         let [mut least, mut most] = self.range.unwrap_or([i64::MIN, i64::MAX]);
         if let Some([low, high]) = self.limits {
+            if self.scale.is_some_and(|scale| scale.is_reciprocal) {
+                return None;
+            }
             let (factor, offset) = self.scale.map_or((1.0, 0.0), |scale| (scale.factor, scale.offset));
             let ends = [low, high].map(|limit| (limit - offset) / factor);
             if !ends.iter().all(|end| end.is_finite()) {
@@ -180,29 +305,50 @@ impl Meaning {
             let [low, high] = [ends[0].min(ends[1]).ceil() as i64, ends[0].max(ends[1]).floor() as i64];
             (least, most) = (least.max(low), most.min(high));
         }
-        // A quantity rises or falls with its number: what holds at both ends holds between them.
+        // A quantity is monotonic in its number: if both ends are permitted, so are all numbers between them.
         let is_right = |number| !self.is_outside(&Value::Integer(number));
         (least <= most && is_right(least) && is_right(most)).then_some([least, most])
     }
 
-    /// The value as people write it: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
+    /// Value for output: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
     pub fn show(&self, value: &Value) -> String {
         if let Some(label) = self.label(value) {
             return match self.values {
-                Some(_) => format!("{label} ({})", self.plain(value)),
+                Some(_) if self.is_special(value) || self.has_no_value(value) => {
+                    format!("{label} ({})", self.plain(value))
+                }
+                Some(_) => format!("{label} ({})", self.quantity(value)),
                 None => label.to_owned(),
             };
         }
-        if let (Some(bits), Some(word)) = (self.bits.as_deref(), word(value)) {
-            return show_bits(bits, word, self.data_type);
+        match word(value) {
+            Some(word) if self.is_composed() && self.format != Format::Mapping => self.show_parts(word),
+            _ => self.quantity(value),
         }
+    }
+
+    /// Number with its unit.
+    fn quantity(&self, value: &Value) -> String {
         match self.scaled(value) {
             Some(quantity) => self.with_unit(&format!("{quantity:.*}", usize::from(self.decimals))),
+            None if self.scale.is_some_and(|scale| scale.is_reciprocal) => self.plain(value),
             None => self.with_unit(&self.plain(value)),
         }
     }
 
-    /// The same with its sign where it can have either, and a remark where the manual does not permit it.
+    /// Formats a composed number: `08h pressure control, parameter-set 2`.
+    fn show_parts(&self, word: u64) -> String {
+        let digits = usize::from(self.width().div_ceil(4));
+        let word = word & (u64::MAX >> (64 - self.width()));
+        let mut text = format!("{word:0digits$X}h");
+        for (place, part) in self.parts(word).iter().enumerate() {
+            let separator = if place == 0 { " " } else { ", " };
+            let _ = write!(text, "{separator}{part}");
+        }
+        text
+    }
+
+    /// Like [`Self::show`], with a sign if the value can be negative, and a remark if it is outside.
     pub fn signed(&self, value: &Value) -> String {
         let text = self.show(value);
         let shows = 0.5 / 10_f64.powi(i32::from(self.decimals));
@@ -215,7 +361,7 @@ impl Meaning {
     }
 
     fn with_unit(&self, number: &str) -> String {
-        // "-0.0" reads as a sign that is not there.
+        // Avoids "-0.0".
         let number = match number.strip_prefix('-') {
             Some(digits) if digits.bytes().all(|digit| matches!(digit, b'0' | b'.')) => digits,
             _ => number,
@@ -229,16 +375,13 @@ impl Meaning {
                 let digits = usize::from(self.data_type.and_then(DataType::bits).unwrap_or(32).div_ceil(4));
                 format!("{number:0digits$X}h")
             }
-            // Bits 31..16 index, 15..8 sub-index, 7..0 width (CiA 301 figure 70).
-            (Value::Unsigned(number), Format::Mapping) if *number != 0 => {
-                format!("{:04X}:{:02X}/{} bit", number >> 16, number >> 8 & 0xFF, number & 0xFF)
-            }
+            (Value::Unsigned(number), Format::Mapping) if *number != 0 => mapping_entry(*number),
             _ => value.to_string(),
         }
     }
 }
 
-/// A number as signed.
+/// Value as a signed number.
 pub fn integer(value: &Value) -> Option<i64> {
     match value {
         Value::Unsigned(number) => i64::try_from(*number).ok(),
@@ -247,7 +390,7 @@ pub fn integer(value: &Value) -> Option<i64> {
     }
 }
 
-/// A number as bits.
+/// Value as raw bits.
 pub fn word(value: &Value) -> Option<u64> {
     match value {
         Value::Unsigned(number) => Some(*number),
@@ -256,29 +399,33 @@ pub fn word(value: &Value) -> Option<u64> {
     }
 }
 
-/// `08h pressure control, parameter-set 2`.
-fn show_bits(bits: &BitNames, word: u64, data_type: Option<DataType>) -> String {
-    let width = data_type.and_then(DataType::bits).unwrap_or(64).clamp(1, 64);
-    let digits = usize::from(width.div_ceil(4));
-    let word = word & (u64::MAX >> (64 - width));
-    let mut text = format!("{word:0digits$X}h");
-    let words = bit_words(bits, word);
-    for (place, part) in words.iter().enumerate() {
-        let separator = if place == 0 { " " } else { ", " };
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{separator}{part}");
-    }
-    text
+/// Formats a mapping entry: bits 31..16 index, 15..8 sub-index, 7..0 length in bits (CiA 301 figure 70).
+fn mapping_entry(word: u64) -> String {
+    format!("{:04X}:{:02X}/{} bit", word >> 16, word >> 8 & 0xFF, word & 0xFF)
 }
 
-/// Words for the bits of a word: set ones by name, clear ones that have a word for it, numbers.
+/// Formats a consumer heartbeat time: bits 23..16 node-ID, 15..0 time in ms. An entry with time 0, or with a
+/// node-ID of 0 or above 127, is not used (CiA 301 §7.5.2.19).
+fn consumer_heartbeat(word: u64) -> String {
+    match (word >> 16 & 0xFF, word & 0xFFFF) {
+        (0 | 128.., _) | (_, 0) => "unused".to_owned(),
+        (node, time) => format!("node {node}, {time} ms"),
+    }
+}
+
+/// Whether data consists of printable characters only.
+fn is_signature(data: &[u8]) -> bool {
+    !data.is_empty() && data.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ')
+}
+
+/// Texts for the bits of a word: names of set bits, texts of clear bits if defined, numbers.
 pub fn bit_words(bits: &BitNames, word: u64) -> Vec<String> {
     let named = bits.list.iter().filter(|bit| !bit.reserved);
     named.filter_map(|bit| bit.word(bit.of(word))).collect()
 }
 
 impl super::names::BitName {
-    /// The word for a number of these bits; `None` where there is nothing to say.
+    /// Text for the number in these bits; `None` if nothing is to be shown.
     pub fn word(&self, number: u64) -> Option<String> {
         let title = self.text.as_deref().unwrap_or(&self.name);
         if self.width == 1 {
@@ -292,5 +439,23 @@ impl super::names::BitName {
             None if number == 0 => None,
             None => Some(format!("{title} {number}")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RE 29015-01-Z/09.06 §6.3: 1310 is an integral time of 100 ms, greater values shorten it.
+    #[test]
+    fn a_reciprocal_scale_has_no_value_at_0() {
+        let scale = Factor { factor: 131_000.0, offset: 0.0, full_scale: None, is_reciprocal: true };
+        let meaning = Meaning { unit: "ms".into(), scale: Some(scale), decimals: 1, ..Meaning::default() };
+        let show = |raw| meaning.show(&Value::Unsigned(raw));
+        assert_eq!([show(1310), show(2620), show(65535), show(0)], ["100.0 ms", "50.0 ms", "2.0 ms", "0"]);
+        assert_eq!(meaning.scaled(&Value::Unsigned(0)), None);
+        let limited = Meaning { limits: Some([2.0, 100.0]), ..meaning };
+        assert!(limited.is_outside(&Value::Unsigned(1309)) && !limited.is_outside(&Value::Unsigned(1310)));
+        assert_eq!(limited.inside(), None);
     }
 }

@@ -1,7 +1,7 @@
 //! Meaning as data: object names and types, code texts, the connection set, PDO layouts.
 //!
-//! The TOML files below `decoder/profiles/` are part of the binary as text. Each is parsed when the
-//! first question to it is asked, never at start.
+//! The TOML files of `decoder/profiles/` are embedded in the binary. Each one is loaded on first use, not at
+//! start.
 
 mod authored;
 mod catalogue;
@@ -15,6 +15,7 @@ pub mod device;
 pub mod device_file;
 mod dictionary;
 mod embedded;
+mod error_texts;
 mod formula;
 pub mod imported;
 mod layout;
@@ -29,26 +30,31 @@ mod reference;
 mod resolve;
 mod standards;
 
-pub use catalogue::{Catalogue, Introduction, ProfileError, is_bus_file};
+pub use catalogue::{Catalogue, ProfileError, ReportedIdentity, is_bus_file};
 pub use check::{check, check_ids};
 pub use connection_set::{ConnectionSet, Owner, connection_set};
-pub(crate) use cut::Cut;
+pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, Value};
 pub use device::Device;
-pub use dictionary::{Dictionary, Entry, Found, Object};
+pub use dictionary::{Dictionary, Entry, Object, ResolvedObject};
+pub use error_texts::{ErrorTexts, suggested_error_text};
 pub use formula::formula;
-pub use layout::{BitOrder, Carrier, Field, Layout, PdoDirection, PdoName, Selector, Signal, SignalId};
+pub use layout::{
+    BitOrder, Carrier, Field, FixedBits, Layout, PdoDirection, PdoName, Selector, Signal, SignalId,
+};
 
 pub use lookup::{
     Bits, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, abort_codes, emcy_codes, error_register,
     failure_modes, industry_groups, lamp_names, lss, pgn_name, transport_aborts, uds,
 };
-pub(crate) use lookup::{ValueIn, can_errors, fault_hints};
-pub use meaning::{Factor, Indicators, Meaning, bit_words, integer, word};
+pub(crate) use lookup::{
+    ValueIn, can_errors, fault_hints, is_fast_packet, is_nmea2000_group, is_public_group,
+};
+pub use meaning::{Factor, IndicatorCoding, Indicators, Meaning, bit_words, integer, word};
 pub use names::{BitName, BitNames, Names};
 pub use object::{Effect, Role, Storage};
 pub use position::TextError;
 pub use reference::Reference;
-pub use resolve::{Known, NothingKnown, Number, Resolver};
+pub use resolve::{KnownValues, NoValues, Number, Resolver};
 pub use standards::{isobus, plain_device};

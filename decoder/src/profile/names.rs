@@ -1,10 +1,10 @@
-//! Names of values and of bits, as a profile writes them.
+//! Names of values and bits, as written in a profile.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-/// An enumeration: raw value to its name.
+/// Names by raw value.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(try_from = "BTreeMap<String, String>")]
 pub struct Names(pub BTreeMap<i64, String>);
@@ -25,37 +25,37 @@ impl TryFrom<BTreeMap<String, String>> for Names {
     }
 }
 
-/// A key such as `0`, `-3`, `0x1000`.
+/// Parses a key such as `0`, `-3`, `0x1000`.
 fn integer(text: &str) -> Result<i64, String> {
     let number = match text.strip_prefix("0x") {
         Some(digits) => i64::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    number.map_err(|_| format!("'{text}' is no number: write 0, -3 or 0x1000"))
+    number.map_err(|_| format!("'{text}' is not a number; expected e.g. 0, -3 or 0x1000"))
 }
 
-/// One bit, or a few together, of a word.
+/// One bit or several adjacent bits of a word.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BitName {
     /// Lowest bit, from 0.
     pub bit: u8,
-    /// How many.
+    /// Number of bits.
     #[serde(default = "one")]
     pub width: u8,
-    /// The word in JSON, in kebab-case.
+    /// Name in JSON, in kebab-case.
     #[serde(default)]
     pub name: String,
-    /// Words for a line when set.
+    /// Text in event lines if set.
     #[serde(default)]
     pub text: Option<String>,
-    /// Words for a line when clear.
+    /// Text in event lines if clear.
     #[serde(default)]
     pub off: Option<String>,
-    /// Names of the number several bits form.
+    /// Names of the number in several bits.
     #[serde(default)]
     pub values: Option<Names>,
-    /// Without meaning.
+    /// Whether the bits have no meaning.
     #[serde(default)]
     pub reserved: bool,
 }
@@ -65,27 +65,27 @@ const fn one() -> u8 {
 }
 
 impl BitName {
-    /// The number these bits form in `word`.
+    /// Number in these bits of `word`.
     pub fn of(&self, word: u64) -> u64 {
         let mask = if self.width >= 64 { u64::MAX } else { (1 << self.width) - 1 };
         word.checked_shr(u32::from(self.bit)).unwrap_or(0) & mask
     }
 }
 
-/// Bits of a word.
+/// Named bits of a word.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BitNames {
-    /// In any order.
+    /// Bits in any order.
     pub list: Vec<BitName>,
 }
 
-/// Something defined here, or the name of a table that defines it for several.
+/// A definition, or the name of a table with a shared definition.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a table, or the name of one")]
+#[serde(untagged, expecting = "expected a table or the name of a table")]
 pub enum Shared<T> {
-    /// Name of the table.
+    /// Name of the shared table.
     Named(String),
-    /// Defined here.
+    /// Definition in place.
     Here(T),
 }

@@ -1,4 +1,4 @@
-//! Objects as a profile's author writes them: keys of `profiles/README.md`, section "Objects".
+//! Keys of objects in a profile: see `profiles/README.md`, section "Objects".
 
 use std::sync::Arc;
 
@@ -8,19 +8,23 @@ use super::names::{BitNames, Names};
 use super::one_or_many::OneOrMany;
 use super::reference::Reference;
 
-/// How a number is read by people.
+/// Number format in output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Format {
-    /// Decimal.
+    /// Decimal number.
     #[default]
     Decimal,
-    /// Hexadecimal, as wide as the type.
+    /// Hexadecimal number, padded to the length of the type.
     Hex,
-    /// A PDO mapping entry: object and width in bits.
+    /// PDO mapping entry: object and length in bits.
     Mapping,
-    /// Bytes as characters: the signatures "save" and "load".
+    /// Characters, as in the signatures "save" and "load"; a number if they are not printable.
     Ascii,
+    /// Entry of the error history: EMCY code in bits 0 to 15.
+    Emcy,
+    /// Consumer heartbeat time: node-ID in bits 16 to 23, time in ms in bits 0 to 15.
+    HeartbeatConsumer,
 }
 
 /// Access by SDO.
@@ -33,12 +37,12 @@ pub enum Access {
     Rw,
     /// Write only.
     Wo,
-    /// Never changes.
+    /// Constant.
     Const,
 }
 
 impl Access {
-    /// The word in output: `ro`, `rw`, `wo`, `const`.
+    /// Name in output: `ro`, `rw`, `wo`, `const`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ro => "ro",
@@ -49,25 +53,25 @@ impl Access {
     }
 }
 
-/// What keeps a value over a restart.
+/// Persistence of a value over a restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Storage {
     /// Lost at reset.
     Volatile,
-    /// Every write goes to non-volatile memory.
+    /// Stored in non-volatile memory by every write.
     EachWrite,
-    /// Kept after its store object was written.
+    /// Stored by a write to its store object.
     Save,
-    /// Never changes.
+    /// Constant.
     Fixed,
-    /// Not said.
+    /// Not stated.
     #[default]
     Unknown,
 }
 
 impl Storage {
-    /// What becomes of a value just written, as output names it.
+    /// Persistence of a written value, as named in output.
     pub const fn persists(self) -> &'static str {
         match self {
             Self::Volatile => "no",
@@ -78,29 +82,29 @@ impl Storage {
     }
 }
 
-/// When a write acts.
+/// Time at which a write takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
-    /// At the confirming message.
+    /// Immediately.
     AtOnce,
-    /// At the next SYNC with the node's own identifier.
+    /// At the next SYNC with the identifier configured in the node.
     AtSync,
-    /// After NMT reset communication, and every stronger reset.
+    /// After NMT reset communication or a stronger reset.
     ResetCommunication,
-    /// After NMT reset node, and power-on.
+    /// After NMT reset node or power-on.
     ResetNode,
     /// After power-on only.
     PowerOn,
-    /// Accepted, but without effect.
+    /// Never: accepted without effect.
     Never,
-    /// Not said.
+    /// Not stated.
     #[default]
     Unknown,
 }
 
 impl Effect {
-    /// The name used in all output.
+    /// Name in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::AtOnce => "at-once",
@@ -113,7 +117,7 @@ impl Effect {
         }
     }
 
-    /// When, in words behind what happens then.
+    /// Time as text, to be placed after the description of the effect.
     pub const fn when(self) -> &'static str {
         match self {
             Self::AtOnce => "at once",
@@ -122,17 +126,17 @@ impl Effect {
             Self::ResetNode => "after reset node",
             Self::PowerOn => "after power-on",
             Self::Never => "never: accepted without effect",
-            Self::Unknown => "at a time not known",
+            Self::Unknown => "at an unknown time",
         }
     }
 
-    /// Whether the new value holds only from a restart on.
+    /// Whether the new value takes effect only after a restart.
     pub const fn waits(self) -> bool {
         matches!(self, Self::ResetCommunication | Self::ResetNode | Self::PowerOn)
     }
 }
 
-/// What an object is for the device.
+/// Function of an object in the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
@@ -140,22 +144,22 @@ pub enum Role {
     Control,
     /// Status word or byte.
     Status,
-    /// A commanded value.
+    /// Commanded value.
     SetPoint,
-    /// A measured value.
+    /// Measured value.
     Actual,
-    /// A mode of operation.
+    /// Mode of operation.
     Mode,
-    /// The node-ID.
+    /// Node-ID.
     NodeId,
-    /// The bit rate.
+    /// Bit rate.
     BitRate,
-    /// Counts up.
+    /// Ascending counter.
     Counter,
 }
 
 impl Role {
-    /// The name used in profiles.
+    /// Name in profiles.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Control => "control",
@@ -170,43 +174,48 @@ impl Role {
     }
 }
 
-/// Raw number to quantity.
+/// Conversion of a raw number to a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(
     untagged,
-    expecting = "a number, { raw = 16383, value = 100 } or { raw = 16383, object = \"5208:02\" }"
+    expecting = "expected a number, { raw = 16383, value = 100 }, { raw = 16383, object = \"5208:02\" } or { reciprocal = 131000 }"
 )]
 pub enum Scale {
     /// value = raw × factor.
     Factor(f64),
-    /// `raw` is `value`.
+    /// Proportional, with a known pair of raw number and quantity.
     Anchor {
-        /// Raw number.
+        /// Raw number of the pair.
         raw: f64,
-        /// Quantity.
+        /// Quantity of the pair.
         value: f64,
     },
-    /// `raw` is the value of `object`.
+    /// Proportional, with the quantity of the pair in another object.
     ByObject {
-        /// Raw number.
+        /// Raw number of the pair.
         raw: f64,
-        /// Object that holds the quantity.
+        /// Object that contains the quantity.
         object: Reference,
+    },
+    /// value = numerator / raw.
+    Reciprocal {
+        /// Quantity of raw number 1.
+        reciprocal: f64,
     },
 }
 
-/// One number or several.
+/// One or several numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a number or a list of numbers")]
+#[serde(untagged, expecting = "expected a number or a list of numbers")]
 pub enum Numbers {
-    /// One.
+    /// A single number.
     One(i64),
-    /// Any of them.
+    /// Several alternative numbers.
     Any(Vec<i64>),
 }
 
 impl Numbers {
-    /// Whether `value` is among them.
+    /// Whether `value` is one of the numbers.
     pub fn contains(&self, value: i64) -> bool {
         match self {
             Self::One(one) => *one == value,
@@ -215,46 +224,46 @@ impl Numbers {
     }
 }
 
-/// A condition on the value of another object.
+/// Condition on the value of another object.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct When {
-    /// The object.
+pub struct ObjectCondition {
+    /// Object to compare.
     pub object: Reference,
-    /// Its raw value.
+    /// Raw values to compare with.
     pub equals: Numbers,
 }
 
-/// Variants an entry belongs to; all if empty.
+/// Variants that an entry applies to; all if empty.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(from = "OneOrMany<String>")]
-pub struct Only(pub Vec<String>);
+pub struct VariantFilter(pub Vec<String>);
 
-impl Only {
-    /// Whether it holds for a variant.
+impl VariantFilter {
+    /// Whether the entry applies to a variant.
     pub fn allows(&self, variant: &str) -> bool {
         self.0.is_empty() || self.0.iter().any(|only| only == variant)
     }
 }
 
-impl From<OneOrMany<String>> for Only {
+impl From<OneOrMany<String>> for VariantFilter {
     fn from(list: OneOrMany<String>) -> Self {
         Self(list.into_vec())
     }
 }
 
-/// Equal entries at a distance.
+/// Repetition of equal entries at a constant distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Repeat {
-    /// How many.
+    /// Number of repeats.
     pub count: u16,
     /// Distance of their indexes.
     pub stride: u16,
-    /// Number of the first, for names and channels.
+    /// Number of the first repeat, for names and channels.
     #[serde(default = "first")]
     pub first: u16,
-    /// Whether the number is that of an output of the device.
+    /// Whether the repeat number is a channel of the device.
     #[serde(default)]
     pub channel: bool,
 }
@@ -263,7 +272,7 @@ const fn first() -> u16 {
     1
 }
 
-/// No repeat: one entry.
+/// No repetition: a single entry.
 pub(crate) const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
 
 impl Default for Repeat {
@@ -272,45 +281,45 @@ impl Default for Repeat {
     }
 }
 
-/// A default as written.
+/// Default as written in a profile.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "a number or a text")]
-pub enum Given {
-    /// Raw number.
+#[serde(untagged, expecting = "expected a number or a text")]
+pub enum DefaultValue {
+    /// Raw integer.
     Number(i64),
-    /// A real number.
+    /// Floating-point number.
     Real(f64),
-    /// Text.
+    /// Text or formula.
     Text(String),
 }
 
-/// How a value is read: keys that may differ by mode.
+/// Interpretation of a value: keys that can depend on the mode.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Look {
-    /// Name; `{n}` stands for the number of the repeat.
+pub struct Interpretation {
+    /// Name; `{n}` is replaced by the repeat number.
     pub name: Option<String>,
-    /// The word for it in lines.
+    /// Short name in event lines.
     pub short: Option<String>,
     /// Unit of the scaled value.
     pub unit: Option<String>,
-    /// Raw number to quantity.
+    /// Conversion of the raw number to a quantity.
     pub scale: Option<Scale>,
-    /// Added after scaling.
+    /// Offset of the quantity, added after scaling.
     pub offset: Option<f64>,
-    /// Digits after the point.
+    /// Decimals in output.
     pub decimals: Option<u8>,
-    /// Permitted raw values.
+    /// Permitted raw values: minimum and maximum.
     pub range: Option<[i64; 2]>,
-    /// Permitted values in `unit`.
+    /// Permitted values in `unit`: minimum and maximum.
     pub limits: Option<[f64; 2]>,
-    /// Enumeration.
+    /// Names of enumeration values.
     pub values: Option<Arc<Names>>,
-    /// Raw values that are no quantity.
+    /// Names of raw values other than quantities.
     pub special: Option<Arc<Names>>,
-    /// Named bits.
+    /// Names of bits.
     pub bits: Option<Arc<BitNames>>,
-    /// What it is for the device.
+    /// Function of the object in the device.
     pub role: Option<Role>,
-    /// Of an actual value the set point it follows.
+    /// Set point that an actual value follows.
     pub of: Option<Reference>,
 }

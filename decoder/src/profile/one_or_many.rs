@@ -1,4 +1,4 @@
-//! Values that stand alone or in a list, as their author likes.
+//! Keys that accept a single value or a list.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,7 +7,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// A value or a list of them; `tables` says more of what is wrong in a table.
+/// A single value or a list; [`tables`] reports errors inside tables more precisely.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged)]
 pub(super) enum OneOrMany<T> {
@@ -24,7 +24,7 @@ impl<T> OneOrMany<T> {
     }
 }
 
-/// A table or a list of them, with the errors of the tables themselves.
+/// Deserializes a table or a list of tables, and keeps the errors inside the tables.
 pub(super) fn tables<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
 where
     D: Deserializer<'de>,

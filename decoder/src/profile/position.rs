@@ -1,25 +1,25 @@
-//! Where in a text an error is, and the line with a caret under it: for every TOML file a user writes.
+//! Errors with line, column and an excerpt with a caret, for all TOML files that users write.
 
 use std::fmt;
 use std::ops::Range;
 
-/// An error in a text, with the place it is about.
+/// Error in a text, with its position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TextError {
-    /// What is wrong and what is expected.
+    /// Problem and expected form.
     pub message: String,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// The line itself.
+    /// Text of the line.
     excerpt: String,
-    /// Characters the error is about, at least one.
+    /// Number of marked characters, at least one.
     width: usize,
 }
 
 impl TextError {
-    /// An error about the bytes `span` of `text`; of several lines the first counts.
+    /// Error at the bytes `span` of `text`; only its first line is shown.
     pub fn at(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
         let start = floor(text, span.start);
         let before = text.get(..start).unwrap_or_default();
@@ -38,20 +38,20 @@ impl TextError {
         }
     }
 
-    /// What the TOML reader says about `text`.
+    /// Converts an error of the TOML parser.
     pub(crate) fn of_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
         let line = text.get(span.clone()).and_then(|about| about.lines().next()).unwrap_or_default();
         Self::at(text, span, plain(error.message(), line.trim()))
     }
 
-    /// `FILE:3:9: message`, the line, and a caret line below it.
+    /// Prints `FILE:3:9: message`, the line, and a line with a caret below it.
     pub fn show(&self, file: &str) -> String {
         format!("{}:{self}", file.replace(char::is_control, "\u{FFFD}"))
     }
 }
 
-/// The error without the name of its file.
+/// Prints the error without a file name.
 impl fmt::Display for TextError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { line, column, width, .. } = *self;
@@ -67,7 +67,7 @@ impl fmt::Display for TextError {
 
 impl std::error::Error for TextError {}
 
-/// What the reader says in its own words for types, in words of the file. `line` is what it is about.
+/// Replaces Rust type names in a parser message by terms of the file; `line` is the line with the error.
 fn plain(message: &str, line: &str) -> String {
     let Some((found, expected)) =
         message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "))
@@ -100,7 +100,7 @@ fn plain(message: &str, line: &str) -> String {
     format!("found {found}, expected {expected}")
 }
 
-/// The character boundary at or before `at`.
+/// Character boundary at or before `at`.
 fn floor(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_caret_stands_under_the_text_whatever_is_before_it() {
+    fn the_caret_is_below_the_text_after_any_prefix() {
         let text = "a = 1\n\tä = \"x\u{1b}y\"\n";
         let error = TextError::at(text, 8..9, "unknown");
         assert_eq!((error.line, error.column), (2, 2));

@@ -1,6 +1,6 @@
-//! What stands in a file of the user, in messages about it.
+//! Quotes text of user files in messages.
 
-/// What stands in the file, for a message: its beginning in quotes, without control characters.
+/// Start of a text in quotes, without control characters.
 pub(super) fn quote(text: &str) -> String {
     const SHOWN: usize = 40;
     let mut shown: String = text.chars().take(SHOWN).map(printable).collect();
@@ -10,7 +10,7 @@ pub(super) fn quote(text: &str) -> String {
     format!("\"{shown}\"")
 }
 
-/// A letter as it may be shown: none that steers a terminal.
+/// Replaces a character that controls the terminal.
 pub(super) fn printable(character: char) -> char {
     if character.is_control() { char::REPLACEMENT_CHARACTER } else { character }
 }

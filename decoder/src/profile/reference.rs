@@ -1,4 +1,4 @@
-//! References from one entry of a profile to another: `5208:02`, `5208:02 fixed`, `6043:00 step 800`.
+//! References between entries of a profile: `5208:02`, `5208:02 fixed`, `6043:00 step 800`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,24 +7,24 @@ use serde::Deserialize;
 
 use crate::wire::canopen::ObjectAddress;
 
-/// An object named inside an entry that may be repeated.
+/// Reference to an object from an entry that can be repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Reference {
-    /// The object, as the first repeat means it.
+    /// Object for the first repeat.
     pub object: ObjectAddress,
-    /// How far it moves from one repeat to the next; `None`: as far as the entry itself.
+    /// Distance between repeats; `None` for the stride of the entry itself.
     pub step: Option<u16>,
 }
 
 impl Reference {
-    /// The object the repeat number `nth`, from 0, of an entry with this stride means.
+    /// Object for repeat `nth`, from 0, of an entry with this stride.
     pub fn shifted(self, nth: u16, stride: u16) -> ObjectAddress {
         let distance = self.step.unwrap_or(stride).wrapping_mul(nth);
         ObjectAddress { index: self.object.index.wrapping_add(distance), ..self.object }
     }
 
-    /// The same for good: a reference that does not move, at its place in repeat `nth`.
+    /// Fixed reference to the object of repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
         Self { object: self.shifted(nth, stride), step: Some(0) }
@@ -42,11 +42,11 @@ impl FromStr for Reference {
             (Some("fixed"), None, _) => Some(0),
             (Some("step"), Some(step), None) => Some(
                 u16::from_str_radix(step.trim_start_matches("0x"), 16)
-                    .map_err(|_| format!("'{step}' is no step: write it in hex, as 800"))?,
+                    .map_err(|_| format!("invalid step '{step}'; expected a hex number such as 800"))?,
             ),
             _ => {
                 return Err(format!(
-                    "'{text}' is no reference: write 5208:02, 5208:02 fixed or 6043:00 step 800"
+                    "invalid reference '{text}'; expected 5208:02, 5208:02 fixed or 6043:00 step 800"
                 ));
             }
         };
@@ -62,13 +62,13 @@ impl TryFrom<String> for Reference {
     }
 }
 
-/// One bit of an object: `5038:00/1`.
+/// Reference to one bit of an object: `5038:00/1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct BitReference {
-    /// The object.
+    /// Object that contains the bit.
     pub object: Reference,
-    /// The bit, from 0.
+    /// Bit number, from 0.
     pub bit: u8,
 }
 
@@ -76,7 +76,7 @@ impl TryFrom<String> for BitReference {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let wrong = || format!("'{text}' is no bit: write 5038:00/1");
+        let wrong = || format!("invalid bit '{text}'; expected the form 5038:00/1");
         let (object, bit) = text.split_once('/').ok_or_else(wrong)?;
         let (bit, rest) = bit.split_once(' ').unwrap_or((bit, ""));
         let bit = bit.parse().ok().filter(|bit| *bit < 64).ok_or_else(wrong)?;
@@ -84,7 +84,7 @@ impl TryFrom<String> for BitReference {
     }
 }
 
-/// Objects from one address to another, both included: `1000:00..1FFF:FF`, or one object.
+/// Range of objects, both ends included: `1000:00..1FFF:FF`, or a single object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct ObjectRange {
@@ -93,17 +93,17 @@ pub struct ObjectRange {
 }
 
 impl ObjectRange {
-    /// Whether it covers `object` in repeat `nth`.
+    /// Whether the range for repeat `nth` contains `object`.
     pub fn covers(&self, object: ObjectAddress, nth: u16, stride: u16) -> bool {
         (self.first.shifted(nth, stride)..=self.last.shifted(nth, stride)).contains(&object)
     }
 
-    /// First and last object of the first repeat.
+    /// First and last object for the first repeat.
     pub const fn ends(&self) -> (ObjectAddress, ObjectAddress) {
         (self.first.object, self.last.object)
     }
 
-    /// The same for good, at its place in repeat `nth`.
+    /// Fixed range for repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
         Self { first: self.first.pinned(nth, stride), last: self.last.pinned(nth, stride) }
@@ -116,10 +116,10 @@ impl TryFrom<String> for ObjectRange {
     fn try_from(text: String) -> Result<Self, String> {
         let (first, last) = text.split_once("..").unwrap_or((&text, &text));
         let (mut first, last): (Reference, Reference) = (first.trim().parse()?, last.trim().parse()?);
-        // What is said behind the last one holds for both ends.
+        // A step after the last object applies to both ends.
         first.step = first.step.or(last.step);
         if last.object < first.object {
-            return Err(format!("'{text}' ends before it begins"));
+            return Err(format!("invalid range '{text}'; expected the lower object first"));
         }
         Ok(Self { first, last })
     }

@@ -1,27 +1,27 @@
-//! From what a profile's author wrote to what holds on one node now: modes chosen, scales computed.
+//! Resolves the definitions of a profile for one node at one time: selects modes, computes scales.
 
 use super::data_type::{DataType, Value};
-use super::dictionary::{Dictionary, Entry, Found};
+use super::dictionary::{Dictionary, Entry, ResolvedObject};
 use super::meaning::{Factor, Meaning, integer};
-use super::object::{Look, Scale};
+use super::object::{Format, Interpretation, Scale};
 use crate::wire::canopen::ObjectAddress;
 
-/// Deepest chain of objects whose scale depends on another one.
+/// Max length of a chain of objects whose scales depend on each other.
 const DEEPEST: u8 = 4;
 
-/// What is known of a node's objects.
-pub trait Known {
-    /// Bytes of an object, and whether they may have changed unseen.
+/// Known values of a node's objects.
+pub trait KnownValues {
+    /// Bytes of an object, and whether they may have changed without being seen.
     fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)>;
-    /// The unit the user gives for an object whose unit no message tells.
+    /// User-defined unit of an object whose unit is configurable and not visible on the bus.
     fn unit(&self, object: ObjectAddress) -> Option<&str>;
 }
 
-/// Nothing is known: defaults decide.
+/// No known values: defaults apply.
 #[derive(Debug, Clone, Copy)]
-pub struct NothingKnown;
+pub struct NoValues;
 
-impl Known for NothingKnown {
+impl KnownValues for NoValues {
     fn bytes(&self, _: ObjectAddress) -> Option<(&[u8], bool)> {
         None
     }
@@ -31,43 +31,43 @@ impl Known for NothingKnown {
     }
 }
 
-/// A number that decides how others are read.
+/// Number that decides the meaning of other objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Number {
     /// Raw value.
     pub raw: i64,
-    /// A default, or possibly changed unseen.
+    /// Whether it is a default or may have changed without being seen.
     pub assumed: bool,
 }
 
-/// Resolves entries of one dictionary, and keeps account of what it looked at.
+/// Resolves entries of one dictionary and records the objects it depends on.
 pub struct Resolver<'a> {
     dictionary: &'a Dictionary,
-    known: &'a dyn Known,
-    /// Node-ID, for defaults that depend on it.
+    known: &'a dyn KnownValues,
+    /// Node-ID for defaults that depend on it.
     node: Option<u8>,
-    /// Objects whose value decided something.
+    /// Objects whose value influenced the result.
     pub looked_at: Vec<ObjectAddress>,
 }
 
 impl<'a> Resolver<'a> {
-    /// A resolver for a node of any node-ID: defaults that depend on it are unknown.
-    pub fn new(dictionary: &'a Dictionary, known: &'a dyn Known) -> Self {
+    /// Resolver without a node-ID: defaults that depend on it are unknown.
+    pub fn new(dictionary: &'a Dictionary, known: &'a dyn KnownValues) -> Self {
         Self { dictionary, known, node: None, looked_at: Vec::new() }
     }
 
-    /// A resolver for one node.
-    pub fn for_node(dictionary: &'a Dictionary, known: &'a dyn Known, node: u8) -> Self {
+    /// Resolver for one node.
+    pub fn for_node(dictionary: &'a Dictionary, known: &'a dyn KnownValues, node: u8) -> Self {
         Self { node: Some(node), ..Self::new(dictionary, known) }
     }
 
-    /// What an object means now; `None` if the dictionary does not know its index.
+    /// Current meaning of an object; `None` if its index is unknown.
     pub fn meaning(&mut self, object: ObjectAddress) -> Option<Meaning> {
         let found = self.dictionary.find(object)?;
         Some(self.meaning_of(&found, 0))
     }
 
-    /// The raw number an object holds: seen, given or as delivered.
+    /// Raw number of an object: seen, user-supplied or the factory default.
     pub fn number(&mut self, object: ObjectAddress) -> Option<Number> {
         if !self.looked_at.contains(&object) {
             self.looked_at.push(object);
@@ -81,18 +81,20 @@ impl<'a> Resolver<'a> {
         entry?.default_number(self.node).map(|raw| Number { raw, assumed: true })
     }
 
-    fn meaning_of(&mut self, found: &Found<'_>, depth: u8) -> Meaning {
+    fn meaning_of(&mut self, found: &ResolvedObject<'_>, depth: u8) -> Meaning {
         let mut meaning = bare(found);
         let Some(entry) = found.entry else { return meaning };
         let (mode, assumed) = self.mode(entry, found);
         meaning.assumed = assumed;
+        meaning.errors = (entry.format == Format::Emcy).then(|| self.dictionary.errors.clone());
         meaning.name = match mode.and_then(|mode| mode.name.as_deref()) {
             Some(name) => found.numbered(name),
             None => found.name(),
         };
         let pick = Pick { mode, base: &entry.look };
         meaning.short = pick.of(|look| look.short.clone()).map(|short| found.numbered(&short));
-        // The user's word is for what the manual leaves open: another unit on the same scale would be wrong.
+        // The user's unit applies only if the manual leaves it open: another unit with the same scale would
+        // be wrong.
         let given = self.known.unit(found.address).map(str::to_owned);
         meaning.unit = pick.of(|look| look.unit.clone()).or(given).unwrap_or_default();
         meaning.range = pick.of(|look| look.range);
@@ -111,8 +113,12 @@ impl<'a> Resolver<'a> {
         meaning
     }
 
-    /// The meaning by mode that holds, and whether that is only assumed.
-    fn mode<'e>(&mut self, entry: &'e Entry, found: &Found<'_>) -> (Option<&'e Look>, bool) {
+    /// Interpretation for the current mode, and whether the mode is only assumed.
+    fn mode<'e>(
+        &mut self,
+        entry: &'e Entry,
+        found: &ResolvedObject<'_>,
+    ) -> (Option<&'e Interpretation>, bool) {
         let mut unknown = false;
         let mut assumed = false;
         for (when, look) in &entry.modes {
@@ -129,7 +135,7 @@ impl<'a> Resolver<'a> {
         &mut self,
         scale: Option<Scale>,
         offset: f64,
-        found: &Found<'_>,
+        found: &ResolvedObject<'_>,
         depth: u8,
     ) -> (Option<Factor>, bool) {
         let (raw, value, by, assumed) = match scale {
@@ -137,6 +143,7 @@ impl<'a> Resolver<'a> {
             None => (1.0, 1.0, None, false),
             Some(Scale::Factor(factor)) => (1.0, factor, None, false),
             Some(Scale::Anchor { raw, value }) => (raw, value, None, false),
+            Some(Scale::Reciprocal { reciprocal }) => (1.0, reciprocal, None, false),
             Some(Scale::ByObject { raw, object }) => {
                 let object = found.shifted(object);
                 match self.quantity(object, depth) {
@@ -147,36 +154,40 @@ impl<'a> Resolver<'a> {
         };
         let factor = value / raw;
         let usable = factor.is_finite() && factor != 0.0;
-        (usable.then_some(Factor { factor, offset, full_scale: by }), assumed)
+        let is_reciprocal = matches!(scale, Some(Scale::Reciprocal { .. }));
+        (usable.then_some(Factor { factor, offset, full_scale: by, is_reciprocal }), assumed)
     }
 
-    /// The scaled value of an object that another one's scale depends on.
+    /// Scaled value of an object that determines the scale of another one.
     fn quantity(&mut self, object: ObjectAddress, depth: u8) -> Option<(f64, bool)> {
         let number = self.number(object)?;
         let found = self.dictionary.find(object).filter(|_| depth < DEEPEST);
         let meaning = found.map(|found| self.meaning_of(&found, depth.saturating_add(1)));
         let value = Value::Integer(number.raw);
         let scaled = meaning.as_ref().and_then(|meaning| meaning.scaled(&value));
-        #[expect(clippy::cast_precision_loss, reason = "scaled values are for reading; raw is the truth")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "scaled values are for display; raw numbers are exact"
+        )]
         let plain = number.raw as f64;
         Some((scaled.unwrap_or(plain), number.assumed || meaning.is_some_and(|meaning| meaning.assumed)))
     }
 }
 
-/// A mode's keys before the entry's own.
+/// Keys of a mode with the keys of the entry as fallback.
 struct Pick<'a> {
-    mode: Option<&'a Look>,
-    base: &'a Look,
+    mode: Option<&'a Interpretation>,
+    base: &'a Interpretation,
 }
 
 impl Pick<'_> {
-    fn of<T>(&self, key: impl Fn(&Look) -> Option<T>) -> Option<T> {
+    fn of<T>(&self, key: impl Fn(&Interpretation) -> Option<T>) -> Option<T> {
         self.mode.and_then(&key).or_else(|| key(self.base))
     }
 }
 
-/// What is known without values: name, type, format.
-fn bare(found: &Found<'_>) -> Meaning {
+/// Meaning independent of values: name, type, format.
+fn bare(found: &ResolvedObject<'_>) -> Meaning {
     Meaning {
         object: found.address,
         name: found.name(),
@@ -187,7 +198,9 @@ fn bare(found: &Found<'_>) -> Meaning {
     }
 }
 
-/// Digits a scaled value is shown with: none for whole multiples, else one.
+/// Decimals of a scaled value: none for integer factors, otherwise one.
 fn decimals(scale: Option<Factor>) -> u8 {
-    scale.map_or(0, |scale| u8::from(scale.factor.fract() != 0.0 || scale.offset.fract() != 0.0))
+    scale.map_or(0, |scale| {
+        u8::from(scale.is_reciprocal || scale.factor.fract() != 0.0 || scale.offset.fract() != 0.0)
+    })
 }

@@ -1,20 +1,20 @@
-//! Devices of which only the standard is known.
+//! Devices known only by their standard.
 
 use std::sync::{Arc, OnceLock};
 
 use super::catalogue::Catalogue;
 use super::device::Device;
 
-/// A device of which nothing is known but that it is one: CiA 301.
+/// Generic CANopen device, with the objects of CiA 301.
 pub fn plain_device() -> &'static Arc<Device> {
     static PLAIN: OnceLock<Arc<Device>> = OnceLock::new();
     PLAIN.get_or_init(|| {
-        // A test parses every embedded file, so the empty device is never taken.
+        // The fallback is unreachable: a test parses every embedded file.
         Catalogue::default().device("cia301").unwrap_or_default()
     })
 }
 
-/// What ISO 11783 defines for all devices.
+/// Definitions of ISO 11783 for all devices.
 pub fn isobus() -> &'static Arc<Device> {
     static STANDARD: OnceLock<Arc<Device>> = OnceLock::new();
     STANDARD.get_or_init(|| Catalogue::default().device("iso11783").unwrap_or_default())

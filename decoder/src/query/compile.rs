@@ -1,48 +1,47 @@
-//! From a filter as written to tests that can be made on events.
+//! Compiles a parsed filter into tests on event fields.
 
 use std::ops::Range;
 
 use regex_lite::{Regex, RegexBuilder};
 
 use super::error::FilterError;
-use super::expression::{Expression, Operand, Question, Relation};
-use super::fields::{FieldType, Part, Target, nearest_name, resolve};
+use super::expression::{Expression, FieldCondition, Operand, Relation};
+use super::fields::{FieldType, ObjectPart, Target, nearest_name, resolve};
 use super::kinds::KindSet;
 use super::literal::Literal;
 use super::record::FieldValue;
 use crate::wire::canopen::ObjectAddress;
 
-/// Questions a filter may ask; a set is one.
+/// Max tests per filter; a set counts as one test.
 pub const MAX_TESTS: usize = 256;
 
-/// Bytes a compiled regular expression may take.
+/// Max size of a compiled regular expression, in bytes.
 const MAX_REGEX: usize = 256 * 1024;
 
-/// What is left of a filter when all names are resolved.
+/// A filter with all field names resolved.
 #[derive(Debug, Clone)]
-pub(super) struct Compiled {
-    /// How the tests' answers are joined.
+pub(super) struct CompiledFilter {
+    /// Boolean combination of the test results.
     pub(super) tree: Node,
-    /// The tests.
     pub(super) tests: Vec<Test>,
-    /// Kinds of events the filter can match.
+    /// Event kinds that the filter can match.
     pub(super) may: KindSet,
-    /// Kinds of events it certainly matches.
+    /// Event kinds that the filter always matches.
     pub(super) must: KindSet,
-    /// A test is about a field that not all kinds have.
+    /// Whether a test needs a field that not every kind has.
     pub(super) needs_details: bool,
-    /// A test is about signals.
+    /// Whether a test needs the signals.
     pub(super) needs_signals: bool,
-    /// Last parts of the keys the tests are about.
+    /// Last segments of the dotted keys that the tests use.
     pub(super) names: NameSet,
 }
 
-/// A set of names that may hold more than it was given, but never less.
+/// Set of names that can contain false positives, but no false negatives.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct NameSet(u64);
 
 impl NameSet {
-    /// Most names of fields differ in length, first or last letter.
+    /// Hash of length, first and last letter, in which most field names differ.
     fn bit(name: &str) -> u64 {
         let bytes = name.as_bytes();
         let ends = [bytes.first(), bytes.last()].map(|byte| usize::from(byte.copied().unwrap_or(0)));
@@ -54,24 +53,24 @@ impl NameSet {
         Self(self.0 | Self::bit(name))
     }
 
-    /// Whether a name may be in it; items of lists have none of their own.
+    /// Whether the set may contain `name`; always true for list items, which have no name.
     #[inline]
     pub(super) fn may_have(self, name: &str) -> bool {
         name.is_empty() || self.0 & Self::bit(name) != 0
     }
 }
 
-/// The tests' answers joined.
+/// Boolean combination of test results.
 #[derive(Debug, Clone)]
 pub(super) enum Node {
     And(Vec<Node>),
     Or(Vec<Node>),
     Not(Box<Node>),
-    /// Number of a test.
+    /// Index of a test.
     Test(usize),
 }
 
-/// One question, of every field that its name can mean.
+/// One condition, checked against every field that the name can refer to.
 #[derive(Debug, Clone)]
 pub(super) struct Test(Vec<(Target, Check)>);
 
@@ -85,17 +84,17 @@ enum Check {
 }
 
 impl Test {
-    /// Whether it is only about what every kind of event has.
+    /// Whether the test uses only fields of every event kind.
     pub(super) fn is_common(&self) -> bool {
         self.0.iter().all(|(target, _)| target.field.kinds == KindSet::ALL)
     }
 
-    /// Keys it is about.
+    /// Keys of the fields that the test uses.
     pub(super) fn keys(&self) -> impl Iterator<Item = &'static str> {
         self.0.iter().map(|(target, _)| target.field.key.as_str())
     }
 
-    /// Whether a value of the field `key` answers it with yes.
+    /// Whether this value of the field `key` fulfils the test.
     pub(super) fn accepts(&self, key: &str, value: &FieldValue<'_>) -> bool {
         let mut own = self.0.iter().filter(|(target, _)| target.field.key == key);
         own.any(|(target, check)| match (target.part, value) {
@@ -105,12 +104,12 @@ impl Test {
         })
     }
 
-    /// Whether the presence of the group `key` does.
+    /// Whether the presence of the group `key` fulfils the test.
     pub(super) fn accepts_group(&self, key: &str) -> bool {
         self.0.iter().any(|(target, check)| target.field.key == key && matches!(check, Check::Present))
     }
 
-    /// Kinds it can succeed with, and kinds it always succeeds with.
+    /// Kinds for which the test can succeed, and kinds for which it always succeeds.
     fn reach(&self) -> (KindSet, KindSet) {
         let mut may = KindSet::NONE;
         for (target, check) in &self.0 {
@@ -124,10 +123,10 @@ impl Test {
     }
 }
 
-fn part_of(object: ObjectAddress, part: Part) -> FieldValue<'static> {
+fn part_of(object: ObjectAddress, part: ObjectPart) -> FieldValue<'static> {
     match part {
-        Part::Index => FieldValue::Code(u64::from(object.index), 4),
-        Part::Sub => FieldValue::Code(u64::from(object.sub), 2),
+        ObjectPart::Index => FieldValue::Code(u64::from(object.index), 4),
+        ObjectPart::Sub => FieldValue::Code(u64::from(object.sub), 2),
     }
 }
 
@@ -156,8 +155,8 @@ impl Check {
     }
 }
 
-/// Resolves the names in a filter. `text` is the filter, for the places of errors.
-pub(super) fn compile(text: &str, written: &Expression) -> Result<Compiled, FilterError> {
+/// Resolves the names in a filter; `text` is its source, for error positions.
+pub(super) fn compile(text: &str, written: &Expression) -> Result<CompiledFilter, FilterError> {
     let mut compiler = Compiler { text, tests: Vec::new() };
     let (tree, may, must) = compiler.node(written)?;
     let tests = compiler.tests;
@@ -167,7 +166,7 @@ pub(super) fn compile(text: &str, written: &Expression) -> Result<Compiled, Filt
         fields.any(|field| matches!(field.key.split('.').next(), Some("signals" | "missing")));
     let keys = tests.iter().flat_map(Test::keys);
     let names = keys.fold(NameSet::default(), |names, key| names.with(key.rsplit('.').next().unwrap_or(key)));
-    Ok(Compiled { tree, tests, may, must, needs_details, needs_signals, names })
+    Ok(CompiledFilter { tree, tests, may, must, needs_details, needs_signals, names })
 }
 
 struct Compiler<'a> {
@@ -175,11 +174,11 @@ struct Compiler<'a> {
     tests: Vec<Test>,
 }
 
-/// A reason and the place it is about.
-type Refusal = (Range<usize>, String);
+/// Position in bytes and reason of an error.
+type CompileError = (Range<usize>, String);
 
 impl Compiler<'_> {
-    /// A part of the filter, the kinds it can match and those it always matches.
+    /// Compiles a subexpression; also returns the kinds it can match and those it always matches.
     fn node(&mut self, written: &Expression) -> Result<(Node, KindSet, KindSet), FilterError> {
         Ok(match written {
             Expression::And(parts) => {
@@ -218,9 +217,9 @@ impl Compiler<'_> {
         Ok((nodes, may, must))
     }
 
-    fn test(&self, name: &Operand, question: &Question) -> Result<Test, FilterError> {
+    fn test(&self, name: &Operand, question: &FieldCondition) -> Result<Test, FilterError> {
         if self.tests.len() == MAX_TESTS {
-            let reason = format!("a filter asks at most {MAX_TESTS} questions");
+            let reason = format!("too many tests in the filter (max {MAX_TESTS})");
             return Err(FilterError::new(self.text, name.at.clone(), reason));
         }
         let targets = resolve(&name.text);
@@ -228,7 +227,7 @@ impl Compiler<'_> {
             return Err(FilterError::new(self.text, name.at.clone(), unknown(&name.text)));
         }
         let mut checks = Vec::new();
-        let mut refusals: Vec<Refusal> = Vec::new();
+        let mut refusals: Vec<CompileError> = Vec::new();
         for target in targets {
             match check(question, target) {
                 Ok(check) => checks.push((target, check)),
@@ -241,7 +240,7 @@ impl Compiler<'_> {
         if !checks.is_empty() {
             return Ok(Test(checks));
         }
-        // Of several reasons the one that knows better helps most.
+        // The reason with a suggestion is the most useful one.
         let best = refusals.iter().position(|(_, reason)| reason.contains("did you mean")).unwrap_or(0);
         let (at, reason) = refusals.swap_remove(best);
         Err(FilterError::new(self.text, at, reason))
@@ -250,24 +249,24 @@ impl Compiler<'_> {
 
 fn unknown(name: &str) -> String {
     match nearest_name(name) {
-        Some(nearest) => format!("there is no field '{name}'; did you mean {nearest}?"),
-        None => format!("there is no field '{name}'"),
+        Some(nearest) => format!("unknown field '{name}'; did you mean {nearest}?"),
+        None => format!("unknown field '{name}'"),
     }
 }
 
-/// A question asked of one field. An empty place in the refusal means the field itself.
-fn check(question: &Question, target: Target) -> Result<Check, Refusal> {
+/// Compiles a condition for one field. An empty position in the error refers to the field name.
+fn check(question: &FieldCondition, target: Target) -> Result<Check, CompileError> {
     let read =
         |operand: &Operand| Literal::read(operand, target).map_err(|reason| (operand.at.clone(), reason));
     match question {
-        Question::Present => Ok(Check::Present),
-        Question::Compare(relation, operand) => {
+        FieldCondition::Present => Ok(Check::Present),
+        FieldCondition::Compare(relation, operand) => {
             if !matches!(relation, Relation::Equal | Relation::NotEqual) {
                 in_order(target)?;
             }
             Ok(Check::Compare(*relation, read(operand)?))
         }
-        Question::In(members) => {
+        FieldCondition::In(members) => {
             let members = members.iter().map(|member| {
                 let to = match &member.to {
                     Some(to) => {
@@ -278,31 +277,31 @@ fn check(question: &Question, target: Target) -> Result<Check, Refusal> {
                 };
                 Ok((read(&member.from)?, to))
             });
-            members.collect::<Result<_, Refusal>>().map(Check::In)
+            members.collect::<Result<_, CompileError>>().map(Check::In)
         }
-        Question::Contains(operand) => {
+        FieldCondition::Contains(operand) => {
             let part = Literal::read_part(operand, target);
             part.map(Check::Contains).map_err(|reason| (operand.at.clone(), reason))
         }
-        Question::Matches(operand) => regex(operand, target).map(Check::Matches),
+        FieldCondition::Matches(operand) => regex(operand, target).map(Check::Matches),
     }
 }
 
-/// Refuses a field whose values stand in no order.
-fn in_order(target: Target) -> Result<(), Refusal> {
+/// Rejects a field whose values have no order.
+fn in_order(target: Target) -> Result<(), CompileError> {
     let is_named = target.field.key == "kind" || !target.field.values.is_empty();
     if is_named || matches!(target.value(), FieldType::Bool | FieldType::Group) {
-        return Err((0..0, format!("the values of {} have no order", target.field.key)));
+        return Err((0..0, format!("{} has no order; use == or !=", target.field.key)));
     }
     Ok(())
 }
 
-fn regex(operand: &Operand, target: Target) -> Result<Regex, Refusal> {
+fn regex(operand: &Operand, target: Target) -> Result<Regex, CompileError> {
     if !matches!(target.value(), FieldType::Text | FieldType::Any) {
-        let reason = format!("matches wants text; {} is {}", target.field.key, target.value().name());
+        let reason = format!("matches requires text; {} is {}", target.field.key, target.value().name());
         return Err((0..0, reason));
     }
     let mut builder = RegexBuilder::new(&operand.text);
     let built = builder.case_insensitive(true).size_limit(MAX_REGEX).build();
-    built.map_err(|error| (operand.at.clone(), format!("no regular expression: {error}")))
+    built.map_err(|error| (operand.at.clone(), format!("not a valid regular expression: {error}")))
 }

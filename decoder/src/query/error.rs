@@ -1,15 +1,15 @@
-//! What is wrong with a filter, and where.
+//! Error in a filter, with its position.
 
 use std::fmt;
 use std::ops::Range;
 
-/// Letters shown before the place of an error.
+/// Max characters shown before the position of the error.
 const SHOWN_BEFORE: usize = 60;
 
-/// Letters shown behind its beginning.
+/// Max characters shown from the position of the error.
 const SHOWN_BEHIND: usize = 40;
 
-/// A filter that cannot be understood. Printed it is the reason, then the text with `^` below the place.
+/// Error in a filter. `Display` prints the reason, then the filter with `^` below the position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FilterError {
     reason: String,
@@ -18,17 +18,17 @@ pub struct FilterError {
 }
 
 impl FilterError {
-    /// `at` is the place in bytes of `text`.
+    /// `at` is the position in `text`, in bytes.
     pub(super) fn new(text: &str, at: Range<usize>, reason: impl Into<String>) -> Self {
         Self { reason: reason.into(), text: text.to_owned(), at }
     }
 
-    /// What is wrong, in one line.
+    /// Reason in one line, without position.
     pub fn reason(&self) -> &str {
         &self.reason
     }
 
-    /// Where in the filter's text, in bytes.
+    /// Position in the text of the filter, in bytes.
     pub fn at(&self) -> Range<usize> {
         self.at.clone()
     }
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_caret_stands_below_the_place() {
+    fn the_caret_is_below_the_error() {
         let error = FilterError::new("node == vier", 8..12, "wrong");
         assert_eq!(error.to_string(), "wrong\n  node == vier\n          ^^^^");
     }
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn at_the_end_it_stands_behind_the_text() {
+    fn at_the_end_the_caret_follows_the_text() {
         assert_eq!(FilterError::new("node ==", 7..7, "x").to_string(), "x\n  node ==\n         ^");
     }
 }

@@ -1,9 +1,9 @@
-//! A filter as it was written.
+//! Syntax tree of a filter.
 
 use std::fmt;
 use std::ops::Range;
 
-/// How two values are compared.
+/// Relational operator of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Relation {
     Equal,
@@ -27,14 +27,14 @@ impl Relation {
     }
 }
 
-/// A name or value, and where it stands.
+/// A name or value with its position.
 #[derive(Debug, Clone)]
 pub(super) struct Operand {
-    /// The text, escapes resolved.
+    /// Text with escapes resolved.
     pub(super) text: String,
-    /// It stands in quotes.
+    /// Whether it is written in quotes.
     pub(super) is_quoted: bool,
-    /// Where, in bytes of the filter.
+    /// Position in the filter, in bytes.
     pub(super) at: Range<usize>,
 }
 
@@ -48,23 +48,23 @@ impl Operand {
     }
 }
 
-/// Wherever they stand.
+/// Ignores the position.
 impl PartialEq for Operand {
     fn eq(&self, other: &Self) -> bool {
         self.text == other.text && self.is_quoted == other.is_quoted
     }
 }
 
-/// One member of a set: a value, or a range with both its ends.
+/// Member of a set: a single value, or a range that includes both ends.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Member {
     pub(super) from: Operand,
     pub(super) to: Option<Operand>,
 }
 
-/// What a field is asked.
+/// Condition on a field.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Question {
+pub(super) enum FieldCondition {
     Present,
     Compare(Relation, Operand),
     In(Vec<Member>),
@@ -72,17 +72,17 @@ pub(super) enum Question {
     Matches(Operand),
 }
 
-/// A filter or a part of it. `And` and `Or` have two parts or more.
+/// A filter or a part of it. `And` and `Or` have at least two parts.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Expression {
     And(Vec<Expression>),
     Or(Vec<Expression>),
     Not(Box<Expression>),
-    Test { field: Operand, question: Question },
+    Test { field: Operand, question: FieldCondition },
 }
 
-impl Question {
-    /// The one value a field must equal.
+impl FieldCondition {
+    /// The only value that fulfils the condition, if there is exactly one.
     fn only_answer(&self) -> Option<&str> {
         match self {
             Self::Compare(Relation::Equal, value) => Some(&value.text),
@@ -94,7 +94,7 @@ impl Question {
         }
     }
 
-    /// Values a field is said to equal or not to equal.
+    /// Values in `==`, `!=` and sets; ranges excluded.
     fn compared(&self) -> Vec<&str> {
         match self {
             Self::Compare(Relation::Equal | Relation::NotEqual, value) => vec![&value.text],
@@ -108,7 +108,7 @@ impl Question {
 }
 
 impl Expression {
-    /// Values that fields of these names must equal for the whole to be true.
+    /// Collects values that fields of these names must equal for the filter to match.
     pub(super) fn required<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
         match self {
             Self::And(parts) => parts.iter().for_each(|part| part.required(is_meant, found)),
@@ -121,7 +121,7 @@ impl Expression {
         }
     }
 
-    /// Values that fields of these names are compared with, wherever in it.
+    /// Collects all values that fields of these names are compared with, anywhere in the filter.
     pub(super) fn compared<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
         match self {
             Self::And(parts) | Self::Or(parts) => {
@@ -142,7 +142,7 @@ impl fmt::Display for Expression {
             Self::And(parts) => joined(parts, " && ", |part| matches!(part, Self::And(_) | Self::Or(_)), f),
             Self::Or(parts) => joined(parts, " || ", |part| matches!(part, Self::Or(_)), f),
             Self::Not(inner) => match **inner {
-                Self::Not(_) | Self::Test { question: Question::Present, .. } => write!(f, "!{inner}"),
+                Self::Not(_) | Self::Test { question: FieldCondition::Present, .. } => write!(f, "!{inner}"),
                 _ => write!(f, "!({inner})"),
             },
             Self::Test { field, question } => write!(f, "{field}{question}"),
@@ -169,7 +169,7 @@ fn joined(
     Ok(())
 }
 
-impl fmt::Display for Question {
+impl fmt::Display for FieldCondition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Present => Ok(()),
@@ -182,7 +182,7 @@ impl fmt::Display for Question {
                     let separator = if place > 0 { ", " } else { "" };
                     write!(f, "{separator}{}", member.from)?;
                     if let Some(to) = &member.to {
-                        // A point at the end of a word would be read as one of the two.
+                        // Without the space, a trailing point would be parsed as part of `..`.
                         let gap =
                             if !member.from.is_quoted && member.from.text.ends_with('.') { " " } else { "" };
                         write!(f, "{gap}..{to}")?;

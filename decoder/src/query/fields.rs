@@ -1,7 +1,7 @@
-//! The field table: every key an event can have, with its type, meaning and Wireshark's name for it.
+//! Field table: every key of an event with its type, meaning and Wireshark names.
 //!
-//! `fields.toml` is the only list of fields. [`super::record::visit`] is held to it by a test; filters,
-//! the JSON schema and the reference are made from it.
+//! `fields.toml` is the only list of fields; a test compares it with [`super::record::visit`]. Filters, the
+//! JSON schema and the reference documentation are derived from it.
 
 use std::sync::OnceLock;
 
@@ -9,38 +9,38 @@ use serde::Deserialize;
 
 use super::kinds::KindSet;
 
-/// What the values of a field are.
+/// Data type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FieldType {
-    /// A number, text or bytes, as the object's type says.
+    /// Number, text or bytes, depending on the data type of the object.
     Any,
-    /// True or false.
+    /// `true` or `false`.
     Bool,
-    /// A number without sign.
+    /// Unsigned integer.
     Unsigned,
-    /// A number with sign.
+    /// Signed integer.
     Integer,
-    /// A number with a fraction.
+    /// Number with a fraction.
     Real,
-    /// Text.
+    /// Text of any length.
     Text,
-    /// Seconds, exact to the nanosecond.
+    /// Seconds with nanosecond resolution.
     Seconds,
-    /// A number written in hex with `0x`.
+    /// Number in hex with `0x`.
     Code,
-    /// A CAN identifier, written in hex.
+    /// CAN identifier in hex.
     Id,
-    /// Index and sub-index.
+    /// Index and sub-index of an object.
     Object,
-    /// Bytes, written as hex pairs.
+    /// Bytes in hex pairs.
     Bytes,
-    /// No value of its own: fields inside it.
+    /// Group of nested fields, without a value of its own.
     Group,
 }
 
 impl FieldType {
-    /// What it is called in messages.
+    /// Name of the type in error messages, with article.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Any => "a value",
@@ -57,30 +57,30 @@ impl FieldType {
     }
 }
 
-/// One field, of some kinds of events.
+/// Definition of one field for some kinds of events.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Key, dotted where it is nested.
+    /// Key; dotted for nested fields.
     pub key: String,
-    /// What its values are.
+    /// Data type of the value.
     #[serde(rename = "type")]
     pub value: FieldType,
-    /// Kinds of events that can have it.
+    /// Event kinds that can have the field.
     #[serde(default = "all_kinds")]
     pub kinds: KindSet,
-    /// Several values in order.
+    /// Whether the field is a list.
     #[serde(default)]
     pub list: bool,
-    /// Its value can be null: known to be unknown.
+    /// Whether the value can be null (unknown).
     #[serde(default)]
     pub null: bool,
-    /// The only texts there are; empty where any is possible.
+    /// All possible texts; empty if unrestricted.
     #[serde(default)]
     pub values: Vec<String>,
-    /// One line, with units.
+    /// Description in one line, with unit.
     pub doc: String,
-    /// Wireshark's names.
+    /// Names of the field in Wireshark.
     #[serde(default)]
     pub alias: Vec<String>,
 }
@@ -89,69 +89,69 @@ const fn all_kinds() -> KindSet {
     KindSet::ALL
 }
 
-/// Which part of an object.
+/// Part of an object address that a filter can compare separately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Part {
-    /// Index.
+pub enum ObjectPart {
+    /// Index, 16 bits.
     Index,
-    /// Sub-index.
+    /// Sub-index, 8 bits.
     Sub,
 }
 
-/// A part of an object field, under a name of its own in filters.
+/// Part of an object field that has its own name in filters.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PartField {
-    /// Name.
+pub struct NestedField {
+    /// Dotted name in filters.
     pub key: String,
     /// Key of the object field.
     pub of: String,
-    /// Which part of it.
-    pub part: Part,
-    /// One line.
+    /// Part of the object address.
+    pub part: ObjectPart,
+    /// Description in one line.
     pub doc: String,
-    /// Wireshark's names.
+    /// Names of the part in Wireshark.
     #[serde(default)]
     pub alias: Vec<String>,
 }
 
-/// The whole table.
+/// Contents of `fields.toml`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldTable {
-    /// Every field, in the order of output.
+    /// All fields in output order.
     #[serde(rename = "field")]
     pub fields: Vec<Field>,
-    /// Parts of them.
+    /// Parts of object fields.
     #[serde(rename = "part")]
-    pub parts: Vec<PartField>,
+    pub parts: Vec<NestedField>,
 }
 
-/// One thing a name in a filter can mean.
+/// A field, or part of one, that a name in a filter can refer to.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
-    /// The field.
+    /// Definition of the field.
     pub field: &'static Field,
-    /// The part of it that is meant.
-    pub part: Option<Part>,
+    /// Part of the object address; `None` for the whole field.
+    pub part: Option<ObjectPart>,
 }
 
 impl Target {
-    /// What is compared.
+    /// Data type of the compared value.
     pub fn value(self) -> FieldType {
         if self.part.is_some() { FieldType::Code } else { self.field.value }
     }
 }
 
-/// The table, parsed when it is first asked for.
+/// Field table, parsed on first use.
 pub fn table() -> &'static FieldTable {
     static TABLE: OnceLock<FieldTable> = OnceLock::new();
-    // Broken data ships in no build: a test parses the file, so the fallback is never taken.
+    // The fallback is unreachable: a test parses the file.
     TABLE.get_or_init(|| toml::from_str(include_str!("fields.toml")).unwrap_or_default())
 }
 
-/// Everything a name can mean, by key or by Wireshark's name; nothing if there is no such field.
+/// All fields with this key or Wireshark name; empty for an unknown name.
 pub fn resolve(name: &str) -> Vec<Target> {
     let is_meant = |key: &str, alias: &[String]| key == name || alias.iter().any(|other| other == name);
     let fields = table().fields.iter();
@@ -164,18 +164,18 @@ pub fn resolve(name: &str) -> Vec<Target> {
     own.chain(of_parts).map(|(field, part)| Target { field, part }).collect()
 }
 
-/// The name most like `name`, if one is.
+/// Known name most similar to `name`, for suggestions.
 pub fn nearest_name(name: &str) -> Option<&'static str> {
     let fields = table().fields.iter().flat_map(|field| std::iter::once(&field.key).chain(&field.alias));
     let parts = table().parts.iter().flat_map(|part| std::iter::once(&part.key).chain(&part.alias));
     nearest(name, &fields.chain(parts).map(String::as_str))
 }
 
-/// Texts longer than this resemble nothing.
+/// Max length of a text to find suggestions for, in bytes.
 const LONGEST_GUESS: usize = 60;
 
-/// The candidate most like `text`: the shortest one that begins with it, else one that a slip in three
-/// letters makes of it, else one that ends with it.
+/// Most similar candidate: the shortest with this prefix, else one within three edits, else the shortest
+/// with this suffix.
 pub(super) fn nearest<'a>(
     text: &str,
     candidates: &(impl Iterator<Item = &'a str> + Clone),
@@ -197,7 +197,7 @@ pub(super) fn nearest<'a>(
         .or_else(|| shortest(&|name| name.ends_with(&text)))
 }
 
-/// Letters to insert, remove or replace to get from one text to the other (Levenshtein).
+/// Levenshtein distance: letters to insert, remove or replace.
 pub fn distance(from: &str, to: &str) -> usize {
     let mut row: Vec<usize> = (0..=to.chars().count()).collect();
     for (line, letter) in from.chars().enumerate() {

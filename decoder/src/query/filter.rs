@@ -1,20 +1,20 @@
-//! Filters: which events are meant.
+//! Filters that select events.
 //!
 //! The language is that of Wireshark's display filters: `== != < <= > >=`, `in {…}`, `contains`,
-//! `matches`, `&& || ! ()`, and the words `and or not eq ne lt le gt ge`. A field alone asks whether the
-//! event has it. [`super::fields`] says which fields there are, under which names.
+//! `matches`, `&& || ! ()`, and the words `and or not eq ne lt le gt ge`. A field name alone matches if the
+//! event has the field. [`super::fields`] defines the fields and their names.
 //!
-//! * A comparison on a field the event does not have, or has as null, is false; `!=` too.
-//! * A field with several values (`frames`, `signals.id`) matches if one of them does, with `!=` too.
-//! * `matches` takes a regular expression that may match anywhere; as in Wireshark case does not matter to
-//!   it, unless it begins with `(?-i)`. `contains` and `==` are exact.
-//! * Numbers are decimal, or hexadecimal with `0x`. Codes and identifiers want the `0x`.
+//! * A comparison with a missing or null field is false, also with `!=`.
+//! * A list field (`frames`, `signals.id`) matches if one of its values does, also with `!=`.
+//! * `matches` takes a regular expression, not anchored and, as in Wireshark, not case-sensitive unless it
+//!   starts with `(?-i)`. `contains` and `==` are exact.
+//! * Numbers are decimal, or hexadecimal with `0x`. Codes and identifiers require the `0x`.
 
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use super::compile::{Compiled, NameSet, Node, Test, compile};
+use super::compile::{CompiledFilter, NameSet, Node, Test, compile};
 use super::error::FilterError;
 use super::expression::Expression;
 use super::fields::resolve;
@@ -26,26 +26,26 @@ use crate::session::Bus;
 
 pub use super::compile::MAX_TESTS;
 
-/// Lists and groups within each other that fields are looked for in.
+/// Max nesting depth of lists and groups.
 const MAX_NESTING: usize = 4;
 
-/// Tests in a word of [`Hits`].
+/// Tests per word of [`Hits`].
 const WORD: usize = 64;
 
-/// A filter, ready to be asked; cheap to clone. Printed it is one that means the same.
+/// A compiled filter; cheap to clone. `Display` prints an equivalent filter.
 #[derive(Debug, Clone)]
 pub struct Filter(Arc<Inner>);
 
 #[derive(Debug)]
 struct Inner {
     written: Expression,
-    compiled: Compiled,
+    compiled: CompiledFilter,
 }
 
 impl Filter {
-    /// Whether the event is meant; `capture` is the name output would give it.
+    /// Whether the filter matches the event; `capture` is its name in the output.
     pub fn matches(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
-        let Compiled { tree, tests, may, must, needs_details, needs_signals, names } = &self.0.compiled;
+        let CompiledFilter { tree, tests, may, must, needs_details, needs_signals, names } = &self.0.compiled;
         if !may.contains(&event.kind) || must.contains(&event.kind) {
             return may.contains(&event.kind);
         }
@@ -59,7 +59,7 @@ impl Filter {
             depth: 0,
         };
         record::envelope(event, bus, capture, &mut search);
-        // What depends on the kind is looked at only where it can decide.
+        // Skips the fields that depend on the kind if the common ones decide.
         if let Some(answer) = search.hits.answer_of_common(tree, tests).filter(|_| *needs_details) {
             return answer;
         }
@@ -69,10 +69,10 @@ impl Filter {
         search.hits.answer(tree)
     }
 
-    /// Whether a frame is meant, by the message it is by itself: that message's event tells its fields, and the frame its
-    /// own beside them (`id`, `data`, `size`, `remote` …).
+    /// Whether the filter matches a frame: by the fields of the message that it contains, and by the fields
+    /// of the frame itself (`id`, `data`, `size`, `remote` …).
     pub fn matches_frame(&self, message: &Event, frame: &Event, bus: &Bus) -> bool {
-        let Compiled { tree, tests, needs_signals, names, .. } = &self.0.compiled;
+        let CompiledFilter { tree, tests, needs_signals, names, .. } = &self.0.compiled;
         let mut search = Search {
             tests,
             names: *names,
@@ -89,24 +89,24 @@ impl Filter {
         search.hits.answer(tree)
     }
 
-    /// The kinds of events it can match; all others it does not.
+    /// Event kinds that the filter can match.
     pub fn kinds(&self) -> KindSet {
         self.0.compiled.may
     }
 
-    /// Whether it asks for a field.
+    /// Whether a test uses the field `key`.
     pub fn asks(&self, key: &str) -> bool {
         self.0.compiled.tests.iter().any(|test| test.keys().any(|asked| asked == key))
     }
 
-    /// Values a field must have for the filter to match, as they are written.
+    /// Values, as written, that the field must have for the filter to match.
     pub fn required(&self, key: &str) -> Vec<&str> {
         let mut found = Vec::new();
         self.0.written.required(&|name| is_name_of(name, key), &mut found);
         found
     }
 
-    /// Values a field is compared with by `==`, `!=` or `in`, anywhere in the filter, as they are written.
+    /// Values, as written, that the field is compared with by `==`, `!=` or `in` anywhere in the filter.
     pub fn compared(&self, key: &str) -> Vec<&str> {
         let mut found = Vec::new();
         self.0.written.compared(&|name| is_name_of(name, key), &mut found);
@@ -114,12 +114,12 @@ impl Filter {
     }
 }
 
-/// Whether a field that is named so in a filter may be the one with this key.
+/// Whether `name` in a filter can refer to the field `key`.
 fn is_name_of(name: &str, key: &str) -> bool {
     resolve(name).iter().any(|target| target.field.key == key)
 }
 
-/// By what is written, not by what is meant.
+/// Compares the syntax, not the meaning.
 impl PartialEq for Filter {
     fn eq(&self, other: &Self) -> bool {
         self.0.written == other.0.written
@@ -142,7 +142,7 @@ impl fmt::Display for Filter {
     }
 }
 
-/// Which tests succeeded, a bit each.
+/// Bit set of the tests that succeeded.
 struct Hits([u64; MAX_TESTS / WORD]);
 
 impl Hits {
@@ -156,7 +156,7 @@ impl Hits {
         self.0.get(test / WORD).is_some_and(|word| word >> (test % WORD) & 1 == 1)
     }
 
-    /// The answer as far as tests of what every kind has give it: `None` if others decide.
+    /// Result, if tests on fields of every kind decide it; `None` if other tests are needed.
     fn answer_of_common(&self, node: &Node, tests: &[Test]) -> Option<bool> {
         let parts = |parts: &[Node], decides: bool| {
             let mut answers = parts.iter().map(|part| self.answer_of_common(part, tests));
@@ -186,7 +186,7 @@ impl Hits {
     }
 }
 
-/// Looks for the fields of the tests among all that an event tells.
+/// Compares the fields of an event with the tests.
 struct Search<'a> {
     tests: &'a [Test],
     names: NameSet,
@@ -197,7 +197,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn told(&mut self, key: &'static str, accepts: impl Fn(&Test, &str) -> bool) {
+    fn narrow_by(&mut self, key: &'static str, accepts: impl Fn(&Test, &str) -> bool) {
         if !self.names.may_have(key) {
             return;
         }
@@ -210,7 +210,7 @@ impl Search<'_> {
     }
 
     fn enter(&mut self, key: &'static str) {
-        self.told(key, Test::accepts_group);
+        self.narrow_by(key, Test::accepts_group);
         if let Some(slot) = self.path.get_mut(self.depth) {
             *slot = key;
         }
@@ -218,7 +218,7 @@ impl Search<'_> {
     }
 }
 
-/// Whether the dotted key `wanted` is `key` at this path; items of lists have no name of their own.
+/// Whether the dotted key `wanted` is `key` at this path; list items have no name of their own.
 fn is_at(wanted: &str, path: &[&'static str], key: &str) -> bool {
     if path.is_empty() {
         return is_same(wanted, key);
@@ -229,8 +229,7 @@ fn is_at(wanted: &str, path: &[&'static str], key: &str) -> bool {
         && parts.next().is_none()
 }
 
-/// Whether short texts are equal, letter by letter: calling the comparison of blocks for each costs more than they
-/// have letters.
+/// Compares short texts byte by byte: faster here than a call to the block comparison.
 #[inline]
 fn is_same(one: &str, other: &str) -> bool {
     one.len() == other.len() && one.bytes().zip(other.bytes()).all(|(one, other)| one == other)
@@ -238,7 +237,7 @@ fn is_same(one: &str, other: &str) -> bool {
 
 impl Fields for Search<'_> {
     fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
-        self.told(key, |test, wanted| test.accepts(wanted, &value));
+        self.narrow_by(key, |test, wanted| test.accepts(wanted, &value));
     }
 
     fn open(&mut self, key: &'static str) {

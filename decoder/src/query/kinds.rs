@@ -1,69 +1,69 @@
-//! Sets of event kinds: what a filter can match at all, and which kinds have a field.
+//! Sets of event kinds: those a filter can match, and those that have a field.
 
 use serde::de::{Deserialize, Deserializer, Error as _};
 use strum::EnumCount as _;
 
 use crate::event::{EventKind, Kind};
 
-/// A set of event kinds.
+/// Set of event kinds, one bit per kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KindSet(u64);
 
 impl KindSet {
-    /// No kind.
+    /// Empty set.
     pub const NONE: Self = Self(0);
-    /// Every kind.
+    /// Set of all kinds.
     pub const ALL: Self = Self((1 << Kind::COUNT) - 1);
 
-    /// The kinds that `pick` likes.
+    /// Kinds for which `pick` returns true.
     pub fn choose(pick: impl Fn(Kind) -> bool) -> Self {
         Kind::ALL.iter().copied().filter(|kind| pick(*kind)).collect()
     }
 
-    /// The kinds whose names `pick` likes.
+    /// Kinds for whose names `pick` returns true.
     pub fn by_name(pick: impl Fn(&str) -> bool) -> Self {
         Self::choose(|kind| pick(kind.name()))
     }
 
-    /// The kinds of what a single frame can say by itself.
+    /// Kinds of events that are decoded from a single frame.
     pub fn of_frames() -> Self {
         Self::choose(Kind::is_of_one_frame)
     }
 
-    /// Whether an event is of one of these kinds.
+    /// Whether the set contains the kind of this event.
     #[inline]
     pub fn contains(self, kind: &EventKind) -> bool {
         self.0 >> kind.kind() as u32 & 1 == 1
     }
 
-    /// Whether the kind of this name is one of them.
+    /// Whether the set contains the kind with this name.
     pub fn contains_name(self, name: &str) -> bool {
         self.names().any(|own| own == name)
     }
 
-    /// The kinds in order of their numbers.
+    /// Kinds in numerical order.
     pub fn kinds(self) -> impl Iterator<Item = Kind> {
         Kind::ALL.iter().copied().filter(move |kind| self.0 >> *kind as u32 & 1 == 1)
     }
 
-    /// Names of the kinds.
+    /// Names of the kinds in numerical order.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         self.kinds().map(Kind::name)
     }
 
-    /// The kinds of either set.
+    /// Union of both sets.
     #[must_use]
     pub const fn or(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// The kinds of both sets.
+    /// Intersection of both sets.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
 
-    /// All other kinds.
+    /// All kinds outside the set.
     #[must_use]
     pub const fn complement(self) -> Self {
         Self(!self.0 & Self::ALL.0)
@@ -76,12 +76,12 @@ impl FromIterator<Kind> for KindSet {
     }
 }
 
-/// A list of names.
+/// From a list of kind names.
 impl<'de> Deserialize<'de> for KindSet {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let names = Vec::<String>::deserialize(deserializer)?;
         match names.iter().find(|name| !Self::ALL.contains_name(name)) {
-            Some(unknown) => Err(D::Error::custom(format!("there is no kind {unknown:?}"))),
+            Some(unknown) => Err(D::Error::custom(format!("unknown kind {unknown:?}"))),
             None => Ok(Self::by_name(|name| names.iter().any(|own| own == name))),
         }
     }

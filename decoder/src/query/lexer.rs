@@ -1,16 +1,15 @@
-//! The words and signs of a filter.
+//! Splits a filter into tokens.
 
 use std::ops::Range;
 
 use super::error::FilterError;
 use super::expression::{Operand, Relation};
 
-/// One word or sign.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Token {
     /// A field name or a value; `..` splits words.
     Word(Operand),
-    /// `==`, `eq` and their like.
+    /// `==`, `eq` and the other relational operators.
     Relation(Relation),
     /// `contains`.
     Contains,
@@ -36,14 +35,14 @@ pub(super) enum Token {
     Comma,
     /// `..`
     Range,
-    /// Nothing more.
+    /// End of the filter.
     End,
 }
 
-/// A token and its place.
-pub(super) type Placed = (Token, Range<usize>);
+/// A token and its position.
+pub(super) type PositionedToken = (Token, Range<usize>);
 
-/// Signs, longer ones first.
+/// Operators and punctuation; longer ones first.
 const SIGNS: &[(&str, Token)] = &[
     ("==", Token::Relation(Relation::Equal)),
     ("!=", Token::Relation(Relation::NotEqual)),
@@ -62,7 +61,7 @@ const SIGNS: &[(&str, Token)] = &[
     (",", Token::Comma),
 ];
 
-/// Words that are signs; as values they stand in quotes.
+/// Reserved words; as values they need quotes.
 const WORDS: &[(&str, Token)] = &[
     ("and", Token::And),
     ("or", Token::Or),
@@ -78,8 +77,8 @@ const WORDS: &[(&str, Token)] = &[
     ("ge", Token::Relation(Relation::GreaterOrEqual)),
 ];
 
-/// Splits a filter; the last token is [`Token::End`].
-pub(super) fn tokens(text: &str) -> Result<Vec<Placed>, FilterError> {
+/// Splits a filter into tokens; the last one is [`Token::End`].
+pub(super) fn tokens(text: &str) -> Result<Vec<PositionedToken>, FilterError> {
     let mut lexer = Lexer { text, at: 0 };
     let mut all = Vec::new();
     loop {
@@ -102,7 +101,7 @@ impl<'a> Lexer<'a> {
         self.text.get(self.at..).unwrap_or_default()
     }
 
-    fn next(&mut self) -> Result<Placed, FilterError> {
+    fn next(&mut self) -> Result<PositionedToken, FilterError> {
         let rest = self.rest();
         self.at += rest.len() - rest.trim_start().len();
         let (start, rest) = (self.at, self.rest());
@@ -131,15 +130,15 @@ impl<'a> Lexer<'a> {
         Ok((token, start..self.at))
     }
 
-    /// `r"…"`: as it stands up to the next quote.
-    fn raw(&mut self, rest: &str, start: usize) -> Result<Placed, FilterError> {
+    /// Raw text `r"…"`: no escapes, ends at the next quote.
+    fn raw(&mut self, rest: &str, start: usize) -> Result<PositionedToken, FilterError> {
         let Some((text, _)) = rest.split_once('"') else { return Err(self.unclosed(start)) };
         self.at += text.len() + 1;
         Ok((Token::Word(Operand::quoted(text.to_owned(), start..self.at)), start..self.at))
     }
 
-    /// `"…"` with `\"`, `\\`, `\n`, `\r`, `\t`, `\xHH`.
-    fn quoted(&mut self, start: usize) -> Result<Placed, FilterError> {
+    /// Text `"…"` with the escapes `\"`, `\\`, `\n`, `\r`, `\t`, `\xHH`.
+    fn quoted(&mut self, start: usize) -> Result<PositionedToken, FilterError> {
         let mut text = String::new();
         loop {
             let at = self.at;
@@ -147,8 +146,8 @@ impl<'a> Lexer<'a> {
             match letter {
                 '"' => return Ok((Token::Word(Operand::quoted(text, start..self.at)), start..self.at)),
                 '\\' => text.push(self.escaped().ok_or_else(|| {
-                    let reason = "the escapes are \\\\ \\\" \\n \\r \\t and \\x00 to \\x7F; \
-                                  r\"…\" takes everything as it stands";
+                    let reason = "unknown escape; expected \\\\ \\\" \\n \\r \\t or \\x00 to \\x7F; \
+                                  use r\"…\" for text without escapes";
                     FilterError::new(self.text, at..self.at, reason)
                 })?),
                 _ => text.push(letter),
@@ -178,11 +177,11 @@ impl<'a> Lexer<'a> {
     }
 
     fn unclosed(&self, start: usize) -> FilterError {
-        FilterError::new(self.text, start..self.text.len(), "the closing quote is missing")
+        FilterError::new(self.text, start..self.text.len(), "missing closing quote")
     }
 }
 
-/// Bytes of the word `text` begins with.
+/// Length of the word at the start of `text`, in bytes; 0 if there is none.
 fn word_length(text: &str) -> usize {
     let belongs = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-' | '.' | ':');
     let length = text.find(|letter| !belongs(letter)).unwrap_or(text.len());
@@ -192,12 +191,12 @@ fn word_length(text: &str) -> usize {
 
 fn unexpected(letter: char) -> String {
     match letter {
-        '=' => "write == to compare".into(),
-        '&' => "write && or and".into(),
-        '|' => "write || or or".into(),
-        '~' => "write matches".into(),
-        '\'' => "texts stand in double quotes".into(),
-        _ => format!("'{letter}' has no meaning here; texts stand in double quotes"),
+        '=' => "use == to compare".into(),
+        '&' => "use && or and".into(),
+        '|' => "use || or or".into(),
+        '~' => "use matches".into(),
+        '\'' => "use double quotes for text".into(),
+        _ => format!("unexpected '{letter}'; use double quotes for text"),
     }
 }
 

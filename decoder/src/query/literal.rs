@@ -1,4 +1,4 @@
-//! The values in a filter: texts read as what the field needs, and compared with what an event tells.
+//! Values in a filter: parsed for the type of their field and compared with field values of events.
 
 use std::cmp::Ordering;
 
@@ -8,21 +8,21 @@ use super::record::FieldValue;
 use crate::profile::PdoName;
 use crate::wire::canopen::ObjectAddress;
 
-/// Nanoseconds, and parts of a number compared exactly.
+/// Factor of fixed-point numbers: nanoseconds, and nine decimals.
 const SCALE: i128 = 1_000_000_000;
 
-/// Digits behind the point that [`SCALE`] holds.
+/// Decimals that [`SCALE`] can represent.
 const SCALE_DIGITS: usize = 9;
 
-/// A number as written: exact with up to nine digits behind the point, else the nearest `f64`.
+/// A number as written: exact with up to nine decimals, otherwise the nearest `f64`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Number {
-    /// Multiplied by [`SCALE`].
+    /// Value multiplied by [`SCALE`]; `None` with more decimals.
     scaled: Option<i128>,
     real: f64,
 }
 
-/// A value, as everything its field may need.
+/// A value, parsed in every form that its field can need.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Literal {
     number: Option<Number>,
@@ -33,10 +33,10 @@ pub(super) struct Literal {
 }
 
 impl Literal {
-    /// Reads `operand` as a value of `target`.
+    /// Parses `operand` as a value of `target`.
     ///
     /// # Errors
-    /// The reason why it cannot be one.
+    /// The value does not have the type of the field.
     pub(super) fn read(operand: &Operand, target: Target) -> Result<Self, String> {
         let needed = target.value();
         let is_word = !operand.is_quoted;
@@ -65,16 +65,16 @@ impl Literal {
             FieldType::Code | FieldType::Id | FieldType::Object | FieldType::Group => {}
         }
         if literal == Self::default() {
-            return Err(format!("{} is {}; '{text}' is not", target.field.key, needed.name()));
+            return Err(format!("{} is {}; found '{text}'", target.field.key, needed.name()));
         }
         literal.check_values(target)?;
         Ok(literal)
     }
 
-    /// Reads `operand` as something to be found within a value of `target`.
+    /// Parses `operand` as a part that `contains` searches for in `target`.
     ///
     /// # Errors
-    /// The reason why nothing can be found there.
+    /// The field is neither text nor bytes, or the bytes are invalid.
     pub(super) fn read_part(operand: &Operand, target: Target) -> Result<Self, String> {
         let text = || Some(operand.text.clone());
         match target.value() {
@@ -82,13 +82,15 @@ impl Literal {
             FieldType::Any => Ok(Self { text: text(), bytes: data(operand), ..Self::default() }),
             FieldType::Bytes => match data(operand) {
                 Some(bytes) => Ok(Self { bytes: Some(bytes), ..Self::default() }),
-                None => Err(format!("'{}' is no bytes; write them as DE:AD", operand.text)),
+                None => Err(format!("'{}' is not a valid byte string; expected e.g. DE:AD", operand.text)),
             },
-            other => Err(format!("contains wants text or bytes; {} is {}", target.field.key, other.name())),
+            other => {
+                Err(format!("contains requires text or bytes; {} is {}", target.field.key, other.name()))
+            }
         }
     }
 
-    /// Where a field has a fixed list of texts, others are slips.
+    /// Rejects texts outside the fixed list of values of the field.
     fn check_values(&self, target: Target) -> Result<(), String> {
         let key = target.field.key.as_str();
         let values: Vec<&str> = if key == "kind" {
@@ -105,12 +107,12 @@ impl Literal {
         }
         let hint = match nearest(text, &values.iter().copied()) {
             Some(value) => format!("did you mean {value}?"),
-            None => format!("there are {}", values.join(", ")),
+            None => format!("expected {}", values.join(", ")),
         };
-        Err(format!("{key} is never '{text}'; {hint}"))
+        Err(format!("unknown {key} '{text}'; {hint}"))
     }
 
-    /// How what an event tells compares to this; nothing if it is of another type.
+    /// Order of a field value relative to this value; `None` if the types differ.
     pub(super) fn order(&self, told: &FieldValue<'_>) -> Option<Ordering> {
         match *told {
             FieldValue::Null => None,
@@ -128,7 +130,7 @@ impl Literal {
         }
     }
 
-    /// Whether what an event tells has this within it.
+    /// Whether the field value contains this value.
     pub(super) fn is_within(&self, told: &FieldValue<'_>) -> bool {
         match *told {
             FieldValue::Text(told) => self.text.as_deref().is_some_and(|text| told.contains(text)),
@@ -138,7 +140,7 @@ impl Literal {
     }
 }
 
-/// Names of PDOs are no list, but have one form.
+/// Checks the form of a PDO name; PDO names have no fixed list.
 fn check_pdo(text: &str) -> Result<(), String> {
     let name = text.parse::<PdoName>().map(|name| name.to_string());
     let hint = match name {
@@ -153,14 +155,14 @@ fn check_pdo(text: &str) -> Result<(), String> {
             meant.map_or_else(|| form.to_owned(), |name| format!("did you mean {name}?"))
         }
     };
-    Err(format!("pdo is never '{text}'; {hint}"))
+    Err(format!("unknown pdo '{text}'; {hint}"))
 }
 
 fn has_within(data: &[u8], part: &[u8]) -> bool {
     memchr::memmem::find(data, part).is_some()
 }
 
-/// `12`, `-3`, `0x1F`, `1.5`, `2e3`.
+/// Parses `12`, `-3`, `0x1F`, `1.5`, `2e3`.
 fn number(text: &str) -> Option<Number> {
     let (is_negative, digits) = match text.strip_prefix('-') {
         Some(digits) => (true, digits),
@@ -184,7 +186,7 @@ fn hex_number(digits: &str) -> Option<u64> {
     if is_hex { u64::from_str_radix(digits, 16).ok() } else { None }
 }
 
-/// Digits with at most nine behind the point, times [`SCALE`].
+/// Digits with at most nine decimals, multiplied by [`SCALE`].
 fn scaled(digits: &str) -> Option<i128> {
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
     let is_plain = whole.bytes().chain(fraction.bytes()).all(|digit| digit.is_ascii_digit());
@@ -196,14 +198,14 @@ fn scaled(digits: &str) -> Option<i128> {
 
 impl Number {
     fn whole(value: i128) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "the nearest is meant")]
+        #[expect(clippy::cast_precision_loss, reason = "rounding to the nearest is intended")]
         let real = value as f64;
         Self { scaled: Some(value * SCALE), real }
     }
 
-    /// How a number multiplied by [`SCALE`] compares to this.
+    /// Order of a number multiplied by [`SCALE`] relative to this number.
     fn order(self, told: i128) -> Option<Ordering> {
-        #[expect(clippy::cast_precision_loss, reason = "only where the literal is no more exact")]
+        #[expect(clippy::cast_precision_loss, reason = "used only if the literal is not exact either")]
         let real = || told as f64 / SCALE as f64;
         match self.scaled {
             Some(own) => Some(told.cmp(&own)),
@@ -212,8 +214,8 @@ impl Number {
     }
 }
 
-/// `0x8130`, `8130h`. Digits alone only where they mean the same in decimal and in hex: all other output
-/// writes codes and identifiers in hex, and a filter read the other way would silently find nothing.
+/// Parses `0x8130` or `8130h`. Digits without a prefix are rejected if decimal and hex differ: output shows
+/// codes and identifiers in hex, so the wrong base would match nothing without an error.
 fn code(text: &str) -> Result<Number, String> {
     let by_suffix = || text.strip_suffix(['h', 'H']).and_then(hex_number);
     if let Some(value) = by_suffix() {
@@ -225,14 +227,14 @@ fn code(text: &str) -> Result<Number, String> {
         (Some(number), Some(hex)) if number == Number::whole(i128::from(hex)) => Ok(number),
         (Some(Number { scaled: Some(scaled), .. }), Some(hex)) => {
             let decimal = scaled / SCALE;
-            Err(format!("decimal or hexadecimal? Write 0x{hex:X}, or 0x{decimal:X} if decimal was meant"))
+            Err(format!("'{text}' is ambiguous; write 0x{hex:X}, or 0x{decimal:X} for decimal {decimal}"))
         }
-        (_, Some(hex)) => Err(format!("write 0x{hex:X}")),
-        _ => Err(format!("'{text}' is no number; write it as 0x8130")),
+        (_, Some(hex)) => Err(format!("'{text}' needs a prefix; write 0x{hex:X}")),
+        _ => Err(format!("'{text}' is not a valid number; expected e.g. 0x8130")),
     }
 }
 
-/// `0x1018:01`, `1018:01`, `1018h:01h`, `1018sub1`: always hexadecimal.
+/// Parses `0x1018:01`, `1018:01`, `1018h:01h`, `1018sub1`: always hexadecimal.
 fn object(text: &str) -> Result<ObjectAddress, String> {
     let lower = text.to_ascii_lowercase();
     let hex = |text: &str| {
@@ -241,19 +243,18 @@ fn object(text: &str) -> Result<ObjectAddress, String> {
     };
     let Some((index, sub)) = lower.split_once(':').or_else(|| lower.split_once("sub")) else {
         let index = hex(&lower).map_or_else(|| "0x1018".into(), |index| format!("0x{index:04X}"));
-        let reason = "an object is index and sub-index:";
-        return Err(format!("{reason} {index}:00; for all sub-indexes ask for .index"));
+        return Err(format!("sub-index missing; write {index}:00, or use .index for all sub-indexes"));
     };
     let (index, sub) = (hex(index), hex(sub));
     let index = index.and_then(|index| u16::try_from(index).ok());
     let sub = sub.and_then(|sub| u8::try_from(sub).ok());
     match (index, sub) {
         (Some(index), Some(sub)) => Ok(ObjectAddress::new(index, sub)),
-        _ => Err(format!("'{text}' is no object; write it as 0x1018:01")),
+        _ => Err(format!("'{text}' is not a valid object; expected e.g. 0x1018:01")),
     }
 }
 
-/// `DEADBEEF`, `de:ad:be:ef`, `0xDEAD`; in quotes the text's own bytes.
+/// Parses `DEADBEEF`, `de:ad:be:ef` or `0xDEAD`; in quotes the bytes of the text.
 fn data(operand: &Operand) -> Option<Vec<u8>> {
     if operand.is_quoted {
         return Some(operand.text.clone().into_bytes());
@@ -313,10 +314,13 @@ mod tests {
         assert_eq!(order("object.sub", "7", FieldValue::Code(7, 2)), Some(Equal));
         assert_eq!(
             read("code", "8130").unwrap_err(),
-            "decimal or hexadecimal? Write 0x8130, or 0x1FC2 if decimal was meant"
+            "'8130' is ambiguous; write 0x8130, or 0x1FC2 for decimal 8130"
         );
-        assert_eq!(read("code", "FF01").unwrap_err(), "write 0xFF01");
-        assert_eq!(read("code", "raised").unwrap_err(), "'raised' is no number; write it as 0x8130");
+        assert_eq!(read("code", "FF01").unwrap_err(), "'FF01' needs a prefix; write 0xFF01");
+        assert_eq!(
+            read("code", "raised").unwrap_err(),
+            "'raised' is not a valid number; expected e.g. 0x8130"
+        );
     }
 
     #[test]
@@ -346,19 +350,22 @@ mod tests {
 
     #[test]
     fn texts_that_never_come_are_slips() {
-        assert_eq!(read("kind", "emcyy").unwrap_err(), "kind is never 'emcyy'; did you mean emcy?");
-        assert_eq!(read("kind", "sdo").unwrap_err(), "kind is never 'sdo'; did you mean sdo-transfer?");
+        assert_eq!(read("kind", "emcyy").unwrap_err(), "unknown kind 'emcyy'; did you mean emcy?");
+        assert_eq!(read("kind", "sdo").unwrap_err(), "unknown kind 'sdo'; did you mean sdo-transfer?");
         assert_eq!(
             read("crc", "broken").unwrap_err(),
-            "crc is never 'broken'; there are correct, wrong, not-used, unchecked"
+            "unknown crc 'broken'; expected correct, wrong, not-used, unchecked"
         );
-        assert_eq!(read("pdo", "TPD1").unwrap_err(), "pdo is never 'TPD1'; did you mean TPDO1?");
-        assert_eq!(read("pdo", "rpdo12").unwrap_err(), "pdo is never 'rpdo12'; did you mean RPDO12?");
-        assert_eq!(read("pdo", "x").unwrap_err(), "pdo is never 'x'; a PDO is written TPDO1 or RPDO1");
-        assert_eq!(read("pdo", "TPDO513").unwrap_err(), "pdo is never 'TPDO513'; PDOs are numbered 1 to 512");
+        assert_eq!(read("pdo", "TPD1").unwrap_err(), "unknown pdo 'TPD1'; did you mean TPDO1?");
+        assert_eq!(read("pdo", "rpdo12").unwrap_err(), "unknown pdo 'rpdo12'; did you mean RPDO12?");
+        assert_eq!(read("pdo", "x").unwrap_err(), "unknown pdo 'x'; expected a PDO such as TPDO1 or RPDO1");
+        assert_eq!(
+            read("pdo", "TPDO513").unwrap_err(),
+            "unknown pdo 'TPDO513'; expected a PDO number 1 to 512"
+        );
         assert!(read("pdo", "TPDO512").is_ok());
         assert!(read("bus", "whatever").is_ok());
-        assert_eq!(read("node", "master").unwrap_err(), "node is a number; 'master' is not");
+        assert_eq!(read("node", "master").unwrap_err(), "node is a number; found 'master'");
         assert!(read("signals", "1").is_err());
     }
 }

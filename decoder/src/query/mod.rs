@@ -1,4 +1,4 @@
-//! Events as named fields: the one place that says which key an event has, for JSON, filters and docs.
+//! Events as named fields: the single definition of event keys for JSON, filters and documentation.
 //!
 //! ```text
 //! text ─lexer─▶ tokens ─parser─▶ expression ─compile (fields, kinds, literal)─▶ Filter ─record─▶ yes or no

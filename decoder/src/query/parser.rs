@@ -1,4 +1,4 @@
-//! The grammar of filters.
+//! Grammar of filters.
 //!
 //! ```text
 //! or     = and { ("||" | "or") and }
@@ -10,33 +10,33 @@
 //! ```
 
 use super::error::FilterError;
-use super::expression::{Expression, Member, Operand, Question};
-use super::lexer::{Placed, Token, tokens};
+use super::expression::{Expression, FieldCondition, Member, Operand};
+use super::lexer::{PositionedToken, Token, tokens};
 
-/// Bytes a filter may have.
+/// Max length of a filter, in bytes.
 pub const MAX_LENGTH: usize = 8 * 1024;
 
-/// Parentheses and negations that may stand within each other.
+/// Max nesting depth of parentheses and negations.
 pub const MAX_DEPTH: usize = 64;
 
-/// Reads a filter.
+/// Parses a filter into a syntax tree.
 pub(super) fn parse(text: &str) -> Result<Expression, FilterError> {
     if text.len() > MAX_LENGTH {
-        let reason = format!("a filter has at most {MAX_LENGTH} bytes");
+        let reason = format!("filter too long (max {MAX_LENGTH} bytes)");
         return Err(FilterError::new(text, text.len()..text.len(), reason));
     }
     let mut parser = Parser { text, tokens: tokens(text)?, at: 0, depth: 0 };
     let expression = parser.or()?;
     match parser.peek() {
         Token::End => Ok(expression),
-        Token::Close => Err(parser.error("no parenthesis is open")),
-        _ => Err(parser.error("&& or || should stand here")),
+        Token::Close => Err(parser.error("closing parenthesis without an opening one")),
+        _ => Err(parser.error("expected && or ||")),
     }
 }
 
 struct Parser<'a> {
     text: &'a str,
-    tokens: Vec<Placed>,
+    tokens: Vec<PositionedToken>,
     at: usize,
     depth: usize,
 }
@@ -46,14 +46,14 @@ impl Parser<'_> {
         self.tokens.get(self.at).map_or(&Token::End, |(token, _)| token)
     }
 
-    /// Takes the next token if it is this one.
+    /// Consumes the next token if it equals `token`.
     fn takes(&mut self, token: &Token) -> bool {
         let is_next = self.peek() == token && *token != Token::End;
         self.at += usize::from(is_next);
         is_next
     }
 
-    /// At the next token.
+    /// Error at the next token.
     fn error(&self, reason: impl Into<String>) -> FilterError {
         let end = self.text.len();
         let at = self.tokens.get(self.at).map_or(end..end, |(_, at)| at.clone());
@@ -83,7 +83,7 @@ impl Parser<'_> {
             return self.test();
         }
         if self.depth == MAX_DEPTH {
-            return Err(self.error(format!("nested deeper than {MAX_DEPTH}")));
+            return Err(self.error(format!("nested too deep (max {MAX_DEPTH} levels)")));
         }
         self.depth += 1;
         let expression = if self.takes(&Token::Not) {
@@ -92,7 +92,7 @@ impl Parser<'_> {
             self.takes(&Token::Open);
             let inner = self.or()?;
             if !self.takes(&Token::Close) {
-                return Err(self.error("a closing parenthesis is missing"));
+                return Err(self.error("missing closing parenthesis"));
             }
             inner
         };
@@ -102,7 +102,7 @@ impl Parser<'_> {
 
     fn test(&mut self) -> Result<Expression, FilterError> {
         let nothing = self.tokens.len() == 1;
-        let reason = if nothing { "the filter is empty" } else { "a field should stand here" };
+        let reason = if nothing { "empty filter" } else { "expected a field" };
         let field = match self.peek() {
             Token::Word(word) if !word.is_quoted => word.clone(),
             _ => return Err(self.error(reason)),
@@ -111,28 +111,28 @@ impl Parser<'_> {
         let question = match *self.peek() {
             Token::Relation(relation) => {
                 self.at += 1;
-                Question::Compare(relation, self.value()?)
+                FieldCondition::Compare(relation, self.value()?)
             }
             Token::Contains => {
                 self.at += 1;
-                Question::Contains(self.value()?)
+                FieldCondition::Contains(self.value()?)
             }
             Token::Matches => {
                 self.at += 1;
-                Question::Matches(self.value()?)
+                FieldCondition::Matches(self.value()?)
             }
             Token::In => {
                 self.at += 1;
-                Question::In(self.set()?)
+                FieldCondition::In(self.set()?)
             }
-            _ => Question::Present,
+            _ => FieldCondition::Present,
         };
         Ok(Expression::Test { field, question })
     }
 
     fn value(&mut self) -> Result<Operand, FilterError> {
         let Token::Word(operand) = self.peek() else {
-            return Err(self.error("a value should stand here"));
+            return Err(self.error("expected a value"));
         };
         let operand = operand.clone();
         self.at += 1;
@@ -141,7 +141,7 @@ impl Parser<'_> {
 
     fn set(&mut self) -> Result<Vec<Member>, FilterError> {
         if !self.takes(&Token::OpenSet) {
-            return Err(self.error("a set should stand here, as {1 2 5..7}"));
+            return Err(self.error("expected a set, e.g. {1 2 5..7}"));
         }
         let mut members = Vec::new();
         loop {
@@ -151,7 +151,7 @@ impl Parser<'_> {
             let has_comma = self.takes(&Token::Comma);
             match self.peek() {
                 Token::CloseSet if !has_comma => break,
-                Token::End => return Err(self.error("the set's closing brace is missing")),
+                Token::End => return Err(self.error("missing closing brace of the set")),
                 _ => {}
             }
         }
@@ -160,7 +160,7 @@ impl Parser<'_> {
     }
 }
 
-/// One part stands for itself.
+/// Joins the parts; a single part is returned as it is.
 fn with_first(
     first: Expression,
     mut others: Vec<Expression>,
@@ -199,28 +199,28 @@ mod tests {
     fn sets() {
         assert_eq!(printed("a in {1 2,3 .. 4 \"x\"..\"y\"}"), "a in {1, 2, 3..4, \"x\"..\"y\"}");
         assert_eq!(printed("a in {1. ..4 x..y}"), "a in {1. ..4, x..y}");
-        assert_eq!(printed("a in {}"), "6..7 a value should stand here");
-        assert_eq!(printed("a in {1,}"), "8..9 a value should stand here");
-        assert_eq!(printed("a in {1"), "7..7 the set's closing brace is missing");
-        assert_eq!(printed("a in 1"), "5..6 a set should stand here, as {1 2 5..7}");
+        assert_eq!(printed("a in {}"), "6..7 expected a value");
+        assert_eq!(printed("a in {1,}"), "8..9 expected a value");
+        assert_eq!(printed("a in {1"), "7..7 missing closing brace of the set");
+        assert_eq!(printed("a in 1"), "5..6 expected a set, e.g. {1 2 5..7}");
     }
 
     #[test]
     fn errors_have_places() {
-        assert_eq!(printed(""), "0..0 the filter is empty");
-        assert_eq!(printed("a &&"), "4..4 a field should stand here");
-        assert_eq!(printed("a =="), "4..4 a value should stand here");
-        assert_eq!(printed("a == and"), "5..8 a value should stand here");
-        assert_eq!(printed("(a"), "2..2 a closing parenthesis is missing");
-        assert_eq!(printed("a)"), "1..2 no parenthesis is open");
-        assert_eq!(printed("a b"), "2..3 && or || should stand here");
-        assert_eq!(printed("\"a\" == 1"), "0..3 a field should stand here");
+        assert_eq!(printed(""), "0..0 empty filter");
+        assert_eq!(printed("a &&"), "4..4 expected a field");
+        assert_eq!(printed("a =="), "4..4 expected a value");
+        assert_eq!(printed("a == and"), "5..8 expected a value");
+        assert_eq!(printed("(a"), "2..2 missing closing parenthesis");
+        assert_eq!(printed("a)"), "1..2 closing parenthesis without an opening one");
+        assert_eq!(printed("a b"), "2..3 expected && or ||");
+        assert_eq!(printed("\"a\" == 1"), "0..3 expected a field");
     }
 
     #[test]
     fn hostile_filters_are_refused_not_run_into() {
         let deep = format!("{}a{}", "(".repeat(4_000), ")".repeat(4_000));
-        assert_eq!(printed(&deep), "64..65 nested deeper than 64");
+        assert_eq!(printed(&deep), "64..65 nested too deep (max 64 levels)");
         assert!(parse(&format!("{}a", "!".repeat(MAX_DEPTH))).is_ok());
         assert!(parse(&format!("{}a", "!".repeat(MAX_DEPTH + 1))).is_err());
         assert!(parse(&"a".repeat(MAX_LENGTH + 1)).is_err());

@@ -1,7 +1,7 @@
-//! When things last happened to nodes that buses themselves need not remember: starts, errors, changes of state.
+//! Times of the last boot-ups, errors and state changes of nodes, which the bus state does not store.
 //!
 //! ```text
-//! event ─kind?─▶ a PDO: nothing ─▶ else: node ─▶ last start · errors and since when · states and since when
+//! event ─kind?─▶ PDO: ignored ─▶ other: node ─▶ last boot-up · errors with times · states with times
 //! ```
 
 use std::collections::BTreeMap;
@@ -10,32 +10,32 @@ use crate::event::{BootCause, DtcAction, EmcyAction, Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
-/// Errors, and outputs, of a node whose times are kept.
+/// Maximum number of errors, and of outputs, per node.
 const MOST: usize = 64;
 
-/// An error as it is numbered.
+/// Code of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Code {
-    /// Of an EMCY.
+    /// Error code of an EMCY.
     Emcy(u16),
-    /// SPN and FMI of a trouble code.
+    /// SPN and FMI of a DTC.
     Dtc(u32, u8),
 }
 
-/// A start of a node.
+/// A boot-up of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Start {
-    /// Frame that told it.
+    /// Number of the frame that shows the boot-up.
     pub frame: u64,
-    /// When.
+    /// Time of the boot-up.
     pub time: Option<Timestamp>,
-    /// Why.
+    /// Cause of the boot-up.
     pub cause: BootCause,
-    /// Values written by SDO that were lost.
+    /// Number of values written by SDO that were lost.
     pub lost: u32,
 }
 
-/// What happened last to one node.
+/// Last occurrences at one node.
 #[derive(Debug, Clone, Default)]
 pub struct LatestOfNode {
     start: Option<Start>,
@@ -44,17 +44,17 @@ pub struct LatestOfNode {
 }
 
 impl LatestOfNode {
-    /// Its last start.
+    /// The last boot-up.
     pub fn start(&self) -> Option<Start> {
         self.start
     }
 
-    /// When an error was raised last.
+    /// Time at which an error was last raised.
     pub fn raised(&self, code: Code) -> Option<Timestamp> {
         self.errors.iter().find(|(known, _)| *known == code)?.1
     }
 
-    /// Since when the machine of an output reports its state.
+    /// Time of the last state change of an output's state machine.
     pub fn state_since(&self, channel: Option<u8>) -> Option<Timestamp> {
         self.states.iter().find(|(known, _)| *known == channel)?.1
     }
@@ -65,7 +65,8 @@ impl LatestOfNode {
     }
 }
 
-/// The last entry of a list goes where it is full: what is active is told again by the next message.
+/// Sets the entry for `key`. A full list drops its last entry; if that error is active, its next message
+/// restores it.
 fn note<K: PartialEq, V>(list: &mut Vec<(K, V)>, key: K, value: V) {
     if let Some(entry) = list.iter_mut().find(|(known, _)| *known == key) {
         entry.1 = value;
@@ -77,14 +78,14 @@ fn note<K: PartialEq, V>(list: &mut Vec<(K, V)>, key: K, value: V) {
     list.push((key, value));
 }
 
-/// What happened last, by node.
+/// Last occurrences at each node.
 #[derive(Debug, Clone, Default)]
 pub struct Latest {
     nodes: BTreeMap<(BusIndex, NodeId), LatestOfNode>,
 }
 
 impl Latest {
-    /// Takes an event.
+    /// Updates the times from an event.
     #[inline]
     pub(super) fn event(&mut self, event: &Event) {
         match &event.kind {
@@ -131,12 +132,12 @@ impl Latest {
         }
     }
 
-    /// What happened last to a node.
+    /// Last occurrences at a node.
     pub fn of(&self, bus: BusIndex, node: NodeId) -> Option<&LatestOfNode> {
         self.nodes.get(&(bus, node))
     }
 
-    /// Bytes held.
+    /// Memory used in bytes.
     pub(super) fn footprint(&self) -> usize {
         let lists = |node: &LatestOfNode| {
             node.errors.capacity() * size_of::<(Code, Option<Timestamp>)>()
@@ -151,12 +152,12 @@ mod tests {
     use super::*;
     use crate::capture::BusNames;
     use crate::frame::{CanId, Frame};
-    use crate::replay::World;
+    use crate::replay::ReplayState;
     use crate::session::SessionOptions;
 
-    /// What is known of node 5 behind frames: milliseconds, identifier, data.
+    /// Last occurrences at node 5 after frames, given as milliseconds, identifier and data.
     fn behind(frames: &[(i64, u16, &[u8])]) -> LatestOfNode {
-        let mut world = World::new(SessionOptions::default());
+        let mut world = ReplayState::new(SessionOptions::default());
         let names = BusNames::default();
         for (number, (time, id, data)) in (1..).zip(frames) {
             let mut frame = Frame::data_frame(CanId::standard(*id), data);

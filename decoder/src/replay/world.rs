@@ -1,4 +1,4 @@
-//! Everything known of a capture at one place in it.
+//! Complete decoder state at one position in a capture.
 
 use super::Latest;
 use crate::capture::{BusNames, Item, Notice};
@@ -9,116 +9,116 @@ use crate::session::{Bus, Buses, Observer, SessionOptions};
 use crate::sink::text::News;
 use crate::statistics::Identifiers;
 
-/// The place of an event: events are told one behind the other while a frame is taken.
+/// Position of an event: its frame, and its order among the events of that frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub struct Spot {
-    /// Frame that was taken last, or is being taken; 0 before the first.
+pub struct EventPosition {
+    /// Number of the current or last frame; 0 before the first one.
     pub frame: u64,
-    /// How many events were told since that frame came.
+    /// Number of events emitted before this one since the start of the frame.
     pub ordinal: u32,
 }
 
-impl Spot {
-    /// Before all events of a frame.
+impl EventPosition {
+    /// Position before all events of a frame.
     pub const fn before(frame: u64) -> Self {
         Self { frame, ordinal: 0 }
     }
 
-    /// Behind all events of a frame.
-    pub const fn behind(frame: u64) -> Self {
+    /// Position after all events of a frame.
+    pub const fn after(frame: u64) -> Self {
         Self { frame, ordinal: u32::MAX }
     }
 }
 
-/// An event with its place.
-pub struct Told<'a> {
-    /// Its place.
-    pub spot: Spot,
+/// An event with its position.
+pub struct PlacedEvent<'a> {
+    /// Position of the event.
+    pub spot: EventPosition,
     /// The event.
     pub event: &'a Event,
-    /// Its bus, as it is behind it.
+    /// Bus of the event, in the state after the event.
     pub bus: &'a Bus,
-    /// Frame that brought it: none for what a reader says and for the end.
+    /// Frame that caused the event; `None` for events from notices and from the end of the capture.
     pub frame: Option<&'a Frame>,
-    /// Says something new, as `decode` prints by default.
+    /// Whether the event shows a change and is printed by `decode` by default.
     pub is_news: bool,
 }
 
-/// Buses, nodes, objects and identifiers behind a frame. A clone is the same world, to go on from.
+/// State of buses, nodes, objects and identifiers after a frame. A clone can be used to resume decoding.
 #[derive(Debug, Clone)]
-pub struct World {
+pub struct ReplayState {
     decoder: Decoder,
     identifiers: Identifiers,
     latest: Latest,
     news: News,
-    spot: Spot,
+    spot: EventPosition,
     zero: Option<Timestamp>,
     time: Option<Timestamp>,
     counts: Counts,
 }
 
-/// What is wrong with the capture up to a place.
+/// Number of problems in the capture up to a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Lines or records that could not be read.
+    /// Number of unreadable lines or records.
     pub unreadable: u64,
-    /// Frames the recorder says it lost; where it does not say how many, one.
+    /// Number of lost frames reported by the recorder; a report without number counts as one.
     pub lost: u64,
-    /// Error frames.
+    /// Number of error frames.
     pub errors: u64,
 }
 
-impl World {
-    /// A world in which nothing has happened.
+impl ReplayState {
+    /// State before the first frame.
     pub fn new(options: SessionOptions) -> Self {
         Self {
             decoder: Decoder::new(options),
             identifiers: Identifiers::default(),
             latest: Latest::default(),
             news: News::default(),
-            spot: Spot::default(),
+            spot: EventPosition::default(),
             zero: None,
             time: None,
             counts: Counts::default(),
         }
     }
 
-    /// Takes what a reader gave next.
+    /// Handles the next item of a reader.
     #[inline]
-    pub fn take(&mut self, item: &Item<'_>, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
+    pub fn take(&mut self, item: &Item<'_>, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
         match item {
             Item::Frame(frame) => self.push(frame, names, out),
             Item::Notice(notice) => self.notice(notice, names, out),
         }
     }
 
-    /// Takes the next frame; `names` holds the name of its bus.
+    /// Handles the next frame; `names` contains the name of its bus.
     #[inline]
-    pub fn push(&mut self, frame: &Frame, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
+    pub fn push(&mut self, frame: &Frame, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
         if let Some(time) = frame.time {
             self.zero = self.zero.or(Some(time));
             self.time = Some(time);
         }
-        self.spot = Spot::before(frame.number);
+        self.spot = EventPosition::before(frame.number);
         let place = self.identifiers.frame(frame);
         let (decoder, mut teller) = self.teller(place, Some(frame), out);
         decoder.push(frame, names, &mut teller);
     }
 
-    /// Takes what a reader has to say.
-    pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
+    /// Handles a notice of the reader.
+    pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
         if let Notice::Unreadable { .. } | Notice::CutOff { .. } = notice {
             self.counts.unreadable += 1;
         }
-        if let Notice::Link { time, .. } | Notice::Quiet(time) = notice {
+        if let Notice::Link { time, .. } | Notice::Quiet(time) | Notice::ClockSet { time, .. } = notice {
             self.time = self.time.max(Some(*time));
         }
         let (decoder, mut teller) = self.teller(None, None, out);
         decoder.notice(notice, names, &mut teller);
     }
 
-    /// The capture ended: closes what is open.
-    pub fn finish(&mut self, names: &BusNames, out: &mut impl FnMut(Told<'_>)) {
+    /// Handles the end of the capture: closes open transfers.
+    pub fn finish(&mut self, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
         let (decoder, mut teller) = self.teller(None, None, out);
         decoder.finish(names, &mut teller);
     }
@@ -129,8 +129,8 @@ impl World {
         place: Option<usize>,
         frame: Option<&'a Frame>,
         out: &'a mut F,
-    ) -> (&'a mut Decoder, Teller<'a, F>) {
-        let teller = Teller {
+    ) -> (&'a mut Decoder, EventForwarder<'a, F>) {
+        let teller = EventForwarder {
             place,
             frame,
             identifiers: &mut self.identifiers,
@@ -148,42 +148,42 @@ impl World {
         self.decoder.buses()
     }
 
-    /// What each identifier carried last.
+    /// Last frame and state of each identifier.
     pub fn identifiers(&self) -> &Identifiers {
         &self.identifiers
     }
 
-    /// What happened last to each node.
+    /// Last boot-up, errors and states of each node.
     pub fn latest(&self) -> &Latest {
         &self.latest
     }
 
-    /// Place of the next event, if the frame taken last brings one more.
-    pub fn spot(&self) -> Spot {
+    /// Position of the next event, if the last frame causes one more.
+    pub fn spot(&self) -> EventPosition {
         self.spot
     }
 
-    /// Frames taken.
+    /// Number of frames decoded.
     pub fn frames(&self) -> u64 {
         self.spot.frame
     }
 
-    /// Time of the first frame that has one.
+    /// Time of the first frame with a time.
     pub fn zero(&self) -> Option<Timestamp> {
         self.zero
     }
 
-    /// Time of the last frame that has one.
+    /// Time of the last frame with a time.
     pub fn time(&self) -> Option<Timestamp> {
         self.time
     }
 
-    /// What is wrong with the capture so far.
+    /// Number of problems in the capture so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Bytes a checkpoint holds of its own.
+    /// Memory of a checkpoint in bytes, without shared object stores.
     pub fn footprint(&self) -> usize {
         self.decoder.footprint()
             + self.identifiers.footprint()
@@ -192,19 +192,19 @@ impl World {
     }
 }
 
-/// Passes events on with their places.
-struct Teller<'a, F> {
+/// Passes events on with their positions.
+struct EventForwarder<'a, F> {
     place: Option<usize>,
     frame: Option<&'a Frame>,
     identifiers: &'a mut Identifiers,
     latest: &'a mut Latest,
     news: &'a mut News,
-    spot: &'a mut Spot,
+    spot: &'a mut EventPosition,
     counts: &'a mut Counts,
     out: &'a mut F,
 }
 
-impl<F: FnMut(Told<'_>)> Observer for Teller<'_, F> {
+impl<F: FnMut(PlacedEvent<'_>)> Observer for EventForwarder<'_, F> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         match &event.kind {
             EventKind::LostFrames { count } => self.counts.lost += count.unwrap_or(1),
@@ -218,7 +218,7 @@ impl<F: FnMut(Told<'_>)> Observer for Teller<'_, F> {
         }
         self.latest.event(event);
         let is_news = self.news.has(event);
-        (self.out)(Told { spot: *self.spot, event, bus, frame: self.frame, is_news });
+        (self.out)(PlacedEvent { spot: *self.spot, event, bus, frame: self.frame, is_news });
         self.spot.ordinal = self.spot.ordinal.saturating_add(1);
     }
 }

@@ -1,58 +1,57 @@
-//! What a rule says of itself, in the doc comment of its file: the one place its name, severity, tolerances
-//! and explanation are written.
+//! Declaration of a rule: name, severity, tolerances and documentation, taken from the file of the rule.
 
 use std::sync::Arc;
 
 use crate::finding::{RuleInfo, RuleOrigin, Severity};
 
-/// Headings of every explanation, in this order.
+/// Headings of every rule documentation, in this order.
 pub const HEADINGS: [&str; 5] =
     ["What it checks", "Why it matters", "Source", "What to look at first", "Mutation"];
 
-/// A tolerance the bus file can set.
+/// A limit of a rule that the bus file can change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// Key in `[rules.<name>]`.
     pub key: &'static str,
-    /// Value where nothing is set.
+    /// Value without a setting in the bus file.
     pub default: f64,
     /// Unit: `ms`, `%`, empty for a count.
     pub unit: &'static str,
-    /// What it limits.
+    /// Meaning of the limit.
     pub text: &'static str,
 }
 
-/// What a general rule says of itself.
+/// Declaration of a general rule.
 #[derive(Debug, Clone, Copy)]
 pub struct Declaration {
-    /// Name in kebab-case: it says the defect.
+    /// Name in kebab-case; it names the defect.
     pub name: &'static str,
-    /// How bad a finding is at most.
+    /// Maximum severity of a finding.
     pub severity: Severity,
-    /// The defect in a line.
+    /// Title: the defect in at most eight words.
     pub title: &'static str,
-    /// Doc comment.
+    /// Documentation: doc comment of the rule.
     pub explanation: &'static str,
-    /// Kinds of events it looks at. Of PDOs, `tpdo` and `rpdo` mean those of one direction, `pdo-changed` those with
-    /// another payload, all without requests; `pdo-request` requests alone.
+    /// Event kinds that the rule receives. Words for PDOs: `tpdo` and `rpdo` for one direction, `pdo-changed`
+    /// and `rpdo-changed` for changed payloads, all without requests; `pdo-request` for requests only.
     pub kinds: &'static [&'static str],
-    /// Cases of CiA's test plan it judges.
+    /// Cases of CiA's conformance test plan that the rule checks.
     pub cases: &'static [&'static str],
-    /// Those of them that any verdict of it is one of. Of the others it says which it is one of, or only a marked test
-    /// run tells.
+    /// Subset of `cases` to which every verdict of the rule applies. For each other case, the rule decides
+    /// per verdict, or only a marked test run shows it.
     pub shows: &'static [&'static str],
-    /// What can be set.
+    /// Limits that the bus file can change.
     pub tolerances: &'static [Tolerance],
-    /// It judges times.
+    /// The rule checks times.
     pub is_timing: bool,
-    /// It is used without being asked for.
+    /// The rule is active by default.
     pub is_on: bool,
-    /// KIND of its line in text, at most six letters.
+    /// KIND column of its events in text output, at most six letters.
     pub word: &'static str,
 }
 
 impl Declaration {
-    /// What a declaration says where it says nothing.
+    /// Defaults of all fields.
     pub const PLAIN: Self = Self {
         name: "",
         severity: Severity::Warning,
@@ -67,7 +66,7 @@ impl Declaration {
         word: "RULE",
     };
 
-    /// The same as output needs it.
+    /// Description of the rule for output.
     pub fn info(&self) -> RuleInfo {
         RuleInfo {
             name: self.name.into(),
@@ -81,16 +80,28 @@ impl Declaration {
             is_on: self.is_on,
             word: self.word,
             source: self.section("Source").map(|text| text.trim().into()),
+            next_step: self.section("What to look at first").and_then(next_step).map(Into::into),
         }
     }
 
-    /// The text under a heading.
+    /// Text below a heading of the documentation.
     pub fn section(&self, heading: &str) -> Option<&'static str> {
         section(self.explanation, heading)
     }
 }
 
-/// The text under a heading of an explanation.
+/// First sentence of a section, in the form of a clause: `Check the cable.` becomes `check the cable`.
+fn next_step(section: &str) -> Option<String> {
+    let text = section.split_whitespace().collect::<Vec<_>>().join(" ");
+    let sentence = text.split(". ").next()?.trim_end_matches('.');
+    let mut letters = sentence.chars();
+    let first = letters.next()?;
+    let is_word = letters.clone().next().is_some_and(char::is_lowercase);
+    let first = if is_word { first.to_ascii_lowercase() } else { first };
+    Some(format!("{first}{}", letters.as_str()))
+}
+
+/// Text below a heading of a rule documentation.
 pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
     let mut at = 0;
     for line in explanation.split_inclusive('\n') {
@@ -104,7 +115,7 @@ pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
     None
 }
 
-/// Headings with their text, each in one paragraph.
+/// All headings with their text, each joined to one paragraph.
 pub fn sections(explanation: &str) -> Vec<(&str, String)> {
     let mut all: Vec<(&str, String)> = Vec::new();
     for line in explanation.lines() {
@@ -122,7 +133,7 @@ pub fn sections(explanation: &str) -> Vec<(&str, String)> {
     all
 }
 
-/// An explanation as it is read: without the blank each line begins with, and without what is for tests only.
+/// Documentation for display: without leading blanks and without the section for tests.
 pub fn manual(explanation: &str) -> String {
     let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
     let lines: Vec<_> = lines.take_while(|line| line.trim() != "# Mutation").collect();
@@ -132,6 +143,14 @@ pub fn manual(explanation: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_next_step_is_the_first_sentence() {
+        let next = |text| next_step(text).unwrap_or_default();
+        assert_eq!(next("\n Check the cable\n and 1.5 V. Then more.\n"), "check the cable and 1.5 V");
+        assert_eq!(next(" SYNC first."), "SYNC first");
+        assert_eq!(next_step("\n"), None);
+    }
 
     #[test]
     fn sections_end_at_the_next_heading() {

@@ -1,12 +1,12 @@
-//! Rules: what is wrong, judged from events.
+//! Rules: detection of defects in the event stream.
 //!
 //! ```text
 //! Event ─Engine::event─▶ rules of its kind ─Context::fail─▶ Ledger: groups, causes ─▶ news (events), Findings
 //! ```
 //!
-//! A rule is one file of a family of `general/` and one line of [`REGISTRY`]: its doc comment is its documentation, its
-//! fixture `fixtures/rules/<name>.log` its proof. It sees the events of one bus, asks to be woken at deadlines,
-//! and keeps what it must remember; a rule never parses bytes.
+//! A rule is one file in a family folder of `general/` and one line of [`REGISTRY`]. Its doc comment is its
+//! documentation, and its fixture `fixtures/rules/<name>.log` is its test. It receives the events of one bus,
+//! requests wake-ups for deadlines and holds its own state. A rule never parses bytes.
 
 pub mod conformance;
 mod context;

@@ -1,4 +1,4 @@
-//! How strictly is judged: what the bus file says of rules, and what of their findings does not count.
+//! Settings of the bus file for rules: severities, tolerances and suppressions.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -8,12 +8,12 @@ use crate::bus_file::Suppression;
 use crate::finding::{About, Group, RuleInfo, Severity, SuppressionUse};
 use crate::wire::NodeId;
 
-/// Rules, tolerances, suppressions.
+/// Rules with their settings.
 #[derive(Debug, Clone, Default)]
 pub struct Policy {
     pub(super) rules: Vec<RuleInfo>,
     pub(super) severities: HashMap<String, Severity>,
-    /// Rules of devices that are not to be judged.
+    /// Device rules that are switched off.
     pub(super) off: Vec<String>,
     pub(super) tolerances: HashMap<(&'static str, &'static str), f64>,
     pub(super) suppressions: Vec<Suppression>,
@@ -21,47 +21,48 @@ pub struct Policy {
 }
 
 impl Policy {
-    /// A name with a colon is a device's rule, which is known once the device is.
+    /// Whether a rule exists. A name with a colon is accepted: it names a device rule, known once the device
+    /// is identified.
     pub(super) fn knows(&self, rule: &str) -> bool {
         rule.contains(':') || self.rules.iter().any(|known| *known.name == *rule)
     }
 
-    /// A tolerance of a rule: what the bus file says, else its default.
+    /// Value of a tolerance: from the bus file, else the default.
     pub fn tolerance(&self, declaration: &Declaration, key: &'static str) -> f64 {
         let given = self.tolerances.get(&(declaration.name, key)).copied();
         let default = declaration.tolerances.iter().find(|tolerance| tolerance.key == key);
         given.or(default.map(|tolerance| tolerance.default)).unwrap_or(f64::INFINITY)
     }
 
-    /// A tolerance in milliseconds, as nanoseconds.
+    /// Tolerance in ms, converted to ns.
     pub fn nanoseconds(&self, declaration: &Declaration, key: &'static str) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let value = (self.tolerance(declaration, key) * 1e6) as i64;
         value
     }
 
-    /// The severity the bus file gives a rule.
+    /// Severity of a rule in the bus file.
     pub(super) fn severity(&self, rule: &str) -> Option<Severity> {
         self.severities.get(rule).copied()
     }
 
-    /// Whether the bus file switches a device's rule off.
+    /// Whether a device rule is switched off.
     pub(super) fn is_off(&self, rule: &str) -> bool {
         self.off.iter().any(|off| off == rule)
     }
 
-    /// Why a group does not count.
+    /// Reason of the suppression that applies to a group.
     pub(super) fn suppression(&self, group: &Group) -> Option<Arc<str>> {
         let mut all = self.suppressions.iter().filter(|one| !self.is_over(one));
         all.find(|one| covers(one, group)).map(|one| Arc::clone(&one.reason))
     }
 
     fn is_over(&self, suppression: &Suppression) -> bool {
-        // Dates as 2026-01-31 sort as text.
+        // ISO dates sort as text.
         matches!((&suppression.until, &self.today), (Some(until), Some(today)) if until < today)
     }
 
-    /// What each suppression came to.
+    /// Number of groups that each suppression matched.
     pub(super) fn uses(&self, groups: &[Group]) -> Vec<SuppressionUse> {
         let uses = self.suppressions.iter().map(|one| {
             let is_over = self.is_over(one);
@@ -73,7 +74,7 @@ impl Policy {
     }
 }
 
-/// `node-lost of can0 node 5 1018:01`.
+/// Description of a suppression: `node-lost of can0 node 5 1018:01`.
 fn what(suppression: &Suppression) -> String {
     let node = suppression.node.map(NodeId::words);
     let parts = [suppression.bus.clone(), node, suppression.about.clone()];
@@ -89,7 +90,8 @@ fn covers(suppression: &Suppression, group: &Group) -> bool {
         && suppression.about.as_deref().is_none_or(|about| is_about(&group.key.about, about))
 }
 
-/// Whether it is what a user writes so: objects in any of their notations, codes and identifiers with `0x` or without.
+/// Compares a subject with the notation of a user: objects in any notation, codes and identifiers with or
+/// without `0x`.
 fn is_about(about: &About, written: &str) -> bool {
     let bare = written.strip_prefix("0x").unwrap_or(written);
     match about {

@@ -1,4 +1,4 @@
-//! What a rule is: [`Rule`], and how it is listed in the registry.
+//! [`Rule`], and its entry in the registry.
 
 use super::context::Context;
 use super::declaration::{Declaration, Tolerance};
@@ -6,48 +6,48 @@ use super::policy::Policy;
 use crate::event::Event;
 use crate::query::KindSet;
 
-/// Judges the events of one bus.
+/// Checks the events of one bus.
 pub trait Rule {
     /// Called before the first event.
     fn begin(&mut self, _context: &mut Context<'_>) {}
 
-    /// An event of one of the kinds it declared.
+    /// Handles an event of a declared kind.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 
-    /// Kinds of events it looks at now, where that changes.
+    /// New set of event kinds, if it has changed.
     fn kinds(&self) -> Option<KindSet> {
         None
     }
 
-    /// Whether it looks at PDOs now, of those it declared; requests it gets in any case. A rule that waits for something
-    /// else first need not look at each of them. It is asked again behind every other event it gets.
+    /// Whether the rule needs its declared PDOs now; PDO requests are always delivered. A rule that first
+    /// waits for another event returns false to save time. The engine asks again after every other event of
+    /// the rule.
     fn wants_pdos(&self) -> bool {
         true
     }
 
-    /// A time it asked for has passed.
+    /// Handles a requested wake-up, see `Context::wake_at`.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
 
-    /// A second of the bus is over, as its frames' stamps say: [`Context::meter`] has what was in it.
+    /// Called after each second of bus time (by timestamps); [`Context::meter`] contains its counts.
     fn second(&mut self, _context: &mut Context<'_>) {}
 
-    /// Nothing more comes.
+    /// Called at the end of the capture.
     fn finish(&mut self, _context: &mut Context<'_>) {}
 }
 
 /// One line of [`REGISTRY`](super::REGISTRY).
 pub struct Entry {
-    /// What the rule says of itself.
+    /// Name, severity and documentation of the rule.
     pub declaration: &'static Declaration,
-    /// Makes one that has seen nothing.
+    /// Creates the rule in its initial state.
     pub make: fn(&Policy) -> Box<dyn Rule>,
 }
 
-/// Declares a rule: its doc comment is its explanation.
+/// Declares a rule; its doc comment becomes its documentation.
 macro_rules! declare_rule {
     ($(#[doc = $doc:literal])+ $name:literal, $severity:ident, $title:literal,
      kinds: [$($kind:literal),+ $(,)?] $(, $field:ident: $value:expr)* $(,)?) => {
-        /// What the rule says of itself.
         const DECLARATION: $crate::rules::Declaration = $crate::rules::Declaration {
             name: $name,
             severity: $crate::finding::Severity::$severity,
@@ -58,7 +58,6 @@ macro_rules! declare_rule {
             ..$crate::rules::Declaration::PLAIN
         };
 
-        /// Its line of the registry.
         pub(in crate::rules::general) const ENTRY: $crate::rules::Entry =
             $crate::rules::Entry { declaration: &DECLARATION, make: |policy| Box::new(new(policy)) };
     };
@@ -66,7 +65,7 @@ macro_rules! declare_rule {
 
 pub(super) use declare_rule;
 
-/// A tolerance: key, default, unit, what it limits.
+/// Defines a tolerance: key, default, unit, meaning.
 pub(super) const fn tolerance(
     key: &'static str,
     default: f64,

@@ -1,6 +1,6 @@
-//! Samples of profiles: frames run through the decoder, and what the device must mean by the last of them.
+//! Samples of profiles: frames that are decoded, and the expected result of the last frame.
 //!
-//! `profiles/README.md` says what a sample states. What it states is never taken from this program.
+//! `profiles/README.md` defines the contents of a sample. Expected values never originate from this program.
 
 mod run;
 mod uds;
@@ -20,7 +20,7 @@ use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use run::Outcomes;
 
-/// Runs all samples of one variant of a device; `text` is its profile's.
+/// Runs all samples of one device variant; `text` is the text of its profile.
 pub fn check_samples(text: &str, device: &Arc<Device>) -> Vec<TextError> {
     let mut wrong = Vec::new();
     for (span, sample) in &device.samples {
@@ -40,11 +40,11 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn say(&mut self, message: impl Display) {
-        self.say_at(self.span.clone(), message);
+    fn report(&mut self, message: impl Display) {
+        self.report_at(self.span.clone(), message);
     }
 
-    fn say_at(&mut self, span: Range<usize>, message: impl Display) {
+    fn report_at(&mut self, span: Range<usize>, message: impl Display) {
         let about = &self.sample.about;
         let about = if about.is_empty() { String::new() } else { format!("{about}: ") };
         let message = format!("{}: sample: {about}{message}", self.device.full_id);
@@ -52,13 +52,13 @@ impl Run<'_> {
     }
 
     fn differs(&mut self, what: impl Display, found: impl Display, expected: impl Display) {
-        self.say(format!("{what}: found {found}, expected {expected}"));
+        self.report(format!("{what}: found {found}, expected {expected}"));
     }
 
     fn check(&mut self) {
         let outcomes = match Outcomes::of(self.sample, self.device) {
             Ok(outcomes) => outcomes,
-            Err(message) => return self.say(message),
+            Err(message) => return self.report(message),
         };
         let sample = self.sample;
         if let Some(name) = sample.pdo {
@@ -96,7 +96,7 @@ impl Run<'_> {
                 EventKind::UdsExchange(exchange) => Some(&**exchange),
                 _ => None,
             });
-            self.found(exchange, "the answer to a UDS request", &outcomes, Self::exchange);
+            self.found(exchange, "the response to a UDS request", &outcomes, Self::exchange);
         } else if sample.object.is_some() || sample.abort.is_some() {
             let transfer = outcomes.find(|kind| match kind {
                 EventKind::SdoTransfer(transfer) => Some(&**transfer),
@@ -110,8 +110,8 @@ impl Run<'_> {
         } else if let Some(gate) = &sample.gate {
             self.gate(gate, &outcomes);
         } else {
-            self.say(
-                "it states nothing: give pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate",
+            self.report(
+                "nothing to compare; expected pdo, message, emcy, dtc, object, abort, uds, nrc, state, procedure or gate",
             );
         }
     }
@@ -129,7 +129,7 @@ impl Run<'_> {
         }
     }
 
-    /// Whether a message is the one the profile calls so.
+    /// Whether the profile defines this message under `name`.
     fn is_message(&self, message: &J1939Message, name: &str) -> bool {
         let spec = self.device.messages.iter().find(|spec| spec.name == name);
         spec.is_some_and(|spec| spec.number_of(message.id.pgn).is_some())
@@ -142,11 +142,11 @@ impl Run<'_> {
         }
     }
 
-    /// Values of a PDO or message.
+    /// Compares the values of a PDO or message.
     fn values(&mut self, what: &str, layout: Option<&Layout>, payload: &[u8]) {
         let sample = self.sample;
         if sample.signals.is_empty() && sample.texts.is_empty() {
-            self.say(format!("it states no value of {what}: give signals or texts"));
+            self.report(format!("no values of {what} to compare; expected signals or texts"));
         }
         let read = |object: &str| -> Result<(Option<Arc<Meaning>>, Value), String> {
             let object: ObjectAddress = object.parse().map_err(|error| format!("{object}: {error}"))?;
@@ -159,7 +159,7 @@ impl Run<'_> {
         for (object, wanted) in &sample.signals {
             match read(object) {
                 Ok((meaning, value)) => self.quantity(object, meaning.as_deref(), &value, wanted),
-                Err(message) => self.say_at(wanted.span(), message),
+                Err(message) => self.report_at(wanted.span(), message),
             }
         }
         for (object, wanted) in &sample.texts {
@@ -170,12 +170,12 @@ impl Run<'_> {
                         self.differs(object, quoted(&found), quoted(wanted));
                     }
                 }
-                Err(message) => self.say(message),
+                Err(message) => self.report(message),
             }
         }
     }
 
-    /// Compares a number to half of the last digit written.
+    /// Compares a number with a tolerance of half its last written digit.
     fn quantity(&mut self, what: &str, meaning: Option<&Meaning>, value: &Value, wanted: &Spanned<f64>) {
         let written = self.text.get(wanted.span()).unwrap_or_default();
         let behind = written.split_once('.').map_or("", |(_, behind)| behind);
@@ -183,14 +183,14 @@ impl Run<'_> {
         let half = 0.5 / 10_f64.powi(i32::try_from(digits).unwrap_or(i32::MAX));
         let wanted_number = *wanted.get_ref();
         let found = number(meaning, value);
-        // What the arithmetic of floating point leaves over is no difference.
+        // Allows for floating-point rounding errors.
         let slack = half * 1e-6;
         let fits = found.is_some_and(|found| (found - wanted_number).abs() <= half + slack);
         if !fits {
-            // A millionth is finer than any device resolves.
+            // No device resolves less than a millionth.
             let shown = |found: f64| ((found * 1e6).round() / 1e6).to_string();
             let found = found.map_or_else(|| quoted(&words(meaning, value)), shown);
-            self.say_at(wanted.span(), format!("{what}: found {found}, expected {written}"));
+            self.report_at(wanted.span(), format!("{what}: found {found}, expected {written}"));
         }
     }
 
@@ -226,10 +226,10 @@ impl Run<'_> {
                 let found = transfer.object.map_or("none".into(), |found| found.to_string());
                 return self.differs("object", found, object);
             }
-            Err(error) => return self.say(format!("{wanted}: {error}")),
+            Err(error) => return self.report(format!("{wanted}: {error}")),
         }
         if sample.value.is_none() && sample.text.is_none() {
-            self.say("it states no value of the object: give value or text");
+            self.report("no value of the object to compare; expected value or text");
         }
         let meaning = transfer.meaning.as_deref();
         let value =
@@ -317,11 +317,11 @@ fn quoted(text: &str) -> String {
     format!("'{text}'")
 }
 
-/// The quantity in its unit, or the plain number of an object without scale.
+/// Value in its unit, or the raw number of an object without a scale.
 fn number(meaning: Option<&Meaning>, value: &Value) -> Option<f64> {
     match meaning.and_then(|meaning| meaning.scale) {
         Some(_) => meaning?.scaled(value),
-        #[expect(clippy::cast_precision_loss, reason = "compared with numbers of few digits")]
+        #[expect(clippy::cast_precision_loss, reason = "compared with numbers that have few digits")]
         None => match value {
             Value::Real(number) => Some(*number),
             Value::Unsigned(number) => Some(*number as f64),
@@ -330,7 +330,7 @@ fn number(meaning: Option<&Meaning>, value: &Value) -> Option<f64> {
     }
 }
 
-/// The name of a value, the names of the bits that are set, or the text it is.
+/// Name of a value, names of the set bits, or the text itself.
 fn words(meaning: Option<&Meaning>, value: &Value) -> String {
     if let Value::Text(text) = value {
         return text.clone();

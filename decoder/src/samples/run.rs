@@ -1,4 +1,4 @@
-//! The frames of a sample through the decoder.
+//! Decodes the frames of a sample.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -9,35 +9,33 @@ use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
 use crate::profile::Device;
 use crate::profile::device::Sample;
-use crate::profile::object::Given;
+use crate::profile::object::DefaultValue;
 use crate::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
 
-/// Name of the only bus.
 const BUS: &str = "can0";
 
-/// Milliseconds between two frames.
+/// Interval between two frames, in ms.
 const STEP: usize = 10;
 
-/// What the frames of a sample came to.
+/// Result of decoding the frames of a sample.
 pub(super) struct Outcomes {
-    /// Events of the node in the last frame.
+    /// Events of the node caused by the last frame.
     pub(super) events: Vec<EventKind>,
-    /// As it is behind it.
+    /// Decoder in its state after the last frame.
     pub(super) decoder: Decoder,
 }
 
 impl Outcomes {
-    /// Runs the frames.
+    /// Decodes all frames of the sample.
     pub(super) fn of(sample: &Sample, device: &Arc<Device>) -> Result<Self, String> {
         let mut capture = String::new();
         for (number, frame) in sample.frames.iter().enumerate() {
             let time = number.saturating_mul(STEP);
             let (seconds, thousandths) = (time / 1000, time % 1000);
-            // Writing to a string cannot fail.
             let _ = writeln!(capture, "({}.{thousandths:03}000) {BUS} {frame}", 1_000_000_000 + seconds);
         }
-        let unreadable = || "no frame can be read: write 182#08A0, 701#R, 702#".to_owned();
+        let unreadable = || "invalid frame; expected a form such as 182#08A0, 701#R or 702#".to_owned();
         let mut reader =
             Reader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
         let mut outcomes = Self { events: Vec::new(), decoder: Decoder::new(options(sample, device)?) };
@@ -69,31 +67,33 @@ impl Outcomes {
         self.events.iter().find_map(pick)
     }
 
-    /// What the last frame came to instead, for messages.
+    /// Names of the events of the last frame, for error messages.
     pub(super) fn kinds(&self) -> String {
         let names: Vec<_> = self.events.iter().map(EventKind::name).collect();
         if names.is_empty() { "nothing".into() } else { names.join(", ") }
     }
 }
 
-/// Messages a device takes come from another one.
+/// Whether the event also counts for the device if another node sent it: messages to a device.
 fn is_for_all(kind: &EventKind) -> bool {
     matches!(kind, EventKind::J1939Message(_))
 }
 
-/// The node is the device, and what is given is known of it.
+/// Options that assign the device to the node and set the values under `given`.
 fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, String> {
     let mut settings = Settings::default();
     for (object, value) in &sample.given {
         let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;
         let value = match value {
-            Given::Number(number) => ObjectValue::Number(*number),
-            Given::Text(text) => ObjectValue::Bytes(text.clone().into_bytes()),
-            Given::Real(_) => return Err(format!("given: {object}: give the raw number")),
+            DefaultValue::Number(number) => ObjectValue::Number(*number),
+            DefaultValue::Text(text) => ObjectValue::Bytes(text.clone().into_bytes()),
+            DefaultValue::Real(_) => {
+                return Err(format!("given: {object}: value has decimals; expected the raw integer"));
+            }
         };
         settings.objects.push((sample.node, address, value));
     }
-    // A mapping takes effect with its sub-index 0 (CiA 301 §7.5.2.36), so that comes last.
+    // A mapping takes effect when sub-index 0 is written (CiA 301 §7.5.2.36), so sub-index 0 is set last.
     settings.objects.sort_by_key(|(_, object, _)| object.sub == 0);
     for (name, entries) in &sample.areas {
         let entries = entries.iter().map(|entry| entry.parse().map_err(|error| format!("{name}: {error}")));

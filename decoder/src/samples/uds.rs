@@ -1,4 +1,4 @@
-//! What a sample states of a UDS request and its answer.
+//! Compares UDS responses with the values of a sample.
 
 use super::{Run, quoted, words};
 use crate::event::UdsExchange;
@@ -15,7 +15,7 @@ impl Run<'_> {
             return self.negative(exchange);
         }
         if sample.value.is_none() && sample.text.is_none() {
-            self.say("it states no value of the identifier: give value, text or nrc");
+            self.report("no value of the identifier to compare; expected value, text or nrc");
         }
         let meaning = exchange.meaning.as_deref();
         let value = exchange.decoded();

@@ -1,19 +1,19 @@
-//! The buses of a capture, as observers see them.
+//! Read access to all buses of a capture, for observers.
 
 use super::bus::Bus;
 use super::decoder::BusDecoder;
 
-/// Buses in order of appearance: a view of a slice, as cheap to copy.
+/// Buses in order of appearance; a borrowed slice that is cheap to copy.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Buses<'a>(&'a [BusDecoder]);
 
 impl<'a> Buses<'a> {
-    /// The buses of these decoders.
+    /// Buses of these decoders, in their order.
     pub fn new(decoders: &'a [BusDecoder]) -> Self {
         Self(decoders)
     }
 
-    /// The bus at a place.
+    /// Bus number `place`, counted from 0.
     pub fn get(self, place: usize) -> Option<&'a Bus> {
         self.0.get(place).map(BusDecoder::bus)
     }
@@ -33,7 +33,7 @@ impl<'a> Buses<'a> {
         self.0.is_empty()
     }
 
-    /// All buses.
+    /// Iterator over all buses.
     pub fn iter(self) -> impl ExactSizeIterator<Item = &'a Bus> + Clone {
         self.0.iter().map(BusDecoder::bus)
     }

@@ -1,4 +1,4 @@
-//! What machines work with: the bus, the timers, and the way of events to the observer.
+//! Context of a protocol machine: bus, timers, and the path of events to the observer.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -6,15 +6,16 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 use crate::profile::dbc::DatabaseMessage;
-use crate::session::bus::Bus;
+use crate::session::bus::{Bus, Service};
 use crate::session::detection::ProtocolStatus;
 use crate::session::observer::Observer;
 use crate::session::options::ProtocolChoice;
 use crate::session::timers::Timers;
 use crate::wire::j1939::J1939Id;
 use crate::wire::{Malformed, NodeId};
+use crate::words::plural;
 
-/// Bytes of a frame that is not CAN FD.
+/// Max data bytes of a classical CAN frame.
 const CLASSIC_DATA: usize = 8;
 
 /// Notices already emitted for this bus.
@@ -22,13 +23,14 @@ const CLASSIC_DATA: usize = 8;
 pub(in crate::session) struct NoticesSent {
     pub(in crate::session) canopen_rejected: bool,
     pub(in crate::session) canopen_presumed: bool,
+    pub(in crate::session) name_contradicted: bool,
     pub(in crate::session) fd: bool,
     pub(in crate::session) extended_full: bool,
     pub(in crate::session) fast_packets: bool,
     pub(in crate::session) made_up_times: bool,
 }
 
-/// Bytes that open transfers of machines hold, which share [`super::OPEN_DATA_LIMIT`].
+/// Bytes held by open transfers, per machine; the sum is limited to [`super::OPEN_DATA_LIMIT`].
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::session) struct OpenData {
     pub(in crate::session) sdo: usize,
@@ -36,7 +38,7 @@ pub(in crate::session) struct OpenData {
     pub(in crate::session) uds: usize,
 }
 
-/// What all machines of a bus share.
+/// State shared by all machines of a bus.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Shared {
     pub(in crate::session) bus: Bus,
@@ -46,7 +48,7 @@ pub(in crate::session) struct Shared {
 }
 
 impl Shared {
-    /// Around a bus before its first frame.
+    /// State of a bus before its first frame.
     pub(in crate::session) fn new(bus: Bus) -> Self {
         Self {
             bus,
@@ -56,16 +58,16 @@ impl Shared {
         }
     }
 
-    /// Lends everything for one frame or deadline.
+    /// Lends the shared state and the observer for one frame or deadline.
     #[inline]
     pub(in crate::session) fn lend<'a>(&'a mut self, out: &'a mut dyn Observer) -> Context<'a> {
         Context { shared: self, out }
     }
 }
 
-/// What a machine works with while it handles a frame or a deadline: what all machines share, and the observer.
+/// Context of a machine during one frame or deadline: the shared state and the observer.
 pub(in crate::session) struct Context<'a> {
-    // One pointer: a pointer for each field would be written for every frame.
+    // A single pointer is cheap: one pointer per field would be written for every frame.
     shared: &'a mut Shared,
     out: &'a mut dyn Observer,
 }
@@ -101,9 +103,10 @@ impl Context<'_> {
         }
     }
 
-    /// A frame no service is decoded of. One a database describes is told as often as it changes.
+    /// Emits an undecoded frame. If a database describes it, it is routine only while unchanged.
     pub(in crate::session) fn emit_undecoded(&mut self, frame: &Frame, name: Option<&'static str>) {
-        let name = name.filter(|_| self.shared.bus.canopen.is_confirmed());
+        let bus = &self.shared.bus;
+        let name = name.filter(|name| bus.is_canopen() && !bus.is_lone(frame.id, name));
         let is_data = !frame.flags.contains(FrameFlags::REMOTE);
         let message = self.described_message(frame).filter(|_| is_data).cloned();
         if message.is_none() {
@@ -111,7 +114,10 @@ impl Context<'_> {
             *count += 1;
             match frame.id {
                 CanId::Extended(_) => *extended += 1,
-                CanId::Standard(_) if is_data => self.shared.bus.unnamed.take(frame),
+                CanId::Standard(_) if is_data => {
+                    self.shared.bus.unnamed.take(frame);
+                    self.follow_dialogue(frame);
+                }
                 CanId::Standard(_) => {}
             }
         }
@@ -124,16 +130,26 @@ impl Context<'_> {
         self.send(&event);
     }
 
-    /// What the user's databases tell of a frame. A longer message than such a frame carries comes in several,
-    /// by a transport protocol nobody knows here.
+    /// Looks for an SDO dialogue on identifiers of no channel; `true` if this frame revealed one. Its identifiers
+    /// are not decoded any more.
+    pub(in crate::session) fn follow_dialogue(&mut self, frame: &Frame) -> bool {
+        let Some(pair) = self.shared.bus.dialogues.take(frame) else { return false };
+        self.shared.bus.routes.reroute(pair.request, Service::Named("SDO-like request"));
+        self.shared.bus.routes.reroute(pair.response, Service::Named("SDO-like response"));
+        self.emit_note(frame, pair.hint());
+        true
+    }
+
+    /// Database message for a frame. `None` if the message is longer than the frame can be: an unknown
+    /// transport protocol would split it over several frames.
     pub(in crate::session) fn described_message(&self, frame: &Frame) -> Option<&Arc<DatabaseMessage>> {
         let most = if frame.flags.contains(FrameFlags::FD) { MAX_DATA } else { CLASSIC_DATA };
         let message = self.shared.bus.database.frame(frame.id)?;
         message.length.is_some_and(|length| usize::from(length) <= most).then_some(message)
     }
 
-    /// Whether a frame has the data of the one before it with its identifier. Those of the 29-bit ones that are
-    /// not kept apart never have.
+    /// Whether the data equal those of the previous frame with this identifier. Always false for a 29-bit
+    /// identifier without a slot.
     fn repeats(&mut self, frame: &Frame) -> bool {
         let slot = self.shared.bus.routes.find(frame.id);
         let Some(entry) = slot.and_then(|slot| self.shared.bus.routes.slot_mut(slot)) else { return false };
@@ -146,37 +162,86 @@ impl Context<'_> {
         repeats
     }
 
-    /// Whether a frame on a CANopen identifier is decoded; else it is passed on undecoded. Says once
-    /// when events are only presumed.
-    pub(in crate::session) fn is_decoded(&mut self, frame: &Frame) -> bool {
-        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed
-            && !std::mem::replace(&mut self.shared.notices.canopen_presumed, true)
-        {
-            let text = "no sign of CANopen yet: read by the predefined identifiers, marked ?";
-            self.emit_note(frame, text.into());
-        }
-        self.is_followed(frame)
-    }
-
-    /// The same for frames that make no event by themselves.
-    pub(in crate::session) fn is_followed(&mut self, frame: &Frame) -> bool {
-        if self.shared.bus.canopen.status() != ProtocolStatus::Rejected {
+    /// Whether a frame on a CANopen identifier is decoded; otherwise it is emitted undecoded. Emits a note
+    /// before the first presumed event. `node` is `None` for a service of the whole bus.
+    pub(in crate::session) fn is_decoded(&mut self, node: Option<NodeId>, frame: &Frame) -> bool {
+        if self.is_settled(node) {
             return true;
         }
-        if self.shared.bus.options.protocol != ProtocolChoice::None
-            && !std::mem::replace(&mut self.shared.notices.canopen_rejected, true)
+        // A SYNC may precede the first frame of a node that the user named: the note waits for a node.
+        let is_early = node.is_none() && self.shared.bus.named.names_canopen();
+        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed
+            && !is_early
+            && !std::mem::replace(&mut self.shared.notices.canopen_presumed, true)
         {
-            let reason = self.shared.bus.canopen.reason();
-            let text = format!(
-                "not taken for CANopen: {reason}; frames stay undecoded, --protocol canopen decodes them"
-            );
-            self.emit_note(frame, text);
+            let text = "CANopen not confirmed yet: decoded by the predefined connection set, marked ?";
+            self.emit_note(frame, text.into());
+        }
+        self.is_followed(node, frame)
+    }
+
+    /// Whether the protocol of a node that sent a frame is settled; as [`Bus::is_settled`].
+    pub(in crate::session) fn is_settled(&mut self, node: Option<NodeId>) -> bool {
+        let bus = &mut self.shared.bus;
+        let is_named = match node {
+            Some(id) => bus.named.hear(id),
+            None => bus.named.has_canopen(),
+        };
+        is_named || bus.canopen.is_confirmed()
+    }
+
+    /// Like [`Self::is_decoded`], for frames that do not cause an event of their own.
+    pub(in crate::session) fn is_followed(&mut self, node: Option<NodeId>, frame: &Frame) -> bool {
+        if self.is_settled(node) || self.shared.bus.canopen.status() != ProtocolStatus::Rejected {
+            return true;
+        }
+        if self.shared.bus.protocol != ProtocolChoice::None {
+            self.shared.bus.omissions.canopen += 1;
+            if !std::mem::replace(&mut self.shared.notices.canopen_rejected, true) {
+                self.emit_rejection(frame);
+            }
         }
         self.emit_undecoded(frame, None);
         false
     }
 
-    /// An event about one frame, as CANopen.
+    /// Reports why frames are not decoded as CANopen, and which nodes are, because the user named them.
+    fn emit_rejection(&mut self, frame: &Frame) {
+        let reason = self.shared.bus.canopen.reason();
+        let text = if self.shared.bus.named.has_canopen() {
+            let nodes = self.shared.bus.named.canopen_list();
+            format!(
+                "not detected as CANopen: {reason}; only identifiers of named nodes ({nodes}) are decoded \
+                 (--protocol canopen decodes all)"
+            )
+        } else {
+            format!(
+                "not detected as CANopen: {reason}; frames are not decoded (--protocol canopen decodes them)"
+            )
+        };
+        self.emit_note(frame, text);
+    }
+
+    /// Reports once that a frame of a node that the user named is not valid in CANopen; `expected` is its content by
+    /// CiA 301.
+    #[cold]
+    pub(in crate::session) fn emit_contradicted_name(&mut self, node: NodeId, frame: &Frame, expected: &str) {
+        if !self.shared.bus.canopen.is_confirmed()
+            && self.shared.bus.named.contains(node)
+            && !std::mem::replace(&mut self.shared.notices.name_contradicted, true)
+        {
+            let (id, length) = (frame.id, plural(u64::from(frame.length), "byte"));
+            let text = format!(
+                "{} treated as CANopen because the user named it, but {id} has {length} (CiA 301: {expected}); BUS:N \
+                 limits an option to one bus",
+                node.words()
+            );
+            self.shared.bus.named.contradict(&text);
+            self.emit_note(frame, text);
+        }
+    }
+
+    /// CANopen event about one frame.
     #[inline]
     pub(in crate::session) fn event(&self, frame: &Frame, kind: EventKind) -> Event {
         Event {
@@ -185,7 +250,7 @@ impl Context<'_> {
             frames: FrameRange::one(frame.number),
             protocol: Protocol::Canopen,
             node: None,
-            presumed: !self.shared.bus.canopen.is_confirmed(),
+            presumed: !self.shared.bus.is_settled(None),
             routine: false,
             kind,
         }
@@ -204,13 +269,13 @@ impl Context<'_> {
         self.send(&event);
     }
 
-    /// An event about one frame and a node, as the protocol the node speaks.
+    /// Event about one frame and a node; the type of node-ID determines the protocol.
     pub(in crate::session) fn event_of(&self, frame: &Frame, node: Option<NodeId>, kind: EventKind) -> Event {
         let mut event = self.event(frame, kind);
         event.node = node;
+        event.presumed = !self.shared.bus.is_settled(node);
         if let Some(NodeId::J1939(_)) = node {
             event.protocol = Protocol::J1939;
-            event.presumed = !self.shared.bus.j1939.is_confirmed();
         }
         event
     }
@@ -223,12 +288,12 @@ impl Context<'_> {
         self.send(&event);
     }
 
-    /// Says something about the bus.
+    /// Emits a note about the bus.
     pub(in crate::session) fn emit_note(&mut self, frame: &Frame, text: String) {
         self.emit_can(frame, EventKind::Note { text });
     }
 
-    /// Reports bytes that are too few for their service.
+    /// Reports a message too short for its service.
     pub(in crate::session) fn emit_malformed(
         &mut self,
         frame: &Frame,
@@ -239,7 +304,7 @@ impl Context<'_> {
         self.emit(frame, node, false, EventKind::Malformed { error, reason });
     }
 
-    /// Reports that a channel or an identifier did not fit its table.
+    /// Reports that a channel or an identifier was rejected because its table is full.
     pub(in crate::session) fn emit_table_full(&mut self, frame: &Frame) {
         if self.shared.bus.channels.take_refused() {
             self.emit_can(frame, EventKind::Evicted { what: "SDO channel", count: 1 });
@@ -249,26 +314,27 @@ impl Context<'_> {
         }
     }
 
-    /// A frame with number and time of the last one, for events at the end of a capture.
+    /// Empty frame with number and time of the last frame, for events at the end of a capture.
     pub(in crate::session) fn last_frame(&self) -> Frame {
         Frame { number: self.shared.bus.last_frame, time: self.shared.bus.last_time, ..Frame::EMPTY }
     }
 
-    /// An event about one frame, as J1939, of the node that sent it.
+    /// J1939 event about one frame and its sender.
     pub(in crate::session) fn j1939_event(&self, frame: &Frame, id: J1939Id, kind: EventKind) -> Event {
         let sender = NodeId::J1939(id.source);
         let mut event = self.event_of(frame, Some(sender), kind);
         event.node = Some(sender).filter(|node| node.is_valid());
+        event.presumed &= !self.shared.bus.named.concerns(id);
         event
     }
 
-    /// Emits an event about one frame, as J1939, of the node that sent it.
+    /// Emits a J1939 event about one frame and its sender.
     pub(in crate::session) fn emit_j1939(&mut self, frame: &Frame, id: J1939Id, kind: EventKind) {
         let event = self.j1939_event(frame, id, kind);
         self.send(&event);
     }
 
-    /// Reports bytes that are too few for their group, or contradict it.
+    /// Reports a payload that is too short for its parameter group, or contradicts it.
     pub(in crate::session) fn emit_malformed_j1939(
         &mut self,
         id: J1939Id,
@@ -279,7 +345,7 @@ impl Context<'_> {
         self.emit_j1939(frame, id, EventKind::Malformed { error, reason });
     }
 
-    /// An event as UDS, about the frames of a message.
+    /// UDS event about the frames of a message.
     pub(in crate::session) fn uds_event(
         &self,
         frame: &Frame,
@@ -299,7 +365,7 @@ impl Context<'_> {
         }
     }
 
-    /// Reports bytes that are too few for ISO-TP or UDS, or undefined there.
+    /// Reports a payload that is too short for ISO-TP or UDS, or not defined there.
     pub(in crate::session) fn emit_malformed_uds(
         &mut self,
         frame: &Frame,
@@ -340,7 +406,7 @@ mod tests {
         events
     }
 
-    /// Name of the message a frame is laid out by, and whether it is routine.
+    /// Name of the database message, and whether the event is routine.
     fn seen(bus: &mut BusDecoder, frame: &Frame) -> (Option<String>, bool) {
         let events = push(bus, frame);
         let EventKind::Frame(undecoded) = &events[0].kind else { panic!("{events:?}") };
@@ -359,7 +425,7 @@ mod tests {
         remote.flags = FrameFlags::REMOTE;
         assert_eq!(seen(&mut bus, &remote), (None, true));
         assert_eq!(bus.bus().undecoded, (1, 0));
-        // What holds on one bus does not on another.
+        // A database of one bus does not apply to another.
         assert_eq!(seen(&mut self::bus(&["can1"]), &frame(&[1, 2])), (None, true));
     }
 

@@ -1,28 +1,29 @@
-//! The way of a frame: time and deadlines first, then the route of its identifier to the machine of its service.
+//! Path of a frame: time and deadlines first, then by its identifier to the machine of its service.
 
 use std::sync::Arc;
 
-use super::bus::{Bus, RouteOrigin, Service};
+use super::bus::{AmbiguousGap, Bus, RouteOrigin, Service};
 use super::canopen::{ConformanceMarks, Emcy, ErrorControl, Lss, Nmt, Pdo, Sdo, Sync, TimeStamps};
 use super::context::Shared;
 use super::device::Devices;
 use super::given::apply_given;
 use super::j1939::{
-    Claims, Messages, Payload, Requests, Transports, TroubleCodes, is_followed, mark_sender_alive,
+    Claims, FastPackets, Messages, Payload, Requests, Transports, TroubleCodes, is_followed,
+    mark_sender_alive,
 };
 use super::learning::learn_object;
 use super::machine::{Machine, Timed};
 use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::Subject;
-use super::uds::{IsoTp, Uds};
+use super::uds::{IsoTp, ObdPairs, Uds};
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::wire::error_frame;
 use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
 use crate::words::plural;
 
-/// Frames of one bus to events. A clone is a checkpoint.
+/// Decodes the frames of one bus to events. A clone is a checkpoint.
 #[derive(Debug, Clone)]
 pub struct BusDecoder {
     shared: Shared,
@@ -39,14 +40,16 @@ pub struct BusDecoder {
     claims: Claims,
     messages: Messages,
     transports: Transports,
+    fast_packets: FastPackets,
     trouble_codes: TroubleCodes,
     isotp: IsoTp,
+    obd: ObdPairs,
     uds: Uds,
     devices: Devices,
 }
 
 impl BusDecoder {
-    /// The decoder of a bus before its first frame; what the options state of it holds from now on.
+    /// Decoder of a bus before its first frame, with the options for this bus applied.
     pub fn new(index: BusIndex, name: &str, options: Arc<SessionOptions>) -> Self {
         let mut shared = Shared::new(Bus::new(index, name, options));
         apply_given(&mut shared.lend(&mut |_: &Event, _: &Bus| {}));
@@ -65,24 +68,26 @@ impl BusDecoder {
             claims: Claims::default(),
             messages: Messages,
             transports: Transports::default(),
+            fast_packets: FastPackets::default(),
             trouble_codes: TroubleCodes,
             isotp: IsoTp::default(),
+            obd: ObdPairs::default(),
             uds: Uds::default(),
             devices: Devices,
         }
     }
 
-    /// What is known of the bus now.
+    /// Present state of the bus.
     pub fn bus(&self) -> &Bus {
         &self.shared.bus
     }
 
-    /// What is known of the bus, after its last frame.
+    /// State of the bus after its last frame.
     pub(crate) fn into_bus(self) -> Bus {
         self.shared.bus
     }
 
-    /// Takes the next frame.
+    /// Decodes the next frame and sends its events to `out`.
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
         if let Some(stamp) = frame.time {
             self.advance_clock(stamp, frame.number, out);
@@ -94,7 +99,8 @@ impl BusDecoder {
         }
         let slot = self.shared.bus.routes.find(frame.id).or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
-        let Some(service) = self.shared.bus.routes.slot(slot).map(|slot| slot.service) else { return };
+        let bus = &mut self.shared.bus;
+        let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
         if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
             return self.on_fd_frame(frame, service, out);
         }
@@ -119,19 +125,47 @@ impl BusDecoder {
             Service::Emcy(node) => self.emcy.on_frame(node, frame, cx),
             Service::Nmt => self.nmt.on_frame((), frame, cx),
             Service::Time => self.time_stamps.on_frame((), frame, cx),
-            Service::Lss(from_master) => self.lss.on_frame(from_master, frame, cx),
+            Service::Lss(from_master) => {
+                if !cx.bus.canopen.is_confirmed() {
+                    self.obd.note(frame);
+                }
+                self.lss.on_frame(from_master, frame, cx);
+            }
             Service::IsoTp(link) => {
+                if ObdPairs::is_functional(frame.id) {
+                    self.obd.note(frame);
+                }
                 if let Some(message) = self.isotp.on_frame(link, frame, cx) {
                     self.uds.on_frame(message, frame, cx);
                 }
             }
             Service::TestMarker => self.marks.on_frame((), frame, cx),
+            Service::Unclassified | Service::Named(_) if ObdPairs::concerns(frame.id) => {
+                self.on_obd_frame(service, frame, out);
+            }
             Service::Unclassified => cx.emit_undecoded(frame, None),
             Service::Named(name) => cx.emit_undecoded(frame, Some(name)),
         }
     }
 
-    /// A frame whose identifier is J1939's; `slot` is `None` where too many identifiers are kept apart.
+    /// Handles a frame on an identifier of OBD that is not decoded; the first response to a request is.
+    #[cold]
+    fn on_obd_frame(&mut self, service: Service, frame: &Frame, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend(out);
+        let Some(pair) = self.obd.take(frame, cx) else {
+            let name = if let Service::Named(name) = service { Some(name) } else { None };
+            return cx.emit_undecoded(frame, name);
+        };
+        // A request to all that is decoded already waits for further responses.
+        if !self.uds.is_waiting(pair.request) {
+            self.uds.begin_unseen(pair.request, &pair.frame, frame, cx);
+        }
+        if let Some(message) = self.isotp.on_frame(pair.response, frame, cx) {
+            self.uds.on_frame(message, frame, cx);
+        }
+    }
+
+    /// Handles a frame on a J1939 identifier; `slot` is `None` if the table of 29-bit identifiers is full.
     fn on_j1939(&mut self, slot: Option<usize>, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
         let cx = &mut self.shared.lend(out);
         if !cx.bus.j1939.is_confirmed() && !is_followed(id, frame, cx) {
@@ -155,11 +189,12 @@ impl BusDecoder {
                     self.on_payload(transfer.payload(), &transfer.frame, out);
                 }
             }
+            pgn if cx.bus.sends_fast_packets(pgn) => self.fast_packets.on_frame(id, frame, cx),
             _ => self.messages.on_frame((slot, id), frame, cx),
         }
     }
 
-    /// The whole payload of a group that concerns addresses or faults, in one frame or in several.
+    /// Handles a complete payload, from one frame or several, of a group about addresses or faults.
     pub(in crate::session) fn on_payload(
         &mut self,
         payload: Payload<'_>,
@@ -174,9 +209,10 @@ impl BusDecoder {
         }
     }
 
-    /// A frame of an identifier without a slot: too many were received.
+    /// Handles a frame without a slot: the table of identifiers is full.
     #[cold]
     fn on_frame_without_slot(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        self.shared.bus.omissions.without_slot += 1;
         match self.shared.bus.routes.origin(frame.id) {
             RouteOrigin::J1939(id) if !frame.flags.contains(FrameFlags::FD) => {
                 self.on_j1939(None, id, frame, out);
@@ -185,22 +221,23 @@ impl BusDecoder {
         }
     }
 
-    /// CAN FD on CANopen and J1939 identifiers is not decoded (CiA 1301 and J1939-22 are other protocols).
+    /// CAN FD on CANopen and J1939 identifiers is not decoded (CiA 1301 and J1939-22 define it separately).
     #[cold]
     fn on_fd_frame(&mut self, frame: &Frame, service: Service, out: &mut dyn Observer) {
         let mut cx = self.shared.lend(out);
         let owner = match service {
             Service::Unclassified | Service::Named(_) => None,
-            Service::J1939(_) => cx.bus.j1939.is_confirmed().then_some("J1939"),
-            _ => cx.bus.canopen.is_confirmed().then_some("CANopen"),
+            Service::J1939(_) => cx.bus.is_j1939().then_some("J1939"),
+            _ => cx.bus.is_canopen().then_some("CANopen"),
         };
+        cx.bus.omissions.fd += u64::from(owner.is_some());
         if let Some(owner) = owner.filter(|_| !std::mem::replace(&mut cx.notices.fd, true)) {
-            cx.emit_note(frame, format!("CAN FD frames on {owner} identifiers are left undecoded"));
+            cx.emit_note(frame, format!("CAN FD frames on {owner} identifiers are not decoded"));
         }
         cx.emit_undecoded(frame, None);
     }
 
-    /// Makes the slot of an identifier at its first frame.
+    /// Creates the slot of an identifier at its first frame.
     #[cold]
     fn add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
         let mut cx = self.shared.lend(out);
@@ -211,24 +248,44 @@ impl BusDecoder {
         };
         let slot = cx.bus.routes.add(frame.id, service);
         if slot.is_none() && !std::mem::replace(&mut cx.notices.extended_full, true) {
-            let kind = EventKind::Evicted { what: "29-bit identifiers kept apart", count: 1 };
+            let kind = EventKind::Evicted { what: "29-bit identifier", count: 1 };
             cx.emit_can(frame, kind);
         }
         cx.emit_table_full(frame);
         slot
     }
 
-    /// Lets time pass to `stamp` without a frame: a live bus that is quiet.
+    /// Advances the time to `stamp` without a frame, for a live bus without traffic.
     pub fn advance(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
         if self.shared.bus.clock.runs() {
-            let now = self.shared.bus.clock.pass(stamp);
+            let bus = &mut self.shared.bus;
+            // A silence of the whole bus postpones all deadlines, and only the next frame shows whether it is one.
+            let last = if bus.silence_limit().is_some() { bus.clock.last_frame_time() } else { i64::MAX };
+            let now = bus.clock.pass(stamp, last);
             if self.shared.timers.is_due(now) {
                 self.expire(now, out);
             }
         }
     }
 
-    /// The bit rate that the recorder states, in bit/s.
+    /// Continues after the clock of the timestamps was set forward by `step` ns, to `time`.
+    pub(crate) fn set_clock(&mut self, time: Timestamp, step: i64, out: &mut dyn Observer) {
+        self.shared.bus.clock.set_forward(step);
+        let last = self.shared.bus.last_frame;
+        let event = Event {
+            time: Some(time),
+            bus: self.shared.bus.index,
+            frames: FrameRange::one(last),
+            protocol: Protocol::Can,
+            node: None,
+            presumed: false,
+            routine: false,
+            kind: EventKind::ClockStep { step },
+        };
+        self.shared.lend(out).send(&event);
+    }
+
+    /// Sets the bit rate stated in the capture, in bit/s.
     pub(crate) fn set_recorded_bit_rate(&mut self, rate: u32) {
         self.shared.bus.recorded_bit_rate = Some(rate);
     }
@@ -236,8 +293,8 @@ impl BusDecoder {
     #[inline]
     fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
         let advance = self.shared.bus.clock.advance(stamp);
-        if advance.step.is_some() || advance.silence.is_some() {
-            self.on_irregular_time(stamp, number, advance.step, advance.silence, out);
+        if advance.step.is_some() || advance.gap.is_some() {
+            self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
         }
         if self.shared.timers.is_due(advance.now) {
             self.expire(advance.now, out);
@@ -249,8 +306,7 @@ impl BusDecoder {
         &mut self,
         stamp: Timestamp,
         number: u64,
-        step: Option<i64>,
-        silence: Option<(i64, i64)>,
+        (step, gap): (Option<i64>, Option<i64>),
         out: &mut dyn Observer,
     ) {
         let (bus, first) = (self.shared.bus.index, self.shared.bus.last_frame);
@@ -267,21 +323,31 @@ impl BusDecoder {
         if let Some(step) = step {
             self.shared.lend(out).send(&event(EventKind::ClockStep { step }));
         }
-        if let Some((gap, limit)) = silence {
-            // Deadlines before the silence hold; those within it are postponed by its length.
-            let now = self.shared.bus.clock.now();
-            self.expire(now.saturating_sub(gap).saturating_add(limit), out);
+        let Some(gap) = gap else { return };
+        let now = self.shared.bus.clock.now();
+        let heard = now.saturating_sub(gap);
+        if self.shared.bus.shared_gap(heard).is_none_or(|limit| gap <= limit) {
+            let bus = &mut self.shared.bus;
+            let frames = FrameRange { first, last: number };
+            let limit = bus.clock.usual_gap();
+            bus.ambiguous_gap = Some(AmbiguousGap { frames, times: (heard, now), limit });
+            bus.clock.accept(gap);
+        } else {
+            // Deadlines before the silence apply; deadlines within it are postponed by its length.
+            self.expire(heard, out);
             self.shared.lend(out).send(&event(EventKind::BusSilent { gap }));
             self.shared.bus.restarts.silent_until = Some(now);
+            self.shared.bus.routes.postpone(gap);
             self.on_silence(gap);
         }
     }
 
-    /// Moves every deadline that is not over yet by `delay`.
+    /// Postpones every pending deadline by `delay`.
     fn on_silence(&mut self, delay: i64) {
         let bus = &mut self.shared.bus;
         self.sdo.on_silence(delay, bus);
         self.transports.on_silence(delay, bus);
+        self.fast_packets.on_silence(delay, bus);
         self.messages.on_silence(delay, bus);
         self.isotp.on_silence(delay, bus);
         self.uds.on_silence(delay, bus);
@@ -297,7 +363,8 @@ impl BusDecoder {
             let mut cx = self.shared.lend(out);
             if !std::mem::replace(&mut cx.notices.made_up_times, true) {
                 let frame = cx.last_frame();
-                let text = "all stamps lie equally far apart, as if made up: no time limit is judged by them";
+                let text =
+                    "all timestamps have equal intervals, presumably synthetic: time limits are not checked";
                 cx.emit_note(&frame, text.into());
             }
             return;
@@ -311,15 +378,16 @@ impl BusDecoder {
         let cx = &mut self.shared.lend(out);
         match subject {
             Subject::SdoChannel(channel) => {
-                // A transfer that timed out has no value.
+                // No value: the transfer timed out.
                 self.sdo.on_deadline(channel, now, cx);
             }
             Subject::Heartbeat(node) => self.error_control.on_deadline(node, now, cx),
             Subject::SetPoint(node) => self.devices.on_deadline(node, now, cx),
             Subject::Dm1(node) => self.trouble_codes.on_deadline(node, now, cx),
+            Subject::FastPackets => self.fast_packets.on_deadline((), now, cx),
             Subject::Message(slot) => self.messages.on_deadline(slot, now, cx),
             Subject::IsoTp(link) => {
-                // A message that timed out is not a request.
+                // No request: the message timed out.
                 self.isotp.on_deadline(link, now, cx);
             }
             Subject::UdsRequest(link) => {
@@ -334,11 +402,12 @@ impl BusDecoder {
         }
     }
 
-    /// The capture ended: closes what is open and reports what stayed undecoded.
+    /// Closes open transfers at the end of the capture and reports the number of undecoded frames.
     pub fn finish(&mut self, out: &mut dyn Observer) {
         let cx = &mut self.shared.lend(out);
         self.sdo.on_end(cx);
         self.transports.on_end(cx);
+        self.fast_packets.on_end(cx);
         self.messages.on_end(cx);
         self.isotp.on_end(cx);
         self.uds.on_end(cx);
@@ -346,16 +415,17 @@ impl BusDecoder {
         if count > 0 {
             let frame = cx.last_frame();
             let frames = plural(count, "frame");
-            let text =
-                format!("{frames} of no known service ({extended} of them 29-bit): --frames prints them");
+            let text = format!(
+                "{frames} of unknown service ({extended} with 29-bit identifier); --frames prints them"
+            );
             cx.emit_note(&frame, text);
-            if let Some(hint) = cx.bus.unnamed.hint() {
-                cx.emit_note(&frame, hint);
+            for hint in cx.bus.unnamed.hints() {
+                cx.emit_note(&frame, hint.to_string());
             }
         }
     }
 
-    /// What machines work with, for tests of their parts.
+    /// Context of a machine, for unit tests.
     #[cfg(test)]
     pub(in crate::session) fn lend<'a>(
         &'a mut self,
@@ -364,7 +434,7 @@ impl BusDecoder {
         self.shared.lend(out)
     }
 
-    /// Bytes of its own; object stores are shared with checkpoints until they change.
+    /// Bytes held by this decoder; object stores are shared with checkpoints until they change.
     pub fn footprint(&self) -> usize {
         size_of::<Self>()
             + self.shared.bus.footprint()
@@ -372,6 +442,7 @@ impl BusDecoder {
             + self.sdo.footprint()
             + self.claims.footprint()
             + self.transports.footprint()
+            + self.fast_packets.footprint()
             + self.isotp.footprint()
             + self.uds.footprint()
     }

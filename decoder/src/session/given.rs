@@ -1,4 +1,4 @@
-//! What the user states about a bus, taken before its first frame.
+//! Applies the user's options and bus file to a bus before its first frame.
 
 use std::sync::Arc;
 
@@ -10,15 +10,15 @@ use crate::session::bus::{Bus, Origin, OriginKind, Pairs, Service};
 use crate::session::context::Context;
 use crate::session::identity::{assign, given_devices};
 use crate::session::objects::apply_object;
-use crate::session::options::SessionOptions;
+use crate::session::options::{ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
-/// Number of the SDO channel the user describes, beside 1200 and up that a node has.
+/// Number of the SDO channel in the bus file, in addition to those of objects 1200 and up.
 const GIVEN_CHANNEL: u16 = 0;
 
-/// Takes over the bus file: identifiers first, they also go before what its objects tell.
+/// Applies the bus file. Identifiers are applied first, because they override those in objects.
 pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
     let options = Arc::clone(&cx.bus.options);
     let name = Arc::clone(&cx.bus.name);
@@ -33,6 +33,9 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
             _ => cx.bus.service_of(*owner),
         };
         cx.bus.routes.give(*id, service);
+    }
+    if cx.bus.protocol != ProtocolChoice::None {
+        name_nodes(&mut cx.bus, &options);
     }
     let pairs = Pairs::new(options.bus_file.uds(&name).cloned().collect());
     for (id, link) in pairs.links() {
@@ -58,7 +61,17 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
     }
 }
 
-/// Slices what the bus file lists into PDOs of eight bytes, in order.
+/// Settles the protocol of the nodes that the user named, or that a database describes.
+fn name_nodes(bus: &mut Bus, options: &SessionOptions) {
+    for (node, is_own) in options.named_nodes(&bus.name) {
+        bus.named.add(node, is_own);
+    }
+    for node in bus.database.canopen_nodes() {
+        bus.named.add(NodeId::Canopen(node), false);
+    }
+}
+
+/// Splits the areas listed in the bus file into PDOs of eight bytes, in order.
 fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
     for node in &mut bus.nodes {
         let mut pdos = Vec::new();
@@ -71,7 +84,7 @@ fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
     }
 }
 
-/// Takes a value the user gives; a number is as wide as its object.
+/// Stores an object value from the bus file; a number has the size of its object.
 fn give_object(bus: &mut Bus, id: NodeId, address: ObjectAddress, value: &ObjectValue) {
     const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
     let Some(node) = bus.node_mut(id) else { return };
@@ -85,13 +98,13 @@ fn give_object(bus: &mut Bus, id: NodeId, address: ObjectAddress, value: &Object
             }
         }
     };
-    // More objects than a node can have are a file no person wrote.
+    // If the store is full, the value is ignored: no real file lists that many objects.
     if Arc::make_mut(&mut node.store).set(address, &bytes, ORIGIN).is_ok() {
         apply_object(bus, id, address);
     }
 }
 
-/// A node's SDO channel with the identifiers given, by default where one side is not.
+/// SDO channel of a node with the identifiers in the bus file; a missing identifier has its default value.
 fn given_channel(bus: &mut Bus, node: u8, owners: &[(CanId, Owner)]) -> Option<u16> {
     let find = |side, base: u16| {
         let given = owners.iter().find(|(_, owner)| *owner == Owner::Sdo(side, node));
@@ -101,8 +114,8 @@ fn given_channel(bus: &mut Bus, node: u8, owners: &[(CanId, Owner)]) -> Option<u
     bus.channels.add(node, GIVEN_CHANNEL, request, response, None)
 }
 
-/// The entries of an area in PDOs of eight bytes. One that does not fit the rest of a PDO goes on in the
-/// next one: then neither part is a value, and both are room.
+/// Splits the entries of an area into PDOs of eight bytes. An entry that continues in the next PDO is not
+/// decoded: both its parts are placeholders.
 fn slices(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
     const PDO_BITS: u16 = 64;
     let mut pdos = vec![Vec::new()];
@@ -203,7 +216,7 @@ mod tests {
     fn what_is_given_goes_before_what_is_learnt() {
         let tpdo2 = PdoName { direction: PdoDirection::Transmit, number: 2 };
         let mut bus = bus("[[id]]\nid = 0x1A0\nservice = \"tpdo2\"\nnode = 7\n");
-        // Node 5 is told to send its TPDO1 as 1A0.
+        // 1800:01 of node 5 sets the COB-ID of its TPDO1 to 1A0.
         let events = events(
             &mut bus,
             &[

@@ -1,4 +1,4 @@
-//! What the value of an object says about its node, in order: its device file, its store, its identity, its doings.
+//! Applies a confirmed object value to its node, in this order: device file, store, identity, device state.
 
 use crate::frame::Frame;
 use crate::session::context::Context;
@@ -10,7 +10,7 @@ use crate::wire::canopen::ObjectAddress;
 /// Serial number (CiA 301 §7.5.2.19).
 const SERIAL_NUMBER: ObjectAddress = ObjectAddress::new(0x1018, 4);
 
-/// A transfer confirmed the value of an object; `frame` is its last one.
+/// Applies the object value of a confirmed transfer; `frame` is the last one of the transfer.
 pub(in crate::session) fn learn_object(mut transfer: ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
     let (id, object) = (transfer.node, transfer.object);
     if cx.bus.node_mut(id).is_none() {

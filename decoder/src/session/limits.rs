@@ -1,29 +1,32 @@
-//! Limits of what is remembered about a bus. State over a limit is evicted, with an `evicted` event.
+//! Limits of the state per bus. State over a limit is evicted, with an `evicted` event.
 
-/// Data kept of one transfer, in bytes.
+/// Data stored per transfer, in bytes.
 pub const TRANSFER_DATA_LIMIT: usize = 64 * 1024;
-/// Data kept of all open transfers of a bus in bytes: of SDO, ISO-TP and UDS requests that wait together, and as
-/// much again of J1939.
+/// Data stored for all open transfers of a bus, in bytes: one limit for SDO, ISO-TP and waiting UDS requests
+/// together, and the same limit for J1939.
 pub const OPEN_DATA_LIMIT: usize = 4 * 1024 * 1024;
-/// SDO channels of a bus, so also open transfers.
+/// SDO channels per bus, and therefore also open SDO transfers.
 pub const CHANNEL_LIMIT: usize = 256;
-/// ISO-TP messages of a bus that are on their way; also open J1939 transfers.
+/// Incomplete ISO-TP messages per bus; also open J1939 transfers per bus.
 pub const TRANSPORT_LIMIT: usize = 256;
-/// UDS requests of a bus that wait for an answer.
+/// UDS requests per bus that wait for a response.
 pub const EXCHANGE_LIMIT: usize = 256;
-/// Active errors of a node; also active, and previously active, trouble codes of a J1939 device.
+/// Active errors per node; also active, and previously active, trouble codes per J1939 device.
 pub const ACTIVE_ERROR_LIMIT: usize = 64;
-/// J1939 devices of a bus without an address that are remembered.
+/// J1939 devices without an address per bus.
 pub const ADDRESSLESS_LIMIT: usize = 64;
-/// J1939 devices of a bus that were commanded to an address they did not claim yet.
+/// J1939 devices per bus with a commanded address that they have not yet claimed.
 pub(crate) const COMMANDED_LIMIT: usize = 64;
-/// 29-bit identifiers of a bus that are kept apart.
+/// 29-bit identifiers per bus that have their own state.
 pub const EXTENDED_ID_LIMIT: usize = 4096;
-/// Objects of a node in the store.
+/// Objects per node in the store.
 pub const OBJECT_LIMIT: usize = 4096;
-/// Bytes of all values of a node in the store: 127 nodes stay within 8 MiB.
+/// Bytes of all values per node in the store: 127 nodes stay within 8 MiB.
 pub(crate) const OBJECT_BYTES_LIMIT: usize = 64 * 1024;
-/// Contradictions to its device file that are told of a node.
+/// Contradictions to the device file reported per node.
 pub(crate) const CONFLICT_LIMIT: usize = 256;
-/// Bytes of one object's value in the store.
+/// Bytes per object value in the store.
 pub(crate) const OBJECT_VALUE_LIMIT: usize = 1024;
+
+/// Gap in ns that no recorder has: its clock was set.
+pub(crate) const CLOCK_SET: i64 = 365 * 86_400_000_000_000;

@@ -1,12 +1,12 @@
-//! Messages to events: everything that is remembered about a bus.
+//! Messages to events: the complete state of a bus.
 //!
 //! ```text
-//! Frame ─BusDecoder::push─▶ clock, deadlines ─▶ route of its identifier ─▶ machine of the service ─▶ Observer::event
-//!                                                                            │ Context: bus, timers, observer
-//!            bus/ what is known, for observers ◀──────────────────────────────┘
+//! Frame ─BusDecoder::push─▶ clock, deadlines ─▶ route of identifier ─▶ service machine ─▶ Observer::event
+//!                                                                        │ Context: bus, timers, observer
+//!            bus/ state for observers ◀──────────────────────────────────┘
 //! ```
 //!
-//! A [`BusDecoder`] is cloneable and holds no handles: a clone is a checkpoint. Everything it keeps is bounded;
+//! A [`BusDecoder`] is cloneable and holds no handles: a clone is a checkpoint. All state is bounded;
 //! state over a limit is evicted, with an `evicted` event.
 
 mod bus;
@@ -30,8 +30,10 @@ mod timers;
 mod uds;
 
 pub use crate::profile::device::GateStatus;
+pub(crate) use bus::Signs;
 pub use bus::{
-    Bus, Entry, GateState, NmtStatus, Node, Origin, OriginKind, Sign, StandingPoint, Store, Watch,
+    Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, SdoPairHint,
+    Store, UdsPairHint, Watch,
 };
 pub use buses::Buses;
 pub use decoder::BusDecoder;
@@ -40,5 +42,6 @@ pub use limits::{
     OPEN_DATA_LIMIT, TRANSFER_DATA_LIMIT, TRANSPORT_LIMIT,
 };
 
+pub(crate) use limits::CLOCK_SET;
 pub use observer::Observer;
 pub use options::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};

@@ -1,9 +1,9 @@
-//! Who receives events.
+//! Receiver of events.
 
 use super::bus::Bus;
 use crate::event::Event;
 
-/// Takes events as they happen.
+/// Receives events in their order.
 pub trait Observer {
     /// `event` happened on `bus`; `bus` is in the state after the event.
     fn event(&mut self, event: &Event, bus: &Bus);

@@ -1,4 +1,4 @@
-//! What the caller states about a bus before its first frame.
+//! Options of the caller for a bus, set before its first frame.
 
 use std::sync::Arc;
 
@@ -7,51 +7,41 @@ use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, Device};
 use crate::wire::NodeId;
 
-/// Which protocol the traffic is taken for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ProtocolChoice {
-    /// By evidence.
-    #[default]
-    Auto,
-    /// CANopen on 11 bits, whatever the evidence; the rest by evidence.
-    Canopen,
-    /// J1939 on 29 bits, whatever the evidence; the rest by evidence.
-    J1939,
-    /// Nothing: frames only.
-    None,
-}
+pub use crate::bus_file::ProtocolChoice;
 
-/// What the caller states about a bus.
+/// Options of the caller for the buses of a capture.
 #[derive(Debug, Clone)]
 pub struct SessionOptions {
-    /// Protocol.
+    /// Protocol choice for all buses; unless `Auto`, it overrides the bus file.
     pub protocol: ProtocolChoice,
-    /// Nanoseconds after which an SDO transfer without a further frame counts as unanswered.
+    /// Timeout of an SDO transfer after its last frame, in ns.
     pub sdo_silence: i64,
-    /// Names the user gave to nodes.
+    /// Node names from the user.
     pub node_names: Vec<(NodeId, String)>,
-    /// What the user knows of the buses; it goes before everything learnt.
+    /// Bus file; it overrides everything learnt from the traffic.
     pub bus_file: BusFile,
-    /// All profiles.
+    /// All device profiles.
     pub catalogue: Arc<Catalogue>,
-    /// What nodes are; of two for one node the last counts.
+    /// Devices assigned to nodes. If a node is listed twice, the last entry wins.
     pub assignments: Vec<Assignment>,
-    /// Messages the user's databases tell, on every bus.
+    /// Nodes that the user named without a device: bus (`None` for all buses) and node.
+    pub named: Vec<(Option<String>, NodeId)>,
+    /// Messages from the user's databases, for all buses.
     pub database: Arc<Database>,
-    /// The same by name of a bus for those that have databases of their own; each has what holds on every bus too.
+    /// Databases for single buses, by bus name; each also contains the messages of `database`.
     pub bus_databases: Vec<(String, Arc<Database>)>,
 }
 
-/// What a node is, as the user says.
+/// Device assigned to a node.
 #[derive(Debug, Clone)]
 pub struct Assignment {
-    /// Name of the bus; all buses if none.
+    /// Bus name; `None` for all buses.
     pub bus: Option<String>,
-    /// The node.
+    /// Node to which the device is assigned.
     pub node: NodeId,
-    /// Device.
+    /// Profile of the device.
     pub device: Arc<Device>,
-    /// Who says so.
+    /// Source of the assignment.
     pub by: AssignedBy,
 }
 
@@ -64,6 +54,7 @@ impl Default for SessionOptions {
             bus_file: BusFile::default(),
             catalogue: Arc::default(),
             assignments: Vec::new(),
+            named: Vec::new(),
             database: Arc::default(),
             bus_databases: Vec::new(),
         }
@@ -71,14 +62,36 @@ impl Default for SessionOptions {
 }
 
 impl SessionOptions {
-    /// The databases of a bus as one.
+    /// Protocol choice for a bus.
+    pub(in crate::session) fn protocol_of(&self, bus: &str) -> ProtocolChoice {
+        match self.protocol {
+            ProtocolChoice::Auto => self.bus_file.protocol(bus).unwrap_or_default(),
+            chosen => chosen,
+        }
+    }
+
+    /// Nodes that the user named for a bus, in ascending order, each once; `true` if the bus was named as well.
+    pub fn named_nodes(&self, bus: &str) -> Vec<(NodeId, bool)> {
+        let on = |named: Option<&str>, node: NodeId| match named {
+            None => Some((node, false)),
+            Some(name) => (name == bus).then_some((node, true)),
+        };
+        let options = self.named.iter().filter_map(|(named, node)| on(named.as_deref(), *node));
+        let devices = self.assignments.iter().filter_map(|it| on(it.bus.as_deref(), it.node));
+        let mut nodes: Vec<_> = options.chain(devices).chain(self.bus_file.named_nodes(bus)).collect();
+        nodes.sort_unstable_by_key(|(node, is_own)| (node.place(), !is_own));
+        nodes.dedup_by_key(|(node, _)| *node);
+        nodes
+    }
+
+    /// All database messages of a bus.
     pub(in crate::session) fn database(&self, bus: &str) -> Arc<Database> {
         let own = self.bus_databases.iter().find(|(name, _)| name == bus);
         Arc::clone(own.map_or(&self.database, |(_, database)| database))
     }
 }
 
-/// What told which device a node is.
+/// Source of a device assignment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AssignedBy {
     /// The command line.
@@ -87,14 +100,14 @@ pub enum AssignedBy {
     BusFile,
     /// An EDS, DCF or XDD file.
     DeviceFile,
-    /// What the node said of itself.
+    /// Identity that the node sent.
     Identity,
-    /// Its device type alone, which says what sort of device it is: anything better takes its place.
+    /// Device type alone, which only indicates the class of device; any other source overrides it.
     DeviceType,
 }
 
 impl AssignedBy {
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Option => "option",

@@ -1,4 +1,4 @@
-//! Whether a node is there: its last frame, its loss, its return.
+//! Presence of a node: last frame, loss and return.
 
 use crate::event::{EventKind, Silence};
 use crate::frame::Frame;
@@ -6,7 +6,7 @@ use crate::session::bus::Node;
 use crate::session::context::Context;
 use crate::wire::NodeId;
 
-/// The node sent a frame; it is back if it was lost.
+/// Registers a frame of the node; a lost node is back.
 pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -26,7 +26,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context
     node.last_heard = now;
 }
 
-/// The node is silent longer than its monitoring allows.
+/// Reports a node that is silent longer than its monitoring time.
 pub(in crate::session) fn emit_node_lost(
     id: NodeId,
     gap: i64,

@@ -1,8 +1,8 @@
-//! One queue of deadlines a bus.
+//! One queue of deadlines per bus.
 //!
-//! A subject that moves its deadline with every frame does not touch the queue: its entry stays, and
-//! when it comes due the subject is asked for its present deadline. So a frame costs nothing here, and a
-//! subject has at most one entry.
+//! A subject that moves its deadline with every frame does not touch the queue. Its entry stays, and the
+//! present deadline is checked when the entry is due. So a frame causes no work here, and a subject has at
+//! most one entry.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -10,32 +10,34 @@ use std::collections::BinaryHeap;
 use crate::session::bus::Link;
 use crate::wire::NodeId;
 
-/// What has a deadline.
+/// Subject of a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Subject {
-    /// Transfer of an SDO channel.
+    /// Open transfer of an SDO channel.
     SdoChannel(u16),
-    /// Heartbeat of a node-ID.
+    /// NMT error control of a node.
     Heartbeat(NodeId),
-    /// Set points of a node wait for SYNC.
+    /// Set points of a node that wait for SYNC.
     SetPoint(NodeId),
-    /// J1939 message of a slot.
+    /// J1939 message in a slot of the routing table.
     Message(u16),
     /// DM1 of a node with active trouble codes.
     Dm1(NodeId),
-    /// ISO-TP message on its way.
+    /// Incomplete ISO-TP message.
     IsoTp(Link),
-    /// UDS requests of a link that wait.
+    /// Waiting UDS requests of a link.
     UdsRequest(Link),
-    /// J1939 transfer at a place.
+    /// J1939 transfer, by its index in the table of transfers.
     Transport(u16),
+    /// Incomplete fast packets of the bus.
+    FastPackets,
 }
 
-/// Deadlines in monotonic nanoseconds.
+/// Deadlines in monotonic ns.
 #[derive(Debug, Clone)]
 pub(super) struct Timers {
     queue: BinaryHeap<Reverse<(i64, Subject)>>,
-    /// Earliest entry; `i64::MAX` without any.
+    /// Earliest entry; `i64::MAX` if the queue is empty.
     next: i64,
 }
 
@@ -46,7 +48,7 @@ impl Default for Timers {
 }
 
 impl Timers {
-    /// Puts `subject` into the queue; it must not be in it.
+    /// Adds a deadline for `subject`, which must not be in the queue.
     pub(super) fn add(&mut self, deadline: i64, subject: Subject) {
         self.queue.push(Reverse((deadline, subject)));
         self.next = self.next.min(deadline);
@@ -58,7 +60,7 @@ impl Timers {
         self.next < now
     }
 
-    /// Takes the earliest entry out if it lies before `now`.
+    /// Removes and returns the earliest entry if it is before `now`.
     pub(super) fn take_due(&mut self, now: i64) -> Option<(i64, Subject)> {
         let due = match self.queue.peek() {
             Some(Reverse((deadline, _))) if *deadline < now => self.queue.pop().map(|Reverse(entry)| entry),
@@ -68,13 +70,13 @@ impl Timers {
         due
     }
 
-    /// Takes out the entries of a subject.
+    /// Removes all entries of a subject.
     pub(super) fn remove(&mut self, subject: Subject) {
         self.queue.retain(|Reverse((_, queued))| *queued != subject);
         self.next = self.queue.peek().map_or(i64::MAX, |Reverse((deadline, _))| *deadline);
     }
 
-    /// Bytes held.
+    /// Bytes held by the queue.
     pub(super) fn footprint(&self) -> usize {
         self.queue.len() * size_of::<(i64, Subject)>()
     }

@@ -1,4 +1,4 @@
-//! Values as a table: CSV (RFC 4180), a line a value.
+//! Values as a CSV table (RFC 4180), one row per value.
 //!
 //! ```text
 //! time,bus,frame,node,device,group,signal,id,value,unit,label,raw
@@ -8,31 +8,33 @@
 use std::io::{self, Write};
 
 use super::escape::push_escaped;
-use super::values::{self, Groups, Named};
+use super::values::{self, FieldNames, GroupNames, Groups};
 use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_seconds;
 use crate::event::Event;
 use crate::frame::Timestamp;
-use crate::query::record::FieldValue;
+use crate::profile::word;
+use crate::query::record::{FieldValue, quantity};
 use crate::session::Bus;
 
-/// First line.
+/// Header row.
 const HEADER: &str = "time,bus,frame,node,device,group,signal,id,value,unit,label,raw\r\n";
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "csv",
     suffix: "values.csv",
     title: "values as CSV",
-    help: "The values of PDOs and messages: a line a value, with units",
+    help: "Values of PDOs, messages and transfers: one row per value, with units",
     content: EventContent::Values,
     is_binary: false,
     sink: |files, _| Ok(Box::new(Csv::new(files.whole()?))),
 };
 
-/// Writes values as CSV, long. The first write error is kept and ends all writing.
+/// Writer for CSV with one row per value. After the first write error nothing more is written; `finish`
+/// returns the error.
 struct Csv<W> {
     output: W,
-    groups: Groups<Named>,
+    groups: Groups<GroupNames>,
     line: Vec<u8>,
     has_begun: bool,
     error: Option<io::Error>,
@@ -49,37 +51,49 @@ impl<W: Write> Csv<W> {
         }
     }
 
-    /// Writes the values of an event, if it has any.
+    /// Writes the values of an event.
     fn values(&mut self, event: &Event, bus: &Bus) {
         let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) else { return };
         self.begin();
-        let Some(named) = self.groups.of(&carried, || Named::of(&carried, bus)) else { return };
-        for (signal, (name, id)) in carried.with(&named.fields) {
-            let told = values::told(&signal);
+        let Some(named) = self.groups.of(&carried, || GroupNames::of(&carried, bus)) else { return };
+        for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
+            let reading = values::reading(&signal, label);
             self.line.clear();
-            let line = &mut self.line;
-            if let Some(Timestamp(time)) = event.time {
-                push_seconds(line, time);
-            }
-            push_cell(line, bus.name());
-            push_number(line, event.frames.last);
-            let node = event.node.map_or(String::new(), |node| node.number().to_string());
-            push_cell(line, &node);
-            let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
-            push_cell(line, device.unwrap_or_default());
-            push_cell(line, &named.group);
-            push_cell(line, name);
-            push_cell(line, id);
-            push_value(line, told.value);
-            push_cell(line, values::unit(signal.field));
-            push_cell(line, told.label.unwrap_or_default());
-            push_number(line, signal.raw);
-            line.extend_from_slice(b"\r\n");
-            if let Err(error) = self.output.write_all(line) {
+            let cells = Cells {
+                group: &named.group,
+                name,
+                id,
+                value: reading.value,
+                unit: values::unit(signal.field),
+                label: reading.label.unwrap_or_default(),
+                raw: Some(signal.raw),
+            };
+            cells.push(event, bus, &mut self.line);
+            if let Err(error) = self.output.write_all(&self.line) {
                 self.error = Some(error);
                 return;
             }
         }
+    }
+
+    /// Writes the value that an SDO or UDS service transferred.
+    fn transferred(&mut self, event: &Event, bus: &Bus) {
+        let Some(value) = values::transferred(event, bus).filter(|_| self.error.is_none()) else { return };
+        self.begin();
+        self.line.clear();
+        let meaning = value.meaning;
+        let label = meaning.and_then(|meaning| meaning.description(&value.value)).unwrap_or_default();
+        let cells = Cells {
+            group: &value.group,
+            name: value.name,
+            id: &value.id,
+            value: quantity(meaning, &value.value),
+            unit: meaning.map_or("", |meaning| &meaning.unit),
+            label: &label,
+            raw: word(&value.value),
+        };
+        cells.push(event, bus, &mut self.line);
+        self.error = self.output.write_all(&self.line).err();
     }
 
     fn begin(&mut self) {
@@ -96,6 +110,7 @@ impl<W: Write> EventSink for Csv<W> {
 
     fn write(&mut self, event: &Event, bus: &Bus) -> bool {
         self.values(event, bus);
+        self.transferred(event, bus);
         true
     }
 
@@ -116,13 +131,50 @@ impl<W: Write> EventSink for Csv<W> {
     }
 }
 
-/// Appends a cell behind others.
+/// Cells of a row, except for those of the event.
+struct Cells<'a> {
+    group: &'a str,
+    name: &'a str,
+    id: &'a str,
+    value: FieldValue<'a>,
+    unit: &'a str,
+    label: &'a str,
+    raw: Option<u64>,
+}
+
+impl Cells<'_> {
+    /// Appends the row.
+    fn push(&self, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
+        if let Some(Timestamp(time)) = event.time {
+            push_seconds(line, time);
+        }
+        push_cell(line, bus.name());
+        push_number(line, event.frames.last);
+        let node = event.node.map_or(String::new(), |node| node.number().to_string());
+        push_cell(line, &node);
+        let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
+        push_cell(line, device.unwrap_or_default());
+        push_cell(line, self.group);
+        push_cell(line, self.name);
+        push_cell(line, self.id);
+        push_value(line, self.value);
+        push_cell(line, self.unit);
+        push_cell(line, self.label);
+        match self.raw {
+            Some(raw) => push_number(line, raw),
+            None => line.push(b','),
+        }
+        line.extend_from_slice(b"\r\n");
+    }
+}
+
+/// Appends a comma and a cell.
 pub(super) fn push_cell(line: &mut Vec<u8>, text: &str) {
     line.push(b',');
     push_text(line, text);
 }
 
-/// Appends a text: quoted where it has to be, and such that no spreadsheet takes it for a formula.
+/// Appends a text, quoted if necessary, with a leading `'` if a spreadsheet would interpret it as a formula.
 pub(super) fn push_text(line: &mut Vec<u8>, text: &str) {
     let is_formula = text.starts_with(['=', '+', '-', '@']);
     let needs_quotes = text.contains([',', '"', ';', '\n', '\r']);
@@ -143,7 +195,8 @@ fn push_number(line: &mut Vec<u8>, number: u64) {
     crate::ascii::push_decimal(line, number);
 }
 
-/// Appends a value: numbers as they are, so that a negative one stays a number.
+/// Appends a comma and a value. Numbers are not protected against formulas, so that negative ones stay
+/// numbers.
 pub(super) fn push_value(line: &mut Vec<u8>, value: FieldValue<'_>) {
     match value {
         FieldValue::Text(text) => push_cell(line, text),

@@ -1,11 +1,11 @@
-//! Texts of a capture on their way to a terminal.
+//! Escaping of captured text for terminal output.
 
-/// `text` with control characters, and those that turn the direction of writing, shown as `\u{1b}`, so that
-/// nothing from a capture steers a terminal.
+/// `text` with control characters and bidirectional formatting characters shown as `\u{1b}`, so that a
+/// capture cannot control the terminal.
 pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
-    if !is_plain(text.as_bytes()) && text.chars().any(steers) {
+    if !is_plain(text.as_bytes()) && text.chars().any(is_terminal_control) {
         text.chars()
-            .map(|c| if steers(c) { c.escape_default().to_string() } else { c.to_string() })
+            .map(|c| if is_terminal_control(c) { c.escape_default().to_string() } else { c.to_string() })
             .collect::<String>()
             .into()
     } else {
@@ -13,7 +13,7 @@ pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
     }
 }
 
-/// Appends text escaped; bytes that are no UTF-8 are replaced.
+/// Appends escaped text; bytes that are not valid UTF-8 are replaced.
 pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
     if is_plain(text) {
         out.extend_from_slice(text);
@@ -22,12 +22,12 @@ pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
     }
 }
 
-/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
-fn steers(c: char) -> bool {
+/// Whether `c` is a control character or a Unicode bidirectional formatting character.
+fn is_terminal_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Surely without characters that steer: none of ASCII, and not the first bytes of those beyond it.
+/// Quick check: `true` if no ASCII control character and no first byte of another character to escape occurs.
 fn is_plain(text: &[u8]) -> bool {
     let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xE2));
     text.iter().fold(0, |found, byte| found | special(*byte)) == 0

@@ -1,4 +1,4 @@
-//! Sinks of events: what each format implements, and what it asks of the program.
+//! Interface of event formats, and the files that they need from the program.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, Write};
@@ -9,113 +9,114 @@ use crate::event::Event;
 use crate::frame::{Frame, Timestamp};
 use crate::session::Bus;
 
-/// Writes events in one format. The first write error is kept and ends all writing.
+/// Writer for events in one format. After the first write error nothing more is written; `finish` returns the
+/// error.
 pub trait EventSink {
-    /// The next capture of several begins; its buses have names of their own.
+    /// Starts the next of several captures; its bus names are independent of the previous ones.
     fn begin_capture(&mut self, _name: &str) {}
 
-    /// Takes note of a time without an event; the first one is the zero of a time column.
+    /// Records the time of a frame without an event; the first time is the zero of a time column.
     fn observe_time(&mut self, _time: Option<Timestamp>) {}
 
-    /// Writes an event; `false` if the format omits it as a repetition.
+    /// Writes an event; returns `false` if the format omits it as a repetition.
     fn write(&mut self, event: &Event, bus: &Bus) -> bool;
 
-    /// Writes a frame of the bus of this name, before its events ([`EventContent::Capture`]).
+    /// Writes a frame of bus `bus`, before its events ([`EventContent::Capture`]).
     fn frame(&mut self, _frame: &Frame, _bus: &str) {}
 
-    /// Writes a notice of the recorder on the bus of this name ([`EventContent::Capture`]).
+    /// Writes a notice of the recorder on bus `bus` ([`EventContent::Capture`]).
     fn notice(&mut self, _notice: &Notice, _bus: &str) {}
 
-    /// Stores a file of the user next to the messages: the bus file, a database ([`EventContent::Capture`]).
+    /// Stores a file of the user, such as the bus file or a DBC ([`EventContent::Capture`]).
     fn attach(&mut self, _name: &str, _media_type: &str, _bytes: &[u8]) {}
 
-    /// Stores a table that describes the whole file ([`EventContent::Capture`]).
+    /// Stores metadata of the whole file ([`EventContent::Capture`]).
     fn describe(&mut self, _name: &str, _values: BTreeMap<String, String>) {}
 
-    /// Writes what is held back, unless nobody can read the format before its end.
+    /// Writes buffered data, unless the format is readable only after its end.
     ///
     /// # Errors
-    /// The first error of all writing.
+    /// The first write error since the start.
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
 
-    /// Writes what is still held back; nothing follows.
+    /// Writes all remaining data and ends the output.
     ///
     /// # Errors
-    /// The first error of all writing.
+    /// The first write error since the start.
     fn finish(&mut self) -> io::Result<()>;
 
-    /// Whether writing failed, so that no more events are needed.
+    /// Whether a write error occurred, so that no more events are needed.
     fn has_failed(&self) -> bool;
 
-    /// Note for the user on values without a place in the output; complete after [`EventSink::finish`].
+    /// Note on values that the output cannot contain; complete after [`EventSink::finish`].
     fn remark(&self) -> Option<String> {
         None
     }
 }
 
-/// An output as the program opens it.
+/// Output opened by the program.
 pub type Output = Box<dyn Write + Send>;
 
-/// A file for rows that wait until all columns are known.
+/// Temporary file for rows, until all columns are known.
 pub trait SpoolFile: Read + Write + Seek + Send {}
 
 impl<F: Read + Write + Seek + Send> SpoolFile for F {}
 
-/// Opens the files that a sink writes; the program implements it.
+/// Opens the output files of a sink; implemented by the program.
 pub trait OutputFiles {
-    /// The file of a format that is one file; buffered.
+    /// The file of a single-file format, buffered.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If the file cannot be written.
     fn whole(&mut self) -> io::Result<Output>;
 
-    /// One file of a format that is several, named after its content; buffered.
+    /// One file of a multi-file format, named after its content, buffered.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If the file cannot be written.
     fn part(&mut self, content: &str) -> io::Result<Output>;
 
-    /// An empty file without a name; not buffered.
+    /// An empty temporary file, not buffered.
     ///
     /// # Errors
-    /// When there is no place for one.
+    /// If no temporary file can be created.
     fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>>;
 }
 
-/// Content of a format of events.
+/// Content of an event format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventContent {
-    /// Events that say something new, unless all are asked for.
+    /// Events with new information; all events with [`TextOptions::all`](super::text::TextOptions::all).
     News,
     /// All events.
     Events,
-    /// Values that events carry; events without any are omitted.
+    /// Values of events; events without values are omitted.
     Values,
-    /// A capture: frames, notices and files of the user next to the events.
+    /// A capture: frames, notices and files of the user, together with the events.
     Capture,
 }
 
-/// One format of events.
+/// An event format.
 #[derive(Debug)]
 pub struct EventFormat {
-    /// Short name, as options take it.
+    /// Short name for options.
     pub name: &'static str,
-    /// End of a file's name that selects the format; no format of frames has the same.
+    /// File suffix that selects the format; unique among all event and frame formats.
     pub suffix: &'static str,
     /// Content and format, for lists of suffixes.
     pub title: &'static str,
-    /// One line of help.
+    /// Help text, one line.
     pub help: &'static str,
-    /// Content.
+    /// Events or values that the format contains.
     pub content: EventContent,
-    /// Not for a terminal.
+    /// Not suitable for a terminal.
     pub is_binary: bool,
-    /// A sink that has written nothing yet.
+    /// Creates the sink.
     pub sink: SinkConstructor,
 }
 
-/// Makes a sink; fails if one of its files cannot be written.
+/// Creates a sink; fails if one of its files cannot be written.
 pub(crate) type SinkConstructor =
     fn(&mut dyn OutputFiles, &SinkOptions) -> io::Result<Box<dyn EventSink + Send>>;

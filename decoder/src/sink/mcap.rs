@@ -1,11 +1,12 @@
-//! Events as MCAP, for Foxglove and PlotJuggler: each group of values is a topic whose values plot at once.
+//! Events as MCAP, for Foxglove and PlotJuggler. Each group of values is a topic that can be plotted
+//! directly.
 //!
 //! ```text
 //! /can/can0            the frames                                     can_msgs/msg/Frame
 //! /node/2/tpdo1        {"Actual_pressure":102.3, …}                   JSON, with a schema that has names and units
 //! /node/2/objects      changes of the object store                    as in JSON Lines
 //! /events  /findings   everything else                                as in JSON Lines
-//! /log                 lines for people                               foxglove.Log
+//! /log                 event lines as text                            foxglove.Log
 //! ```
 
 use std::collections::{BTreeMap, HashMap};
@@ -35,22 +36,23 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     name: "mcap",
     suffix: "events.mcap",
     title: "events as MCAP",
-    help: "Frames, values, events and log lines for Foxglove and PlotJuggler; wants -o",
+    help: "Frames, values, events and event lines for Foxglove and PlotJuggler; requires -o",
     content: EventContent::Capture,
     is_binary: true,
     sink: |files, options| Ok(Box::new(Mcap::new(files.whole()?, options.packing))),
 };
 
-/// Writes frames and events as MCAP. The first write error is kept and ends all writing.
+/// Writer for frames and events as MCAP. After the first write error nothing more is written; `finish`
+/// returns the error.
 struct Mcap<W: Write + Send> {
     file: McapWriter<W>,
     groups: HashMap<Group, Values>,
     /// By topic.
     records: BTreeMap<String, Topic>,
     line: Vec<u8>,
-    /// Devices of nodes, as far as they are known.
+    /// Profile ids of the known devices, by `bus:node`.
     devices: BTreeMap<String, String>,
-    /// Their profiles, each with the edition of the document that it is made of.
+    /// Source document of each profile, by profile id.
     profiles: BTreeMap<String, String>,
     error: Option<io::Error>,
 }
@@ -59,8 +61,10 @@ struct Mcap<W: Write + Send> {
 struct Values {
     topic: Topic,
     layout: Arc<Layout>,
-    /// Beginnings of its members, `"key":`.
+    /// Beginnings of the JSON members, `"key":`.
     keys: Vec<String>,
+    /// Last label of each field.
+    labels: Vec<values::LabelCache>,
 }
 
 impl<W: Write + Send> Mcap<W> {
@@ -78,7 +82,7 @@ impl<W: Write + Send> Mcap<W> {
 
     fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
         match values::carried(event) {
-            // How a transfer went is an event besides what it brought.
+            // The transfer is an event in addition to the values that it carries.
             Some(carried) if matches!(event.kind, EventKind::J1939Transfer(_)) => self
                 .values(event, bus, &carried)
                 .and_then(|()| self.record(event, bus))
@@ -95,7 +99,7 @@ impl<W: Write + Send> Mcap<W> {
         }
     }
 
-    fn values(&mut self, event: &Event, bus: &Bus, carried: &values::Carried<'_>) -> io::Result<()> {
+    fn values(&mut self, event: &Event, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
         let is_known =
             self.groups.get(&carried.group).is_some_and(|known| Arc::ptr_eq(&known.layout, carried.layout));
         if !is_known {
@@ -105,18 +109,18 @@ impl<W: Write + Send> Mcap<W> {
         let Some(group) = self.groups.get_mut(&carried.group) else { return Ok(()) };
         self.line.clear();
         self.line.push(b'{');
-        for (signal, key) in carried.with(&group.keys) {
-            let told = values::told(&signal);
-            // What has no value leaves a gap in a plot.
-            let has_value = match told.value {
+        for (signal, (key, label)) in carried.with(group.keys.iter().zip(&mut group.labels)) {
+            let reading = values::reading(&signal, label);
+            // A missing member leaves a gap in a plot.
+            let has_value = match reading.value {
                 FieldValue::Null => false,
                 FieldValue::Real(value) => value.is_finite(),
                 _ => true,
             };
             if has_value {
-                push_member(&mut self.line, key, "", told.value);
+                push_member(&mut self.line, key, "", reading.value);
             }
-            if let Some(label) = told.label {
+            if let Some(label) = reading.label {
                 push_member(&mut self.line, key, "_label", FieldValue::Text(label));
             }
         }
@@ -124,13 +128,14 @@ impl<W: Write + Send> Mcap<W> {
         self.file.message(&mut group.topic, event.time, &self.line)
     }
 
-    /// A topic for values that come for the first time, or are laid out anew.
-    fn learn(&mut self, bus: &Bus, carried: &values::Carried<'_>) -> io::Result<()> {
+    /// Creates a topic for a new group of values, or for a new layout of a known group.
+    fn learn(&mut self, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
         let name = values::name(carried.group, bus);
         let keys = values::keys(carried.layout);
         let schema = schema(&name, carried.layout, &keys);
         let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
-        let values = Values { topic, layout: Arc::clone(carried.layout), keys };
+        let labels = keys.iter().map(|_| values::LabelCache::default()).collect();
+        let values = Values { topic, layout: Arc::clone(carried.layout), keys, labels };
         self.groups.insert(carried.group, values);
         Ok(())
     }
@@ -143,7 +148,7 @@ impl<W: Write + Send> Mcap<W> {
         }
     }
 
-    /// The event as JSON Lines have it.
+    /// Writes the event in the form of JSON Lines.
     fn record(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
         let topic = match (&event.kind, event.node) {
             (EventKind::FindingOpened(_) | EventKind::FindingClosed(_), _) => "/findings".to_owned(),
@@ -227,7 +232,7 @@ impl<W: Write + Send> EventSink for Mcap<W> {
         self.keep(written);
     }
 
-    /// Ends the present chunk: a reader of the file so far finds all until here. What fails is kept.
+    /// Ends the current chunk, so that the file is readable up to here. An error is returned by `finish`.
     fn flush(&mut self) -> io::Result<()> {
         if self.error.is_none() {
             let written = self.file.flush();
@@ -266,7 +271,7 @@ fn push_member(line: &mut Vec<u8>, key: &str, ending: &str, value: FieldValue<'_
     jsonl::object::push(value, line);
 }
 
-/// The JSON Schema of a group's messages.
+/// JSON Schema for the messages of a group.
 fn schema(name: &str, layout: &Layout, keys: &[String]) -> String {
     let mut properties = serde_json::Map::new();
     for (field, key) in layout.fields.iter().zip(keys) {
@@ -281,7 +286,8 @@ fn schema(name: &str, layout: &Layout, keys: &[String]) -> String {
             json!({"type": kind, "title": title, "description": description.join("; ")}),
         );
         let has_labels = field.meaning.as_deref().is_some_and(|meaning| {
-            meaning.values.is_some() || meaning.special.is_some() || meaning.indicators.is_some()
+            let has_names = meaning.values.is_some() || meaning.special.is_some();
+            has_names || meaning.indicators.is_some() || meaning.is_composed()
         });
         if has_labels {
             properties.insert(format!("{key}_label"), json!({"type": "string", "title": title}));
@@ -290,7 +296,7 @@ fn schema(name: &str, layout: &Layout, keys: &[String]) -> String {
     json!({"title": name, "type": "object", "properties": properties}).to_string()
 }
 
-/// Whether values of a type are texts in JSON.
+/// Whether values of a type are strings in JSON.
 fn is_text(data_type: DataType) -> bool {
     matches!(
         data_type,

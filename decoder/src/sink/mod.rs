@@ -1,4 +1,4 @@
-//! Events to bytes, one format a file.
+//! Writers for events and findings, one per file format.
 
 mod csv;
 mod csv_wide;
@@ -20,7 +20,7 @@ pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, 
 
 pub use options::SinkOptions;
 
-/// All formats of events.
+/// All event formats.
 pub const EVENT_FORMATS: &[EventFormat] = &[
     text::FORMAT,
     jsonl::FORMAT,

@@ -1,55 +1,55 @@
-//! How events are written, where their format leaves that open.
+//! Options for event formats.
 
 use crate::capture::Packing;
 
-/// Options of all formats of events; each takes its own.
+/// Options for all event formats; each format uses its own.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SinkOptions {
-    /// Text.
+    /// Options for text.
     pub text: TextOptions,
-    /// How chunks of MCAP are packed.
+    /// Compression of MCAP chunks.
     pub packing: Packing,
 }
 
-/// What the time column shows, as candump's `-t`.
+/// Content of the time column, as for candump's `-t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TimeColumn {
     /// `z`: seconds since the first frame.
     #[default]
     Zero,
-    /// `a`: seconds as recorded.
+    /// `a`: seconds as in the capture.
     Absolute,
-    /// `d`: seconds since the line before.
+    /// `d`: seconds since the previous line.
     Delta,
     /// `A`: date and time, UTC.
     Date,
 }
 
-/// Which PDOs and J1939 messages are printed.
+/// PDOs and J1939 messages to print.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PdoLines {
-    /// The first of an identifier, and those that say something new.
+    /// The first message of an identifier and those with new information.
     #[default]
     Change,
-    /// All.
+    /// All of them.
     All,
-    /// None.
+    /// None of them.
     None,
 }
 
-/// What the text shows.
+/// Content of the text.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TextOptions {
-    /// Time column.
+    /// Content of the time column.
     pub time: TimeColumn,
-    /// PDOs.
+    /// PDOs and J1939 messages to print.
     pub pdo: PdoLines,
-    /// Repetitions of everything else: heartbeats, SYNC, guarding, scan steps.
+    /// Also print repeated events: heartbeat, SYNC, guarding, LSS Fastscan.
     pub all: bool,
-    /// Frames no protocol owns.
+    /// Also print frames that belong to no known protocol.
     pub frames: bool,
-    /// Everything known of an event, on further lines.
+    /// Print all fields of an event below its line.
     pub verbose: bool,
-    /// ANSI colours.
+    /// Use ANSI colours.
     pub color: bool,
 }

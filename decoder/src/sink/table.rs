@@ -1,17 +1,17 @@
-//! Columns of text, as wide as their widest cell.
+//! Text tables with aligned columns.
 
 use super::escape;
 
-/// How the cells of a column stand.
+/// Alignment of the cells of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Align {
-    /// Texts.
+    /// Left-aligned, for text.
     Left,
-    /// Numbers.
+    /// Right-aligned, for numbers.
     Right,
 }
 
-/// A table that is laid out once all its rows are known.
+/// A text table; column widths follow the widest cell.
 #[derive(Debug)]
 pub struct Table {
     aligns: Vec<Align>,
@@ -19,23 +19,23 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table with one heading a column; an empty column keeps its heading.
+    /// Creates a table with one heading per column; an empty column keeps its heading.
     pub fn new(columns: &[(&str, Align)]) -> Self {
         let (headings, aligns) = columns.iter().map(|(text, align)| ((*text).to_owned(), *align)).unzip();
         Self { aligns, rows: vec![headings] }
     }
 
-    /// Adds a row; control characters in its cells are shown, not sent.
+    /// Adds a row; control characters in its cells are escaped.
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().map(|cell| escape(&cell).into_owned()).collect());
     }
 
-    /// Whether only the headings are there.
+    /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.len() < 2
     }
 
-    /// Appends the table to `text`, each line behind `indent` blanks.
+    /// Appends the table to `text`, indented by `indent` blanks.
     pub fn write(&self, indent: usize, text: &mut String) {
         let width = |column: usize| {
             let cells = self.rows.iter().filter_map(|row| row.get(column));

@@ -1,28 +1,31 @@
-//! Values that come together: those of a PDO, of a J1939 group, of a message that a database describes.
+//! Decoded values of one PDO, J1939 parameter group or DBC message, as the value formats write them.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Event, EventKind};
+use crate::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome, SdoTransfer};
 use crate::frame::{BusIndex, CanId};
-use crate::profile::{Field, Layout, PdoName, Signal, SignalId};
+use crate::profile::{Field, Layout, Meaning, PdoName, Signal, SignalId, Value, ValueIn, uds};
 use crate::query::record::{FieldValue, quantity};
 use crate::session::Bus;
+use crate::wire::NodeId;
 
-/// Values that an event carries.
-pub(super) struct Carried<'a> {
+/// Decoded values of an event.
+pub(super) struct EventValues<'a> {
     pub(super) group: Group,
     pub(super) layout: &'a Arc<Layout>,
     pub(super) payload: &'a [u8],
 }
 
-impl<'a> Carried<'a> {
-    /// The values there are, each with what belongs to its field; `others` has one for each field of the layout.
+impl<'a> EventValues<'a> {
+    /// Each value in the payload, with the entry of `others` for its field; `others` has one entry per field
+    /// of the layout.
     pub(super) fn with<I: IntoIterator>(&self, others: I) -> impl Iterator<Item = (Signal<'a>, I::Item)> {
         let layout: &'a Layout = self.layout;
-        // Fields that are not there leave a gap: what is a field's is told by its place.
+        // Absent fields leave gaps, so entries are matched by field, not by position.
         let mut others = layout.fields.iter().zip(others);
         layout.signals(self.payload).filter_map(move |signal| {
             let (_, other) = others.find(|(field, _)| std::ptr::eq(*field, signal.field))?;
@@ -31,18 +34,18 @@ impl<'a> Carried<'a> {
     }
 }
 
-/// Which values belong together over time.
+/// Identity of a group of values over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) enum Group {
     /// A PDO of a node.
     Pdo(BusIndex, u8, PdoName),
-    /// A parameter group of an address.
+    /// A parameter group from one source address.
     Parameters(BusIndex, u8, u32),
-    /// A message of a database.
+    /// A message described by a database.
     Frame(BusIndex, CanId),
 }
 
-/// What is remembered of each group as long as its layout stays.
+/// Cached data per group; recomputed if the layout changes.
 pub(super) struct Groups<T>(HashMap<Group, (Arc<Layout>, T), FixedState>);
 
 impl<T> Default for Groups<T> {
@@ -52,8 +55,8 @@ impl<T> Default for Groups<T> {
 }
 
 impl<T> Groups<T> {
-    /// What is known of a group; learnt when it comes for the first time, or is laid out anew.
-    pub(super) fn of(&mut self, carried: &Carried<'_>, learn: impl FnOnce() -> T) -> Option<&mut T> {
+    /// Cached data of a group; `learn` computes it for a new group or a new layout.
+    pub(super) fn of(&mut self, carried: &EventValues<'_>, learn: impl FnOnce() -> T) -> Option<&mut T> {
         let known = self.0.get(&carried.group);
         if !known.is_some_and(|(layout, _)| Arc::ptr_eq(layout, carried.layout)) {
             self.0.insert(carried.group, (Arc::clone(carried.layout), learn()));
@@ -62,23 +65,35 @@ impl<T> Groups<T> {
     }
 }
 
-/// What a group and its fields are called.
-pub(super) struct Named {
-    pub(super) group: String,
-    /// Name and identity of each field of the layout.
-    pub(super) fields: Vec<(String, String)>,
+/// Name, identity and last label of a field.
+pub(super) struct FieldNames {
+    pub(super) name: String,
+    pub(super) id: String,
+    pub(super) label: LabelCache,
 }
 
-impl Named {
-    pub(super) fn of(carried: &Carried<'_>, bus: &Bus) -> Self {
+/// Name of a group and names of its fields.
+pub(super) struct GroupNames {
+    pub(super) group: String,
+    /// Name, identity and last label of each field of the layout.
+    pub(super) fields: Vec<FieldNames>,
+}
+
+impl GroupNames {
+    pub(super) fn of(carried: &EventValues<'_>, bus: &Bus) -> Self {
         let fields = carried.layout.fields.iter();
-        let fields = fields.map(|field| (field_name(field), field.id.to_string())).collect();
+        let fields = fields.map(|field| FieldNames {
+            name: field_name(field),
+            id: field.id.to_string(),
+            label: LabelCache::default(),
+        });
+        let fields = fields.collect();
         Self { group: name(carried.group, bus), fields }
     }
 }
 
-/// The values of an event, if it has any whose meaning is known.
-pub(super) fn carried(event: &Event) -> Option<Carried<'_>> {
+/// Values of an event; `None` without a layout.
+pub(super) fn carried(event: &Event) -> Option<EventValues<'_>> {
     let (layout, payload) = event.laid_out()?;
     let group = match &event.kind {
         EventKind::Pdo(pdo) => Group::Pdo(event.bus, event.node?.number(), pdo.name),
@@ -91,11 +106,64 @@ pub(super) fn carried(event: &Event) -> Option<Carried<'_>> {
         EventKind::Frame(frame) => Group::Frame(event.bus, frame.frame.id),
         _ => return None,
     };
-    Some(Carried { group, layout, payload })
+    Some(EventValues { group, layout, payload })
 }
 
-/// What values are called together: `node/2/tpdo1`, `sa/80/61444`, `frame/0C8`; with the name of the bus in front on all
-/// but the first one.
+/// Value that a service transferred.
+pub(super) struct TransferredValue<'a> {
+    /// `node/2/sdo-read`, `node/2/sdo-write`, `sa/80/uds-read`, `sa/80/uds-write`.
+    pub(super) group: String,
+    pub(super) name: &'a str,
+    /// Object or data identifier.
+    pub(super) id: String,
+    pub(super) value: Value,
+    pub(super) meaning: Option<&'a Meaning>,
+}
+
+/// Value of a completed SDO transfer or UDS service; `None` for all other events.
+pub(super) fn transferred<'a>(event: &'a Event, bus: &Bus) -> Option<TransferredValue<'a>> {
+    let node = match event.node {
+        Some(NodeId::Canopen(id)) => format!("node/{id}/"),
+        Some(NodeId::J1939(address)) => format!("sa/{address:02X}/"),
+        None => String::new(),
+    };
+    let place = if event.bus == BusIndex::default() { node } else { format!("{}/{node}", bus.name()) };
+    match &event.kind {
+        EventKind::SdoTransfer(transfer) => transferred_object(transfer, &place),
+        EventKind::UdsExchange(exchange) => {
+            let is_read = uds().service(exchange.service)?.value_in() == Some(ValueIn::Response);
+            let value = exchange.decoded().filter(|_| exchange.outcome == ExchangeOutcome::Positive)?;
+            Some(TransferredValue {
+                group: format!("{place}uds-{}", if is_read { "read" } else { "write" }),
+                name: exchange.name().unwrap_or_default(),
+                id: exchange.identifier.map_or(String::new(), |identifier| format!("{identifier:04X}")),
+                value,
+                meaning: exchange.meaning.as_deref(),
+            })
+        }
+        _ => None,
+    }
+}
+
+fn transferred_object<'a>(transfer: &'a SdoTransfer, place: &str) -> Option<TransferredValue<'a>> {
+    let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated && !transfer.cut_start;
+    let (object, direction) = transfer.object.zip(transfer.direction)?;
+    if !is_whole || transfer.data.is_empty() {
+        return None;
+    }
+    let meaning = transfer.meaning.as_deref();
+    Some(TransferredValue {
+        group: format!("{place}sdo-{}", if direction == Direction::Upload { "read" } else { "write" }),
+        name: meaning.map_or("", |meaning| &meaning.name),
+        id: object.to_string(),
+        value: meaning
+            .map_or_else(|| Value::Bytes(transfer.data.clone()), |meaning| meaning.decode(&transfer.data)),
+        meaning,
+    })
+}
+
+/// Name of a group: `node/2/tpdo1`, `sa/80/61444`, `frame/0C8`; prefixed with the bus name on all buses but
+/// the first.
 pub(super) fn name(group: Group, bus: &Bus) -> String {
     let (index, name) = match group {
         Group::Pdo(index, node, name) => {
@@ -107,24 +175,42 @@ pub(super) fn name(group: Group, bus: &Bus) -> String {
     if index == BusIndex::default() { name } else { format!("{}/{name}", bus.name()) }
 }
 
-/// One value as it is told everywhere.
-pub(super) struct Told<'a> {
+/// A value with its label, as all formats write it.
+pub(super) struct SignalReading<'a> {
     pub(super) value: FieldValue<'a>,
     pub(super) label: Option<&'a str>,
 }
 
-/// A signal's value in its unit, and its name.
-pub(super) fn told<'a>(signal: &'a Signal<'a>) -> Told<'a> {
-    let (value, label) = quantity(signal.field.meaning.as_deref(), &signal.value);
-    Told { value, label }
+/// Label of the last raw value of a field: the texts of bits are composed only when they change.
+#[derive(Debug, Default)]
+pub(super) struct LabelCache {
+    last: Option<u64>,
+    text: Option<String>,
 }
 
-/// The unit of a field's values; empty without one.
+/// Value of a signal in its unit, and its label.
+pub(super) fn reading<'a>(signal: &'a Signal<'a>, cache: &'a mut LabelCache) -> SignalReading<'a> {
+    let meaning = signal.field.meaning.as_deref();
+    let composed = meaning.filter(|meaning| meaning.is_composed());
+    let label = match (composed, meaning) {
+        (Some(meaning), _) => {
+            if cache.last != Some(signal.raw) {
+                let text = meaning.description(&signal.value).map(Cow::into_owned);
+                *cache = LabelCache { last: Some(signal.raw), text };
+            }
+            cache.text.as_deref()
+        }
+        (None, meaning) => meaning.and_then(|meaning| meaning.label(&signal.value)),
+    };
+    SignalReading { value: quantity(meaning, &signal.value), label }
+}
+
+/// Unit of the values of a field; empty without one.
 pub(super) fn unit(field: &Field) -> &str {
     field.meaning.as_deref().map_or("", |meaning| &meaning.unit)
 }
 
-/// What a field is called: its name, else its object or parameter, else its place.
+/// Name of a field: its own name, else its object or parameter, else its bit position.
 pub(super) fn field_name(field: &Field) -> String {
     match (field.name(), field.id) {
         (Some(name), _) if !name.is_empty() => name.to_owned(),
@@ -133,13 +219,13 @@ pub(super) fn field_name(field: &Field) -> String {
     }
 }
 
-/// The first spelling that is not among those taken: without a number, then with 2, 3 and so on.
+/// First spelling not in `taken`: without a number, then with 2, 3 and so on.
 pub(super) fn not_taken(taken: &[String], spell: impl Fn(Option<u32>) -> String) -> String {
     let numbers = std::iter::once(None).chain((2..).map(Some));
     numbers.map(spell).find(|spelt| !taken.contains(spelt)).unwrap_or_default()
 }
 
-/// Names of all fields of a layout as identifiers, each once: letters, digits and `_`.
+/// Unique identifiers for all fields of a layout, made of letters, digits and `_`.
 #[cfg(feature = "mcap")]
 pub(super) fn keys(layout: &Layout) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
@@ -177,7 +263,7 @@ mod tests {
     use crate::wire::canopen::ObjectAddress;
 
     #[test]
-    fn names_become_identifiers_each_once() {
+    fn names_become_unique_identifiers() {
         assert_eq!(identifier("Actual pressure (p1)"), "Actual_pressure_p1");
         assert_eq!(identifier("6041:00"), "_6041_00");
         assert_eq!(identifier("°"), "_");

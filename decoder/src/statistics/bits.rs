@@ -1,4 +1,4 @@
-//! How long a frame is on the wire: exact for classic frames (ISO 11898-1 §10.4, §10.5).
+//! Length of a frame on the wire, exact for classic frames (ISO 11898-1 §10.4, §10.5).
 //!
 //! ```text
 //! SOF identifier RTR IDE r0 DLC data CRC │ delimiter ACK EOF intermission
@@ -13,19 +13,19 @@ const UNSTUFFED: u32 = 1 + 2 + 7 + 3;
 /// CRC-15: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
 const POLYNOMIAL: u16 = 0x4599;
 
-/// Equal bits behind which one of the opposite is stuffed.
+/// Number of equal bits after which an opposite bit is stuffed.
 const LONGEST_RUN: usize = 5;
 
-/// States of stuffing: nothing sent yet, and runs of 1 to 4 zeros or ones.
+/// Stuffing states: start, and runs of 1 to 4 zeros or ones.
 const STATES: usize = 9;
 
-/// The CRC behind a byte, for a register that is zero but for it.
+/// CRC after one byte, for a register whose other bits are zero.
 static CRC: [u16; 256] = crc_table();
 
-/// Stuff bits a byte brings, and the state behind it, by the state before it.
+/// Number of stuff bits for a byte, and the next state, by the current state.
 static STUFF: [[(u8, u8); 256]; STATES] = stuff_table();
 
-#[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "made when it is compiled")]
+#[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "evaluated at compile time")]
 const fn crc_table() -> [u16; 256] {
     let mut table = [0; 256];
     let mut byte = 0;
@@ -48,7 +48,7 @@ const fn crc_step(crc: u16, bit: bool) -> u16 {
     if carry { crc ^ POLYNOMIAL } else { crc }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "made when it is compiled")]
+#[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "evaluated at compile time")]
 const fn stuff_table() -> [[(u8, u8); 256]; STATES] {
     let mut table = [[(0, 0); 256]; STATES];
     let mut state = 0;
@@ -71,16 +71,16 @@ const fn stuff_table() -> [[(u8, u8); 256]; STATES] {
     table
 }
 
-/// State 0: nothing sent; 1 to 4: so many zeros; 5 to 8: so many ones, and four.
+/// Next state: 0 is the start, 1 to 4 a run of that many zeros, 5 to 8 a run of 1 to 4 ones.
 const fn stuff_step(state: usize, bit: bool) -> (u8, usize) {
     let (last, run) = if state > 4 { (true, state - 4) } else { (false, state) };
     let run = if run > 0 && last == bit { run + 1 } else { 1 };
-    // The stuff bit is the opposite and begins a run of its own.
+    // The stuff bit has the opposite value and starts a new run.
     let (stuffed, bit, run) = if run == LONGEST_RUN { (1, !bit, 1) } else { (0, bit, run) };
     (stuffed, if bit { run + 4 } else { run })
 }
 
-/// Counts bits as they go over the wire.
+/// Counter for bits on the wire.
 #[derive(Default)]
 struct Wire {
     crc: u16,
@@ -89,7 +89,7 @@ struct Wire {
 }
 
 impl Wire {
-    /// Sends the lowest `width` bits, the highest of them first.
+    /// Sends the lowest `width` bits, most significant bit first.
     fn send(&mut self, value: u32, width: u32) {
         let whole = width / 8 * 8;
         for place in (whole..width).rev() {
@@ -132,7 +132,7 @@ impl Wire {
     }
 }
 
-/// Bits of a frame with intermission; `None` for FD and error frames.
+/// Number of bits of a frame including intermission; `None` for FD and error frames.
 pub fn frame_bits(frame: &Frame) -> Option<u32> {
     if frame.flags.0 & (FrameFlags::FD.0 | FrameFlags::ERROR.0) != 0 {
         return None;
@@ -164,8 +164,8 @@ mod tests {
     }
 
     #[test]
-    fn lengths_lie_between_none_stuffed_and_all_stuffed() {
-        // 47 + 8n bits without stuffing, floor((34 + 8n − 1) / 4) more at most; 67 and 54 for 29 bits.
+    fn lengths_are_between_no_and_maximum_stuffing() {
+        // 47 + 8n bits without stuffing, plus up to floor((34 + 8n − 1) / 4); 67 and 54 for 29 bits.
         for length in 0..=8_u32 {
             let data: Vec<u8> = (0..length).map(|n| 0x55 ^ u8::try_from(n).unwrap()).collect();
             let plain = 47 + 8 * length;
@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Bit by bit, as the standard tells it.
+    /// Bit by bit, as in the standard.
     fn slowly(frame: &Frame) -> u32 {
         let mut bits = vec![false];
         let mut push =
@@ -220,9 +220,9 @@ mod tests {
 
     #[test]
     fn a_frame_counted_by_hand() {
-        // 0x555, no data: 0 10101010101 0 0 0 0000 and CRC. Behind the identifier's last 1 come seven
-        // zeros, so one stuff bit after five of them; the CRC of these 19 bits is 0x674C
-        // (110011101001100), which needs none.
+        // 0x555, no data: 0 10101010101 0 0 0 0000 and CRC. After the last 1 of the identifier there are
+        // seven zeros, so one stuff bit after five of them. The CRC of these 19 bits is 0x674C
+        // (110011101001100); it needs no stuff bit.
         assert_eq!(bits(CanId::standard(0x555), &[]), 47 + 1);
     }
 }

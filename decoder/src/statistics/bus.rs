@@ -1,63 +1,66 @@
-//! Figures of one bus: identifiers, load, nodes, the NMT master.
+//! Statistics of one bus: identifiers, load, nodes, NMT master.
 
 use std::collections::BTreeMap;
 
 use super::{Intervals, Load, NodeStatistics};
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Protocol};
 use crate::frame::{CanId, Frame, FrameFlags};
+use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
-/// Identifiers of a bus that are counted one by one.
+/// Maximum number of identifiers counted separately per bus.
 pub(crate) const MOST_IDS: usize = 4096;
 
-/// One identifier.
+/// Statistics of one identifier.
 #[derive(Debug, Clone, Default)]
 pub struct IdStatistics {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Time between them.
+    /// Time between frames.
     pub intervals: Intervals,
 }
 
-/// What the NMT master does; CAN does not tell who that is.
+/// Statistics of the NMT master, whose node-ID is not visible on CAN.
 #[derive(Debug, Clone, Default)]
 pub struct MasterStatistics {
     /// NMT commands by service.
     pub commands: Vec<(NmtService, u64)>,
-    /// Time between SYNCs.
+    /// Time between SYNC messages.
     pub sync: Intervals,
-    /// SYNCs.
+    /// Number of SYNC messages.
     pub syncs: u64,
     /// Gaps in the SYNC counter.
     pub sync_gaps: u64,
-    /// TIME messages.
+    /// Number of TIME messages.
     pub times: u64,
-    /// Guarding requests.
+    /// Number of guarding requests.
     pub guard_requests: u64,
 }
 
-/// Figures of one bus.
+/// Statistics of one bus.
 #[derive(Debug, Clone, Default)]
 pub struct BusStatistics {
-    /// Identifiers that were seen, with remote frames (`true`) apart.
+    /// Statistics per identifier and remote flag.
     pub ids: BTreeMap<(CanId, bool), IdStatistics>,
-    /// Frames of identifiers beyond the first 4,096.
+    /// Number of frames of further identifiers, beyond the first 4,096.
     pub other_ids: u64,
-    /// Load.
+    /// Bus load.
     pub load: Load,
-    /// Nodes by node-ID.
+    /// Statistics per node.
     pub nodes: BTreeMap<NodeId, NodeStatistics>,
-    /// The NMT master and SYNC producer.
+    /// NMT master and SYNC producer.
     pub master: MasterStatistics,
-    /// Frames no protocol explains.
+    /// Number of frames of no known protocol.
     pub undecoded: u64,
-    /// Malformed messages.
+    /// Number of malformed messages.
     pub malformed: u64,
+    /// Number of presumed CANopen messages of one frame each, and of the malformed ones among them.
+    presumed: (u64, u64),
 }
 
 impl BusStatistics {
-    /// Takes a frame.
+    /// Counts a frame.
     pub fn frame(&mut self, frame: &Frame) {
         let time = frame.time.map(|time| time.0);
         self.load.add(frame, time);
@@ -77,7 +80,34 @@ impl BusStatistics {
         }
     }
 
-    /// Takes an event.
+    fn count_presumed(&mut self, event: &Event) {
+        let is_message = matches!(
+            event.kind,
+            EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::Sync { .. } | EventKind::Time { .. }
+        );
+        let is_malformed = matches!(event.kind, EventKind::Malformed { .. });
+        self.presumed.0 += u64::from(is_message || is_malformed);
+        self.presumed.1 += u64::from(is_malformed);
+    }
+
+    /// Removes the CANopen figures of a bus that proved not to be CANopen; nodes that the user named keep theirs.
+    /// Removes nodes of which only PDOs on predefined identifiers were received. Call it after the last event.
+    pub fn withdraw(&mut self, bus: &Bus) {
+        if bus.is_withdrawn(None) {
+            self.master = MasterStatistics::default();
+            let (messages, malformed) = std::mem::take(&mut self.presumed);
+            self.undecoded += messages;
+            self.malformed = self.malformed.saturating_sub(malformed);
+        }
+        if bus.is_time_withdrawn() {
+            self.undecoded += std::mem::take(&mut self.master.times);
+        }
+        // The predefined connection set assigns every identifier to a node, present or not.
+        let is_absent = |id, node: &NodeStatistics| bus.node(id).is_none() && node.has_only_pdos();
+        self.nodes.retain(|id, node| !bus.is_withdrawn(Some(*id)) && !is_absent(*id, node));
+    }
+
+    /// Counts an event.
     pub fn event(&mut self, event: &Event) {
         match &event.kind {
             EventKind::NmtCommand { service, .. } => {
@@ -94,6 +124,7 @@ impl BusStatistics {
                     self.master.sync.add(time.0);
                 }
             }
+            EventKind::BusSilent { .. } | EventKind::ClockStep { .. } => self.master.sync.interrupt(),
             EventKind::Time { .. } => self.master.times += 1,
             EventKind::Frame(frame) => self.undecoded += u64::from(frame.message.is_none()),
             EventKind::Malformed { .. } => self.malformed += 1,
@@ -101,6 +132,9 @@ impl BusStatistics {
         }
         if matches!(event.kind, EventKind::GuardRequest) {
             self.master.guard_requests += 1;
+        }
+        if event.presumed && event.protocol == Protocol::Canopen {
+            self.count_presumed(event);
         }
         if let Some(node) = event.node {
             self.nodes.entry(node).or_default().event(event);

@@ -1,19 +1,19 @@
-//! How often codes came.
+//! Occurrences of error codes.
 
-/// Codes counted one by one of each kind and node.
+/// Maximum number of codes counted separately, per kind and node.
 pub const MOST_CODES: usize = 64;
 
-/// Counts of codes, the first [`MOST_CODES`] of them apart.
+/// Occurrences per code, for up to [`MOST_CODES`] codes.
 #[derive(Debug, Clone, Default)]
 pub struct CodeCounts {
-    /// Code and how often.
+    /// Codes with their number of occurrences.
     pub codes: Vec<(u32, u64)>,
-    /// How often any further code came.
+    /// Number of occurrences of further codes.
     pub others: u64,
 }
 
 impl CodeCounts {
-    /// Counts one.
+    /// Counts an occurrence.
     pub fn add(&mut self, code: u32) {
         let has_room = self.codes.len() < MOST_CODES;
         match self.codes.iter_mut().find(|(known, _)| *known == code) {
@@ -23,12 +23,12 @@ impl CodeCounts {
         }
     }
 
-    /// How often any code came.
+    /// Number of occurrences of all codes.
     pub fn total(&self) -> u64 {
         self.codes.iter().map(|(_, count)| count).sum::<u64>().saturating_add(self.others)
     }
 
-    /// Codes, the most frequent first.
+    /// Codes with their number of occurrences, most frequent first.
     pub fn sorted(&self) -> Vec<(u32, u64)> {
         let mut codes = self.codes.clone();
         codes.sort_by_key(|(code, count)| (std::cmp::Reverse(*count), *code));
@@ -36,12 +36,12 @@ impl CodeCounts {
     }
 }
 
-/// A trouble code as one number: SPN and, in the lowest five bits, FMI.
+/// Key of a J1939 diagnostic trouble code: SPN, and FMI in the lowest five bits.
 pub const fn dtc_key(spn: u32, fmi: u8) -> u32 {
     spn << 5 | (fmi & 0x1F) as u32
 }
 
-/// SPN and FMI of such a number.
+/// SPN and FMI of a key.
 pub const fn dtc_of_key(key: u32) -> (u32, u8) {
     (key >> 5, (key & 0x1F).to_le_bytes()[0])
 }

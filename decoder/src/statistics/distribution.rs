@@ -1,15 +1,15 @@
-//! Durations of which percentiles are wanted, in bounded memory.
+//! Percentiles of durations in bounded memory.
 
-/// Values kept one by one; from then on they are counted in classes.
+/// Maximum number of exact values; beyond it, values are counted in classes.
 const EXACT: usize = 1_024;
 
-/// Classes an octave: a percentile is off by at most one part in 64.
+/// Classes per octave; the error of a percentile is at most 1/64.
 const STEPS: u32 = 32;
 
-/// Classes for all of 0..=`i64::MAX`.
+/// Number of classes for 0..=`i64::MAX`.
 const CLASSES: usize = 59 * STEPS as usize;
 
-/// Durations in nanoseconds.
+/// Distribution of durations in ns.
 #[derive(Debug, Clone, Default)]
 pub struct Distribution {
     count: u64,
@@ -20,7 +20,7 @@ pub struct Distribution {
 }
 
 impl Distribution {
-    /// Adds a duration; below zero counts as zero.
+    /// Adds a duration; a negative one counts as 0.
     pub fn add(&mut self, value: i64) {
         let value = value.max(0);
         self.min = if self.count == 0 { value } else { self.min.min(value) };
@@ -44,12 +44,12 @@ impl Distribution {
         self.count
     }
 
-    /// The longest in nanoseconds; 0 where there is none.
+    /// Longest duration in ns; 0 if empty.
     pub fn longest(&self) -> i64 {
         self.max
     }
 
-    /// The smallest value that `percent` of all do not exceed.
+    /// Smallest value that `percent` of all values do not exceed; `None` if empty.
     pub fn percentile(&self, percent: u64) -> Option<i64> {
         if self.count == 0 {
             return None;
@@ -78,7 +78,7 @@ fn count(classes: &mut [u64], value: i64) {
     }
 }
 
-/// Below 32 each value has its own class; above, each octave has 32.
+/// Class of a value: one class per value below 32, then 32 classes per octave.
 fn class(value: u64) -> usize {
     let octave = value.max(1).ilog2();
     if octave < 5 {

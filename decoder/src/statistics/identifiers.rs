@@ -1,4 +1,4 @@
-//! What each identifier carried last, how often and how regularly: a row an identifier, bus and direction.
+//! Last payload, frequency and regularity of each identifier: one row per bus, identifier and remote flag.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -11,43 +11,43 @@ use crate::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use crate::profile::{Layout, PdoName};
 use crate::wire::NodeId;
 
-/// Identifiers counted one by one on all buses; frames of further ones are counted together.
+/// Maximum number of rows on all buses; frames of further identifiers are only counted.
 pub const MOST_ROWS: usize = 4096;
 
-/// 11-bit identifiers, and the same again for remote frames.
+/// Number of 11-bit identifiers, for data and remote frames.
 const STANDARD: usize = 2 * 2048;
 
-/// No row.
+/// Marks an identifier without a row.
 const NONE: u16 = u16::MAX;
 
-/// One identifier of one bus; remote frames have a row of their own.
+/// Row of one identifier on one bus; remote frames have a separate row.
 #[derive(Debug, Clone)]
 pub struct IdentifierRow {
     /// Bus.
     pub bus: BusIndex,
     /// Identifier.
     pub id: CanId,
-    /// Whether these are remote frames.
+    /// Whether the row is for remote frames.
     pub is_remote: bool,
-    /// Frames.
+    /// Number of frames.
     pub count: u64,
-    /// Time between them.
+    /// Time between frames.
     pub intervals: Intervals,
-    /// Number of the last one.
+    /// Number of the last frame.
     pub last_frame: u64,
-    /// Its time.
+    /// Time of the last frame.
     pub last_time: Option<Timestamp>,
-    /// Nanoseconds between the last two.
+    /// Time between the last two frames, in ns.
     pub last_gap: Option<i64>,
-    /// Bytes of its payload that differ from the one before, a bit a byte, bit 0 the first.
+    /// Payload bytes that differ from the previous frame, one bit per byte, bit 0 for the first byte.
     pub changed: u64,
-    /// Bytes that ever differed.
+    /// Payload bytes that have ever changed, in the same form.
     pub ever_changed: u64,
-    /// Node it belongs to, where its events say so.
+    /// Node, if known from events.
     pub node: Option<NodeId>,
-    /// PDO it is.
+    /// Name, if the identifier belongs to a PDO.
     pub pdo: Option<PdoName>,
-    /// What its bits mean.
+    /// Layout of the payload, if known.
     pub layout: Option<Arc<Layout>>,
     length: u8,
     bytes: [u8; MAX_DATA],
@@ -79,7 +79,8 @@ impl IdentifierRow {
         }
     }
 
-    /// Bytes only one of two payloads has changed, whatever they are; behind the payload all are zero.
+    /// Sets the new length. Bytes that only one of the payloads contains count as changed; unused bytes
+    /// become zero.
     #[cold]
     fn resize(&mut self, before: usize, now: usize) {
         self.changed |= between(before.min(now), before.max(now));
@@ -93,7 +94,7 @@ impl IdentifierRow {
         let data = frame.data();
         let before = usize::from(self.length);
         self.changed = 0;
-        // In words of eight bytes: most frames have one, and comparing blocks costs more than that.
+        // Words of eight bytes are faster than slice comparison, because most frames have one.
         for (place, (kept, now)) in self.bytes.chunks_exact_mut(WORD).zip(data.chunks(WORD)).enumerate() {
             let mut word = [0; WORD];
             word.iter_mut().zip(now).for_each(|(to, from)| *to = *from);
@@ -124,20 +125,20 @@ impl IdentifierRow {
     }
 }
 
-/// Bytes of a word.
+/// Size of a word in bytes.
 const WORD: usize = 8;
 
-/// Bytes of a word that are not zero, a bit a byte.
+/// Bit mask of the bytes of a word that are not zero.
 fn bytes_of(word: u64) -> u64 {
     word.to_le_bytes().iter().enumerate().fold(0, |bits, (at, byte)| bits | u64::from(*byte != 0) << at)
 }
 
-/// Bits for the bytes from one place up to another.
+/// Bit mask of the bytes `from` to `to`, exclusive.
 fn between(from: usize, to: usize) -> u64 {
     (from..to.min(MAX_DATA)).fold(0, |bits, at| bits | 1 << at)
 }
 
-/// All identifiers seen, in order of appearance.
+/// Rows of all identifiers, in order of appearance.
 #[derive(Debug, Clone, Default)]
 pub struct Identifiers {
     rows: Vec<IdentifierRow>,
@@ -147,7 +148,7 @@ pub struct Identifiers {
 }
 
 impl Identifiers {
-    /// Takes a frame; gives the place of its row.
+    /// Counts a frame; returns the index of its row.
     pub fn frame(&mut self, frame: &Frame) -> Option<usize> {
         if frame.flags.contains(FrameFlags::ERROR) {
             return None;
@@ -160,7 +161,7 @@ impl Identifiers {
         place
     }
 
-    /// Takes an event of the frame whose row is at `place`.
+    /// Updates the row at `place` with an event of its frame.
     #[inline]
     pub fn event(&mut self, place: usize, event: &Event) {
         let (layout, name) = match &event.kind {
@@ -231,12 +232,12 @@ impl Identifiers {
         &self.rows
     }
 
-    /// Frames of identifiers beyond [`MOST_ROWS`].
+    /// Number of frames of identifiers beyond [`MOST_ROWS`].
     pub fn others(&self) -> u64 {
         self.others
     }
 
-    /// Bytes held.
+    /// Memory in use, in bytes.
     pub fn footprint(&self) -> usize {
         self.rows.len() * size_of::<IdentifierRow>()
             + self.standard.len() * STANDARD * size_of::<u16>()
@@ -254,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_tells_the_last_payload_and_what_changed() {
+    fn a_row_contains_the_last_payload_and_its_changes() {
         let mut all = Identifiers::default();
         let id = CanId::standard(0x185);
         all.frame(&frame(10, id, &[1, 2, 3]));

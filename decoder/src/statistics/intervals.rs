@@ -1,9 +1,9 @@
-//! Times between events of one kind: shortest, longest, mean.
+//! Intervals between events of one kind: shortest, longest, mean.
 
-/// Intervals after which a longer silence than ever says that something stopped.
+/// Minimum number of intervals for a statement on silence.
 const ENOUGH: u64 = 3;
 
-/// Shortest, longest and mean of intervals, and where the longest began.
+/// Shortest, longest and mean interval, and the start of the longest one.
 #[derive(Debug, Clone, Default)]
 pub struct Intervals {
     last: Option<i64>,
@@ -15,7 +15,7 @@ pub struct Intervals {
 }
 
 impl Intervals {
-    /// Something happened at `time` (nanoseconds). Time that does not go on makes no interval.
+    /// Adds an event at `time`, in ns. A time before the last one adds no interval.
     pub fn add(&mut self, time: i64) {
         if let Some(last) = self.last.replace(time)
             && time >= last
@@ -24,7 +24,7 @@ impl Intervals {
         }
     }
 
-    /// An interval of `length` nanoseconds that began at `began`.
+    /// Adds an interval of `length` ns that started at `began`.
     fn add_interval(&mut self, length: i64, began: i64) {
         self.shortest = if self.count == 0 { length } else { self.shortest.min(length) };
         if self.count == 0 || length > self.longest {
@@ -35,12 +35,12 @@ impl Intervals {
         self.sum = self.sum.saturating_add(length);
     }
 
-    /// The next event begins a new series: the time until it is no interval.
+    /// Starts a new series: the time until the next event is not counted.
     pub fn interrupt(&mut self) {
         self.last = None;
     }
 
-    /// When the first event was, as far as time went on since.
+    /// Time of the first event, calculated from the last one and the sum of intervals.
     pub fn began(&self) -> Option<i64> {
         Some(self.last?.saturating_sub(self.sum))
     }
@@ -50,32 +50,37 @@ impl Intervals {
         self.count
     }
 
-    /// Nanoseconds of the shortest.
+    /// Length of the shortest interval, in ns.
     pub fn shortest(&self) -> Option<i64> {
         (self.count > 0).then_some(self.shortest)
     }
 
-    /// Nanoseconds of the longest, and when it began.
+    /// Length and start of the longest interval, in ns.
     pub fn longest(&self) -> Option<(i64, i64)> {
         (self.count > 0).then_some((self.longest, self.longest_began))
     }
 
-    /// Largest distance of an interval from the mean, in nanoseconds.
+    /// Largest deviation of an interval from the mean, in ns.
     pub fn jitter(&self) -> Option<i64> {
         let mean = self.mean()?;
         Some(self.longest.saturating_sub(mean).max(mean.saturating_sub(self.shortest)))
     }
 
-    /// Since when something regular is missing: not seen until `end` for more than twice its longest
-    /// interval, which is not above three times the mean.
+    /// Start of a silence: the time of the last event, if the events were regular (longest interval at most
+    /// three times the mean) and the time until `end` is more than twice the longest interval.
     pub fn silent_since(&self, end: Option<i64>) -> Option<i64> {
-        let (last, mean) = (self.last?, self.mean()?);
-        let is_regular = self.count >= ENOUGH && self.longest <= mean.saturating_mul(3);
+        let last = self.last?;
         let silence = end?.saturating_sub(last);
-        (is_regular && silence > self.longest.saturating_mul(2)).then_some(last)
+        (self.count >= ENOUGH && self.is_regular() && silence > self.longest.saturating_mul(2))
+            .then_some(last)
     }
 
-    /// Mean in nanoseconds.
+    /// Whether the longest interval is at most three times the mean.
+    pub fn is_regular(&self) -> bool {
+        self.mean().is_some_and(|mean| self.longest <= mean.saturating_mul(3))
+    }
+
+    /// Mean interval in ns.
     pub fn mean(&self) -> Option<i64> {
         let count = i64::try_from(self.count).ok()?;
         self.sum.checked_div(count)
@@ -92,7 +97,7 @@ mod tests {
         for time in [0, 10, 30, 35, 20, 25] {
             intervals.add(time);
         }
-        // 10, 20, 5; the step back makes none; 5.
+        // Intervals 10, 20, 5; none for the step back; 5.
         assert_eq!(
             (intervals.count(), intervals.shortest(), intervals.longest()),
             (4, Some(5), Some((20, 10)))
@@ -101,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stopped_is_silent_only_if_it_was_regular() {
+    fn silence_requires_regular_events() {
         let of = |times: &[i64]| {
             let mut intervals = Intervals::default();
             for time in times {

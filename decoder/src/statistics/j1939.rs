@@ -1,29 +1,31 @@
-//! Figures of J1939 addresses, made of those of identifiers when they are asked for.
+//! Statistics of J1939 addresses, derived from those of identifiers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::bus::BusStatistics;
 use crate::frame::CanId;
+use crate::wire::isotp::Addresses;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS, Pgn};
 
-/// What an address sent, transport frames among it.
+/// Frames sent from an address, including transport frames.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct AddressStatistics {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Their groups.
+    /// Parameter groups of the frames.
     pub groups: BTreeSet<Pgn>,
 }
 
 impl BusStatistics {
-    /// Addresses that sent anything, by the identifiers that are counted.
+    /// Statistics of all source addresses, from the identifiers that are counted separately.
     pub fn addresses(&self) -> BTreeMap<u8, AddressStatistics> {
         let mut addresses: BTreeMap<u8, AddressStatistics> = BTreeMap::new();
         for ((id, is_remote), figures) in &self.ids {
             let CanId::Extended(number) = id else { continue };
-            let Some(id) = J1939Id::of(*number).filter(|id| !is_remote && id.source < NO_ADDRESS) else {
-                continue;
-            };
+            // ISO 15765 uses groups DA00 and DB00 for ISO-TP; its addresses are not those of J1939 devices.
+            let is_isotp = Addresses::of(*number).is_some();
+            let id = J1939Id::of(*number).filter(|id| !is_remote && !is_isotp && id.source < NO_ADDRESS);
+            let Some(id) = id else { continue };
             let address = addresses.entry(id.source).or_default();
             address.frames = address.frames.saturating_add(figures.frames);
             address.groups.insert(id.pgn);
@@ -40,8 +42,9 @@ mod tests {
     #[test]
     fn frames_and_groups_of_an_address() {
         let mut bus = BusStatistics::default();
-        // DM1 of 0x80 twice, its request to two addresses, and a claim of who has none.
-        for id in [0x18FE_CA80, 0x18FE_CA80, 0x18EA_2180, 0x18EA_2280, 0x18EE_FFFE] {
+        // DM1 of 0x80 twice, its request to two addresses, and a claim without an address.
+        // 18DAF120 is an ISO-TP response of 20 to F1.
+        for id in [0x18FE_CA80, 0x18FE_CA80, 0x18EA_2180, 0x18EA_2280, 0x18EE_FFFE, 0x18DA_F120] {
             bus.frame(&Frame::data_frame(CanId::extended(id), &[0; 8]));
         }
         bus.frame(&Frame::data_frame(CanId::standard(0x80), &[]));

@@ -1,35 +1,35 @@
-//! Frames and bits on the bus: in all, and in the worst second.
+//! Frames and bits on the bus: in total, and in the busiest second.
 
 use super::frame_bits;
 use crate::frame::Frame;
 
-/// The worst second is looked for in steps of this many nanoseconds, ten of which are a second.
+/// Step of the sliding window in ns; the window has `PARTS` steps, that is 1 s.
 const PART: i64 = 100_000_000;
 const PARTS: i64 = 10;
 
-/// Frames and bits over time.
+/// Bus load.
 #[derive(Debug, Clone, Default)]
 pub struct Load {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Bits on the wire with stuffing; FD and error frames are not in it.
+    /// Bits on the wire including stuffing, without FD and error frames.
     pub bits: u64,
-    /// Most frames in a second, and when it began.
+    /// Maximum number of frames in one second, and its start.
     pub worst_frames: (u64, i64),
-    /// Most bits in a second, and when it began.
+    /// Maximum number of bits in one second, and its start.
     pub worst_bits: (u64, i64),
     parts: [(u64, u64); 10],
     window: (u64, u64),
-    /// Number of the present part of a second.
+    /// Number of the current step.
     part: i64,
     first: i64,
     last: Option<i64>,
-    /// Added to stamps where the clock was set back, so that frames do not pile up in one second.
+    /// Correction of timestamps after the clock was set back, so that frames do not accumulate in one second.
     offset: i64,
 }
 
 impl Load {
-    /// Takes a frame and its time.
+    /// Counts a frame at `time`.
     pub(super) fn add(&mut self, frame: &Frame, time: Option<i64>) {
         let bits = u64::from(frame_bits(frame).unwrap_or(0));
         self.frames += 1;
@@ -49,7 +49,7 @@ impl Load {
         }
     }
 
-    /// Drops the parts that are more than a second old at `time`.
+    /// Moves the window to `time`.
     fn move_to(&mut self, time: i64) {
         let Some(last) = self.last else {
             (self.last, self.first, self.part) = (Some(time), time, time.div_euclid(PART));
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
     use crate::frame::CanId;
 
-    /// Load of frames of 48 bits at these milliseconds.
+    /// Load of frames of 48 bits at the given times in ms.
     fn load(milliseconds: impl Iterator<Item = i64>) -> Load {
         let mut load = Load::default();
         let frame = Frame::data_frame(CanId::standard(0x555), &[]);
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!((found.frames, found.bits), (6, 6 * 48));
         assert_eq!(found.worst_frames, (4, 500_000_000));
         assert_eq!(found.worst_bits, (4 * 48, 500_000_000));
-        // A second does not begin before the first frame.
+        // A second does not start before the first frame.
         assert_eq!(load([7_350, 7_360].into_iter()).worst_frames, (2, 7_350_000_000));
     }
 

@@ -1,15 +1,18 @@
-//! Who is on a bus, how often, how late: counted in one pass, in bounded memory.
+//! Statistics of a capture, collected in one pass and in bounded memory.
 
 mod bits;
 mod bus;
 mod codes;
 mod distribution;
+mod holes;
 mod identifiers;
 mod intervals;
 mod j1939;
 mod load;
 mod node;
 mod quality;
+mod reactions;
+mod span;
 
 pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
@@ -17,36 +20,47 @@ pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 pub use codes::{CodeCounts, dtc_of_key};
 pub use codes::{MOST_CODES, dtc_key};
 pub use distribution::Distribution;
+pub(crate) use holes::is_evidence;
 pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
 pub use intervals::Intervals;
 pub use j1939::AddressStatistics;
 pub use load::Load;
 pub use node::NodeStatistics;
-pub use quality::{Quality, span};
+pub use quality::Quality;
+pub use reactions::{ReactionTime, Reactions};
+pub use span::span;
 
 use crate::event::Event;
 use crate::frame::Frame;
+use crate::session::Buses;
 
-/// Figures of one capture.
+/// Statistics of one capture.
 #[derive(Debug, Clone, Default)]
 pub struct Statistics {
-    /// The capture itself.
+    /// Quality of the capture.
     pub quality: Quality,
-    /// Its buses, in order of appearance.
+    /// Statistics per bus, in order of appearance.
     pub buses: Vec<BusStatistics>,
 }
 
 impl Statistics {
-    /// Takes a frame, before its events.
+    /// Counts a frame; call it before the events of the frame.
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
         self.bus(frame.bus.0).frame(frame);
     }
 
-    /// Takes an event.
+    /// Counts an event.
     pub fn event(&mut self, event: &Event) {
         self.quality.event(event);
         self.bus(event.bus.0).event(event);
+    }
+
+    /// Removes figures of services that the traffic of a bus proved not to use; call it after the last event.
+    pub fn withdraw(&mut self, buses: Buses<'_>) {
+        for (statistics, bus) in self.buses.iter_mut().zip(buses) {
+            statistics.withdraw(bus);
+        }
     }
 
     fn bus(&mut self, index: u8) -> &mut BusStatistics {
@@ -54,8 +68,8 @@ impl Statistics {
         while self.buses.len() <= place {
             self.buses.push(BusStatistics::default());
         }
-        // There is one of this index now.
-        #[expect(clippy::indexing_slicing, reason = "the loop above made it")]
+        // The loop ensures that the index exists.
+        #[expect(clippy::indexing_slicing, reason = "ensured by the loop above")]
         &mut self.buses[place]
     }
 }

@@ -1,62 +1,64 @@
-//! Figures of one node.
+//! Statistics of one node.
 
-use super::{CodeCounts, Distribution, Intervals, MOST_CODES, dtc_key};
+use super::{CodeCounts, Distribution, Intervals, MOST_CODES, Reactions, dtc_key};
 use crate::event::{DtcAction, Event, EventKind, Outcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::PdoName;
 
-/// What one node did.
+/// Statistics of one node.
 #[derive(Debug, Clone, Default)]
 pub struct NodeStatistics {
-    /// Time between heartbeats; a boot-up or silence interrupts.
+    /// Time between heartbeats; a boot-up or silence starts a new series.
     pub heartbeat: Intervals,
-    /// The same intervals by size.
+    /// Distribution of the time between heartbeats.
     pub heartbeat_distribution: Distribution,
     last_heartbeat: Option<i64>,
-    /// Guarding requests to it, and its replies.
+    /// Number of guarding requests and responses.
     pub guarding: (u64, u64),
-    /// Boot-ups.
+    /// Number of boot-ups.
     pub boots: u64,
-    /// Times it was lost.
+    /// Number of times the node was lost.
     pub lost: u64,
-    /// EMCYs other than 0000, by code.
+    /// EMCY messages by error code, except 0000.
     pub emcy: CodeCounts,
-    /// SDO transfers it served: complete, aborted, unanswered, others.
+    /// SDO transfers with the node as server, by outcome.
     pub sdo: SdoCounts,
     /// Duration of complete and aborted transfers.
     pub sdo_duration: Distribution,
     /// Time from the end of a transfer to the client's next request.
     pub think_time: Distribution,
     last_transfer: Option<i64>,
-    /// Abort codes of transfers with it.
+    /// SDO transfers with the node as server, by abort code.
     pub aborts: CodeCounts,
-    /// Time between guarding requests to it.
+    /// Time between guarding requests to the node.
     pub guard_requests: Intervals,
-    /// Address claims of a J1939 device, those it lost among them.
+    /// Number of address claims of a J1939 device, including lost ones.
     pub claims: u64,
-    /// Trouble codes it raised, by [`dtc_key`].
+    /// J1939 diagnostic trouble codes, by [`dtc_key`].
     pub dtcs: CodeCounts,
-    /// PDOs it sent and received.
+    /// Number of PDOs sent and received.
     pub pdos: u64,
-    /// Their names and identifiers, the first [`MOST_CODES`].
+    /// Names and COB-IDs of PDOs, up to [`MOST_CODES`].
     pub pdo_ids: Vec<(PdoName, CanId)>,
+    /// Reaction times of the controller.
+    pub reactions: Reactions,
 }
 
-/// Transfers by outcome.
+/// Number of transfers by outcome.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SdoCounts {
     /// Complete.
     pub complete: u64,
-    /// Aborted by either side.
+    /// Aborted by client or server.
     pub aborted: u64,
-    /// Without answer.
+    /// Without response.
     pub timeout: u64,
-    /// Given up, or unfinished at the end.
+    /// Superseded, or unfinished at the end.
     pub other: u64,
 }
 
 impl NodeStatistics {
-    /// Whether the node was heard or served anything: an address without that may not exist.
+    /// Whether the node sent or served anything; otherwise the node-ID may be unused.
     pub fn is_present(&self) -> bool {
         self.heartbeat.count() > 0
             || self.last_heartbeat.is_some()
@@ -64,7 +66,12 @@ impl NodeStatistics {
             || !self.emcy.codes.is_empty()
     }
 
-    /// Takes an event about this node.
+    /// Whether all its events are PDOs.
+    pub(super) fn has_only_pdos(&self) -> bool {
+        self.pdos > 0 && !Self { pdos: 0, ..self.clone() }.is_present()
+    }
+
+    /// Counts an event of this node.
     pub fn event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
         match &event.kind {
@@ -72,6 +79,7 @@ impl NodeStatistics {
             EventKind::BootUp { .. } => {
                 self.boots += 1;
                 self.last_heartbeat = None;
+                self.reactions.interrupt();
                 self.heartbeat.interrupt();
             }
             EventKind::GuardRequest => {
@@ -81,7 +89,10 @@ impl NodeStatistics {
                 }
             }
             EventKind::GuardReply { .. } => self.guarding.1 += 1,
-            EventKind::NodeLost(_) => self.lost += 1,
+            EventKind::NodeLost(_) => {
+                self.lost += 1;
+                self.reactions.interrupt();
+            }
             EventKind::Emcy(emergency) => {
                 if let Some(code) = emergency.code.filter(|code| *code != 0) {
                     self.emcy.add(u32::from(code));
@@ -89,6 +100,7 @@ impl NodeStatistics {
             }
             EventKind::Pdo(pdo) => {
                 self.pdos += 1;
+                self.reactions.add(event, pdo);
                 let id = (pdo.name, pdo.cob_id);
                 if !self.pdo_ids.contains(&id) && self.pdo_ids.len() < MOST_CODES {
                     self.pdo_ids.push(id);

@@ -1,38 +1,48 @@
-//! How far a capture can be trusted: stamps, gaps, what the recorder lost.
+//! Quality of a capture: timestamps, gaps, lost frames.
 
+use super::holes::{Holes, is_evidence};
+use super::span::span;
 use crate::event::{Event, EventKind};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile;
 use crate::words::plural;
 
-/// Frames from which the stamps are judged.
+/// Number of frames used to assess the timestamps.
 const JUDGED: u64 = 1_000;
 
-/// Coarsest and finest step of stamps looked for, in nanoseconds.
+/// Minimum number of equal timestamps that are not a coincidence.
+const EQUAL: u64 = 20;
+
+/// Possible granularities of timestamps, in ns.
 const STEPS: [i64; 10] =
     [1_000_000_000, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1_000, 100, 10, 1];
 
-/// What is known of the capture itself.
+/// Quality of a capture.
 #[derive(Debug, Clone, Default)]
 pub struct Quality {
-    /// Frames, error frames among them.
+    /// Number of frames, including error frames.
     pub frames: u64,
-    /// First and last stamp in nanoseconds.
+    /// First timestamp in ns.
     pub first: Option<i64>,
-    /// Latest stamp.
+    /// Latest timestamp in ns.
     pub last: Option<i64>,
-    /// Error frames.
+    /// Number of error frames.
     pub error_frames: u64,
     /// Error frames by class, in the order of SocketCAN's class bits.
     pub error_classes: Vec<(String, u64)>,
-    /// Lines or records that could not be read.
+    /// Number of unreadable lines or records.
     pub unreadable: u64,
-    /// Frames the recorder says it lost; `None` counts as one.
+    /// Number of frames lost by the recorder; an unknown number counts as one.
     pub lost: u64,
-    /// Backward steps of the stamps, and the largest in nanoseconds (negative).
+    /// Segments of SDO block transfers that the receiver acknowledged, but that were not captured.
+    pub missing_segments: u64,
+    /// Number of backward steps of timestamps, and the largest one in ns (negative).
     pub clock_steps: (u64, i64),
-    /// Silences of all traffic, and the longest in nanoseconds.
+    /// Number of times that the clock was set forward during a live capture.
+    pub clock_sets: u64,
+    /// Number of gaps without any frame, and the longest one in ns.
     pub silences: (u64, i64),
+    holes: Holes,
     stamps: Stamps,
 }
 
@@ -41,19 +51,23 @@ struct Stamps {
     count: u64,
     first: i64,
     last: i64,
-    /// Largest step of [`STEPS`] of which every stamp is a multiple, as an index.
+    /// Index of the largest step in [`STEPS`] that divides all timestamps.
     step: usize,
-    /// The one interval between all stamps so far.
+    /// Interval between all timestamps so far.
     interval: Option<i64>,
     varies: bool,
 }
 
+/// Class of reports that contain only error counters (linux/can/error.h, `CAN_ERR_CNT`).
+const COUNTERS: u32 = 0x200;
+
 impl Quality {
-    /// Takes a frame.
+    /// Counts a frame.
     pub fn frame(&mut self, frame: &Frame) {
         self.frames += 1;
         if frame.flags.contains(FrameFlags::ERROR) {
-            self.error_frames += 1;
+            // New counters alone are a state of the controller, not an error on the bus.
+            self.error_frames += u64::from(frame.id.number() != COUNTERS);
             let names = &profile::can_errors().classes;
             for name in names.names(frame.id.number()).filter(|name| *name != "counters") {
                 match self.error_classes.iter_mut().find(|(known, _)| known == name) {
@@ -69,13 +83,21 @@ impl Quality {
         }
     }
 
-    /// Takes an event.
+    /// Counts an event.
     pub fn event(&mut self, event: &Event) {
+        if is_evidence(&event.kind) {
+            self.holes.event(event);
+        }
         match &event.kind {
             EventKind::Unreadable { count, .. } => self.unreadable += count,
             EventKind::LostFrames { count } => self.lost += count.unwrap_or(1),
+            EventKind::ClockStep { step: 0.. } => self.clock_sets += 1,
             EventKind::ClockStep { step } => {
                 self.clock_steps = (self.clock_steps.0 + 1, self.clock_steps.1.min(*step));
+            }
+            // Transfers of a presumed protocol may be withdrawn.
+            EventKind::SdoTransfer(transfer) if !event.presumed => {
+                self.missing_segments = self.missing_segments.saturating_add(transfer.missing_segments);
             }
             EventKind::BusSilent { gap } => {
                 self.silences = (self.silences.0 + 1, self.silences.1.max(*gap));
@@ -84,57 +106,85 @@ impl Quality {
         }
     }
 
-    /// Nanoseconds from the first stamp to the last.
+    /// Time from the first to the last timestamp, in ns.
     pub fn duration(&self) -> Option<i64> {
         Some(self.last?.saturating_sub(self.first?))
     }
 
-    /// What limits verdicts on the capture, in words.
+    /// Properties of the capture that limit the verdicts, as text.
     pub fn limits(&self) -> Vec<String> {
         let mut limits = Vec::new();
         if self.first.is_none() {
-            limits.push("the capture has no times: rules about times are not exercised".to_owned());
+            limits.push("no timestamps: timing rules not exercised".to_owned());
+        }
+        if self.has_equal_stamps() {
+            limits.push("all timestamps equal (no times): timing rules not exercised".to_owned());
         }
         if let Some(interval) = self.made_up_interval() {
             let interval = span(interval);
-            limits.push(format!(
-                "the stamps are made up, one each {interval}: rules about times are not exercised"
-            ));
+            limits.push(format!("timestamps synthetic (one every {interval}): timing rules not exercised"));
         }
         match self.lost {
             0 => {}
-            lost => limits.push(format!("the recorder lost {}", plural(lost, "frame"))),
+            lost => limits.push(format!("recorder lost {}", plural(lost, "frame"))),
         }
         match self.unreadable {
             0 => {}
-            1 => limits.push("1 line or record could not be read".to_owned()),
-            unreadable => limits.push(format!("{unreadable} lines or records could not be read")),
+            1 => limits.push("1 line or record unreadable".to_owned()),
+            unreadable => limits.push(format!("{unreadable} lines or records unreadable")),
+        }
+        if self.missing_segments > 0 {
+            let segments = plural(self.missing_segments, "segment");
+            limits.push(format!("{segments} of SDO transfers not captured (the other side received them)"));
         }
         let (steps, largest) = self.clock_steps;
         let largest = span(largest.saturating_neg());
         match steps {
             0 => {}
-            1 => limits.push(format!("stamps went back once, by {largest}")),
-            steps => limits.push(format!("stamps went back {steps} times, by {largest} at most")),
+            1 => limits.push(format!("timestamps jumped back once, by {largest}")),
+            steps => limits.push(format!("timestamps jumped back {steps} times, by up to {largest}")),
         }
+        match self.clock_sets {
+            0 => {}
+            1 => limits.push("clock set forward once".to_owned()),
+            sets => limits.push(format!("clock set forward {sets} times")),
+        }
+        limits.extend(self.holes.words());
         if self.error_frames > 0 {
             limits.push(plural(self.error_frames, "error frame"));
         }
         limits
     }
 
-    /// Estimated granularity of the stamps in nanoseconds, from the first 1,000.
-    pub fn granularity(&self) -> Option<i64> {
-        (self.stamps.count > 1).then(|| STEPS.get(self.stamps.step).copied().unwrap_or(1))
+    /// One statement per gap of a whole bus: duration, frames, presumed cause and its evidence.
+    pub fn holes(&self) -> impl Iterator<Item = String> {
+        self.holes.words()
     }
 
-    /// Whether two intervals between stamps differed: they are not made up.
+    /// Whether at least 20 frames have a timestamp and all timestamps are equal: the recorder had no clock, or a
+    /// converter filled in a value.
+    pub fn has_equal_stamps(&self) -> bool {
+        self.stamps.count >= EQUAL && self.first == self.last
+    }
+
+    /// Whether the timestamps are those of a recorder: neither missing, nor all equal, nor synthetic.
+    pub fn is_timed(&self) -> bool {
+        self.first.is_some() && !self.has_equal_stamps() && self.made_up_interval().is_none()
+    }
+
+    /// Estimated granularity of the timestamps in ns, from the first 1,000.
+    pub fn granularity(&self) -> Option<i64> {
+        (self.stamps.count > 1 && !self.has_equal_stamps())
+            .then(|| STEPS.get(self.stamps.step).copied().unwrap_or(1))
+    }
+
+    /// Whether intervals between timestamps differ, that is, the timestamps are real.
     pub(crate) fn has_varied(&self) -> bool {
         self.stamps.varies
     }
 
-    /// The interval between all of the first 1,000 stamps, if it is the same throughout: they were made
-    /// up, and times say nothing.
+    /// The constant interval between the first 1,000 timestamps; if there is one, the timestamps are
+    /// synthetic and unsuitable for timing rules.
     pub fn made_up_interval(&self) -> Option<i64> {
         let stamps = &self.stamps;
         stamps.interval.filter(|interval| stamps.count >= JUDGED && !stamps.varies && *interval > 0)
@@ -161,32 +211,12 @@ impl Stamps {
     }
 }
 
-/// A span of time as people say it: in the largest unit of which it has one or more, with three digits.
-pub fn span(nanoseconds: i64) -> String {
-    const UNITS: [(i64, &str); 5] = [
-        (86_400_000_000_000, "days"),
-        (3_600_000_000_000, "h"),
-        (60_000_000_000, "min"),
-        (1_000_000_000, "s"),
-        (1_000_000, "ms"),
-    ];
-    let fits = UNITS.iter().find(|(unit, _)| nanoseconds.saturating_abs() >= *unit);
-    let (unit, name) = fits.copied().unwrap_or((1_000, "µs"));
-    #[expect(clippy::cast_precision_loss, reason = "three digits of it")]
-    let value = nanoseconds as f64 / unit as f64;
-    let digits = if value.abs() < 9.995 { 2 } else { usize::from(value.abs() < 99.95) };
-    let text = format!("{value:.digits$}");
-    let text = if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    let name = if (text, name) == ("1", "days") { "day" } else { name };
-    format!("{text} {name}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn spans_are_said_in_the_unit_people_use() {
+    fn spans_have_a_readable_unit() {
         let said =
             [1_500, 20_000_000, 1_250_000_000, 90_000_000_000, 5_400_000_000_000, 1_197_906_557_000_000];
         assert_eq!(span(86_400_000_000_000), "1 day");
@@ -199,18 +229,18 @@ mod tests {
             Quality { first: Some(0), lost: 1, unreadable: 1, error_frames: 1, ..Quality::default() };
         quality.clock_steps = (1, -1_197_906_557_000_000);
         let once = [
-            "the recorder lost 1 frame",
-            "1 line or record could not be read",
-            "stamps went back once, by 13.9 days",
+            "recorder lost 1 frame",
+            "1 line or record unreadable",
+            "timestamps jumped back once, by 13.9 days",
             "1 error frame",
         ];
         assert_eq!(quality.limits(), once);
         (quality.lost, quality.unreadable, quality.error_frames) = (2, 2, 2);
         quality.clock_steps = (2, -20_000_000);
         let often = [
-            "the recorder lost 2 frames",
-            "2 lines or records could not be read",
-            "stamps went back 2 times, by 20 ms at most",
+            "recorder lost 2 frames",
+            "2 lines or records unreadable",
+            "timestamps jumped back 2 times, by up to 20 ms",
             "2 error frames",
         ];
         assert_eq!(quality.limits(), often);
@@ -235,6 +265,17 @@ mod tests {
         assert_eq!(short.made_up_interval(), None);
         let real = quality((0..1_000).map(|n| n * 1_000_000 + n % 3 * 1_000));
         assert_eq!(real.made_up_interval(), None);
+    }
+
+    #[test]
+    fn equal_timestamps_are_not_times() {
+        let equal = quality([1_700_000_000_000_000_000; 20].into_iter());
+        assert!(equal.has_equal_stamps() && !equal.is_timed() && equal.granularity().is_none());
+        let few = quality([0; 19].into_iter());
+        assert!(!few.has_equal_stamps() && few.is_timed());
+        let real = quality((0..20).map(|n| i64::from(n == 19)));
+        assert!(!real.has_equal_stamps() && real.is_timed());
+        assert!(!Quality::default().is_timed());
     }
 
     #[test]

@@ -1,49 +1,49 @@
-//! Changes worth telling before a fault: the last few of a node and of its bus.
+//! Relevant changes before a fault: the last few of a node and of its bus.
 
 use std::collections::VecDeque;
 
 use crate::event::{ClaimAction, Direction, DtcAction, Event, EventKind, Outcome, StateCause};
 use crate::wire::NodeId;
 
-/// Changes kept, and told, of a node; events kept of a moment.
+/// Maximum number of changes per node, and of events per moment.
 pub const SHOWN: usize = 10;
 
-/// Bytes kept of the data of a transfer.
+/// Maximum number of data bytes of a transfer.
 const DATA: usize = 256;
 
-/// Whom a change concerns.
+/// Scope of a change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reach {
+pub(super) enum ChangeScope {
     /// One node.
     Node(NodeId),
     /// The whole bus.
     Bus,
 }
 
-/// Whom an event concerns as a change; `None` for repetitions, PDOs, reads and whatever else says little.
-pub(super) fn reach(event: &Event) -> Option<Reach> {
-    let is_told = match &event.kind {
+/// Scope of an event that is a relevant change; `None` for repetitions, PDOs, successful reads and the like.
+pub(super) fn reach(event: &Event) -> Option<ChangeScope> {
+    let is_relevant = match &event.kind {
         EventKind::NmtCommand { target, .. } => {
-            return Some(if *target == 0 { Reach::Bus } else { Reach::Node((*target).into()) });
+            return Some(if *target == 0 { ChangeScope::Bus } else { ChangeScope::Node((*target).into()) });
         }
         EventKind::CanError(_)
         | EventKind::BusSilent { .. }
         | EventKind::LostFrames { .. }
         | EventKind::Link { .. } => {
-            return Some(Reach::Bus);
+            return Some(ChangeScope::Bus);
         }
-        EventKind::Sync { expected, .. } => return expected.map(|_| Reach::Bus),
-        // What a command presumes or a boot-up tells is in the line of that.
+        EventKind::Sync { expected, .. } => return expected.map(|_| ChangeScope::Bus),
+        // States that follow from a command or a boot-up are already in the line of that event.
         EventKind::NmtState(change) => !matches!(change.cause, StateCause::Command | StateCause::BootUp),
         EventKind::GuardReply { toggle_error, .. } => *toggle_error,
         EventKind::SdoTransfer(transfer) => {
-            // A read says little, unless nobody answers it.
+            // A read matters only if there is no response.
             let is_write = transfer.direction == Some(Direction::Download);
             transfer.waited.is_some()
                 || is_write
                     && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
         }
-        // Lists of what was before, and answers to a request for all addresses, change nothing.
+        // Previously active faults and responses to a global request for address claimed are not changes.
         EventKind::Dtc(dtc) => dtc.action != DtcAction::PreviouslyActive,
         EventKind::AddressClaim(claim) => claim.action != ClaimAction::Confirmed,
         EventKind::BootUp { .. }
@@ -60,10 +60,10 @@ pub(super) fn reach(event: &Event) -> Option<Reach> {
         | EventKind::MessageGap(_) => true,
         _ => false,
     };
-    event.node.filter(|_| is_told).map(Reach::Node)
+    event.node.filter(|_| is_relevant).map(ChangeScope::Node)
 }
 
-/// Whether of two changes only the later one is worth a line.
+/// Whether `new` makes `old` redundant.
 fn replaces(new: &EventKind, old: &EventKind) -> bool {
     match (new, old) {
         (EventKind::SetPoint(new), EventKind::SetPoint(old)) => {
@@ -95,12 +95,12 @@ fn replaces(new: &EventKind, old: &EventKind) -> bool {
     }
 }
 
-/// The last few changes.
+/// The last changes of a node or of a bus, with their sequence numbers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Changes(VecDeque<(u64, Event)>);
 
 impl Changes {
-    /// Remembers a change; `sequence` counts all events of the bus.
+    /// Adds a change; `sequence` counts all events of the bus.
     pub(super) fn add(&mut self, sequence: u64, event: &Event) {
         if let Some(place) = self.0.iter().position(|(_, old)| replaces(&event.kind, &old.kind)) {
             self.0.remove(place);
@@ -111,9 +111,9 @@ impl Changes {
         }
     }
 
-    /// Those of a node and of its bus behind an event, oldest first.
-    pub(super) fn last<'a>(lists: impl IntoIterator<Item = &'a Self>, behind: u64) -> Vec<Event> {
-        let all = lists.into_iter().flat_map(|list| &list.0).filter(|(sequence, _)| *sequence > behind);
+    /// Last changes of several lists after event number `after`, oldest first.
+    pub(super) fn last<'a>(lists: impl IntoIterator<Item = &'a Self>, after: u64) -> Vec<Event> {
+        let all = lists.into_iter().flat_map(|list| &list.0).filter(|(sequence, _)| *sequence > after);
         let mut all: Vec<_> = all.collect();
         all.sort_by_key(|(sequence, _)| *sequence);
         let old = all.len().saturating_sub(SHOWN);
@@ -121,7 +121,7 @@ impl Changes {
     }
 }
 
-/// The event without the bulk of long data.
+/// The event with long data truncated.
 pub(super) fn short(event: &Event) -> Event {
     match &event.kind {
         EventKind::SdoTransfer(transfer) if transfer.data.len() > DATA => {

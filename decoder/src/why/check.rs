@@ -1,40 +1,40 @@
-//! What to check: the device's own words first, then those of code tables, then general ones.
+//! Things to check: first those from the device manual, then those of code tables, then general ones.
 
 use super::fault::FaultKind;
 use super::state::NodeState;
 use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 
-/// Things to check that are told.
+/// Maximum number of things to check.
 const COUNT: usize = 3;
 
 /// One thing to check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Check {
-    /// For people.
+    /// Instruction for the user.
     pub text: String,
-    /// Section of the device's manual, where that says it.
+    /// Section of the device manual; empty if not from the manual.
     pub section: String,
-    /// What it comes from: `emcy`, `dtc`, `gate`, `state`, `code`, `general`.
+    /// Origin: `emcy`, `dtc`, `gate`, `state`, `code`, `general`.
     pub by: &'static str,
 }
 
-/// What the checks are made of.
-pub(super) struct Ground<'a> {
-    /// Faults, first first.
+/// Input for the list of checks.
+pub(super) struct FaultContext<'a> {
+    /// Faults in order of time.
     pub(super) kinds: &'a [FaultKind],
     /// The device, if known.
     pub(super) device: Option<&'a Device>,
-    /// The fault is a start at which settings went.
+    /// Whether volatile settings were lost at a boot-up.
     pub(super) lost_settings: bool,
-    /// How the node stands.
+    /// State of the node.
     pub(super) state: Option<&'a NodeState>,
-    /// The moment asked for is another than that of the fault: gates as they stand go first.
+    /// Whether closed gates take precedence, because the report is for a moment other than that of the fault.
     pub(super) gates_first: bool,
 }
 
-/// At most three, likeliest first.
-pub(super) fn checks(ground: &Ground<'_>) -> Vec<Check> {
+/// At most [`COUNT`] checks, most likely cause first.
+pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Check> {
     let mut all = Vec::new();
     let whole_node = ground.kinds.first().is_some_and(|kind| kind.is_of_the_whole_node());
     if ground.gates_first {
@@ -61,8 +61,8 @@ fn add(all: &mut Vec<Check>, text: &str, section: &str, by: &'static str) {
     }
 }
 
-/// Causes the device's manual names for the code.
-fn causes(ground: &Ground<'_>, all: &mut Vec<Check>) {
+/// Adds causes that the device manual lists for the code.
+fn causes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     let Some(device) = ground.device else { return };
     for kind in ground.kinds {
         let known = match kind {
@@ -77,8 +77,8 @@ fn causes(ground: &Ground<'_>, all: &mut Vec<Check>) {
     }
 }
 
-/// What closed gates want.
-fn gates(ground: &Ground<'_>, all: &mut Vec<Check>) {
+/// Adds the conditions of closed gates.
+fn gates(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     for gate in ground.state.into_iter().flat_map(NodeState::closed) {
         let text = match (gate.check.as_str(), gate.text.as_str()) {
             ("", "") => gate.gate.clone(),
@@ -89,10 +89,10 @@ fn gates(ground: &Ground<'_>, all: &mut Vec<Check>) {
     }
 }
 
-/// How the device's state is left, where its manual says something of it.
-fn ways_out(ground: &Ground<'_>, all: &mut Vec<Check>) {
+/// Adds transitions out of a fault state, from the device manual.
+fn ways_out(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     let (Some(device), Some(state)) = (ground.device, ground.state) else { return };
-    // Out of operational a control word does nothing.
+    // Control words have no effect outside operational.
     if state.nmt.is_some_and(|nmt| nmt.state != NmtState::Operational) {
         return;
     }
@@ -109,8 +109,8 @@ fn ways_out(ground: &Ground<'_>, all: &mut Vec<Check>) {
     }
 }
 
-/// What tables of codes say.
-fn codes(ground: &Ground<'_>, all: &mut Vec<Check>) {
+/// Adds hints of the code tables.
+fn codes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     for kind in ground.kinds {
         let entry = match kind {
             FaultKind::Emcy(code) => profile::emcy_codes().find(u32::from(*code)),
@@ -122,7 +122,7 @@ fn codes(ground: &Ground<'_>, all: &mut Vec<Check>) {
     }
 }
 
-fn general(ground: &Ground<'_>, all: &mut Vec<Check>) {
+fn general(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     for kind in ground.kinds {
         hints(kind.name(), all);
     }

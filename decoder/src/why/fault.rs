@@ -1,4 +1,4 @@
-//! Which events are faults, and how grave they are.
+//! Classification of events as faults.
 
 use crate::event::{
     BootCause, DeviceCause, DeviceState, Direction, DtcAction, EmcyAction, Event, EventKind, Outcome,
@@ -9,45 +9,45 @@ use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::error_frame::ErrorFrame;
 
-/// How grave a fault is; a lesser one counts only where there is no graver one.
+/// Severity of a fault; a lower grade is reported only if there is no higher one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Grade {
-    /// Something the device refused.
+pub enum FaultGrade {
+    /// The device rejected a request.
     Refused,
-    /// Something does not act, though nothing is broken.
+    /// No effect, but nothing is defective.
     Minor,
     /// A fault.
     Fault,
 }
 
-/// What went wrong.
+/// Kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultKind {
-    /// An EMCY with this code.
+    /// EMCY with this error code.
     Emcy(u16),
-    /// A trouble code of a J1939 device: SPN and FMI.
+    /// J1939 diagnostic trouble code: SPN and FMI.
     Dtc(u32, u8),
-    /// The device reports a fault nobody commanded.
+    /// The device reports a fault state without a command.
     DeviceState,
     /// Life guarding expired.
     LifeGuard,
-    /// A node fell silent.
+    /// A node stopped sending.
     NodeLost,
-    /// A node that was operational started anew without a command.
+    /// An operational node restarted without a command.
     Restart,
     /// A node left operational without a command.
     LeftOperational,
-    /// The controller of the recorder is error-passive or bus-off.
+    /// The CAN controller of the recorder is error-passive or bus-off.
     BusError,
     /// An NMT command forced the device into a fault state.
     CommandedFault,
-    /// A set point other than 0 does not act.
+    /// A set point other than 0 has no effect.
     SetPoint,
-    /// The device left the state in which set points act; nothing on the bus explains it.
+    /// The device left its active state without a cause on the bus.
     LeftActive,
     /// A procedure failed.
     Procedure,
-    /// A write was refused with this code.
+    /// A write was rejected with this abort code.
     Refused(u32),
 }
 
@@ -71,8 +71,8 @@ impl FaultKind {
         }
     }
 
-    /// How grave it is.
-    pub const fn grade(self) -> Grade {
+    /// Severity of the fault.
+    pub const fn grade(self) -> FaultGrade {
         match self {
             Self::Emcy(_)
             | Self::Dtc(..)
@@ -81,25 +81,25 @@ impl FaultKind {
             | Self::NodeLost
             | Self::Restart
             | Self::LeftOperational
-            | Self::BusError => Grade::Fault,
-            Self::CommandedFault | Self::SetPoint | Self::LeftActive | Self::Procedure => Grade::Minor,
-            Self::Refused(_) => Grade::Refused,
+            | Self::BusError => FaultGrade::Fault,
+            Self::CommandedFault | Self::SetPoint | Self::LeftActive | Self::Procedure => FaultGrade::Minor,
+            Self::Refused(_) => FaultGrade::Refused,
         }
     }
 
-    /// For people, where there is no fault: `set point without effect`.
+    /// Title if there is no fault of a higher grade: `set point without effect`.
     pub const fn title(self) -> &'static str {
         match self {
             Self::CommandedFault => "fault state after an NMT command",
             Self::SetPoint => "set point without effect",
-            Self::LeftActive => "active state left, nothing on the bus explains it",
-            Self::Procedure => "procedure that failed",
-            Self::Refused(_) => "refused write",
+            Self::LeftActive => "active state left without a cause on the bus",
+            Self::Procedure => "failed procedure",
+            Self::Refused(_) => "rejected write",
             _ => "fault",
         }
     }
 
-    /// Whether the causes lie outside the node's own gates: they are closed as a consequence.
+    /// Whether the cause is outside the gates of the node, which are closed as a consequence.
     pub(crate) const fn is_of_the_whole_node(self) -> bool {
         matches!(
             self,
@@ -108,7 +108,7 @@ impl FaultKind {
     }
 }
 
-/// The fault an event is; `node` as it is behind the event, `was_operational` before it.
+/// Kind of fault of an event; `node` is in the state after the event, `was_operational` refers to before it.
 pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> Option<FaultKind> {
     match &event.kind {
         EventKind::Emcy(emergency) => match emergency.code {
@@ -136,7 +136,7 @@ fn restart(cause: BootCause, was_operational: bool) -> Option<FaultKind> {
 fn nmt_state(change: &StateChange) -> Option<FaultKind> {
     match change.cause {
         StateCause::LifeGuard => Some(FaultKind::LifeGuard),
-        // A command would have been presumed before.
+        // After a command the state would already be presumed.
         StateCause::Heartbeat | StateCause::GuardReply
             if change.from == Some(NmtState::Operational) && change.to != NmtState::Operational =>
         {
@@ -165,7 +165,7 @@ fn left_active(state: &DeviceState, node: &Node) -> bool {
     state.from.as_deref().is_some_and(is_active) && !is_active(&state.to)
 }
 
-/// Error-passive or bus-off.
+/// Whether the controller is error-passive or bus-off.
 fn is_grave(error: ErrorFrame) -> bool {
     let names = profile::can_errors();
     let has_class = |wanted| names.classes.names(error.classes).any(|name| name == wanted);
@@ -174,7 +174,7 @@ fn is_grave(error: ErrorFrame) -> bool {
         || has_class("controller") && names.controller.names(u32::from(error.controller)).any(is_passive)
 }
 
-/// A write the server refused. Reads are refused all the time, by scans.
+/// A write rejected by the server. Rejected reads are normal during scans.
 fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
     let abort = transfer.abort.filter(|abort| !abort.by_client)?;
     let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Aborted;
@@ -221,7 +221,8 @@ mod tests {
             transmit_errors: 0,
             receive_errors: 0,
         };
-        // linux/can/error.h: class 0x004 controller, 0x040 bus-off; passive 0x10 and 0x20, warning 0x04 and 0x08.
+        // linux/can/error.h: class 0x004 controller, 0x040 bus-off; passive 0x10 and 0x20, warning 0x04 and
+        // 0x08.
         assert!(is_grave(error(0x040, 0)));
         assert!(is_grave(error(0x004, 0x10)) && is_grave(error(0x204, 0x20)));
         assert!(!is_grave(error(0x004, 0x0C)) && !is_grave(error(0x080, 0x10)));

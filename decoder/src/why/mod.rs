@@ -1,11 +1,12 @@
-//! Why: the first fault of a capture, the changes before it, the gates closed then, what to check.
+//! Why: the first fault of a capture, the changes before it, the gates closed at that time, and things to
+//! check.
 //!
 //! ```text
-//! Event ─Why::event─▶ a ring of changes a node, one open moment a bus ─Why::report─▶ Report ─text─▶ lines
+//! Event ─Why::event─▶ changes per node, one open moment per bus ─Why::report─▶ Report ─text─▶ lines
 //! ```
 //!
-//! Everything kept is bounded. Faults of one moment are one; a lesser one (a set point that does not act, a
-//! refused write) counts only where there is no graver one.
+//! All state is bounded. Simultaneous faults are one moment. A fault of a lower grade (set point without
+//! effect, rejected write) is reported only if there is none of a higher grade.
 
 mod cadence;
 mod change;
@@ -13,54 +14,51 @@ mod check;
 mod fault;
 mod moment;
 mod state;
-mod suggest;
 pub mod text;
 mod watch;
 
-pub use cadence::{Quiet, Rhythm};
+pub use crate::suggestion::Suggestion;
+pub use cadence::{Rhythm, StoppedMessage};
 pub use change::SHOWN;
 pub use check::Check;
-pub use fault::{FaultKind, Grade};
+pub use fault::{FaultGrade, FaultKind};
 pub use moment::Moment;
 pub use state::{NodeState, PointState};
-pub use suggest::Suggestion;
 
 use crate::event::Event;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
-use crate::session::{Bus, Buses, Node, Observer};
+use crate::session::{Bus, Buses, Node, Observer, SdoPairHint};
+use crate::suggestion::suggestions;
 use crate::wire::NodeId;
-use check::Ground;
+use check::FaultContext;
 use watch::BusWatch;
 
-/// Nodes without profile for which one is suggested.
-const SUGGESTED: usize = 5;
-
-/// What is asked.
+/// Scope of the report.
 #[derive(Debug, Clone, Default)]
 pub struct Question {
-    /// The only node that counts.
-    pub chosen: Option<Chosen>,
-    /// The latest fault instead of the first: the capture ends at the moment asked for.
+    /// Restricts the report to one node.
+    pub chosen: Option<NodeChoice>,
+    /// Report the latest fault instead of the first; the capture ends at the requested moment.
     pub latest: bool,
 }
 
-/// A node, of one bus or of any.
+/// A node on one bus or on any bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Chosen {
-    /// Name of the bus.
+pub struct NodeChoice {
+    /// Name of the bus; `None` for any bus.
     pub bus: Option<String>,
-    /// Node-ID.
+    /// Node-ID or J1939 address.
     pub node: NodeId,
 }
 
-impl Chosen {
+impl NodeChoice {
     fn is_on(&self, bus: &Bus) -> bool {
         self.bus.as_deref().is_none_or(|name| name == bus.name())
     }
 }
 
-/// Watches the events of one capture.
+/// Observer that collects faults and changes of one capture.
 #[derive(Debug, Clone, Default)]
 pub struct Why {
     question: Question,
@@ -68,35 +66,50 @@ pub struct Why {
     is_done: bool,
 }
 
-/// The answer.
+/// Result of the analysis.
 #[derive(Debug, Clone)]
 pub struct Report {
-    /// What was asked.
+    /// Scope of the report.
     pub question: Question,
-    /// When something went wrong, if ever.
+    /// The moment of the reported fault.
     pub moment: Option<Moment>,
-    /// Its bus shows no sign of CANopen, or J1939: it is a fault only if that is what it speaks.
+    /// Whether the protocol of the faulty bus is unconfirmed: there is a fault only if the bus is CANopen or
+    /// J1939.
     pub is_presumed: bool,
-    /// The last changes behind that moment, or of the node asked for if there is none; oldest first.
+    /// Last changes after the fault, or of the chosen node without a fault; oldest first.
     pub since: Vec<Event>,
-    /// How nodes stand: at the fault, at the moment asked for, or at the end.
+    /// State of nodes at the fault, at the requested moment, or at the end.
     pub nodes: Vec<NodeState>,
-    /// What had come with a beat and was silent.
-    pub quiet: Vec<Quiet>,
-    /// What to check, likeliest first.
+    /// Periodic messages that had stopped.
+    pub quiet: Vec<StoppedMessage>,
+    /// Things to check, most likely cause first.
     pub checks: Vec<Check>,
-    /// The manual their sections are of.
+    /// Manual that the sections in `checks` refer to.
     pub document: String,
-    /// Profiles that nodes without one may have.
+    /// Possible profiles for nodes without one.
     pub suggestions: Vec<Suggestion>,
-    /// Buses that are not taken for CANopen, and why.
+    /// SDO dialogues on identifiers that no channel explains.
+    pub dialogues: Vec<(BusIndex, SdoPairHint)>,
+    /// Buses not detected as CANopen, with the reason.
     pub doubts: Vec<(BusIndex, String)>,
-    /// Node-IDs heard of, where the node asked for is not among them.
+    /// Nodes present, if the chosen node is not.
     pub others: Option<Vec<NodeId>>,
 }
 
 impl Observer for Why {
     fn event(&mut self, event: &Event, bus: &Bus) {
+        self.observe(event, bus, true);
+    }
+}
+
+impl Why {
+    /// Creates an observer.
+    pub fn new(question: Question) -> Self {
+        Self { question, ..Self::default() }
+    }
+
+    /// Takes an event; it can be the reported fault only if `may_report`. All events count as changes.
+    pub fn observe(&mut self, event: &Event, bus: &Bus, may_report: bool) {
         let chosen = self.question.chosen.as_ref();
         if self.is_done || chosen.is_some_and(|chosen| !chosen.is_on(bus)) {
             return;
@@ -106,24 +119,17 @@ impl Observer for Why {
             self.buses.push(BusWatch::new(bus.index(), self.question.latest, node));
         }
         if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
-            watch.event(event, bus);
+            watch.event(event, bus, may_report);
             self.is_done = watch.is_settled();
         }
     }
-}
 
-impl Why {
-    /// Nothing seen yet.
-    pub fn new(question: Question) -> Self {
-        Self { question, ..Self::default() }
-    }
-
-    /// Whether further events change nothing.
+    /// Whether further events cannot change the report.
     pub fn is_done(&self) -> bool {
         self.is_done
     }
 
-    /// The answer; `buses` are those of the decoder behind the last event.
+    /// Creates the report; `buses` are in the state after the last event.
     pub fn report(mut self, buses: Buses<'_>, catalogue: &Catalogue) -> Report {
         let moment = self.moment(buses);
         let (since, nodes, quiet) = match &moment {
@@ -141,7 +147,11 @@ impl Why {
             is_presumed: buses.iter().any(|bus| is_of_bus(bus) && !is_believed(bus, moment.as_ref())),
             doubts: doubts.filter_map(|bus| Some((bus.index(), doubt(bus)?))).collect(),
             suggestions: self.suggestions(buses, moment.as_ref().and_then(|moment| moment.node), catalogue),
-            // Where reading ended early the node may come later.
+            dialogues: buses
+                .iter()
+                .flat_map(|bus| bus.sdo_dialogues().into_iter().map(|pair| (bus.index(), pair)))
+                .collect(),
+            // If reading stopped early, the node may appear later.
             others: self.others(buses).filter(|_| !self.is_done),
             question: self.question,
             moment,
@@ -153,7 +163,7 @@ impl Why {
         }
     }
 
-    /// What to check, and the manual its sections are of.
+    /// Things to check, and the manual that they refer to.
     fn checks(
         &self,
         buses: Buses<'_>,
@@ -167,7 +177,7 @@ impl Why {
         };
         let node = state.and_then(|state| find(buses, state.bus)?.node(state.node));
         let device = node.filter(|node| node.assigned().is_some()).map(Node::device);
-        let checks = check::checks(&Ground {
+        let checks = check::checks(&FaultContext {
             kinds: &kinds,
             device: device.map(|device| &**device),
             lost_settings: moment.is_some_and(Moment::lost_settings),
@@ -177,7 +187,7 @@ impl Why {
         (checks, device.map_or_else(String::new, |device| device.source.clone()))
     }
 
-    /// The gravest moment of all buses; of several the first, or the latest if that is asked for.
+    /// Moment with the highest grade of all buses; among equals the first, or the latest if requested.
     fn moment(&mut self, buses: Buses<'_>) -> Option<Moment> {
         let latest = self.question.latest;
         let found = self.buses.iter_mut().filter_map(|watch| {
@@ -194,25 +204,25 @@ impl Why {
         })
     }
 
-    /// How a node stands now, and what happened to it behind an event.
+    /// Current state of a node, and its changes after event number `after`.
     fn now(
         &self,
         buses: Buses<'_>,
         index: BusIndex,
         node: Option<NodeId>,
-        behind: u64,
-    ) -> (Vec<Event>, Vec<NodeState>, Vec<Quiet>) {
+        after: u64,
+    ) -> (Vec<Event>, Vec<NodeState>, Vec<StoppedMessage>) {
         let node = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
         let watch = self.buses.iter().find(|watch| watch.index() == index);
         let (Some(watch), Some(bus)) = (watch, find(buses, index)) else {
             return (Vec::new(), Vec::new(), Vec::new());
         };
         let state = node.filter(|id| bus.node(*id).is_some()).map(|id| watch.state(bus, id));
-        (watch.changes_of(node, behind), state.into_iter().collect(), watch.quiet(node, watch.time()))
+        (watch.changes_of(node, after), state.into_iter().collect(), watch.quiet(node, watch.time()))
     }
 
-    /// Without a fault: the node asked for, or all with a set point that does not act.
-    fn no_fault(&self, buses: Buses<'_>) -> (Vec<Event>, Vec<NodeState>, Vec<Quiet>) {
+    /// Without a fault: the chosen node, or all nodes with a set point without effect.
+    fn no_fault(&self, buses: Buses<'_>) -> (Vec<Event>, Vec<NodeState>, Vec<StoppedMessage>) {
         if let Some(chosen) = &self.question.chosen {
             let place = buses.iter().find(|bus| chosen.is_on(bus) && bus.node(chosen.node).is_some());
             let Some(bus) = place else { return (Vec::new(), Vec::new(), Vec::new()) };
@@ -227,25 +237,15 @@ impl Why {
         (Vec::new(), nodes, Vec::new())
     }
 
-    /// Of the node at fault or asked for, else of all without a profile.
+    /// Suggestions for the faulty or chosen node, else for all nodes without a profile.
     fn suggestions(&self, buses: Buses<'_>, node: Option<NodeId>, catalogue: &Catalogue) -> Vec<Suggestion> {
         let wanted = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
-        let mut found = Vec::new();
-        let mut asked = 0;
-        for watch in &self.buses {
-            let Some(bus) = find(buses, watch.index()).filter(|bus| bus.doubt().is_none()) else { continue };
-            for (id, node) in watch.nodes().filter(|(id, _)| wanted.is_none_or(|wanted| wanted == *id)) {
-                let unknown = bus.node(id).filter(|node| node.assigned().is_none() && asked < SUGGESTED);
-                if let Some(unknown) = unknown {
-                    asked += 1;
-                    found.extend(node.signs.suggestions(watch.index(), unknown, catalogue));
-                }
-            }
-        }
-        found
+        let watched = self.buses.iter().filter_map(|watch| find(buses, watch.index()));
+        let believed = watched.filter(|bus| bus.doubt().is_none());
+        believed.flat_map(|bus| suggestions(bus, catalogue, wanted)).collect()
     }
 
-    /// The nodes there are, where the one asked for is not among them.
+    /// Nodes present, if the chosen node is not among them.
     fn others(&self, buses: Buses<'_>) -> Option<Vec<NodeId>> {
         let chosen = self.question.chosen.as_ref()?;
         let there = || buses.iter().filter(|bus| chosen.is_on(bus));
@@ -255,21 +255,21 @@ impl Why {
     }
 }
 
-/// Why a bus is not taken for CANopen; `None` too where it is J1939 or UDS.
+/// Reason why a bus is not detected as CANopen; `None` for J1939 and UDS.
 fn doubt(bus: &Bus) -> Option<String> {
     let is_other = !bus.is_canopen() && !bus.is_j1939() && !bus.is_uds();
-    let doubt = is_other.then(|| bus.doubt().unwrap_or_else(|| "no sign of it".to_owned()))?;
-    Some(match bus.unnamed_uds() {
+    let doubt = is_other.then(|| bus.doubt().unwrap_or_else(|| "no CANopen message".to_owned()))?;
+    Some(match bus.unnamed_uds().first() {
         Some(hint) => format!("{doubt}; {hint}"),
         None => doubt,
     })
 }
 
-/// Whether the protocol that tells of a fault is believed.
+/// Whether the protocol of the fault is confirmed on its bus.
 fn is_believed(bus: &Bus, moment: Option<&Moment>) -> bool {
     match moment.and_then(|moment| moment.node) {
-        Some(NodeId::J1939(_)) => bus.is_j1939(),
-        _ => bus.is_canopen(),
+        Some(node) => bus.is_settled(Some(node)),
+        None => bus.is_canopen(),
     }
 }
 

@@ -1,63 +1,63 @@
-//! A moment at which something went wrong: the faults that came together, and what surrounded them.
+//! A moment with a fault: simultaneous faults and their context.
 
-use super::cadence::Quiet;
+use super::cadence::StoppedMessage;
 use super::change::{SHOWN, reach, short};
-use super::fault::{FaultKind, Grade};
+use super::fault::{FaultGrade, FaultKind};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
-/// Faults within this time are one, in nanoseconds.
+/// Faults within this time are one moment, in ns.
 const TOGETHER: i64 = 20_000_000;
 
-/// A state whose cause is the fault belongs to it within this time, in nanoseconds.
+/// Maximum delay of a state change caused by the fault, in ns.
 const CONSEQUENCE: i64 = 1_000_000_000;
 
-/// The same in frames, in a capture without times.
+/// Maximum delay in frames, for a capture without timestamps.
 const CONSEQUENCE_FRAMES: u64 = 200;
 
-/// How an event lies to a moment.
+/// Position of an event relative to a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Distance {
-    /// At once.
+    /// Simultaneous.
     Together,
-    /// Soon after: consequences are still part of it.
+    /// Soon after: consequences still belong to the moment.
     Soon,
-    /// Too late.
+    /// Too late to belong to the moment.
     Over,
 }
 
-/// A moment at which something went wrong.
+/// A moment with a fault.
 #[derive(Debug, Clone)]
 pub struct Moment {
-    /// What, first first.
+    /// Kinds of fault in order of time.
     pub kinds: Vec<FaultKind>,
-    /// When.
+    /// Time of the first fault.
     pub time: Option<Timestamp>,
     /// Frame of the first fault.
     pub frame: u64,
-    /// Where.
+    /// Bus of the first fault.
     pub bus: BusIndex,
-    /// The node of the first fault; none where it is the bus.
+    /// Node of the first fault; `None` for a fault of the bus.
     pub node: Option<NodeId>,
-    /// Faults and what follows from them, in order.
+    /// Faults and their consequences in order of time.
     pub events: Vec<Event>,
-    /// Further ones that are not kept.
+    /// Number of further events not stored.
     pub more: u64,
-    /// The last changes before, oldest first.
+    /// Last changes before the fault, oldest first.
     pub before: Vec<Event>,
-    /// How the node stood then.
+    /// State of the node at the fault.
     pub state: Option<NodeState>,
-    /// What had come with a beat and was silent then.
-    pub quiet: Vec<Quiet>,
-    /// Its first and last event, counted over all of its bus.
+    /// Periodic messages that had stopped at the fault.
+    pub quiet: Vec<StoppedMessage>,
+    /// Sequence numbers of the first and last event on the bus.
     pub(super) began: u64,
     pub(super) sequence: u64,
 }
 
 impl Moment {
-    /// It begins with `event`.
+    /// Starts a moment with `event`.
     pub(super) fn new(kind: FaultKind, event: &Event, sequence: u64) -> Self {
         Self {
             kinds: vec![kind],
@@ -75,22 +75,22 @@ impl Moment {
         }
     }
 
-    /// The gravest of its faults.
-    pub fn grade(&self) -> Grade {
-        self.kinds.iter().map(|kind| kind.grade()).max().unwrap_or(Grade::Refused)
+    /// Highest grade of the faults.
+    pub fn grade(&self) -> FaultGrade {
+        self.kinds.iter().map(|kind| kind.grade()).max().unwrap_or(FaultGrade::Refused)
     }
 
-    /// Whether it is a start at which settings went.
+    /// Whether volatile settings were lost at a boot-up.
     pub(super) fn lost_settings(&self) -> bool {
         self.events.iter().any(|event| matches!(event.kind, EventKind::BootUp { lost, .. } if lost > 0))
     }
 
-    /// Order in time.
+    /// Sort key by time.
     pub(super) fn order(&self) -> (Option<Timestamp>, u64) {
         (self.time, self.frame)
     }
 
-    /// How an event lies to it.
+    /// Position of an event relative to the moment.
     pub(super) fn distance(&self, event: &Event) -> Distance {
         let (together, soon) = if let Some((time, start)) = event.time.zip(self.time) {
             (time.since(start) <= TOGETHER, time.since(start) <= CONSEQUENCE)
@@ -105,7 +105,7 @@ impl Moment {
         }
     }
 
-    /// Adds a fault that came with it.
+    /// Adds a simultaneous fault.
     pub(super) fn join(&mut self, kind: FaultKind, event: &Event, sequence: u64) {
         if !self.kinds.contains(&kind) {
             self.kinds.push(kind);
@@ -113,7 +113,7 @@ impl Moment {
         self.add(event, sequence);
     }
 
-    /// Adds what began at the same moment.
+    /// Merges a moment that starts at the same time.
     pub(super) fn merge(&mut self, other: Self) {
         for event in &other.events {
             self.add(event, other.sequence);
@@ -131,9 +131,9 @@ impl Moment {
         }
     }
 
-    /// Whether an event that is no fault tells more of this one.
-    pub(super) fn is_told_by(&self, event: &Event) -> bool {
-        // Changes alone: what an NMT command or a boot-up tells of a state is in their own lines.
+    /// Whether an event without a fault adds information on this moment.
+    pub(super) fn is_explained_by(&self, event: &Event) -> bool {
+        // States that follow from an NMT command or a boot-up are already in the line of that event.
         if event.node != self.node || reach(event).is_none() {
             return false;
         }
@@ -150,7 +150,7 @@ impl Moment {
         }
     }
 
-    /// Whether an event that is not worth a line lets the node be seen as the fault left it.
+    /// Whether an event without a line of its own updates the node state left by the fault.
     pub(super) fn shows_state(&self, event: &Event) -> bool {
         let is_status = matches!(
             event.kind,
@@ -163,7 +163,7 @@ impl Moment {
         is_status && event.node == self.node && self.distance(event) == Distance::Together
     }
 
-    /// Whether an event names a fault of this moment as its cause.
+    /// Whether a fault of this moment is the cause of an event.
     pub(super) fn is_cause_of(&self, event: &Event) -> bool {
         let cause = match &event.kind {
             EventKind::NmtState(change) => change.cause_frame,

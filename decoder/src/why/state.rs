@@ -1,44 +1,44 @@
-//! How a node stands at a moment: states, set points, gates.
+//! State of a node at a moment: NMT and device states, set points, gates.
 
 use crate::event::{Effective, SetPoint};
 use crate::frame::BusIndex;
 use crate::session::{Bus, GateState, GateStatus, NmtStatus, Node};
 use crate::wire::NodeId;
 
-/// How a node stands.
+/// State of a node at a moment.
 #[derive(Debug, Clone)]
 pub struct NodeState {
-    /// Its bus.
+    /// Bus of the node.
     pub bus: BusIndex,
-    /// Its node-ID.
+    /// Node-ID or J1939 address.
     pub node: NodeId,
     /// NMT state, if known.
     pub nmt: Option<NmtStatus>,
-    /// States the device reports, with the number of the output where there are several.
+    /// States reported by the device, with the channel if there are several.
     pub states: Vec<(Option<u8>, String)>,
-    /// It is silent longer than its monitoring allows.
+    /// Whether the node has been silent for longer than its monitoring time.
     pub lost: bool,
     /// Codes of active errors.
     pub errors: Vec<u16>,
-    /// SPN and FMI of active trouble codes.
+    /// SPN and FMI of active diagnostic trouble codes.
     pub dtcs: Vec<(u32, u8)>,
-    /// Set points seen.
+    /// Set points received.
     pub set_points: Vec<PointState>,
 }
 
-/// How a set point stands.
+/// State of a set point.
 #[derive(Debug, Clone)]
 pub struct PointState {
-    /// The set point as it came last.
+    /// Last set point received.
     pub point: SetPoint,
-    /// Whether it acts.
+    /// Whether the set point has an effect.
     pub effective: Effective,
-    /// Its gates: closed, open, unknown.
+    /// Gates, sorted: closed, open, unknown, invisible.
     pub gates: Vec<GateState>,
 }
 
 impl NodeState {
-    /// How a node stands now, with the set points seen of it.
+    /// Current state of a node with its set points.
     pub(super) fn now(bus: &Bus, id: NodeId, points: &[SetPoint]) -> Self {
         let node = bus.node(id);
         let states = node.into_iter().flat_map(Node::device_states);
@@ -55,12 +55,12 @@ impl NodeState {
         }
     }
 
-    /// Whether any set point surely does not act.
+    /// Whether a gate of any set point is closed.
     pub(crate) fn has_closed_gate(&self) -> bool {
         self.set_points.iter().any(|point| point.effective == Effective::No)
     }
 
-    /// Gates that are closed, each once.
+    /// Closed gates without duplicates.
     pub fn closed(&self) -> Vec<&GateState> {
         let mut closed: Vec<&GateState> = Vec::new();
         let gates = self.set_points.iter().flat_map(|point| &point.gates);
@@ -92,8 +92,8 @@ impl PointState {
         Self { point: point.clone(), effective, gates }
     }
 
-    /// Whether another one stands the same way, gate by gate.
-    pub(crate) fn stands_like(&self, other: &Self) -> bool {
+    /// Whether `other` has the same gates in the same state.
+    pub(crate) fn has_equal_gates(&self, other: &Self) -> bool {
         let seen = |point: &Self| {
             let gates = point.gates.iter().map(|gate| (gate.gate.clone(), gate.status, gate.detail.clone()));
             gates.collect::<Vec<_>>()

@@ -1,9 +1,9 @@
-//! The answer for people; events look as they do in the decode view.
+//! The report as text; events are printed as by `decode`.
 
 use std::fmt::Write as _;
 
-use super::cadence::{Quiet, Rhythm};
-use super::fault::{FaultKind, Grade};
+use super::cadence::{Rhythm, StoppedMessage};
+use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
 use super::{Report, Suggestion};
@@ -14,22 +14,22 @@ use crate::sink::text::{PdoLines, Text, TextOptions};
 use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
 
-/// What the text needs besides the answer.
+/// Context for the text.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting<'a> {
     /// Buses of the decoder.
     pub buses: Buses<'a>,
-    /// Time of the first frame.
+    /// Timestamp of the first frame.
     pub first: Option<Timestamp>,
-    /// The moment asked for, as people read it.
+    /// Requested moment as typed by the user.
     pub at: Option<&'a str>,
 }
 
-/// Writes the answer.
+/// Writes the report.
 pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     let mut page = Page { setting, output };
     for (bus, reason) in &report.doubts {
-        page.line(0, &format!("bus {} is not taken for CANopen: {reason}", page.bus_name(*bus)));
+        page.line(0, &format!("bus {} not detected as CANopen: {reason}", page.bus_name(*bus)));
     }
     page.headline(report);
     if let Some(moment) = &report.moment {
@@ -37,12 +37,13 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     }
     page.quiet(report);
     if !report.since.is_empty() {
-        page.line(0, if report.moment.is_some() { "since then" } else { "last changes" });
+        page.line(0, if report.moment.is_some() { "changes after" } else { "last changes" });
         page.events(&report.since);
     }
     page.states(report);
     page.checks(report);
     page.suggestions(&report.suggestions);
+    page.dialogues(report);
 }
 
 struct Page<'a> {
@@ -51,7 +52,7 @@ struct Page<'a> {
 }
 
 impl Page<'_> {
-    /// A line, every level two blanks in.
+    /// Writes a line with two blanks of indentation per level.
     fn line(&mut self, level: usize, text: &str) {
         let _ = writeln!(self.output, "{}{}", "  ".repeat(level), escape(text));
     }
@@ -80,7 +81,7 @@ impl Page<'_> {
         text
     }
 
-    /// `371.204 s`, or `frame 12` in a capture without times.
+    /// `371.204 s`, or `frame 12` in a capture without timestamps.
     fn when(&self, moment: &Moment) -> String {
         match moment.time.zip(self.setting.first) {
             Some((time, first)) => format!("{} s", seconds(time.since(first))),
@@ -96,7 +97,7 @@ impl Page<'_> {
         if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
             let others: Vec<_> = others.iter().map(ToString::to_string).collect();
             let others = if others.is_empty() { "none".into() } else { others.join(", ") };
-            self.line(0, &format!("{} is not heard {end}; nodes heard: {others}", chosen.node.words()));
+            self.line(0, &format!("{} not present {end}; nodes present: {others}", chosen.node.words()));
         }
         let Some(moment) = &report.moment else {
             let of = report
@@ -104,15 +105,14 @@ impl Page<'_> {
                 .chosen
                 .as_ref()
                 .map_or(String::new(), |it| format!(" of {}", it.node.words()));
-            let rules =
-                if self.setting.at.is_none() { "; what rules find in it: cobscope check" } else { "" };
+            let rules = if self.setting.at.is_none() { "; for rule findings use cobscope check" } else { "" };
             return self.line(0, &format!("no fault{of} {end}{rules}"));
         };
         let which = if report.question.latest { "last" } else { "first" };
         let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());
         let fault = match moment.grade() {
-            Grade::Fault if report.question.latest => format!("last fault {end}:"),
-            Grade::Fault => format!("{which} fault"),
+            FaultGrade::Fault if report.question.latest => format!("last fault {end}:"),
+            FaultGrade::Fault => format!("{which} fault"),
             _ => format!("no fault {end}; {which} {}", kind.map_or("fault", |kind| FaultKind::title(*kind))),
         };
         let place = match moment.node {
@@ -121,8 +121,8 @@ impl Page<'_> {
         };
         let when = self.when(moment);
         let presumed = match moment.node {
-            Some(NodeId::J1939(_)) if report.is_presumed => ", if this is J1939",
-            _ if report.is_presumed => ", if this is CANopen",
+            Some(NodeId::J1939(_)) if report.is_presumed => ", if the bus is J1939",
+            _ if report.is_presumed => ", if the bus is CANopen",
             _ => "",
         };
         let at = if moment.time.is_some() && self.setting.first.is_some() { "at" } else { "in" };
@@ -134,14 +134,14 @@ impl Page<'_> {
         if moment.more > 0 {
             self.line(1, &format!("and {} more", moment.more));
         }
-        self.line(0, "before it");
+        self.line(0, "changes before");
         if moment.before.is_empty() {
-            self.line(1, "no change seen");
+            self.line(1, "none");
         }
         self.events(&moment.before);
     }
 
-    /// Events as the decode view prints them.
+    /// Writes events as `decode` prints them.
     fn events(&mut self, events: &[Event]) {
         for event in events {
             let Some(bus) = self.bus(event.bus) else { continue };
@@ -162,23 +162,23 @@ impl Page<'_> {
         }
         match self.setting.at {
             Some(at) => self.line(0, &format!("silent at {at}")),
-            None => self.line(0, "silent then"),
+            None => self.line(0, "silent at that time"),
         }
-        for Quiet { what, gap, usual, last_frame } in &report.quiet {
+        for StoppedMessage { what, gap, usual, last_frame } in &report.quiet {
             let what = match what {
                 Rhythm::Sync => "SYNC".to_owned(),
                 Rhythm::Guarding => "guarding requests".to_owned(),
                 Rhythm::Rpdo(name) => name.to_string(),
             };
             let (gap, usual) = (seconds(*gap), seconds(*usual));
-            self.line(1, &format!("{what} for {gap} s, before every {usual} s {{{last_frame}}}"));
+            self.line(1, &format!("{what} for {gap} s (usual interval {usual} s) {{{last_frame}}}"));
         }
     }
 
     fn states(&mut self, report: &Report) {
         let when = match (self.setting.at, &report.moment) {
             (Some(at), _) => format!("at {at}"),
-            (None, Some(_)) => "then".to_owned(),
+            (None, Some(_)) => "at that time".to_owned(),
             (None, None) => "at the end".to_owned(),
         };
         for state in &report.nodes {
@@ -189,48 +189,46 @@ impl Page<'_> {
             self.line(1, &standing(state));
             let has_profile = self.bus(state.bus).and_then(|bus| bus.node(state.node)?.assigned()).is_some();
             if !has_profile {
-                self.line(
-                    1,
-                    "its set points are not known: no profile is assigned to it (--node ID=PROFILE)",
-                );
+                self.line(1, "set points unknown: no profile assigned (--node ID=PROFILE)");
             } else if state.set_points.is_empty() {
-                self.line(1, "no set point seen yet");
+                self.line(1, "no set point received yet");
             }
             self.points(&state.set_points);
         }
     }
 
-    /// Set points that stand alike share their gates.
+    /// Writes set points; those with equal gates share one block.
     fn points(&mut self, points: &[PointState]) {
-        let mut told = Vec::new();
+        let mut printed = Vec::new();
         for (place, point) in points.iter().enumerate() {
-            if told.contains(&place) {
+            if printed.contains(&place) {
                 continue;
             }
-            let alike = points.iter().enumerate().skip(place).filter(|(_, other)| other.stands_like(point));
+            let alike =
+                points.iter().enumerate().skip(place).filter(|(_, other)| other.has_equal_gates(point));
             let alike: Vec<usize> = alike.map(|(place, _)| place).collect();
             let words: Vec<_> =
                 alike.iter().filter_map(|place| points.get(*place)).map(|it| value(&it.point)).collect();
             let effective = match point.effective {
                 Effective::Yes => "effective",
                 Effective::No => "NOT effective",
-                Effective::Unknown => "effective? not known",
+                Effective::Unknown => "effect unknown",
             };
             self.line(1, &format!("{}: {effective}", words.join(", ")));
             self.gates(&point.gates);
-            told.extend(alike);
+            printed.extend(alike);
         }
     }
 
-    /// Closed ones and those that are not known line by line, the others in one.
+    /// Writes gates: one line per closed or unknown gate, one line for all open ones.
     fn gates(&mut self, gates: &[GateState]) {
         let names = |status| {
             let names = gates.iter().filter(|gate| gate.status == status).map(|gate| gate.gate.as_str());
             names.collect::<Vec<_>>().join(", ")
         };
-        let detail = |gate: &GateState, before: &str, behind: &str| match gate.detail.as_str() {
+        let detail = |gate: &GateState, before: &str, after: &str| match gate.detail.as_str() {
             "" => String::new(),
-            detail => format!("{before}{detail}{behind}"),
+            detail => format!("{before}{detail}{after}"),
         };
         for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
             self.line(2, &format!("closed   {}{}", gate.gate, detail(gate, ": ", "")));
@@ -243,7 +241,7 @@ impl Page<'_> {
             self.line(2, &format!("unknown  {}{}", gate.gate, detail(gate, " (", ")")));
         }
         if !invisible.is_empty() {
-            self.line(2, &format!("unknown  {invisible} (never on the bus)"));
+            self.line(2, &format!("unknown  {invisible} (not visible on the bus)"));
         }
     }
 
@@ -261,11 +259,25 @@ impl Page<'_> {
         }
     }
 
+    fn dialogues(&mut self, report: &Report) {
+        for (bus, pair) in &report.dialogues {
+            let place = if self.setting.buses.len() > 1 {
+                format!("bus {}: ", self.bus_name(*bus))
+            } else {
+                String::new()
+            };
+            self.line(0, &format!("{place}{pair}"));
+            for line in pair.bus_file().lines() {
+                self.line(1, line);
+            }
+        }
+    }
+
     fn suggestions(&mut self, suggestions: &[Suggestion]) {
         if !suggestions.is_empty() {
-            self.line(0, "profiles that may fit, by behaviour alone");
+            self.line(0, "possible profiles (based on behaviour only)");
         }
-        for Suggestion { bus, node, profile, title, because } in suggestions {
+        for Suggestion { bus, node, profile, title, because, .. } in suggestions {
             let place = if self.setting.buses.len() > 1 {
                 format!("{}:", self.bus_name(*bus))
             } else {
@@ -286,7 +298,7 @@ fn standing(state: &NodeState) -> String {
     match state.nmt {
         Some(nmt) if nmt.certainty == Certainty::Confirmed => words.push(nmt.state.name().to_owned()),
         Some(nmt) => words.push(format!("{}?", nmt.state.name())),
-        None if state.node.canopen().is_some() => words.push("NMT state not seen".to_owned()),
+        None if state.node.canopen().is_some() => words.push("NMT state unknown".to_owned()),
         None => {}
     }
     if state.lost {
@@ -311,7 +323,7 @@ fn value(point: &SetPoint) -> String {
     format!("{channel}{} {}{doubt}", point.signal, point.to.text)
 }
 
-/// Seconds with three digits, cut.
+/// Seconds with three decimal places, truncated.
 fn seconds(nanoseconds: i64) -> String {
     let sign = if nanoseconds < 0 { "-" } else { "" };
     let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;

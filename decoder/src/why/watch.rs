@@ -1,13 +1,12 @@
-//! What is remembered of one bus until the question is answered.
+//! Data collected for one bus.
 
 use std::collections::BTreeMap;
 
-use super::cadence::{Beats, Quiet, Rhythm};
-use super::change::{Changes, Reach, reach};
-use super::fault::{self, FaultKind, Grade};
+use super::cadence::{Beats, Rhythm, StoppedMessage};
+use super::change::{ChangeScope, Changes, reach};
+use super::fault::{self, FaultGrade, FaultKind};
 use super::moment::{Distance, Moment};
 use super::state::NodeState;
-use super::suggest::Signs;
 use crate::event::{Effective, Event, EventKind, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
@@ -15,63 +14,63 @@ use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
-/// Set points kept of a node.
+/// Maximum number of set points per node.
 const POINTS: usize = 64;
 
-/// Set points without effect remembered of a bus.
+/// Maximum number of set points without effect per bus.
 const IDLE_POINTS: usize = 64;
 
-/// A set point that does not act for this long is worth a word, in nanoseconds; and in frames, in a capture
-/// without times.
+/// Minimum time for which a set point must be without effect to be reported, in ns; in frames for a capture
+/// without timestamps.
 const IDLE: i64 = 500_000_000;
 const IDLE_FRAMES: u64 = 100;
 
-/// For this long after an NMT command a node may still say its old state, in nanoseconds.
+/// Time after an NMT command during which a node may still report its old state, in ns.
 const SETTLING: i64 = 1_000_000_000;
 
-/// One node.
+/// Data collected for one node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct NodeWatch {
     changes: Changes,
-    /// When it was commanded last.
+    /// Time of the last NMT command to the node.
     commanded: Option<Timestamp>,
     was_operational: bool,
     beats: Beats,
     points: Vec<SetPoint>,
-    /// What may suggest its profile.
-    pub(super) signs: Signs,
 }
 
-/// A set point that does not act.
+/// A set point without effect.
 #[derive(Debug, Clone)]
-struct Idle {
+struct IdleSetPoint {
     node: NodeId,
     point: SetPoint,
-    /// Its beginning, until it is judged.
+    /// Start of the condition; `None` after it was reported.
     moment: Option<Moment>,
 }
 
-/// One bus.
+/// Data collected for one bus.
 #[derive(Debug, Clone)]
 pub(super) struct BusWatch {
     index: BusIndex,
-    /// The latest fault is asked for, not the first.
+    /// Search for the latest fault instead of the first.
     latest: bool,
-    /// The only node that is asked for.
+    /// Restricts the search to one node.
     chosen: Option<NodeId>,
+    /// Whether the current event may be a fault of the report.
+    may_report: bool,
     sequence: u64,
     time: Option<Timestamp>,
     changes: Changes,
-    /// When all nodes were commanded last.
+    /// Time of the last NMT command to all nodes.
     commanded: Option<Timestamp>,
     beats: Beats,
     nodes: BTreeMap<NodeId, NodeWatch>,
-    idle: Vec<Idle>,
-    /// Still gathers what belongs to it.
+    idle: Vec<IdleSetPoint>,
+    /// Moment that is still collecting events.
     open: Option<Moment>,
-    /// One of each grade.
+    /// One moment per grade.
     found: [Option<Moment>; 3],
-    /// Nothing later changes the answer.
+    /// Whether later events cannot change the result.
     is_settled: bool,
 }
 
@@ -81,6 +80,7 @@ impl BusWatch {
             index,
             latest,
             chosen,
+            may_report: true,
             sequence: 0,
             time: None,
             changes: Changes::default(),
@@ -94,13 +94,14 @@ impl BusWatch {
         }
     }
 
-    /// Whether nothing later changes the answer.
+    /// Whether later events cannot change the result.
     pub(super) fn is_settled(&self) -> bool {
         self.is_settled
     }
 
-    /// Takes an event.
-    pub(super) fn event(&mut self, event: &Event, bus: &Bus) {
+    /// Processes an event; `bus` is in the state after it.
+    pub(super) fn event(&mut self, event: &Event, bus: &Bus, may_report: bool) {
+        self.may_report = may_report;
         self.sequence = self.sequence.saturating_add(1);
         self.time = event.time.or(self.time);
         if self.open.as_ref().is_some_and(|open| open.distance(event) == Distance::Over) {
@@ -119,8 +120,8 @@ impl BusWatch {
             self.set_point(point, event, bus);
         }
         match reach(event) {
-            Some(Reach::Bus) => self.changes.add(self.sequence, event),
-            Some(Reach::Node(id)) => {
+            Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),
+            Some(ChangeScope::Node(id)) => {
                 let sequence = self.sequence;
                 self.node(id).changes.add(sequence, event);
             }
@@ -128,12 +129,13 @@ impl BusWatch {
         }
     }
 
-    /// Faults of the bus concern whatever node is asked for.
+    /// Whether an event concerns the chosen node; faults of the bus always do.
     fn is_asked_for(&self, event: &Event) -> bool {
-        self.chosen.is_none() || event.node.is_none() || event.node == self.chosen
+        let is_of_node = self.chosen.is_none() || event.node.is_none() || event.node == self.chosen;
+        self.may_report && is_of_node
     }
 
-    /// Whether the node was commanded a moment ago.
+    /// Whether the node was commanded less than [`SETTLING`] ago.
     fn is_settling(&self, event: &Event) -> bool {
         let node = event.node.and_then(|id| self.nodes.get(&id)?.commanded);
         let command = self.commanded.max(node);
@@ -144,10 +146,10 @@ impl BusWatch {
         self.nodes.entry(id).or_default()
     }
 
-    /// Remembers what is no change by itself; says whether the node had been operational before.
+    /// Updates periodic messages, commands and set points; returns whether the node was operational before.
     fn learn(&mut self, event: &Event) -> bool {
         match event.kind {
-            EventKind::Sync { .. } => self.beats.came(Rhythm::Sync, event.time, event.frames.last),
+            EventKind::Sync { .. } => self.beats.add(Rhythm::Sync, event.time, event.frames.last),
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
             EventKind::NmtCommand { target, .. } => self.node(target.into()).commanded = event.time,
             _ => {}
@@ -156,20 +158,12 @@ impl BusWatch {
         let node = self.node(id);
         let was_operational = node.was_operational;
         match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => {
-                node.signs.pdo(pdo.name, pdo.length);
-                if pdo.name.direction == PdoDirection::Receive {
-                    node.beats.came(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
-                }
+            EventKind::Pdo(pdo) if !pdo.is_request && pdo.name.direction == PdoDirection::Receive => {
+                node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
             }
-            EventKind::GuardRequest => node.beats.came(Rhythm::Guarding, event.time, event.frames.last),
+            EventKind::GuardRequest => node.beats.add(Rhythm::Guarding, event.time, event.frames.last),
             EventKind::NmtState(change) => node.was_operational |= change.to == NmtState::Operational,
-            EventKind::Emcy(emergency) => {
-                node.signs.ready |= emergency.code.is_none();
-                if emergency.boot.is_some() {
-                    node.points.clear();
-                }
-            }
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => node.points.clear(),
             EventKind::BootUp { .. } => node.points.clear(),
             EventKind::SetPoint(point) => node.remember(point),
             _ => {}
@@ -195,10 +189,10 @@ impl BusWatch {
         self.refresh(bus);
     }
 
-    /// An event that is no fault may belong to one.
+    /// Adds an event without a fault to the open moment, if it belongs there.
     fn companion(&mut self, event: &Event, bus: &Bus) {
         let Some(open) = &mut self.open else { return };
-        if open.is_told_by(event) {
+        if open.is_explained_by(event) {
             open.add(event, self.sequence);
             self.refresh(bus);
         } else if open.shows_state(event) {
@@ -206,7 +200,7 @@ impl BusWatch {
         }
     }
 
-    /// A moment with what was before it.
+    /// Starts a moment with the changes before it.
     fn begin(&self, kind: FaultKind, event: &Event, node: Option<NodeId>) -> Moment {
         let mut moment = Moment::new(kind, event, self.sequence);
         moment.before = self.changes_of(node.or(self.chosen), 0);
@@ -214,7 +208,7 @@ impl BusWatch {
         moment
     }
 
-    /// Shows the node as it stands now. Looking back, only how it stands at the end counts.
+    /// Updates the node state of the open moment. Not for the latest fault, whose state is that at the end.
     fn refresh(&mut self, bus: &Bus) {
         if self.latest {
             return;
@@ -226,14 +220,14 @@ impl BusWatch {
         }
     }
 
-    fn found(&self, grade: Grade) -> Option<&Moment> {
+    fn found(&self, grade: FaultGrade) -> Option<&Moment> {
         self.found.get(grade as usize).and_then(Option::as_ref)
     }
 
     fn keep(&mut self, moment: Moment) {
         let latest = self.latest;
         let Some(place) = self.found.get_mut(moment.grade() as usize) else { return };
-        // They are not found in the order in which they began.
+        // Moments are not found in the order in which they started.
         if place.as_ref().is_none_or(|known| (moment.began > known.began) == latest) {
             *place = Some(moment);
         }
@@ -243,14 +237,14 @@ impl BusWatch {
         if let Some(open) = self.open.take() {
             self.keep(open);
         }
-        // Until the bus is believed to be one, what looked like a fault may be none.
+        // Until the protocol is confirmed, an apparent fault may be none.
         let is_sure = bus.is_canopen()
             || bus.is_j1939()
-            || self.found(Grade::Fault).is_some_and(|it| it.node.is_none());
-        self.is_settled = !self.latest && is_sure && self.found(Grade::Fault).is_some();
+            || self.found(FaultGrade::Fault).is_some_and(|it| it.node.is_none());
+        self.is_settled = !self.latest && is_sure && self.found(FaultGrade::Fault).is_some();
     }
 
-    /// A set point that does not act is a finding if it goes on.
+    /// Tracks set points without effect; they are reported if the condition persists.
     fn set_point(&mut self, point: &SetPoint, event: &Event, bus: &Bus) {
         let Some(id) = event.node.filter(|_| self.is_asked_for(event)) else { return };
         let is_neutral = point.to.number.is_none_or(|number| number == 0.0);
@@ -261,19 +255,19 @@ impl BusWatch {
                 self.idle.remove(place);
             }
             None if is_idle && self.idle.len() < IDLE_POINTS => {
-                let is_wanted = self.latest || self.found(Grade::Minor).is_none();
+                let is_wanted = self.latest || self.found(FaultGrade::Minor).is_none();
                 let moment = is_wanted.then(|| {
                     let mut moment = self.begin(FaultKind::SetPoint, event, Some(id));
                     moment.state = Some(self.state(bus, id));
                     moment
                 });
-                self.idle.push(Idle { node: id, point: point.clone(), moment });
+                self.idle.push(IdleSetPoint { node: id, point: point.clone(), moment });
             }
             _ => {}
         }
     }
 
-    /// Keeps the beginnings of set points that have been without effect for long enough.
+    /// Reports set points that have been without effect for long enough.
     fn judge_idle(&mut self, event: &Event) {
         let lasts = |moment: &mut Moment| match event.time.zip(moment.time) {
             Some((now, start)) => now.since(start) >= IDLE,
@@ -291,26 +285,26 @@ impl BusWatch {
         }
     }
 
-    /// The gravest moment; the capture has ended.
+    /// Moment with the highest grade at the end of the capture.
     pub(super) fn finish(&mut self, bus: &Bus) -> Option<Moment> {
         self.close(bus);
         self.found.iter_mut().rev().find_map(Option::take)
     }
 
-    /// Changes of a node and of the bus behind an event, oldest first.
-    pub(super) fn changes_of(&self, node: Option<NodeId>, behind: u64) -> Vec<Event> {
+    /// Changes of a node and of the bus after event number `after`, oldest first.
+    pub(super) fn changes_of(&self, node: Option<NodeId>, after: u64) -> Vec<Event> {
         let node = node.and_then(|id| self.nodes.get(&id)).map(|node| &node.changes);
-        Changes::last(node.into_iter().chain([&self.changes]), behind)
+        Changes::last(node.into_iter().chain([&self.changes]), after)
     }
 
-    /// What had a beat and is silent.
-    pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<Quiet> {
+    /// Periodic messages of the bus and of a node that have stopped.
+    pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<StoppedMessage> {
         let node = node.and_then(|id| self.nodes.get(&id));
         let own = node.into_iter().flat_map(|node| node.beats.quiet(now));
         self.beats.quiet(now).chain(own).collect()
     }
 
-    /// How a node stands now.
+    /// Current state of a node.
     pub(super) fn state(&self, bus: &Bus, id: NodeId) -> NodeState {
         let points = self.nodes.get(&id).map_or(&[][..], |node| &node.points);
         NodeState::now(bus, id, points)
@@ -321,12 +315,12 @@ impl BusWatch {
         self.time
     }
 
-    /// Which bus.
+    /// Index of the bus.
     pub(super) fn index(&self) -> BusIndex {
         self.index
     }
 
-    /// Nodes heard of.
+    /// Nodes with events.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeWatch)> {
         self.nodes.iter().map(|(id, node)| (*id, node))
     }
@@ -337,7 +331,7 @@ fn same(one: &SetPoint, other: &SetPoint) -> bool {
 }
 
 impl NodeWatch {
-    /// The set point as it came last.
+    /// Stores the last value of a set point.
     fn remember(&mut self, point: &SetPoint) {
         let has_room = self.points.len() < POINTS;
         match self.points.iter_mut().find(|known| same(known, point)) {

@@ -1,11 +1,11 @@
-//! SocketCAN error frames (linux/can/error.h): what a controller reports about the bus.
+//! SocketCAN error frames (linux/can/error.h): bus errors that the CAN controller reports.
 //!
 //! ```text
 //! identifier  class bits     byte 0  bit of lost arbitration   byte 1  controller   byte 2  protocol
 //! byte 3  location           byte 4  transceiver               byte 6  TX counter   byte 7  RX counter
 //! ```
 
-/// The parts of an error frame; their names are in `lookups/can_error_classes.toml`.
+/// Fields of an error frame; their names are in `lookups/can_error_classes.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ErrorFrame {
     /// Class bits of the identifier, error flag removed.
@@ -16,7 +16,7 @@ pub struct ErrorFrame {
     pub controller: u8,
     /// Protocol violation bits.
     pub protocol: u8,
-    /// Where in the frame the protocol was violated.
+    /// Location of the protocol violation in the frame.
     pub location: u8,
     /// Transceiver status.
     pub transceiver: u8,
@@ -26,7 +26,7 @@ pub struct ErrorFrame {
     pub receive_errors: u8,
 }
 
-/// Reads an error frame; bytes that were not recorded read as 0, "unspecified".
+/// Reads an error frame; missing bytes read as 0, "unspecified".
 pub fn parse(id: u32, data: &[u8]) -> ErrorFrame {
     let byte = |index: usize| data.get(index).copied().unwrap_or(0);
     ErrorFrame {

@@ -1,8 +1,7 @@
 //! Frames to messages: pure parsers of payload bytes.
 //!
-//! Nothing here remembers anything. What an identifier means now, and in which phase a transfer is, the
-//! session knows and states as an argument. Nothing here allocates, and nothing can fail but by saying
-//! how many bytes were missing.
+//! The parsers have no state. The session passes the current meaning of an identifier and the phase of a
+//! transfer as arguments. The parsers do not allocate. Their only error is [`Malformed`]: missing bytes.
 
 pub mod canopen;
 pub mod error_frame;
@@ -14,16 +13,16 @@ pub mod uds;
 pub use node_id::NODE_PLACES;
 pub use node_id::NodeId;
 
-/// Bytes that are too few for what they should be.
+/// A message shorter than its format requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Malformed {
-    /// Which message was expected: `nmt`, `sdo`, `lss`, …
+    /// Expected message: `nmt`, `sdo`, `lss`, …
     pub layer: &'static str,
-    /// Byte of the payload at which the missing part should begin.
+    /// Offset in the payload at which the missing part should start.
     pub offset: u8,
-    /// Bytes needed from there on.
+    /// Bytes needed from `offset` on.
     pub needed: u8,
-    /// Bytes there are.
+    /// Bytes available from `offset` on.
     pub available: u8,
 }
 

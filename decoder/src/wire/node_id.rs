@@ -1,9 +1,9 @@
-//! Which node of a bus: the two ways of numbering them that may share one.
+//! Node of a bus: CANopen node-ID or J1939 address. Both can occur on one bus.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// A node by the number it has now.
+/// A node, identified by its present node-ID or address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum NodeId {
     /// CANopen node-ID, 1..=127 (CiA 301 §7.3.3).
@@ -12,21 +12,21 @@ pub enum NodeId {
     J1939(u8),
 }
 
-/// Places of a table of all nodes.
+/// Size of a table with one slot per node.
 pub const NODE_PLACES: usize = 128 + 256;
 
-/// Addresses a device can have (J1939-81 §4.3): 254 is none, 255 all.
+/// Highest address of a device (J1939-81 §4.3): 254 is the null address, 255 addresses all.
 const LAST_ADDRESS: u8 = 253;
 
 impl NodeId {
-    /// The number itself.
+    /// Node-ID or address as a plain number.
     pub const fn number(self) -> u8 {
         match self {
             Self::Canopen(number) | Self::J1939(number) => number,
         }
     }
 
-    /// Node-ID of a CANopen node.
+    /// Node-ID; `None` for a J1939 node.
     pub const fn canopen(self) -> Option<u8> {
         match self {
             Self::Canopen(id) => Some(id),
@@ -34,7 +34,7 @@ impl NodeId {
         }
     }
 
-    /// Address of a J1939 node.
+    /// Address; `None` for a CANopen node.
     pub const fn j1939(self) -> Option<u8> {
         match self {
             Self::Canopen(_) => None,
@@ -42,7 +42,7 @@ impl NodeId {
         }
     }
 
-    /// Whether a node can have this number.
+    /// Whether the number is in the range allowed for a node.
     pub const fn is_valid(self) -> bool {
         match self {
             Self::Canopen(id) => id >= 1 && id <= 127,
@@ -50,7 +50,7 @@ impl NodeId {
         }
     }
 
-    /// What lines call it: `32/20`, `SA80`.
+    /// Label in output lines: `32/20`, `SA80`.
     pub fn label(self) -> String {
         match self {
             Self::Canopen(id) => format!("{id}/{id:02X}"),
@@ -58,7 +58,7 @@ impl NodeId {
         }
     }
 
-    /// The same within a sentence: `node 32/20`, `SA80`.
+    /// Label within a sentence: `node 32/20`, `SA80`.
     pub fn words(self) -> String {
         match self {
             Self::Canopen(_) => format!("node {}", self.label()),
@@ -66,7 +66,7 @@ impl NodeId {
         }
     }
 
-    /// Its place among [`NODE_PLACES`]; of a number no node can have a place beyond them.
+    /// Slot in a table of [`NODE_PLACES`]; [`NODE_PLACES`] itself if the number is not valid.
     pub const fn place(self) -> usize {
         match self {
             Self::Canopen(id) if self.is_valid() => id as usize,
@@ -75,20 +75,20 @@ impl NodeId {
         }
     }
 
-    /// All numbers a node can have, in order.
+    /// All valid node-IDs, then all valid addresses.
     pub fn all() -> impl Iterator<Item = Self> {
         (1..=127).map(Self::Canopen).chain((0..=LAST_ADDRESS).map(Self::J1939))
     }
 }
 
-/// A CANopen node-ID.
+/// Converts a CANopen node-ID.
 impl From<u8> for NodeId {
     fn from(id: u8) -> Self {
         Self::Canopen(id)
     }
 }
 
-/// `32`, `sa:0x80`: as the user gives them.
+/// Writes `32` or `sa:0x80`, the form that options and bus files use.
 impl fmt::Display for NodeId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -98,7 +98,7 @@ impl fmt::Display for NodeId {
     }
 }
 
-/// `5`, `0x20`, `sa:128`, `sa:0x80`.
+/// Parses `5`, `0x20`, `sa:128` or `sa:0x80`.
 impl FromStr for NodeId {
     type Err = &'static str;
 
@@ -112,7 +112,7 @@ impl FromStr for NodeId {
             None => number.parse().ok(),
         };
         let id = number.map(if is_address { Self::J1939 } else { Self::Canopen });
-        id.filter(|id| id.is_valid()).ok_or("a node-ID is 1 to 127, a J1939 address sa:0 to sa:253")
+        id.filter(|id| id.is_valid()).ok_or("expected a node-ID 1 to 127 or a J1939 address sa:0 to sa:253")
     }
 }
 

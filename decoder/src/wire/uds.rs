@@ -7,30 +7,30 @@
 //! 7F            SID of the request, NRC     negative response
 //! ```
 //!
-//! Where a service has a sub-function or an identifier, tables know (`lookups/uds_services.toml`); the
-//! caller states it as a [`Shape`].
+//! The positions of sub-function and identifier depend on the service (`lookups/uds_services.toml`); the
+//! caller passes them as a [`ServiceLayout`].
 
 use super::Malformed;
 use super::canopen::emcy::ByteOrder;
 
-/// One message.
+/// One UDS message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Uds<'a> {
-    /// A client asks.
+    /// Request of a client.
     Request {
         /// Service identifier.
         service: u8,
-        /// What follows it.
+        /// Bytes after the service identifier.
         data: &'a [u8],
     },
-    /// A server did it.
+    /// Positive response of a server.
     Positive {
         /// Service identifier of the request.
         service: u8,
-        /// What follows it.
+        /// Bytes after the service identifier.
         data: &'a [u8],
     },
-    /// A server did not, or not yet.
+    /// Negative response of a server, also "response pending".
     Negative {
         /// Service identifier of the request.
         service: u8,
@@ -41,15 +41,15 @@ pub enum Uds<'a> {
 
 /// Service identifier of a negative response (§8.5).
 const NEGATIVE: u8 = 0x7F;
-/// Bit of a service identifier that makes it a response.
+/// Bit of the service identifier that marks a response.
 const RESPONSE: u8 = 0x40;
-/// Negative response code: the answer will take longer (Annex A.1).
+/// Negative response code "response pending": the final response follows later (Annex A.1).
 pub(crate) const RESPONSE_PENDING: u8 = 0x78;
 
 /// Reads one message.
 ///
 /// # Errors
-/// When it is empty, or a negative response without service or code.
+/// If `data` is empty, or a negative response lacks its service or its code.
 pub fn parse(data: &[u8]) -> Result<Uds<'_>, Malformed> {
     match data {
         [] => Err(Malformed::at("uds", 0, 1, 0)),
@@ -62,42 +62,42 @@ pub fn parse(data: &[u8]) -> Result<Uds<'_>, Malformed> {
     }
 }
 
-/// What stands where behind a service identifier.
+/// Positions of sub-function and identifier after the service identifier.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub struct Shape {
-    /// The first byte is a sub-function; its bit 7 asks for no positive response (§8.2.2).
+pub struct ServiceLayout {
+    /// The first byte is a sub-function; bit 7 of it suppresses the positive response (§8.2.2).
     pub sub_function: bool,
-    /// The identifier.
-    pub identifier: Option<Place>,
+    /// Position of the identifier; `None` if the service has no identifier.
+    pub identifier: Option<IdentifierPlace>,
 }
 
-/// Where an identifier stands.
+/// Position of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
-    /// Bytes between service identifier and it.
+pub struct IdentifierPlace {
+    /// Bytes between the service identifier and the identifier.
     pub offset: u8,
-    /// High byte of an identifier of which only the low one is sent.
+    /// High byte of the identifier, if only the low byte is sent.
     pub high: Option<u8>,
 }
 
 /// Sub-function of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SubFunction {
-    /// Which, 0..=127.
+    /// Sub-function, 0..=127.
     pub value: u8,
-    /// Bit 7: the server is to send no positive response.
+    /// Bit 7: the server must not send a positive response.
     pub suppress_response: bool,
 }
 
-impl Shape {
-    /// The sub-function in what follows the service identifier.
+impl ServiceLayout {
+    /// Sub-function in `data`, the bytes after the service identifier.
     pub fn sub_function(self, data: &[u8]) -> Option<SubFunction> {
         let byte = data.first().copied().filter(|_| self.sub_function)?;
         Some(SubFunction { value: byte & 0x7F, suppress_response: byte & 0x80 != 0 })
     }
 
-    /// Data or routine identifier in what follows the service identifier. The standard sends its high byte
-    /// first; `order` is what the device does.
+    /// Data or routine identifier in `data`, the bytes after the service identifier. The standard sends the
+    /// high byte first; `order` is the byte order of the device.
     pub fn identifier(self, data: &[u8], order: ByteOrder) -> Option<u16> {
         let place = self.identifier?;
         match (data.get(usize::from(place.offset)..)?, place.high, order) {
@@ -108,7 +108,7 @@ impl Shape {
         }
     }
 
-    /// What follows identifier and sub-function: a record, parameters.
+    /// Bytes after identifier and sub-function: data record or parameters.
     pub fn record(self, data: &[u8]) -> &[u8] {
         let begin = match self.identifier {
             Some(place) => usize::from(place.offset) + if place.high.is_some() { 1 } else { 2 },
@@ -122,25 +122,28 @@ impl Shape {
 mod tests {
     use super::*;
 
-    const BY_IDENTIFIER: Shape =
-        Shape { sub_function: false, identifier: Some(Place { offset: 0, high: None }) };
-    const ROUTINE: Shape = Shape { sub_function: true, identifier: Some(Place { offset: 1, high: None }) };
-    const PERIODIC: Shape =
-        Shape { sub_function: false, identifier: Some(Place { offset: 1, high: Some(0xF2) }) };
+    const BY_IDENTIFIER: ServiceLayout =
+        ServiceLayout { sub_function: false, identifier: Some(IdentifierPlace { offset: 0, high: None }) };
+    const ROUTINE: ServiceLayout =
+        ServiceLayout { sub_function: true, identifier: Some(IdentifierPlace { offset: 1, high: None }) };
+    const PERIODIC: ServiceLayout = ServiceLayout {
+        sub_function: false,
+        identifier: Some(IdentifierPlace { offset: 1, high: Some(0xF2) }),
+    };
 
     #[test]
     fn three_kinds_of_message() {
-        // ISO 14229-1 §8.4, §8.5: 22 F1 90, its answers 62 F1 90 … and 7F 22 31.
+        // ISO 14229-1 §8.4, §8.5: request 22 F1 90, responses 62 F1 90 … and 7F 22 31.
         assert_eq!(parse(&[0x22, 0xF1, 0x90]), Ok(Uds::Request { service: 0x22, data: &[0xF1, 0x90] }));
         assert_eq!(parse(&[0x62, 0xF1, 0x90]), Ok(Uds::Positive { service: 0x22, data: &[0xF1, 0x90] }));
         assert_eq!(parse(&[0x7F, 0x22, 0x31]), Ok(Uds::Negative { service: 0x22, code: 0x31 }));
-        // C5 answers 85, FA answers BA: the bit, not a sum.
+        // C5 responds to 85, FA to BA: bit 6 is set, 40h is not added.
         assert_eq!(parse(&[0xC5, 0x02]), Ok(Uds::Positive { service: 0x85, data: &[0x02] }));
         assert_eq!(parse(&[0x85, 0x02]), Ok(Uds::Request { service: 0x85, data: &[0x02] }));
     }
 
     #[test]
-    fn what_is_missing_is_said() {
+    fn missing_bytes_are_reported() {
         assert_eq!(parse(&[]).unwrap_err().needed, 1);
         let error = parse(&[0x7F, 0x22]).unwrap_err();
         assert_eq!((error.layer, error.offset, error.needed, error.available), ("uds", 1, 2, 1));
@@ -153,7 +156,7 @@ mod tests {
         assert_eq!(BY_IDENTIFIER.identifier(&[0x01, 0x10, 0x21], lsb), Some(0x1001));
         assert_eq!(BY_IDENTIFIER.identifier(&[0xF1], msb), None);
         assert_eq!(BY_IDENTIFIER.record(&[0x01, 0x10, 0x21]), [0x21]);
-        // 31 01 FF00: start routine FF00; 81 is the same without a positive response.
+        // 31 01 FF00: start routine FF00; sub-function 81 suppresses the positive response.
         assert_eq!(ROUTINE.identifier(&[0x01, 0xFF, 0x00], msb), Some(0xFF00));
         assert_eq!(
             ROUTINE.sub_function(&[0x81, 0xFF, 0x00]),
@@ -162,7 +165,7 @@ mod tests {
         assert_eq!(ROUTINE.record(&[0x01, 0xFF, 0x00, 7]), [7]);
         assert_eq!(PERIODIC.identifier(&[0x02, 0x15], msb), Some(0xF215));
         assert_eq!(PERIODIC.record(&[0x02, 0x15, 0x16]), [0x16]);
-        assert_eq!(Shape::default().sub_function(&[1]), None);
-        assert_eq!(Shape::default().record(&[1, 2]), [1, 2]);
+        assert_eq!(ServiceLayout::default().sub_function(&[1]), None);
+        assert_eq!(ServiceLayout::default().record(&[1, 2]), [1, 2]);
     }
 }

@@ -1,15 +1,16 @@
-//! One event of every kind, and more of those that differ in their fields; every option is set somewhere.
+//! One event of every kind, and more of kinds with different fields; every optional field is set at least
+//! once.
 
 use std::sync::Arc;
 
 use crate::capture::BusNames;
 use crate::decoder::Decoder;
 use crate::event::{
-    Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DeviceCause, DeviceState, Direction, Effective,
-    EmcyAction, Emergency, Ends, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer,
-    Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
-    ProcedureEvent, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer, SetPoint, Silence,
-    StateCause, StateChange, UdsExchange, Undecoded,
+    Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DataRange, DeviceCause, DeviceState, Direction,
+    Effective, EmcyAction, Emergency, Endpoints, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange,
+    IsoTpTransfer, Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path,
+    Pdo, PowerSign, ProcedureEvent, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
+    SetPoint, Silence, StateCause, StateChange, UdsExchange, Undecoded,
 };
 use crate::finding::Severity;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
@@ -30,15 +31,17 @@ use crate::wire::uds::SubFunction;
 
 use super::j1939;
 
-/// A device with a text of its own for an abort code.
+/// A device with its own text for an abort code.
 const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n[[abort]]\ncode = 0x06020000\ntext = \"gone\"\n\
                        [[j1939.dtc]]\nspn = 298985\nfmi = 19\ntext = \"time guarding\"\n\
-                       [[uds.nrc]]\ncode = 0x31\ntext = \"no such thing\"\n";
+                       [[uds.nrc]]\ncode = 0x31\ntext = \"no such thing\"\n\
+                       [emcy]\nvendor = [{ byte = 3, bytes = 2, name = \"channel\" }]\n\
+                       code = [{ code = 0x8130, text = \"no guarding\", reaction = \"stops\" }]\n";
 
 const DBC: &str = "VERSION \"\"\nBO_ 2566844926 M: 8 N\n SG_ Guard : 0|8@1+ (1,0) [0|250] \"\" N\n\
                    BA_DEF_ SG_ \"SPN\" INT 0 524287;\nBA_ \"SPN\" SG_ 2566844926 Guard 298985;\n";
 
-/// A bus on which node 2, named `ABCD`, was heard; it is an `acme-pump`.
+/// A bus with node 2, named `ABCD`, which is an `acme-pump`.
 pub fn bus() -> Bus {
     let mut catalogue = Catalogue::default();
     catalogue.add_text("pump.toml", PROFILE).unwrap();
@@ -208,7 +211,7 @@ fn words_and_procedures() -> Vec<EventKind> {
         channel: Some(1),
         from: None,
         to: "pressure".into(),
-        consequence: String::new(),
+        consequence: "RPDO1 carries pressure".into(),
     };
     let procedure = ProcedureEvent {
         procedure: "store".into(),
@@ -249,7 +252,7 @@ fn layout() -> Arc<Layout> {
         bits: 16,
         origin: "wire",
         assumed: true,
-        depends: Vec::new(),
+        ..Layout::default()
     })
 }
 
@@ -299,7 +302,7 @@ fn messages() -> Vec<EventKind> {
     ]
 }
 
-/// A meaning with everything that shows in output.
+/// A meaning with all properties that the output shows.
 fn meaning(name: &str) -> Meaning {
     let bit = BitName {
         bit: 0,
@@ -336,7 +339,12 @@ fn write() -> SdoTransfer {
         persists: Some("needs-save"),
         size: 2,
         announced: Some(2),
+        unseen: 0,
         data: vec![0xE9, 3],
+        later_data: Vec::new(),
+        missing_segments: 0,
+        losses: 0,
+        first_loss: None,
         truncated: false,
         previous: None,
         previous_assumed: false,
@@ -346,6 +354,11 @@ fn write() -> SdoTransfer {
         abort: None,
         crc: Some(Crc::Correct),
         irregularity: None,
+        overlap: None,
+        retries: 0,
+        is_ambiguous: false,
+        is_unrequested: false,
+        awaits_client: true,
         cut_start: false,
         cut_end: false,
         frame_count: 2,
@@ -375,7 +388,7 @@ fn transfers() -> Vec<EventKind> {
     };
     let plain = SdoTransfer {
         meaning: Some(Arc::new(Meaning {
-            scale: Some(Factor { factor: 0.1, offset: 0.0, full_scale: None }),
+            scale: Some(Factor { factor: 0.1, offset: 0.0, full_scale: None, is_reciprocal: false }),
             ..meaning("Pressure")
         })),
         ..refused.clone()
@@ -391,10 +404,30 @@ fn transfers() -> Vec<EventKind> {
         data: b"ABCD".to_vec(),
         ..write.clone()
     };
-    [write, aborted, refused, plain, text].map(|transfer| EventKind::SdoTransfer(Box::new(transfer))).into()
+    let with_gap = SdoTransfer {
+        meaning: None,
+        size: 21,
+        announced: None,
+        unseen: 7,
+        data: vec![1; 7],
+        later_data: vec![DataRange { offset: 14, data: vec![2; 7] }],
+        missing_segments: 1,
+        losses: 1,
+        first_loss: Some((2, Some(8))),
+        overlap: Some(2_000_000),
+        retries: 1,
+        is_ambiguous: true,
+        is_unrequested: true,
+        truncated: true,
+        crc: Some(Crc::Unchecked),
+        ..write.clone()
+    };
+    [write, aborted, refused, plain, text, with_gap]
+        .map(|transfer| EventKind::SdoTransfer(Box::new(transfer)))
+        .into()
 }
 
-fn messages_of_frames(ends: &Ends) -> Vec<EventKind> {
+fn messages_of_frames(ends: &Endpoints) -> Vec<EventKind> {
     let message = IsoTpTransfer {
         ends: ends.clone(),
         id: CanId::extended(0x1BC7_8820),
@@ -434,7 +467,7 @@ fn message(data: &[u8]) -> Message {
 }
 
 /// A node-ID that is written by UDS.
-fn written(ends: &Ends) -> UdsExchange {
+fn written(ends: &Endpoints) -> UdsExchange {
     UdsExchange {
         ends: ends.clone(),
         service: 0x2E,
@@ -455,7 +488,7 @@ fn written(ends: &Ends) -> UdsExchange {
 
 fn diagnostics() -> Vec<EventKind> {
     let ends =
-        Ends { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
+        Endpoints { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
     let written = written(&ends);
     let named = UdsExchange { request: Some(message(&[0x2E, 1, 0x10, 200, 0])), ..written.clone() };
     let session = UdsExchange {
@@ -478,7 +511,7 @@ fn diagnostics() -> Vec<EventKind> {
         ..written.clone()
     };
     let read = UdsExchange {
-        ends: Ends { source: None, target: None, functional: false, server: None },
+        ends: Endpoints { source: None, target: None, functional: false, server: None },
         service: 0x22,
         identifier: Some(0xF190),
         meaning: None,
@@ -549,6 +582,7 @@ fn findings() -> Vec<EventKind> {
         count: 3,
         is_at_end: true,
         source: Some("CiA 301 §7.2.4".into()),
+        is_manual: false,
     };
     let plain = FindingNews {
         object: None,
@@ -588,7 +622,13 @@ fn bus_and_capture() -> Vec<EventKind> {
         EventKind::LostFrames { count: None },
         EventKind::Link { state: LinkState::Up, bit_rate: Some(250_000) },
         EventKind::Link { state: LinkState::Gone, bit_rate: None },
-        EventKind::Unreadable { line: Some(7), offset: Some(99), count: 1, reason: "no frame".into() },
+        EventKind::Unreadable {
+            file: Some("part2.log".into()),
+            line: Some(7),
+            offset: Some(99),
+            count: 1,
+            reason: "no frame".into(),
+        },
         EventKind::Note { text: "times are taken for absolute".into() },
     ]
 }

@@ -1,4 +1,4 @@
-//! The field table against what events tell.
+//! Compares the field table with the fields of events.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use crate::query::record::{FieldValue, Fields, visit};
 
 use super::events;
 
-/// Holds what is told to the table.
+/// Checks each field of an event against the table.
 struct Check {
     kind: &'static str,
     path: Vec<&'static str>,

@@ -1,4 +1,4 @@
-//! Events of J1939 and of transport sessions, every option set somewhere.
+//! Events of J1939 and of transport sessions; every optional field is set at least once.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::wire::j1939::{ALL, Acknowledgement, J1939Id, Name, Pgn};
 /// The lower NAME wins.
 const NAMES: [Name; 2] = [Name(0x8000_0000_0000_0001), Name(0xA322_810A_0721_2345)];
 
-/// One event of every kind; `layout` has more than a byte.
+/// One event of every kind; `layout` is longer than one byte.
 pub fn all(layout: &Arc<Layout>) -> Vec<EventKind> {
     let names = |name: &str| Some(Arc::new(Names([(0x32, name.to_owned()), (1, name.to_owned())].into())));
     let meaning = Meaning {

@@ -1,4 +1,4 @@
-//! Tests of the library that make events themselves, which only the library can.
+//! Unit tests that create events, which is possible only inside the library.
 
 #![expect(clippy::disallowed_methods, reason = "what is expected is in a file")]
 

@@ -21,7 +21,7 @@ pub struct Budget {
     pub allowed: Vec<Allowed>,
 }
 
-/// An expression that makes a reader stop.
+/// An expression to avoid.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expression {
@@ -56,7 +56,7 @@ pub struct Names {
     pub function_prefixes: Vec<String>,
 }
 
-/// A text in which a counted expression is right.
+/// A text in which a counted expression is correct.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Allowed {

@@ -1,4 +1,4 @@
-//! The rates that are held until the limits of the guide are reached: `ceilings.toml`.
+//! Limits for rates that are still above those of the guide: `ceilings.toml`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ fn path() -> PathBuf {
 }
 
 impl Ceilings {
-    /// Reads the file; without one, the limits hold.
+    /// Reads the file; without it, the limits of the guide apply.
     pub fn read() -> Self {
         let text = fs::read_to_string(path()).unwrap_or_default();
         Self(toml::from_str(&text).unwrap())
@@ -30,7 +30,7 @@ impl Ceilings {
         self.0.entry(scope.to_owned()).or_default().insert(expression.to_owned(), rate);
     }
 
-    /// Writes the file, or removes it if every limit holds.
+    /// Writes the file, or removes it if no rate is above its limit.
     pub fn write(&self) {
         if self.0.is_empty() {
             let _ = fs::remove_file(path());

@@ -1,4 +1,4 @@
-//! The words that people read: comments, strings, documents, names. `budget.toml` has the limits.
+//! Word budget of comments, strings, documents and names. `budget.toml` has the limits.
 
 mod budget;
 mod ceilings;
@@ -14,7 +14,7 @@ use sources::Passage;
 
 const CRATES: [(&str, &str); 2] = [("decoder", "decoder/src"), ("tui", "tui/src")];
 
-/// Files and lines that a report names for each rate that is too high.
+/// Max files and lines in the report of a rate.
 const SHOWN: usize = 8;
 
 /// Occurrences of one expression in one scope.
@@ -66,7 +66,7 @@ fn number(count: usize) -> f64 {
     f64::from(u32::try_from(count).unwrap())
 }
 
-/// Each text once for each occurrence.
+/// Passages with the expression, repeated for each occurrence.
 fn hits(budget: &Budget, expression: &Expression, texts: &[Passage]) -> Vec<Passage> {
     let count = |text: &&Passage| expression.count(&budget.without_allowed(&text.file, &text.text));
     texts.iter().flat_map(|text| std::iter::repeat_n(text.clone(), count(&text))).collect()
@@ -112,7 +112,8 @@ fn counts_in_documents(budget: &Budget) -> Vec<Count> {
     for document in sources::documents() {
         let words = document.text.split_whitespace().count();
         let text = budget.without_allowed(&document.file, &document.text);
-        // Expressions may extend over the end of a line: each one is counted in the whole text, and shown by its line.
+        // Expressions may extend over the end of a line: they are counted in the whole text and shown by
+        // line.
         let found = budget.expressions.iter().map(|row| row.count(&text)).sum::<usize>();
         let lines = text.lines().enumerate().map(|(at, line)| Passage {
             file: document.file.clone(),
@@ -144,7 +145,8 @@ fn counts_in_names(budget: &Budget) -> Vec<Count> {
     counts
 }
 
-/// Rates above the ceilings, or above the limits where there is no ceiling. `COBSCOPE_BLESS=1` lowers the ceilings.
+/// Compares rates with the ceilings, or with the limits if there is no ceiling. `COBSCOPE_BLESS=1` lowers the
+/// ceilings.
 #[test]
 fn expressions_stay_within_the_word_budget() {
     let (budget, ceilings) = (Budget::read(), Ceilings::read());
@@ -167,7 +169,7 @@ fn expressions_stay_within_the_word_budget() {
     assert!(report.is_empty(), "\n{report}");
 }
 
-/// An entry that no text needs hides the next use of the expression.
+/// An unused entry would hide the next use of the expression.
 #[test]
 fn every_allowed_text_is_in_its_file() {
     for entry in Budget::read().allowed {

@@ -1,4 +1,4 @@
-//! The text of the repository, cut into pieces that have a file and a line.
+//! Text of the repository, divided into passages with a file and a line.
 
 use std::fs;
 use std::path::Path;
@@ -6,17 +6,17 @@ use std::path::Path;
 use crate::support::code::{Part, parts};
 use crate::support::workspace;
 
-/// A text with its place.
+/// A text with its position.
 #[derive(Clone)]
 pub struct Passage {
-    /// The file, from the workspace on.
+    /// The file, relative to the workspace.
     pub file: String,
-    /// The first line, from 1; 0 if the piece is in no single line.
+    /// The first line, from 1; 0 if the passage has no single line.
     pub line: usize,
     pub text: String,
 }
 
-/// Files with this extension below a folder of the workspace, by name.
+/// Files with this extension below a folder of the workspace, sorted by name.
 pub fn files(folder: &str, extension: &str) -> Vec<(String, String)> {
     let mut names = Vec::new();
     collect(&workspace().join(folder), extension, &mut names);
@@ -81,13 +81,13 @@ pub fn string_literals(folder: &str) -> Vec<Passage> {
     literals
 }
 
-/// A literal in one line: `\` at the end of a line joins it with the next one.
+/// A literal as one line: `\` at the end of a line joins it with the next one.
 fn joined(literal: &str) -> String {
     let lines: Vec<_> = literal.lines().map(|line| line.trim().trim_end_matches('\\')).collect();
     lines.join(" ").replace("\\n", " ")
 }
 
-/// Doc comments of the files that define the command line: clap prints them as help.
+/// Doc comments of the files that define the command line, which clap prints as help.
 pub fn help_lines() -> Vec<Passage> {
     let is_help = |line: &Passage| line.file == "tui/src/cli.rs" || line.file.starts_with("tui/src/cli/");
     comment_lines("tui/src")
@@ -117,7 +117,7 @@ fn strings_in(value: &toml::Value) -> Vec<String> {
     }
 }
 
-/// Documents as a whole.
+/// Complete documents.
 pub fn documents() -> Vec<Passage> {
     let mut names = vec!["README.md".to_owned(), "decoder/profiles/README.md".to_owned()];
     names.extend(files("docs", "md").into_iter().map(|(name, _)| name));
@@ -128,7 +128,7 @@ pub fn documents() -> Vec<Passage> {
     names.into_iter().map(read).collect()
 }
 
-/// Names of what Rust files define after one of these keywords, tests included.
+/// Names that Rust files define with one of these keywords, including tests.
 pub fn defined_names(folder: &str, keywords: &[&str]) -> Vec<Passage> {
     let mut names = Vec::new();
     for (file, text) in files(folder, "rs") {

@@ -1,8 +1,8 @@
-//! Which frames are written.
+//! Selection of the frames to write.
 
 use super::{Content, Folder, fixture, log};
 
-/// Frames chosen of a fixture, by number.
+/// Numbers of the frames that `convert` selects in a fixture.
 fn chosen(capture: &str, options: &[&str]) -> Vec<u64> {
     let folder = Folder::new();
     let source = fixture(capture);
@@ -10,7 +10,7 @@ fn chosen(capture: &str, options: &[&str]) -> Vec<u64> {
     let mut words = options.to_vec();
     words.extend([source.to_str().unwrap(), "@out.csv"]);
     let out = folder.converted(&words);
-    // Frames are found again by all they hold, in order.
+    // Frames are identified by their contents, in order.
     let mut rest = whole.frames.iter();
     let mut number = |frame: &cobscope_decoder::frame::Frame| {
         rest.find(|other| (other.time, other.id, other.data()) == (frame.time, frame.id, frame.data()))
@@ -33,7 +33,7 @@ fn a_filter_takes_frames_by_their_own_message() {
     assert_eq!(chosen(emcy, &["--filter", "id == 0x702"]), on(emcy, &["702"]));
     let found = chosen(emcy, &["--filter", "kind == emcy"]);
     assert!(!found.is_empty());
-    // fixtures/README.md: EMCY of nodes 2 and 6; 086# is one, too.
+    // fixtures/README.md: EMCY of nodes 2 and 6; 086# also counts.
     let ids: Vec<_> = Content::read(&fixture(emcy)).ids();
     let expected: Vec<u64> =
         (1..).zip(&ids).filter(|(_, id)| id.starts_with("08")).map(|(at, _)| at).collect();
@@ -54,10 +54,10 @@ fn a_filter_that_no_frame_can_match_is_refused() {
     folder.write("a.log", log(&["705#00"]));
     let output = folder.convert(&["--filter", "kind == sdo-transfer", "@a.log", "@b.log"]);
     assert_eq!(output.code, 2);
-    assert!(output.stderr.contains("no single frame tells that"), "{}", output.stderr);
+    assert!(output.stderr.contains("never true for a single frame"), "{}", output.stderr);
     assert_eq!(folder.names(), ["a.log"]);
     let nothing = folder.convert(&["--filter", "node == 9", "@a.log", "@b.log"]);
-    assert_eq!((nothing.code, nothing.stderr.as_str()), (0, "cobscope: @b.log: no frame was chosen\n"));
+    assert_eq!((nothing.code, nothing.stderr.as_str()), (0, "cobscope: @b.log: no frames selected\n"));
 }
 
 #[test]
@@ -79,19 +79,24 @@ fn from_and_to_take_a_part() {
     assert_eq!(chosen(capture, &["--from", "2023-11-14T22:13:21Z"]), between(1_000, i64::MAX));
     let folder = Folder::new();
     let output = folder.convert(&["--from", "9999", fixture(capture).to_str().unwrap(), "@a.log"]);
-    assert_eq!((output.code, output.stderr.as_str()), (0, "cobscope: @a.log: no frame was chosen\n"));
-    // Without times only numbers can be meant.
+    assert_eq!((output.code, output.stderr.as_str()), (0, "cobscope: @a.log: no frames selected\n"));
+    // Without timestamps, only frame numbers can be used.
     folder.write("b.log", "can0 705#00\ncan0 705#05\n");
     folder.write("b.csv", "ID,Data Bytes\n0x705,00\n0x705,05\n");
     let output = folder.convert(&["--from", "1", "@b.csv", "@c.csv"]);
     assert_eq!(output.code, 3, "{}", output.stderr);
-    assert!(output.stderr.contains("give numbers as --from #1234"), "{}", output.stderr);
+    assert!(
+        output.stderr.contains("@b.csv: has no timestamps; use frame numbers, such as --from #1234"),
+        "{}",
+        output.stderr
+    );
 }
 
 #[test]
 fn a_node_is_taken_with_its_services_and_what_goes_to_all() {
     let folder = Folder::new();
-    // Of node 5: boot-up, heartbeat, EMCY, TPDO1, RPDO1, SDO both ways, NMT to it. To all: NMT, SYNC, TIME, LSS.
+    // From node 5: boot-up, heartbeat, EMCY, TPDO1, RPDO1, SDO in both directions, NMT to it. To all: NMT,
+    // SYNC, TIME, LSS.
     let own = [
         "705#00",
         "705#05",
@@ -128,23 +133,23 @@ fn a_node_is_taken_with_its_services_and_what_goes_to_all() {
         content.frames.iter().map(text).collect::<Vec<_>>()
     };
     assert_eq!(frames(&out), own);
-    // Two nodes, and a node of a bus that is not there.
+    // Two nodes, and a node of a missing bus.
     let both = folder.converted(&["--only-node", "5", "--only-node", "6", "@a.log", "@c.csv"]);
     assert_eq!(both.frames.len(), mixed.iter().filter(|frame| !frame.starts_with("7F0")).count());
     let none = folder.convert(&["--only-node", "can9:5", "@a.log", "@d.csv"]);
-    let said = "cobscope: @a.log: has no bus can9, which --only-node names; it has can0\n\
-                cobscope: @d.csv: no frame was chosen\n";
+    let said = "cobscope: @a.log: unknown bus can9 in --only-node; buses present: can0\n\
+                cobscope: @d.csv: no frames selected\n";
     assert_eq!(none.stderr, said);
     assert!(!folder.path("d.csv").exists(), "a file without frames would be taken for a capture");
     let profile = folder.convert(&["--only-node", "5=danfoss-pve-ci", "@a.log", "@e.csv"]);
     assert_eq!(profile.code, 2);
-    assert!(profile.stderr.contains("--node tells what it is"), "{}", profile.stderr);
+    assert!(profile.stderr.contains("use --node to assign its profile"), "{}", profile.stderr);
 }
 
 #[test]
 fn a_node_of_j1939_is_an_address() {
     let folder = Folder::new();
-    // From 80; for 80; to all; another's.
+    // From 80; to 80; to all; from another address.
     folder.write(
         "a.log",
         log(&[
@@ -156,13 +161,13 @@ fn a_node_of_j1939_is_an_address() {
         ]),
     );
     let out = folder.converted(&["--only-node", "sa:0x80", "@a.log", "@b.csv"]);
-    // What goes to all of a J1939 bus is its sender's.
+    // A J1939 broadcast belongs to its sender.
     assert_eq!(out.ids(), ["18FECA80", "18EA80F1"]);
 }
 
 #[test]
 fn lss_belongs_to_the_node_it_is_about() {
-    // fixtures/README.md: the master's LSS goes to all.
+    // fixtures/README.md: LSS frames of the master have no destination.
     let capture = "canopen/lss.log";
     let found = chosen(capture, &["--only-node", "5"]);
     let lss = on(capture, &["7E5", "7E4"]);
@@ -177,13 +182,13 @@ fn several_captures_are_one_in_order_of_time() {
     folder.write("rear.log", line("200000", "can0 102#02") + &line("400000", "can1 104#04"));
     let out = folder.converted(&["@front.log", "@rear.log", "@all.log"]);
     assert_eq!(out.named(), ["can0 101", "can0@2 102", "can0 103", "can1 104"]);
-    // Parts of one recording share their buses, in whatever order they are named.
+    // Parts of one capture share their buses, in any order of their names.
     folder.write("run-0002.log", line("200000", "can0 102#02"));
     folder.write("run-0001.log", line("100000", "can0 101#01"));
     let out = folder.converted(&["@run-0002.log", "@run-0001.log", "@run.pcapng"]);
     assert_eq!(out.named(), ["can0 101", "can0 102"]);
     let numbered = folder.convert(&["@front.log", "@rear.log", "@all.trc"]);
-    let expected = "PEAK TRC numbers its buses: can0 is 1, can0@2 is 2, can1 is 3\n";
+    let expected = "PEAK TRC stores bus numbers: can0 is 1, can0@2 is 2, can1 is 3\n";
     assert!(numbered.stderr.ends_with(expected), "{}", numbered.stderr);
 }
 
@@ -191,11 +196,12 @@ fn several_captures_are_one_in_order_of_time() {
 fn numbers_of_buses_are_those_of_the_file() {
     let folder = Folder::new();
     folder.write("a.log", "(1.0) can0 101#01\n(2.0) can1 705#05\n(3.0) can2 706#05\n");
-    let said = |words: &[&str]| folder.convert(words).stderr;
-    let some = said(&["--only-node", "can1:5", "--only-node", "can2:6", "@a.log", "@some.trc"]);
-    assert!(some.ends_with("PEAK TRC numbers its buses: can1 is 1, can2 is 2\n"), "{some}");
-    let parts = said(&["--split-at", "node == 6", "@a.log", "@part.asc"]);
-    let expected = "Vector ASC numbers its buses, each file anew: its comments name them";
+    let texts = |words: &[&str]| folder.convert(words).stderr;
+    let some = texts(&["--only-node", "can1:5", "--only-node", "can2:6", "@a.log", "@some.trc"]);
+    assert!(some.ends_with("PEAK TRC stores bus numbers: can1 is 1, can2 is 2\n"), "{some}");
+    let parts = texts(&["--split-at", "node == 6", "@a.log", "@part.asc"]);
+    let expected =
+        "Vector ASC stores bus numbers, assigned per file; comments in the files contain the names";
     assert!(parts.contains(expected), "{parts}");
 }
 
@@ -212,22 +218,26 @@ fn what_is_true_of_several_captures_is_said_once() {
         folder.write(&format!("{name}.log"), lines(first));
         folder.converted(&[&format!("@{name}.log"), &format!("@{name}.asc")]);
     }
-    let said = |words: &[&str]| folder.convert(words).stderr;
-    let assumed = "the start date carries no time zone: times read as UTC\n";
-    assert_eq!(said(&["@a.asc", "@one.pcapng"]), format!("cobscope: @a.asc: {assumed}"));
+    let texts = |words: &[&str]| folder.convert(words).stderr;
+    let assumed = "start date without time zone: times read as UTC\n";
+    assert_eq!(texts(&["@a.asc", "@one.pcapng"]), format!("cobscope: @a.asc: {assumed}"));
     assert_eq!(
-        said(&["@a.asc", "@b.asc", "@c.asc", "@all.pcapng"]),
+        texts(&["--separate", "@a.asc", "@b.asc", "@c.asc", "@all.pcapng"]),
         format!("cobscope: all 3 captures: {assumed}")
     );
+    // 5 s from the last frame of a part to the first of the next one: a series.
+    let joined = texts(&["@a.asc", "@b.asc", "@c.asc", "@joined.pcapng"]);
+    assert!(joined.contains("3 parts of one capture"), "{joined}");
+    assert!(joined.ends_with(&format!("cobscope: @a.asc..c.asc: {assumed}")), "{joined}");
     assert_eq!(
-        said(&["@a.log", "@b.asc", "@c.asc", "@some.pcapng"]),
+        texts(&["--separate", "@a.log", "@b.asc", "@c.asc", "@some.pcapng"]),
         format!("cobscope: 2 of 3 captures, first @b.asc: {assumed}")
     );
-    // A line that cannot be read is one of its capture.
+    // An unreadable line belongs to its capture.
     folder.write("b.log", lines(10) + "rubbish\n");
-    let found = said(&["@a.log", "@b.log", "@broken.log"]);
+    let found = texts(&["--separate", "@a.log", "@b.log", "@broken.log"]);
     assert!(found.starts_with("cobscope: @b.log: line 7: ") && found.lines().count() == 1, "{found}");
-    let found = said(&["--only-node", "can7:5", "@a.log", "@c.log", "@none.log"]);
+    let found = texts(&["--only-node", "can7:5", "@a.log", "@c.log", "@none.log"]);
     assert!(found.contains("cobscope: all 2 captures: "), "{found}");
 }
 

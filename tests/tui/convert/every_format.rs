@@ -1,12 +1,15 @@
-//! Every capture there is into every format there is.
+//! Converts every fixture to every format.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 
-use cobscope_decoder::capture::{FORMATS, Holds, Losses, Notice, WRITABLE, WritableFormat, WriteOptions};
+use cobscope_decoder::capture::{
+    FORMATS, FormatCapabilities, Losses, Notice, WRITABLE, WritableFormat, WriteOptions,
+};
 use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::sink::escape;
 
 use super::{Content, Folder, fixture, log};
 use crate::support::workspace;
@@ -15,7 +18,7 @@ use crate::support::workspace;
 const FOLDERS: &[&str] =
     &["canopen", "devices", "dialects", "incidents", "j1939", "machine", "malformed", "recorders", "uds"];
 
-/// The same, and captures of text formats that were made up to be read. What a fuzzer found has no suffix.
+/// Captures of these folders, and the synthetic captures of text formats. Inputs of a fuzzer have no suffix.
 fn files() -> impl Iterator<Item = PathBuf> {
     let list = |folder: PathBuf| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let texts = FORMATS.iter().filter(|format| format.is_text);
@@ -29,7 +32,7 @@ fn captures() -> Vec<(PathBuf, Content)> {
     let mut captures = Vec::new();
     for path in files() {
         let suffix = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-        // Two fixtures of one set of frames say nothing more of a format.
+        // Only captures: scripts, bus files and expected events are skipped.
         if matches!(suffix.as_str(), "py" | "toml" | "sh") || path.to_string_lossy().contains(".expected.") {
             continue;
         }
@@ -41,8 +44,8 @@ fn captures() -> Vec<(PathBuf, Content)> {
     captures
 }
 
-/// What is read again of frames, by what a format says of itself; buses in order of their first frame.
-fn kept(holds: &Holds, content: &Content) -> (Vec<Frame>, Vec<String>) {
+/// Frames as read back, by the capabilities of a format; buses in order of their first frame.
+fn kept(holds: &FormatCapabilities, content: &Content) -> (Vec<Frame>, Vec<String>) {
     let (mut first, mut last) = (None, Timestamp(0));
     let (mut frames, mut order): (Vec<Frame>, Vec<u8>) = (Vec::new(), Vec::new());
     for frame in &content.frames {
@@ -63,8 +66,8 @@ fn kept(holds: &Holds, content: &Content) -> (Vec<Frame>, Vec<String>) {
     (frames, named)
 }
 
-/// What is said of a conversion, line by line.
-fn said(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> {
+/// Expected messages of a conversion, line by line.
+fn texts(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> {
     let name = path.strip_prefix(workspace()).unwrap().display();
     let mut losses = Losses::new(format.holds);
     let mut writer = (format.writer)(Box::new(std::io::sink()), &WriteOptions::default());
@@ -85,15 +88,15 @@ fn said(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> 
     }
     lines.extend(content.error.iter().map(|error| format!("{name}: {error}")));
     if unreadable > 10 {
-        lines.push(format!("{name}: {unreadable} lines or records could not be read"));
+        lines.push(format!("{name}: {unreadable} lines or records unreadable"));
     }
     if content.frames.is_empty() {
-        lines.push(format!("{name}: holds no frame"));
+        lines.push(format!("{name}: contains no frames"));
     }
     content.frames.iter().for_each(|frame| losses.see(frame));
-    let lost = losses.said();
+    let lost = losses.texts();
     if !lost.is_empty() {
-        lines.push(format!("{} has no place for all of it: {}", format.title, lost.join("; ")));
+        lines.push(format!("{} cannot store all data: {}", format.title, lost.join("; ")));
     }
     lines
 }
@@ -112,9 +115,9 @@ fn check(path: &Path, content: &Content, format: &WritableFormat, folder: &Folde
     let is_whole = content.error.is_none() && !is_cut && !content.frames.is_empty();
     assert_eq!(output.status.code(), Some(if is_whole { 0 } else { 3 }), "{name}: {stderr}");
     let mut found: Vec<_> = stderr.lines().map(|line| line.trim_start_matches("cobscope: ")).collect();
-    // Which number a name got is told by a test of its own.
-    found.retain(|line| !line.contains(" numbers its buses: "));
-    assert_eq!(found, said(path, format, content), "{name}");
+    // A separate test covers the numbers of bus names.
+    found.retain(|line| !line.contains(" stores bus numbers: "));
+    assert_eq!(found, texts(path, format, content), "{name}");
     let (frames, names) = kept(&format.holds, content);
     if frames.is_empty() {
         return;
@@ -124,17 +127,17 @@ fn check(path: &Path, content: &Content, format: &WritableFormat, folder: &Folde
     assert!(!read.notices.iter().any(|notice| matches!(notice, Notice::Unreadable { .. })), "{name}");
     assert_eq!(read.frames.len(), frames.len(), "{name}");
     let bus_of = |frame: &Frame| read.buses[usize::from(frame.bus.0)].clone();
-    let numbered: Vec<_> = (1..=names.len()).map(|number| number.to_string()).collect();
     let names = match format.name {
-        _ if !format.holds.bus_names => numbered,
-        // Names in lines of text have neither blanks nor what steers terminals.
+        // Names in lines of text contain neither blanks nor control characters.
         "candump" => names.iter().map(|name| plain(name)).collect(),
-        // A table is opened by spreadsheets.
+        // Comments with names contain no control characters.
+        "asc" | "trc" => names.iter().map(|name| escape(name).into_owned()).collect(),
+        // Names in CSV must not be formulas in a spreadsheet.
         "csv" => names.iter().map(|name| safe(name)).collect(),
         _ => names,
     };
     let mut order: Vec<String> = Vec::new();
-    // Times of text that count from zero and fall are read as differences, as candump prints them.
+    // Text with decreasing times that start at zero is read as differences, as printed by candump.
     let has_date = |frame: &Frame| frame.time.is_none_or(|time| time.0 >= 100_000_000_000_000_000);
     let is_told = format.name != "candump"
         || frames.first().is_some_and(has_date)
@@ -181,7 +184,7 @@ fn every_capture_comes_back_from_every_format_and_what_it_lost_is_said_once() {
     });
 }
 
-/// Whether this build writes what the end of a name says.
+/// Whether this build supports the format of a file name.
 fn can_write(out: &str) -> bool {
     WRITABLE.iter().any(|format| out.ends_with(&format!(".{}", format.suffix)))
 }
@@ -189,30 +192,30 @@ fn can_write(out: &str) -> bool {
 #[test]
 fn losses_are_counted_by_hand() {
     let folder = Folder::new();
-    // FD; an error frame with details; nanoseconds; a classic DLC of 9; no direction anywhere.
+    // FD; an error frame with details; nanoseconds; a classic DLC of 9; no direction in any frame.
     folder.write(
         "a.log",
         "(1700000000.000000001) can0 705#05\n(1700000000.000001000) can0 123##311\n\
          (1700000000.000002000) can1 20000088#0000800000000000\n\
          (1700000000.000003000) can0 185#1122334455667788_9\n",
     );
-    let said = |out: &str| {
+    let texts = |out: &str| {
         let output = folder.convert(&["@a.log", out]);
         assert_eq!(output.code, 0, "{}", output.stderr);
         output.stderr
     };
-    assert_eq!(said("@a.pcapng"), "");
+    assert_eq!(texts("@a.pcapng"), "");
     if can_write("@a.mcap") {
-        assert_eq!(said("@a.mcap"), "");
+        assert_eq!(texts("@a.mcap"), "");
     }
-    assert_eq!(said("@a.csv"), "");
-    assert_eq!(said("@b.log"), "");
-    let asc = said("@a.asc");
-    assert!(asc.contains("3 frames not known to be received or sent, written as received"), "{asc}");
-    assert!(asc.ends_with("cobscope: Vector ASC numbers its buses: can0 is 1, can1 is 2\n"), "{asc}");
-    let trc = said("@a.trc");
-    assert!(trc.starts_with("cobscope: PEAK TRC has no place for all of it: "), "{trc}");
-    assert!(trc.contains("times cut to "), "{trc}");
+    assert_eq!(texts("@a.csv"), "");
+    assert_eq!(texts("@b.log"), "");
+    let asc = texts("@a.asc");
+    assert!(asc.contains("3 frames of unknown direction, written as received"), "{asc}");
+    assert!(asc.ends_with("cobscope: Vector ASC stores bus numbers: can0 is 1, can1 is 2\n"), "{asc}");
+    let trc = texts("@a.trc");
+    assert!(trc.starts_with("cobscope: PEAK TRC cannot store all data: "), "{trc}");
+    assert!(trc.contains("timestamps truncated to "), "{trc}");
     assert_eq!(trc.lines().count(), 2, "{trc}");
 }
 
@@ -224,7 +227,7 @@ fn times_below_zero_are_told_where_they_have_no_place() {
         "time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment\n\
          -5.000000000,can0,705,0,0,0,0,0,0,,1,1,05,\n",
     );
-    let lost = "has no place for all of it: 1 times below zero written as zero";
+    let lost = "cannot store all data: 1 negative timestamps, written as 0";
     let outs = [("@a.log", "candump text"), ("@a.pcapng", "pcapng"), ("@a.mcap", "MCAP")];
     for (out, title) in outs.into_iter().filter(|(out, _)| can_write(out)) {
         assert_eq!(folder.convert(&["@a.csv", out]).stderr, format!("cobscope: {title} {lost}\n"));
@@ -247,7 +250,7 @@ fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
         let output = folder.convert(&[source, out]);
         assert_eq!(output.code, 0);
         assert_eq!(lost(&Content::read(&folder.path(&out[1..]))), usize::from(kept), "{out}");
-        let is_said = output.stderr.contains("1 notes of lost frames, links and quiet times left out");
+        let is_said = output.stderr.contains("1 notices dropped (lost frames, link changes, quiet periods)");
         assert_eq!(is_said, !kept, "{out}: {}", output.stderr);
     }
 }

@@ -1,4 +1,4 @@
-//! What is written where: parts, refusals, what cannot be read.
+//! Output files: parts, rejected commands, unreadable inputs.
 
 use std::fs;
 
@@ -6,8 +6,9 @@ use cobscope_decoder::capture::WRITABLE;
 use cobscope_decoder::frame::Frame;
 
 use super::{Content, Folder, fixture, log};
+use crate::cli::run;
 
-/// Frames whatever their number.
+/// Frames without their numbers.
 fn unnumbered(frames: &[Frame]) -> Vec<Frame> {
     frames.iter().map(|frame| Frame { number: 0, ..*frame }).collect()
 }
@@ -21,7 +22,7 @@ fn parts_by_size_are_whole_captures_and_together_the_whole() {
         let whole = format!("@whole.{}", format.suffix);
         let expected = folder.converted(&[source, &whole]).frames;
         let size = fs::metadata(folder.path(&whole[1..])).unwrap().len();
-        // A writer that packs is told by what is not packed.
+        // For compressed formats, the limit applies to the uncompressed size.
         let most = (size / 3).max(2_500);
         let out = format!("@part.{}", format.suffix);
         let output = folder.convert(&["--packing", "none", "--split-size", &most.to_string(), source, &out]);
@@ -56,9 +57,9 @@ fn a_size_without_room_for_a_frame_is_refused() {
             folder.convert(&["--packing", "none", "--split-size", &size.to_string(), source, &out])
         };
         let refused = of(5);
-        let least = refused.stderr.strip_prefix("cobscope: --split-size: found 5 bytes, expected ");
+        let least = refused.stderr.strip_prefix("cobscope: --split-size: found 5 bytes; expected ");
         let least = least
-            .and_then(|rest| rest.split_once(" or more: "))
+            .and_then(|rest| rest.split_once(" or more ("))
             .unwrap_or_else(|| panic!("{}", refused.stderr));
         assert_eq!((refused.code, folder.names().len()), (2, 0));
         let least: u64 = least.0.parse().unwrap();
@@ -91,10 +92,7 @@ fn parts_by_event_begin_with_it() {
     }
     assert_eq!(unnumbered(&found), unnumbered(&whole.frames));
     let out = folder.convert(&["--split-at", "kind == boot-up", "-f", "candump", source, "-"]);
-    assert_eq!(
-        (out.code, out.stderr.as_str()),
-        (2, "cobscope: standard output cannot be split; give a file\n")
-    );
+    assert_eq!((out.code, out.stderr.as_str()), (2, "cobscope: stdout cannot be split; give a file\n"));
 }
 
 #[test]
@@ -111,7 +109,7 @@ fn an_event_of_a_frame_that_is_left_out_splits_before_the_next_one() {
 #[test]
 fn times_before_the_first_of_a_part_are_said() {
     let folder = Folder::new();
-    // The second part begins at 12; 11 lies behind the first frame of all, and before that of its part.
+    // The second part starts at 12; 11 is after the first frame of the capture, but before that of its part.
     folder.write(
         "a.csv",
         "time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment\n\
@@ -123,7 +121,7 @@ fn times_before_the_first_of_a_part_are_said() {
     let out = format!("@c.{}", backwards.suffix);
     let parts = folder.convert(&["--split-at", "kind == boot-up", "@a.csv", &out]);
     let said = format!(
-        "cobscope: {} has no place for all of it: 1 times before that of the first frame written as that one\n\
+        "cobscope: {} cannot store all data: 1 timestamps before the first frame, written as that of the first frame\n\
          cobscope: 3 frames in 2 files\n",
         backwards.title
     );
@@ -139,7 +137,7 @@ fn nothing_is_written_over_unasked_and_never_what_is_read() {
     let refused = folder.convert(&["@a.log", "@there.log"]);
     assert_eq!(
         (refused.code, refused.stderr.as_str()),
-        (2, "cobscope: @there.log: is there already; --force writes over it\n")
+        (2, "cobscope: @there.log: file exists; use --force to overwrite it\n")
     );
     assert_eq!(fs::read_to_string(folder.path("there.log")).unwrap(), "mine");
     assert_eq!(folder.convert(&["--force", "@a.log", "@there.log"]).code, 0);
@@ -148,7 +146,7 @@ fn nothing_is_written_over_unasked_and_never_what_is_read() {
     folder.write("part-0003.log", "mine");
     let refused = folder.convert(&["--split-size", "1k", "@a.log", "@part.log"]);
     assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("part-0003.log: is part of an earlier record"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("part-0003.log: part of an earlier capture"), "{}", refused.stderr);
 
     fs::hard_link(folder.path("a.log"), folder.path("twin.log")).unwrap();
     fs::copy(folder.path("a.log"), folder.path("run-0001.log")).unwrap();
@@ -161,7 +159,11 @@ fn nothing_is_written_over_unasked_and_never_what_is_read() {
     ] {
         let refused = folder.convert(words);
         assert_eq!(refused.code, 2, "{words:?}: {}", refused.stderr);
-        assert!(refused.stderr.contains("is read and would be written"), "{words:?}: {}", refused.stderr);
+        assert!(
+            refused.stderr.contains("is also an input; choose another output file"),
+            "{words:?}: {}",
+            refused.stderr
+        );
     }
     for name in ["a.log", "twin.log", "run-0001.log", "there.log"] {
         assert_eq!(fs::read_to_string(folder.path(name)).unwrap(), text, "{name}");
@@ -173,14 +175,17 @@ fn what_cannot_be_asked_for_is_said() {
     let folder = Folder::new();
     folder.write("a.log", log(&["705#00"]));
     for (words, says) in [
-        (&["@a.log", "@b.xyz"][..], "@b.xyz: the end of the name says the format: .log (candump text), "),
-        (&["@a.log", "@b"], "or say it with -f"),
-        (&["@a.log", "-"], "or say it with -f"),
-        (&["-o", "@b.log"], "give the captures to read and then the file to write"),
-        (&["@a.log"], "give the captures to read and then the file to write"),
+        (&["@a.log", "@b.xyz"][..], "@b.xyz: unknown suffix; expected .log (candump text), "),
+        (&["@a.log", "@b"], "or use -f"),
+        (&["@a.log", "-"], "or use -f"),
+        (&["-o", "@b.log"], "captures or output file missing"),
+        (&["@a.log"], "captures or output file missing"),
         (&["-f", "xyz", "@a.log", "@b"], "possible values: candump, pcapng, asc, trc, csv"),
-        (&["--comments", "@a.log", "@b.log"], "candump text has no place for comments; these have: pcapng, "),
-        (&["@a.log", "@no/b.log"], "there is no folder @no; make it first"),
+        (
+            &["--comments", "@a.log", "@b.log"],
+            "candump text cannot store comments; formats that can: pcapng, ",
+        ),
+        (&["@a.log", "@no/b.log"], "folder @no does not exist; create it first"),
         (&["--filter", "kind =", "@a.log", "@b.log"], "--filter"),
         (&["--split-size", "0", "@a.log", "@b.log"], "expected a size such as 100M or 2G"),
     ] {
@@ -212,7 +217,7 @@ fn what_can_be_read_before_damage_is_converted() {
         let said = format!("cobscope: {name}: the file is cut off: incomplete gzip member at byte 1571\n");
         assert_eq!((broken.code, broken.stderr.as_str()), (3, said.as_str()));
         assert_eq!(Content::read(&folder.path("broken.log")).frames.len(), 338);
-        // The other capture is not touched by it, and nobody takes it for the broken one.
+        // The error does not affect the other capture, and names the broken one.
         folder.write("whole.log", log(&["705#00", "705#05"]));
         let merged = folder.convert(&["--align", "@whole.log", name, "@merged.log"]);
         assert_eq!((merged.code, merged.stderr.as_str()), (3, said.as_str()));
@@ -231,12 +236,54 @@ fn what_can_be_read_before_damage_is_converted() {
         lines.stderr
     );
     assert!(
-        lines.stderr.ends_with("candump_errors.log: 38 lines or records could not be read\n"),
+        lines.stderr.ends_with("candump_errors.log: 38 lines or records unreadable\n"),
         "{}",
         lines.stderr
     );
     assert_eq!(Content::read(&folder.path("lines.log")).frames.len(), 38);
     let empty = folder.convert(&["fixtures/malformed/header_only.pcap", "@empty.log"]);
-    let said = "cobscope: fixtures/malformed/header_only.pcap: holds no frame\n";
+    let said = "cobscope: fixtures/malformed/header_only.pcap: contains no frames\n";
     assert_eq!((empty.code, empty.stderr.as_str()), (3, said));
+}
+
+/// A comment before the next frame keeps the text of a line that could not be read; the name of the bus, which a line of
+/// ASC and TRC lacks, is in a comment too.
+#[test]
+fn unreadable_lines_and_bus_names_are_kept_where_the_format_has_comments() {
+    let folder = Folder::new();
+    fs::write(folder.path("run.log"), "not a line\n(1.000000) front 705#05\n(1.100000) front 705#05\n")
+        .unwrap();
+    for format in WRITABLE {
+        let out = format!("@out.{}", format.suffix);
+        let output = folder.convert(&["@run.log", &out]);
+        assert!(output.stderr.contains("line 1: not a candump line"), "{}", output.stderr);
+        let bytes = fs::read(folder.path(&out[1..])).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        let is_kept = text.contains("line 1: not a candump line") && text.contains("not a line");
+        assert_eq!(is_kept, format.holds.comments, "{}", format.name);
+        assert_eq!(Content::read(&folder.path(&out[1..])).buses, ["front"], "{}", format.name);
+    }
+}
+
+/// Frames without times get equal ones in formats that need a time; no rule judges them, before or after.
+#[test]
+fn no_times_stay_no_times() {
+    let folder = Folder::new();
+    // A heartbeat of 100 ms (1017:00) that is never late in frames without times.
+    let written = "can0  605   [8]  2B 17 10 00 64 00 00 00\ncan0  585   [8]  60 17 10 00 00 00 00 00\n";
+    fs::write(folder.path("run.log"), written.to_owned() + &"can0  705   [1]  05\n".repeat(30)).unwrap();
+    let judged = |name: &str| {
+        let path = folder.path(name);
+        let output = run(&["check", path.to_str().unwrap(), "--coverage"], "");
+        assert_eq!(output.code, 0, "{}", output.stdout);
+        assert!(output.stdout.contains("timing rules not exercised"), "{name}: {}", output.stdout);
+        let row = output.stdout.lines().find(|line| line.contains("heartbeat-period")).unwrap().to_owned();
+        row.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let before = judged("run.log");
+    for format in WRITABLE {
+        let out = format!("@out.{}", format.suffix);
+        assert_eq!(folder.convert(&["@run.log", &out]).code, 0);
+        assert_eq!(judged(&out[1..]), before, "{}", format.name);
+    }
 }

@@ -1,4 +1,4 @@
-//! `cobscope convert`: what stands in a capture stands in the one that is made of it, as far as its format goes.
+//! `cobscope convert`: the output contains the data of the input, as far as its format can store it.
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 mod choice;
@@ -17,19 +17,19 @@ use tempfile::TempDir;
 use crate::cli::{Output, run};
 use crate::support::workspace;
 
-/// All that a capture gives.
+/// Everything that a reader returns for a capture.
 #[derive(Debug, PartialEq)]
 struct Content {
     format: &'static str,
     frames: Vec<Frame>,
     notices: Vec<Notice>,
     buses: Vec<String>,
-    /// What ended it early.
+    /// Error that ended it early.
     error: Option<String>,
 }
 
 impl Content {
-    /// Of a capture; none of what is no capture.
+    /// Content of a capture; `None` for other files.
     fn of(path: &Path) -> Option<Self> {
         let source = decompress(BufReader::new(File::open(path).unwrap())).ok()?;
         let mut reader = Reader::open(source, &ReadOptions::default()).ok()?;
@@ -81,7 +81,7 @@ impl Folder {
         path
     }
 
-    /// Names of the files in it, in order.
+    /// Sorted names of the files in the folder.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> =
@@ -90,7 +90,7 @@ impl Folder {
         names
     }
 
-    /// Runs `convert` with these words; `@name` is a file in this folder, other words stand as they are.
+    /// Runs `convert` with these words; `@name` is a file in this folder.
     fn convert(&self, words: &[&str]) -> Output {
         let inside = |word: &&str| match word.strip_prefix('@') {
             Some(name) => self.path(name).to_str().unwrap().to_owned(),
@@ -100,12 +100,12 @@ impl Folder {
         let mut arguments = vec!["convert"];
         arguments.extend(words.iter().map(String::as_str));
         let mut output = run(&arguments, "");
-        // Paths of a run are of no interest.
+        // Messages must not depend on the folder of the run.
         output.stderr = output.stderr.replace(&format!("{}/", self.0.path().display()), "@");
         output
     }
 
-    /// Converts without a complaint.
+    /// Converts without any message.
     fn converted(&self, words: &[&str]) -> Content {
         let output = self.convert(words);
         assert_eq!(output.code, 0, "{words:?}: {}", output.stderr);
@@ -118,7 +118,7 @@ fn fixture(name: &str) -> PathBuf {
     workspace().join("fixtures").join(name)
 }
 
-/// Candump text of frames, a millisecond apart.
+/// Candump text with frames 1 ms apart.
 fn log(frames: &[&str]) -> String {
     let line = |(at, frame): (usize, &&str)| format!("(1700000000.{at:03}000) can0 {frame}\n");
     frames.iter().enumerate().map(line).collect()

@@ -1,4 +1,4 @@
-//! Other programs read what is written.
+//! Other programs read the output of `convert`.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use super::{Folder, fixture};
 use crate::cli::run;
 use crate::support::{self, workspace};
 
-/// What a script of `tests/oracles` prints; `None` where there is no Python for it.
+/// Output of a script of `tests/oracles`; `None` without a Python for it.
 fn oracle(script: &str, arguments: &[&Path]) -> Option<Vec<String>> {
     let Some(python) = support::python() else {
         support::skip("python", "no Python with tests/oracles/requirements.txt");
@@ -23,7 +23,7 @@ fn oracle(script: &str, arguments: &[&Path]) -> Option<Vec<String>> {
     Some(String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect())
 }
 
-/// A frame as the scripts print it.
+/// A frame in the format of the scripts.
 #[derive(Debug, Clone, PartialEq)]
 struct Row {
     /// Microseconds since the first row.
@@ -32,14 +32,14 @@ struct Row {
     rest: String,
 }
 
-/// Rows, their channels counted on by `from`.
+/// Rows with `from` added to numeric channels.
 fn rows(lines: &[String], from: u32) -> Vec<Row> {
     let row = |line: &String| {
         let [time, channel, rest] = line.splitn(3, '\t').collect::<Vec<_>>()[..] else {
             unreachable!("{line}")
         };
         let (seconds, fraction) = time.split_once('.').unwrap();
-        // Epoch times of python-can are doubles: rounded to what they hold.
+        // Epoch times of python-can are doubles: rounded to their resolution.
         let fraction = (fraction.parse::<i64>().unwrap() + 500) / 1_000;
         let channel =
             channel.parse::<u32>().map_or_else(|_| channel.into(), |number| (number + from).to_string());
@@ -53,7 +53,7 @@ fn rows(lines: &[String], from: u32) -> Vec<Row> {
     rows
 }
 
-/// Of an error frame only that there was one, and when.
+/// A row without the contents of an error frame.
 fn marked(row: &Row) -> Row {
     let flags = row.rest.split('\t').nth(1).unwrap();
     if flags.contains('E') {
@@ -62,7 +62,7 @@ fn marked(row: &Row) -> Row {
     row.clone()
 }
 
-/// In ASC it takes FD frames without data for remote frames.
+/// python-can reads FD frames without data in ASC as remote frames.
 fn as_in_asc(row: Row) -> Row {
     match row.rest.split('\t').collect::<Vec<_>>()[..] {
         [id, flags, "0", data] if flags.contains('F') => {
@@ -72,7 +72,7 @@ fn as_in_asc(row: Row) -> Row {
     }
 }
 
-/// The captures of loggers, read by python-can as they are and as text that was made of them.
+/// Captures of loggers, read by python-can before and after conversion to text.
 #[test]
 fn python_can_finds_the_same_in_a_logger_s_capture_and_in_what_is_made_of_it() {
     let folder = Folder::new();
@@ -101,7 +101,7 @@ fn python_can_finds_the_same_in_a_logger_s_capture_and_in_what_is_made_of_it() {
                 .iter()
                 .map(|row| marked(&Row { rest: row.rest.trim_end_matches('\t').into(), ..row.clone() }))
                 .collect();
-            // It passes over error frames of TRC.
+            // python-can skips error frames of TRC.
             let expected = theirs.iter().filter(|row| suffix != "trc" || row.rest != "E");
             let expected = expected.cloned().map(|row| if suffix == "asc" { as_in_asc(row) } else { row });
             assert_eq!(found, expected.collect::<Vec<_>>(), "{out}");
@@ -139,7 +139,7 @@ fn tshark_shows_what_each_frame_means_on_which_interface_and_when() {
     for (row, frame) in found.iter().zip(&content.frames) {
         assert_eq!(row[1..], ["can0".to_owned(), frame.id.number().to_string()]);
     }
-    // By hand: the second frame is an empty EMCY of node 2, which its maker sends when it has started.
+    // By hand: the second frame is an empty EMCY of node 2, its boot sign.
     assert!(found[1][0].starts_with("2/02 READY empty EMCY message"), "{:?}", found[1]);
     assert!(found[1][0].contains("\\n2/02 STATE pre-operational"), "{:?}", found[1]);
     assert!(found.iter().any(|row| row[0].is_empty()), "frames that say nothing have no comment");
@@ -197,7 +197,7 @@ fn the_reader_of_mcap_finds_our_frames_and_a_whole_index() {
     }
 }
 
-/// Captures with what is told of their devices.
+/// Captures with options for their devices.
 #[cfg(feature = "mcap")]
 const DEVICES: &[(&str, &[&str])] = &[
     ("devices/sydfec.log", &["--node", "2=rexroth-sydfec"]),
@@ -227,7 +227,7 @@ fn values_and_events_in_mcap_are_those_of_json_lines_and_fit_their_schemas() {
         decoded("jsonl", &fixture(name), options, &jsonl);
         let Some(found) = oracle("mcap_read.py", &[&mcap, &jsonl]) else { return };
         if at == 0 {
-            // A message for each PDO of the mapping that is known: 142 TPDOs and 5 RPDOs.
+            // One message for each PDO with a known mapping: 142 TPDOs and 5 RPDOs.
             assert!(found[0].starts_with("values 147 records "), "{found:?}");
         }
     }
@@ -275,7 +275,7 @@ fn mcap_read_again_gives_the_same_events_to_the_byte() {
         assert!(expected.lines().count() > 5);
         assert_eq!(lines(&frames), expected, "{name}: frames");
         assert_eq!(lines(&events), expected, "{name}: frames and events");
-        // Lines for people name nodes, which are no buses.
+        // Text lines contain nodes, which are not buses.
         assert_eq!(Content::read(&events).buses, Content::read(&source).buses, "{name}");
     }
 }

@@ -1,4 +1,4 @@
-//! The application: state, panes, and what keys mean at the moment.
+//! The application: state, panes and input mode.
 
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
@@ -9,45 +9,45 @@ use crate::state::Core;
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
 
-/// The application.
+/// The application, without the terminal.
 pub struct App {
     pub(super) core: Core,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
-    /// Panes to go back to.
+    /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
-    /// Filter in force when another one began to be typed.
+    /// Filter before the filter prompt was opened.
     pub(super) filter_before: String,
-    /// Texts typed earlier, by what was asked.
-    pub(super) typed: Vec<(Asking, String)>,
+    /// Prompt history by purpose.
+    pub(super) typed: Vec<(PromptPurpose, String)>,
     pub(super) outputs: Vec<Output>,
     pub(super) area: Rect,
-    /// Captures as the command line has them, to say how this view is had again.
+    /// Command line with the captures, to print the command for this view.
     pub(super) command: String,
-    /// Line clicked last, to tell a second click on it.
+    /// Position of the last click, to detect a double click.
     pub(super) clicked: Option<(u16, u16)>,
-    /// Keys pressed before anything was on the screen to which they could mean something.
+    /// Keys pressed before the first content was shown.
     pub(super) early: Vec<KeyEvent>,
-    /// The survey told that it is complete.
+    /// The survey has reported its end.
     pub(super) is_surveyed: bool,
 }
 
-/// What keys mean at the moment.
+/// Input mode: the meaning of keys.
 pub(super) enum Mode {
-    /// Actions.
+    /// Keys are actions.
     Panes,
-    /// A text is typed.
-    Asking(Asking, Prompt),
-    /// A letter is wanted: of a new mark, or of one to go to.
+    /// Keys edit the text of a prompt.
+    Prompt(PromptPurpose, Prompt),
+    /// The next key names a mark to set or to go to.
     Letter { is_new: bool },
-    /// The help is shown from this line on.
+    /// The help is open, scrolled to this line.
     Help(usize),
 }
 
-/// What a text is typed for.
+/// Purpose of a prompt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Asking {
+pub(super) enum PromptPurpose {
     Filter,
     Search,
     GoTo,
@@ -55,7 +55,7 @@ pub(super) enum Asking {
 }
 
 impl App {
-    /// Takes what the background has found.
+    /// Handles a message of the background threads.
     pub fn news(&mut self, news: News) {
         match news {
             News::Window(window) => {
@@ -63,7 +63,8 @@ impl App {
                 for key in std::mem::take(&mut self.early) {
                     self.key(key);
                 }
-                // It may be from just before the index was complete, and come behind the news of that.
+                // The window may be older than the index and arrive after the message that the index is
+                // complete.
                 if self.core.is_pending() && self.is_indexed() {
                     self.core.refresh();
                 }
@@ -75,7 +76,7 @@ impl App {
             News::Indexed if self.core.is_pending() => self.core.refresh(),
             News::Surveyed => {
                 self.is_surveyed = true;
-                self.core.tell_unknown_buses();
+                self.core.report_unknown_buses();
             }
             News::Indexed | News::Traced => {}
         }
@@ -88,17 +89,17 @@ impl App {
         }
     }
 
-    /// Time passed: follows what comes, if that is wanted.
+    /// Called regularly; moves the cursor to new frames while following.
     pub fn tick(&mut self) {
         self.core.follow();
     }
 
-    /// What the terminal is to do, besides drawing.
+    /// Removes and returns the requests to the terminal.
     pub fn outputs(&mut self) -> Vec<Output> {
         std::mem::take(&mut self.outputs)
     }
 
-    /// Whether what is at the place gone to is still on its way.
+    /// Whether the content at the cursor is still being read.
     pub fn is_seeking(&self) -> bool {
         self.core.is_waiting()
     }
@@ -108,17 +109,17 @@ impl App {
         self.core.timeline.progress().is_complete()
     }
 
-    /// Frames read so far.
+    /// Number of frames read so far.
     pub fn frames(&self) -> u64 {
         self.core.timeline.progress().frames()
     }
 
-    /// Whether the buses are live, so that how they are may change without anything being read.
+    /// Whether live buses are connected, whose state may change without new frames.
     pub fn is_live(&self) -> bool {
         self.core.timeline.live().is_some_and(|live| !live.get().has_ended)
     }
 
-    /// Whether more is on its way without anything being done; growth is told.
+    /// Whether background work will change the screen, except the growth of a capture.
     pub fn is_busy(&self) -> bool {
         let timeline = &self.core.timeline;
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());

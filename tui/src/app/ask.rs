@@ -1,28 +1,28 @@
-//! What is asked at the prompt, and what is done with the answer.
+//! Prompts: input, checks and effects.
 
 use cobscope_decoder::query::Filter;
 
-use super::application::{App, Asking, Mode};
+use super::application::{App, Mode, PromptPurpose};
 use crate::select::Bound;
-use crate::state::{Place, Sought, pattern};
+use crate::state::{JumpPlace, SearchPattern, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
 impl App {
-    pub(super) fn ask(&mut self, asking: Asking, label: &'static str) {
+    pub(super) fn ask(&mut self, asking: PromptPurpose, label: &'static str) {
         let history = self.typed.iter().filter(|(other, _)| *other == asking).map(|(_, text)| text.clone());
         let mut prompt = Prompt::new(label).with_history(history);
-        if asking == Asking::Filter {
+        if asking == PromptPurpose::Filter {
             prompt.set_text(&self.core.filter);
             self.filter_before.clone_from(&self.core.filter);
         }
-        if asking == Asking::Export {
+        if asking == PromptPurpose::Export {
             prompt.set_text(&self.export_name());
         }
-        self.mode = Mode::Asking(asking, prompt);
+        self.mode = Mode::Prompt(asking, prompt);
     }
 
-    /// A name for an export, in the folder the program was started in.
+    /// Default file name of an export, in the current folder.
     pub(super) fn export_name(&self) -> String {
         let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
         let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
@@ -33,26 +33,26 @@ impl App {
         }
     }
 
-    /// The text in the prompt changed, is done or given up.
-    pub(super) fn typed(&mut self, asking: Asking, event: PromptEvent) {
-        let Mode::Asking(_, prompt) = &mut self.mode else { return };
+    /// Handles a change, submission or cancellation of the prompt.
+    pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
+        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
         let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
-        if asking == Asking::Search && is_text && self.search_pane(&text) {
+        if asking == PromptPurpose::Search && is_text && self.search_pane(&text) {
             if event == PromptEvent::Submitted {
                 self.mode = Mode::Panes;
             }
             return;
         }
-        let Mode::Asking(_, prompt) = &mut self.mode else { return };
+        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
         match event {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
                 self.mode = Mode::Panes;
-                if asking == Asking::Search {
+                if asking == PromptPurpose::Search {
                     self.search_pane("");
                 }
-                if asking == Asking::Filter && self.core.filter != self.filter_before {
+                if asking == PromptPurpose::Filter && self.core.filter != self.filter_before {
                     self.filter(&self.filter_before.clone());
                 }
             }
@@ -61,12 +61,12 @@ impl App {
                     return prompt.set_error(offset, reason);
                 }
                 prompt.clear_error();
-                // What is shown follows what is typed.
-                if asking == Asking::Filter && text.trim() != self.core.filter {
+                // The filter applies while it is typed.
+                if asking == PromptPurpose::Filter && text.trim() != self.core.filter {
                     self.filter(&text);
                 }
             }
-            PromptEvent::Submitted if text.trim().is_empty() && asking != Asking::Filter => {
+            PromptEvent::Submitted if text.trim().is_empty() && asking != PromptPurpose::Filter => {
                 self.mode = Mode::Panes;
             }
             PromptEvent::Submitted => {
@@ -81,28 +81,28 @@ impl App {
         }
     }
 
-    /// Lets the pane look for a text, if it does so itself.
+    /// Passes the search text to the pane; `false` if the pane has no search of its own.
     pub(super) fn search_pane(&mut self, text: &str) -> bool {
         self.panes.get_mut(self.pane).is_some_and(|pane| pane.search(text, &self.core))
     }
 
-    pub(super) fn submit(&mut self, asking: Asking, text: &str) {
+    pub(super) fn submit(&mut self, asking: PromptPurpose, text: &str) {
         match asking {
-            Asking::Filter => self.filter(text),
-            Asking::Search => {
+            PromptPurpose::Filter => self.filter(text),
+            PromptPurpose::Search => {
                 self.core.sought =
-                    pattern(text).ok().map(|pattern| Sought { text: text.to_owned(), pattern });
+                    pattern(text).ok().map(|pattern| SearchPattern { text: text.to_owned(), pattern });
                 self.core.search(false);
             }
-            Asking::GoTo => match place(text) {
+            PromptPurpose::GoTo => match place(text) {
                 Some(Ok(step)) => match self.core.time() {
                     Some(time) => self.core.go_to(Bound::Moment(time.plus(step))),
-                    None => self.core.refuse("this capture has no times; go to a frame as #1234"),
+                    None => self.core.refuse("this capture has no timestamps; enter a frame as #1234"),
                 },
                 Some(Err(bound)) => self.core.go_to(bound),
                 None => {}
             },
-            Asking::Export => self.core.export(text),
+            PromptPurpose::Export => self.core.export(text),
         }
         self.refresh_panes();
     }
@@ -120,48 +120,48 @@ impl App {
 
     pub(super) fn filter_cell(&mut self) {
         let wanted = self.panes.get(self.pane).and_then(|pane| pane.filter_of_cell(&self.core));
-        let Some(wanted) = wanted else { return self.core.refuse("nothing here can be filtered by") };
+        let Some(wanted) = wanted else { return self.core.refuse("no filter for this cell") };
         let is_more = !self.core.filter.is_empty() && !self.core.filter.contains(&wanted);
         let text = if is_more { format!("({}) && {wanted}", self.core.filter) } else { wanted };
         self.filter(&text);
-        self.core.say(&format!("filter {text}"));
+        self.core.notify(&format!("filter {text}"));
     }
 
     pub(super) fn letter(&mut self, letter: char, is_new: bool) {
         if is_new {
             self.core.marks.insert(letter, self.core.cursor);
-            self.core.say(&format!("mark {letter} is here"));
+            self.core.notify(&format!("mark {letter} set"));
         } else if let Some(spot) = self.core.marks.get(&letter).copied() {
-            self.core.go(Place::Spot(spot));
+            self.core.go(JumpPlace::Event(spot));
         } else {
-            self.core.refuse(&format!("there is no mark {letter}"));
+            self.core.refuse(&format!("mark {letter} is not set"));
         }
     }
 }
 
-/// What is wrong with a text, and from which byte on.
-fn check(asking: Asking, text: &str) -> Result<(), (usize, String)> {
+/// Checks a text; the error has a byte offset and a message.
+fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
-        Asking::Filter => match text.parse::<Filter>() {
+        PromptPurpose::Filter => match text.parse::<Filter>() {
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),
         },
-        Asking::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
-        Asking::Export => {
+        PromptPurpose::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
+        PromptPurpose::Export => {
             let known: Vec<_> =
                 Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
             if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
         }
-        Asking::GoTo => {
+        PromptPurpose::GoTo => {
             let expected =
-                "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (from here), or a date and time";
+                "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), or a date and time";
             place(text).map(|_| ()).ok_or_else(|| (0, expected.to_owned()))
         }
     }
 }
 
-/// A step from here, or a place.
+/// A relative step in ns, or an absolute place.
 fn place(text: &str) -> Option<Result<i64, Bound>> {
     let text = text.trim();
     let sign = match text.chars().next()? {
@@ -176,7 +176,7 @@ fn place(text: &str) -> Option<Result<i64, Bound>> {
     };
     match number.parse().ok()? {
         Bound::Offset(offset) => Some(Ok(sign * offset / factor)),
-        Bound::Frame(_) | Bound::Moment(_) => None,
+        Bound::Frame(_) | Bound::Moment(_) | Bound::Clock(_) => None,
     }
 }
 

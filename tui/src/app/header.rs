@@ -1,4 +1,4 @@
-//! The line at the top: buses, what is wrong with the capture, findings, time.
+//! Header line: buses, defects of the capture, findings, time.
 
 use cobscope_decoder::frame::LinkState;
 use cobscope_decoder::profile::device::Severity;
@@ -13,10 +13,10 @@ use crate::state::Core;
 use crate::theme::Role;
 use crate::widgets::draw;
 
-/// Nanoseconds over which load is a mean.
+/// Interval of the mean load, in ns.
 const SECOND: i64 = 1_000_000_000;
 
-/// Draws it; what there is no room for is cut on the right, the time never.
+/// Draws the header. Text without room is cut on the right; the time is always shown.
 pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     let base = core.theme.style(Role::Header);
     buf.set_style(area.intersection(buf.area), base);
@@ -33,7 +33,7 @@ pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     draw::line(buf, area, &right, draw::Align::Right, &core.theme);
 }
 
-/// A role without its background: the header has its own.
+/// A style without background: the header has its own.
 fn front(core: &Core, role: Role) -> Style {
     Style { bg: None, ..core.theme.style(role) }
 }
@@ -41,7 +41,7 @@ fn front(core: &Core, role: Role) -> Style {
 fn parts(core: &Core) -> Vec<(String, Role)> {
     let mut parts = Vec::new();
     if let Some(failure) = core.timeline.failure() {
-        parts.push((format!("NOT READ TO THE END: {failure}"), Role::Bad));
+        parts.push((format!("INCOMPLETE: {failure}"), Role::Bad));
     }
     if let Some(live) = core.timeline.live() {
         troubles(core, &live.get(), &mut parts);
@@ -50,7 +50,7 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     let survey = core.timeline.survey();
     let quality = &survey.statistics.quality;
     let counts = core.timeline.end().map_or_else(
-        || core.world().map(cobscope_decoder::replay::World::counts).unwrap_or_default(),
+        || core.world().map(cobscope_decoder::replay::ReplayState::counts).unwrap_or_default(),
         |end| end.counts(),
     );
     let wrong = |count: u64| if count > 0 { Role::Bad } else { Role::Header };
@@ -75,14 +75,14 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
         parts.extend(remarks.into_iter().take(1).map(|remark| (remark, Role::Bad)));
     }
     if let Some(stamps) = core.timeline.live().and_then(|live| stamps(&live.get())) {
-        parts.push((format!("stamps of {stamps}"), Role::Header));
+        parts.push((format!("timestamps of {stamps}"), Role::Header));
     } else if let Some(granularity) = quality.granularity() {
-        parts.push((format!("stamps ±{}", step(granularity)), Role::Header));
+        parts.push((format!("timestamps ±{}", step(granularity)), Role::Header));
     }
     parts
 }
 
-/// What is wrong with live buses.
+/// Defects of live buses.
 fn troubles(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
     if let Some(failure) = &live.failure {
         parts.push((format!("ENDED: {}", escape(failure)), Role::Bad));
@@ -97,15 +97,15 @@ fn troubles(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
         }
     }
     if let Some((bus, change)) = &core.timeline.survey().bit_rate_change {
-        parts.push((format!("{bus}: {change}: set the interface too"), Role::Caution));
+        parts.push((format!("{bus}: {change}; change the interface too"), Role::Caution));
     }
     let dropped = core.timeline.dropped();
     if dropped > 0 {
-        parts.push((format!("kept from #{}", dropped + 1), Role::Caution));
+        parts.push((format!("first frame kept #{}", dropped + 1), Role::Caution));
     }
 }
 
-/// `can0 250k load 34 %`, or frames a second where the bit rate is not known.
+/// `can0 250k load 34 %`; frames per second if the bit rate is unknown.
 fn buses(core: &Core) -> Vec<String> {
     let Some(world) = core.world() else { return vec!["reading …".into()] };
     if let Some(live) = core.timeline.live()
@@ -133,13 +133,13 @@ fn buses(core: &Core) -> Vec<String> {
     world.buses().iter().map(bus).collect()
 }
 
-/// Whose clock stamps frames, if it is one.
+/// The clock of the timestamps, if it is the same for all buses.
 fn stamps(live: &Live) -> Option<&'static str> {
     let first = live.buses.first()?.stamps;
     live.buses.iter().all(|bus| bus.stamps == first).then(|| first.whose()).flatten()
 }
 
-/// Errors and warnings found.
+/// Number of errors and warnings; None before the first frame.
 fn findings(survey: &crate::timeline::Survey) -> Option<(usize, usize)> {
     if let Some(findings) = &survey.findings {
         return Some((findings.number(Severity::Error), findings.number(Severity::Warning)));
@@ -148,7 +148,7 @@ fn findings(survey: &crate::timeline::Survey) -> Option<(usize, usize)> {
     (survey.frames > 0).then(|| (of(Severity::Error), of(Severity::Warning)))
 }
 
-/// A step of stamps.
+/// Resolution of the timestamps with its unit.
 fn step(nanoseconds: i64) -> String {
     match nanoseconds {
         ..1_000 => format!("{nanoseconds} ns"),

@@ -1,4 +1,4 @@
-//! The terminal UI, apart from any terminal: keys and news go in, a screen comes out.
+//! The UI without a terminal: it takes keys and messages and draws a screen.
 //!
 //! ```text
 //! key ─keymap─▶ Action ─update, pane─▶ Effect ─▶ Core (cursor, filter) ─order─▶ timeline ─News─▶ Core
@@ -7,7 +7,9 @@
 
 mod application;
 mod ask;
+mod assign;
 mod header;
+mod help;
 mod news;
 mod output;
 mod start;

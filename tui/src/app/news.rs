@@ -1,7 +1,7 @@
-//! To the next finding, the next error.
+//! Jumps to the next finding and the next error.
 
 use super::application::App;
-use crate::state::Place;
+use crate::state::JumpPlace;
 
 impl App {
     pub(super) fn finding(&mut self, is_forward: bool) {
@@ -18,12 +18,12 @@ impl App {
         drop(survey);
         match next {
             Some(place) => {
-                self.core.go(Place::Frame(place.frame));
+                self.core.go(JumpPlace::Frame(place.frame));
                 let text = self.core.finding_text(place.id);
-                self.core.say(&text);
+                self.core.notify(&text);
             }
-            None if is_complete => self.core.refuse("no further finding that way"),
-            None => self.core.refuse("no further finding so far; the capture is still being judged"),
+            None if is_complete => self.core.refuse("no further finding in this direction"),
+            None => self.core.refuse("no further finding yet; the rules still run"),
         }
         self.refresh_panes();
     }
@@ -41,8 +41,8 @@ impl App {
         let next = next.copied();
         drop(survey);
         match next {
-            Some(spot) => self.core.go(Place::Spot(spot)),
-            None => self.core.refuse("no further error that way"),
+            Some(spot) => self.core.go(JumpPlace::Event(spot)),
+            None => self.core.refuse("no further error in this direction"),
         }
     }
 }

@@ -1,10 +1,10 @@
-//! Orders to the terminal.
+//! Requests to the terminal.
 
-/// What the terminal is to do.
+/// A request to the terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Output {
-    /// Leave.
+    /// End the program.
     Quit,
-    /// Put a text on the clipboard.
+    /// Copy a text to the clipboard.
     Copy(String),
 }

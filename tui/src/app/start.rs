@@ -1,4 +1,4 @@
-//! How a view begins.
+//! Start of a view.
 
 use std::fmt::Write as _;
 
@@ -8,31 +8,31 @@ use ratatui::layout::Rect;
 use super::application::{App, Mode};
 use crate::panes::{PaneId, Panes};
 use crate::select::Bound;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
-/// What the command line says of a view.
+/// Settings of a view from the command line.
 #[derive(Debug, Clone)]
 pub struct Start {
-    /// The command with its captures, without what the view itself keeps.
+    /// Command with its captures, without the settings of the view.
     pub command: String,
     /// Pane shown first.
     pub pane: PaneId,
-    /// Where the cursor is.
+    /// Initial position of the cursor.
     pub at: Option<Bound>,
-    /// Filter as typed, and what it means.
+    /// Filter as text and parsed.
     pub filter: Option<(String, Filter)>,
-    /// Repetitions too.
+    /// Show all events, not only changes.
     pub all: bool,
-    /// Goes to the end as more comes.
+    /// Move the cursor to the end as the capture grows.
     pub follows: bool,
-    /// Buses the user names, and by what: the captures may not have them.
+    /// Buses named by the user, with the option that names them; the captures may not contain them.
     pub named: Vec<(String, &'static str)>,
 }
 
 impl App {
-    /// Looks at captures.
+    /// Opens a view of captures.
     pub fn new(timeline: Timeline, theme: Theme, start: Start) -> Self {
         let mut core = Core::new(timeline, theme);
         let (text, filter) =
@@ -57,12 +57,12 @@ impl App {
             is_surveyed: false,
         };
         if start.follows {
-            app.core.say("listening only: nothing is transmitted; space stops following, and follows again");
+            app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");
             app.core.is_following = true;
-            app.core.go(Place::End);
+            app.core.go(JumpPlace::End);
         } else {
-            // A time may be wanted of a capture without times: then this is where it begins.
-            app.core.go(Place::Start);
+            // A requested time may not exist in a capture without timestamps; then the view starts here.
+            app.core.go(JumpPlace::Start);
             if let Some(bound) = start.at {
                 app.core.go_to(bound);
             }
@@ -70,11 +70,11 @@ impl App {
         app
     }
 
-    /// The command that shows this view again.
+    /// The command that opens this view again.
     pub(super) fn command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
-        // A bus cannot be gone back to by another run.
+        // A live position does not exist in another run.
         if self.core.cursor.frame > 0 && self.core.timeline.live().is_none() {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);
         }
@@ -88,7 +88,7 @@ impl App {
     }
 }
 
-/// A word for a shell.
+/// Quotes a word for a shell.
 pub fn quoted(text: &str) -> String {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
     if !text.is_empty() && text.bytes().all(is_plain) {

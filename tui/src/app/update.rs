@@ -1,9 +1,9 @@
-//! Keys, clicks and texts to changes.
+//! Handling of keys, mouse and paste.
 
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::application::{App, Asking, Mode};
+use super::application::{App, Mode, PromptPurpose};
 use super::output::Output;
 use super::view;
 use crate::action::Action;
@@ -12,19 +12,19 @@ use crate::panes::{Effect, PaneId};
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
 
-/// Keys kept until there is something they can mean.
+/// Maximum number of keys kept until the first content is shown.
 const MOST_EARLY: usize = 64;
 
-/// Rows a turn of the mouse wheel goes.
+/// Rows per step of the mouse wheel.
 const WHEEL: usize = 3;
 
 impl App {
-    /// A key was pressed.
+    /// Handles a key.
     pub fn key(&mut self, key: KeyEvent) {
-        // Esc and a key of one byte that arrive together are read as the key with Alt, which only prompts know.
+        // Terminals report Esc followed at once by a key as Alt and that key. Only prompts use Alt.
         let modifiers = key.modifiers.difference(KeyModifiers::ALT);
         let is_one_byte = matches!(key.code, KeyCode::Char(_) | KeyCode::Enter);
-        if modifiers != key.modifiers && is_one_byte && !matches!(self.mode, Mode::Asking(..)) {
+        if modifiers != key.modifiers && is_one_byte && !matches!(self.mode, Mode::Prompt(..)) {
             self.one_key(KeyCode::Esc.into());
             return self.one_key(KeyEvent { modifiers, ..key });
         }
@@ -45,7 +45,7 @@ impl App {
                     self.act(action);
                 }
             }
-            Mode::Asking(asking, prompt) => {
+            Mode::Prompt(asking, prompt) => {
                 let asking = *asking;
                 let event = prompt.key(key);
                 self.typed(asking, event);
@@ -68,18 +68,18 @@ impl App {
         }
     }
 
-    /// A text was pasted.
+    /// Handles pasted text.
     pub fn paste(&mut self, text: &str) {
-        if let Mode::Asking(asking, prompt) = &mut self.mode {
+        if let Mode::Prompt(asking, prompt) = &mut self.mode {
             let asking = *asking;
             let event = prompt.paste(text);
             self.typed(asking, event);
         }
     }
 
-    /// The mouse did something.
+    /// Handles a mouse event.
     pub fn mouse(&mut self, event: MouseEvent) {
-        // A report of coordinate 0 comes as 65535.
+        // Some terminals report coordinate 0 as 65535.
         let x = event.column.min(self.area.width.saturating_sub(1));
         let y = event.row.min(self.area.height.saturating_sub(1));
         let parts = view::parts(self.area);
@@ -105,7 +105,7 @@ impl App {
         }
     }
 
-    /// The terminal has another size.
+    /// Handles a new size of the terminal.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
         let body = view::parts(self.area).body;
@@ -113,21 +113,21 @@ impl App {
         self.core.refresh();
     }
 
-    /// Does what a key stands for.
+    /// Performs an action.
     pub fn act(&mut self, action: Action) {
         match action {
             Action::Quit => self.outputs.push(Output::Quit),
             Action::Help => self.mode = Mode::Help(0),
             Action::Pane(number) => match PaneId::ALL.get(usize::from(number).saturating_sub(1)) {
                 Some(pane) => self.show(*pane),
-                None => self.core.refuse(&format!("there is no pane {number}")),
+                None => self.core.refuse(&format!("no pane {number}")),
             },
             Action::NextPane => self.next_pane(1),
             Action::PreviousPane => self.next_pane(PaneId::ALL.len() - 1),
-            Action::Filter => self.ask(Asking::Filter, "filter"),
-            Action::Search => self.ask(Asking::Search, "search"),
-            Action::GoTo => self.ask(Asking::GoTo, "go to"),
-            Action::Export => self.ask(Asking::Export, "write to"),
+            Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
+            Action::Search => self.ask(PromptPurpose::Search, "search"),
+            Action::GoTo => self.ask(PromptPurpose::GoTo, "go to"),
+            Action::Export => self.ask(PromptPurpose::Export, "write to"),
             Action::Select => self.select(),
             Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),
@@ -157,6 +157,7 @@ impl App {
             | Action::Sort
             | Action::Highlight
             | Action::Plot
+            | Action::Assign
             | Action::ZoomIn
             | Action::ZoomOut
             | Action::SetCursor => self.pass(action),
@@ -169,27 +170,31 @@ impl App {
             None => Some(self.core.cursor.frame),
         };
         match self.core.selection {
-            Some(frame) => self.core.say(&format!("selected from #{frame} to the cursor; w writes it")),
-            None => self.core.say("nothing is selected"),
+            Some(frame) => self.core.notify(&format!("selected from #{frame} to the cursor; w writes it")),
+            None => self.core.notify("selection cleared"),
         }
     }
 
     fn pause(&mut self) {
         self.core.is_following = !self.core.is_following;
-        self.core.say(if self.core.is_following { "following what comes" } else { "staying here" });
+        self.core.notify(if self.core.is_following {
+            "following new frames"
+        } else {
+            "paused at the cursor"
+        });
         self.core.follow();
     }
 
     fn toggle_news(&mut self) {
         let only_news = !self.core.matcher.only_news;
         self.core.show(Matcher { only_news, ..self.core.matcher.clone() });
-        self.core.say(if only_news { "only what says something new" } else { "all events" });
+        self.core.notify(if only_news { "only changes" } else { "all events" });
     }
 
     fn copy_line(&mut self) {
         match self.panes.get(self.pane).and_then(|pane| pane.line(&self.core)) {
             Some(line) => self.apply(vec![Effect::Copy(line)]),
-            None => self.core.refuse("nothing is selected"),
+            None => self.core.refuse("nothing selected"),
         }
     }
 
@@ -201,7 +206,7 @@ impl App {
         self.pass(Action::Clear);
     }
 
-    /// Lets the pane do it.
+    /// Passes the action to the current pane.
     fn pass(&mut self, action: Action) {
         let effects = self.panes.get_mut(self.pane).map(|pane| pane.act(action, &self.core));
         self.apply(effects.unwrap_or_default());
@@ -220,11 +225,12 @@ impl App {
                 Effect::ShowSignals => self.show(PaneId::Signals),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
+                Effect::Assign(node) => self.assign(node),
                 Effect::Plot(_) => is_plotted = true,
-                Effect::Say(text) => self.core.say(&text),
+                Effect::Say(text) => self.core.notify(&text),
                 Effect::Refuse(text) => self.core.refuse(&text),
                 Effect::Copy(text) => {
-                    self.core.say("copied");
+                    self.core.notify("copied");
                     self.outputs.push(Output::Copy(text));
                 }
             }
@@ -251,7 +257,7 @@ impl App {
         }
     }
 
-    /// Out of what the pane has open, else to the pane before.
+    /// Closes the open part of the pane, else shows the previous pane.
     fn back(&mut self) {
         let effects = self.panes.get_mut(self.pane).map(|pane| pane.act(Action::Back, &self.core));
         match effects {

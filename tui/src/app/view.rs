@@ -1,4 +1,4 @@
-//! The screen.
+//! Drawing of the screen.
 //!
 //! ```text
 //! can0 250k  load 34 %  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
@@ -6,8 +6,8 @@
 //! ┌─────────────────────────────────────────────────────────────────────────────────┐
 //! │ the pane                                                                        │
 //! └─────────────────────────────────────────────────────────────────────────────────┘
-//! cobscope view a.log --pane events --at '#1842'                         #1842/9950    this view again
-//! enter open  f filter  ] finding  ? help  q quit                                      keys, or a question
+//! cobscope view a.log --pane events --at '#1842'                         #1842/9950    command for this view
+//! enter open  f filter  ] finding  ? help  q quit                                      key bar or prompt
 //! ```
 
 use cobscope_decoder::words::plural;
@@ -17,13 +17,13 @@ use ratatui::text::{Line, Span};
 
 use super::application::{App, Mode};
 use super::header;
-use crate::keymap::{self, Group};
+use crate::keymap;
 use crate::panes::PaneId;
 use crate::theme::Role;
 use crate::widgets::bars::Gauge;
-use crate::widgets::{draw, text_lines::TextLines};
+use crate::widgets::draw;
 
-/// Columns of the bar that shows how much is indexed.
+/// Width of the progress bar of the index.
 const GAUGE: u16 = 20;
 
 /// Areas of the screen.
@@ -35,7 +35,7 @@ pub(super) struct Parts {
     pub(super) footer: Rect,
 }
 
-/// Where what is drawn.
+/// Divides the screen.
 pub(super) fn parts(area: Rect) -> Parts {
     let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
     let below = |from_end: u16| line(area.height.saturating_sub(from_end));
@@ -48,7 +48,7 @@ pub(super) fn parts(area: Rect) -> Parts {
     }
 }
 
-/// Titles of the panes with their numbers, closer together where they do not fit into `width`.
+/// Numbered titles of the panes; without spaces around them if `width` is too small.
 fn tabs(width: u16) -> Vec<(PaneId, String)> {
     let all = |is_wide: bool| {
         let title = move |pane: &PaneId| match (*pane as usize + 1, is_wide) {
@@ -62,7 +62,7 @@ fn tabs(width: u16) -> Vec<(PaneId, String)> {
     if fits { wide } else { all(false) }
 }
 
-/// The pane whose title is at a column.
+/// The pane whose title is at a screen column.
 pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
     let mut end = 0;
     let mut tabs = tabs(width).into_iter();
@@ -74,7 +74,7 @@ pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
 }
 
 impl App {
-    /// Draws everything.
+    /// Draws the screen.
     pub fn draw(&self, area: Rect, buf: &mut Buffer) {
         let parts = parts(area);
         header::draw(&self.core, parts.header, buf);
@@ -131,7 +131,7 @@ impl App {
         let quiet = core.theme.style(Role::Quiet);
         let left = match &core.said {
             Some((role, text)) => Line::styled(text.clone(), core.theme.style(*role)),
-            // Of a long command the end is what changes.
+            // The end of a long command shows the changing part.
             None => Line::styled(draw::tail(&self.command(), room, &core.theme), quiet),
         };
         draw::line(buf, Rect { width: room, ..area }, &left, draw::Align::Left, &core.theme);
@@ -141,8 +141,8 @@ impl App {
     fn draw_footer(&self, parts: &Parts, buf: &mut Buffer) {
         let theme = &self.core.theme;
         match &self.mode {
-            Mode::Asking(_, prompt) => {
-                // What is wrong with it stands in the second line: both lie at the bottom.
+            Mode::Prompt(_, prompt) => {
+                // The error of the prompt needs a second line, so the prompt uses the two bottom lines.
                 let area = Rect { height: parts.status.height + parts.footer.height, ..parts.status };
                 for y in area.top()..area.bottom() {
                     let blank = " ".repeat(usize::from(area.width));
@@ -151,7 +151,7 @@ impl App {
                 prompt.render(theme, area, buf);
             }
             Mode::Letter { is_new } => {
-                let text = if *is_new { "mark: a letter" } else { "to mark: its letter" };
+                let text = if *is_new { "set mark: type a letter" } else { "go to mark: type its letter" };
                 draw::put(
                     buf,
                     parts.footer.x,
@@ -161,7 +161,7 @@ impl App {
                     theme.style(Role::Key),
                 );
             }
-            Mode::Help(_) => self.draw_keys(&["j/k scroll", "any other key back"], parts.footer, buf),
+            Mode::Help(_) => self.draw_keys(&["j/k scroll", "any other key closes"], parts.footer, buf),
             Mode::Panes => {
                 let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.actions());
                 let shown = actions.iter().filter_map(|action| keymap::binding(*action));
@@ -176,7 +176,7 @@ impl App {
         }
     }
 
-    /// How much of the captures is indexed, at the right, until all is.
+    /// Draws the progress of the index on the right until it is complete.
     fn draw_progress(&self, area: Rect, buf: &mut Buffer) {
         let progress = self.core.timeline.progress();
         let (length, is_all) = self.core.timeline.length();
@@ -189,7 +189,7 @@ impl App {
         Gauge::new(&self.core.theme, f64::from(percent) / 100.0, &format!("{percent} %")).render(place, buf);
     }
 
-    /// `f filter  ] finding`, the keys apart from what they do.
+    /// Draws the key bar: `f filter  ] finding`.
     fn draw_keys(&self, keys: &[&str], area: Rect, buf: &mut Buffer) {
         let theme = &self.core.theme;
         let mut spans = Vec::new();
@@ -199,25 +199,5 @@ impl App {
             spans.push(Span::styled(format!(" {does}  "), theme.style(Role::Quiet)));
         }
         draw::line(buf, area, &Line::from(spans), draw::Align::Left, theme);
-    }
-
-    /// All keys, from the keymap.
-    fn draw_help(&self, scroll: usize, area: Rect, buf: &mut Buffer) {
-        let theme = &self.core.theme;
-        let mut lines: Vec<Line<'_>> = Vec::new();
-        for group in Group::ALL {
-            lines.push(Line::styled(group.title(), theme.style(Role::Title)));
-            for binding in keymap::keymap().filter(|binding| binding.group == group) {
-                let keys = format!("  {:<16}", binding.keys.join(" "));
-                lines.push(Line::from(vec![
-                    Span::styled(keys, theme.style(Role::Key)),
-                    Span::styled(binding.help, theme.style(Role::Text)),
-                ]));
-            }
-            lines.push(Line::default());
-        }
-        let text = TextLines::new(theme, &lines);
-        let scroll = scroll.min(text.last_scroll(area));
-        text.scroll(scroll).render(area, buf);
     }
 }

@@ -8,76 +8,82 @@ use clap::{Args, ValueEnum};
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::sink::findings::{FINDING_FORMATS, FindingFormat};
 
-use super::{Color, InputArgs};
+use super::{Color, InputArgs, SelectArgs};
 
 /// `cobscope check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
     #[command(flatten)]
     pub input: InputArgs,
+    #[command(flatten)]
+    pub select: SelectArgs,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
     pub format: &'static FindingFormat,
-    /// Write to FILE instead of standard output
+    /// Write to FILE instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Findings from which on the exit status is 1
+    /// Exit with status 1 for findings at or above SEVERITY
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,
-    /// Findings that are known and accepted: only others, and worse ones, fail (JSON, see --update-baseline)
+    /// Accept the findings in a baseline FILE; only new or more severe ones fail (JSON, see
+    /// --update-baseline)
     #[arg(long, value_name = "FILE")]
     pub baseline: Option<PathBuf>,
-    /// Write what is found now to the file of --baseline, instead of comparing with it; what it has of captures that
-    /// are not judged this time stays
+    /// Write the current findings to the file of --baseline instead of comparing with it
+    ///
+    /// Entries of captures that are not checked in this run are kept.
     #[arg(long, requires = "baseline")]
     pub update_baseline: bool,
-    /// Fail if one of these rules had nothing to judge in any capture
+    /// Fail if a RULE is not exercised in any capture (repeatable, or separated by commas)
     #[arg(long, value_name = "RULE", value_delimiter = ',')]
     pub require_exercised: Vec<String>,
-    /// Show how often each rule, and each case of CiA's conformance test plan, was judged (text; jsonl always
-    /// says it)
+    /// Print verdict counts of each rule and each case of the CiA conformance test plan (text; jsonl always
+    /// has them)
     #[arg(long)]
     pub coverage: bool,
-    /// Show every occurrence that was kept, and what is suppressed or accepted (text)
+    /// Print all recorded occurrences, and suppressed and accepted findings (text)
     #[arg(short, long)]
     pub verbose: bool,
-    /// Captures judged at the same time; the output is the same (default: as many as there are processors)
+    /// Check N captures in parallel (default: number of processors)
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
-    /// Day on which suppressions of the bus file may have run out (default: today)
+    /// Compare the expiry dates of suppressions with DATE (default: today)
     #[arg(long, value_name = "DATE", value_parser = date)]
     pub today: Option<jiff::civil::Date>,
-    /// Use the profiles in $XDG_CONFIG_HOME/cobscope/profiles too; without, every machine judges alike
+    /// Also use the profiles in $XDG_CONFIG_HOME/cobscope/profiles
+    ///
+    /// Without this option the result does not depend on the configuration of the user.
     #[arg(long)]
     pub user_profiles: bool,
-    /// Colours: auto uses them on a terminal unless NO_COLOR is set
+    /// Use colours; auto: on a terminal unless NO_COLOR is set
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     pub color: Color,
 }
 
-/// The formats of findings.
+/// Parser for findings formats.
 fn formats() -> impl TypedValueParser<Value = &'static FindingFormat> {
     let names = FINDING_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
-    // Other names are refused before.
+    // clap has already rejected other names.
     PossibleValuesParser::new(names)
         .try_map(|name| FINDING_FORMATS.iter().find(|format| format.name == name).ok_or("unknown format"))
 }
 
-/// Findings that make `check` and `live` fail.
+/// Lowest severity that makes `check` and `live` fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FailOn {
     /// Errors
     Error,
     /// Errors and warnings
     Warning,
-    /// All
+    /// All findings
     Note,
-    /// None
+    /// No finding
     Never,
 }
 
 impl FailOn {
-    /// The least severity that fails.
+    /// Lowest severity that fails; `None` for never.
     pub fn least(self) -> Option<Severity> {
         match self {
             Self::Error => Some(Severity::Error),
@@ -89,5 +95,5 @@ impl FailOn {
 }
 
 fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {
-    text.parse().map_err(|_| "expected a date, as 2026-01-31")
+    text.parse().map_err(|_| "expected a date such as 2026-01-31")
 }

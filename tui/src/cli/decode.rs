@@ -1,4 +1,4 @@
-//! `cobscope decode`, and how events are printed.
+//! `cobscope decode`, and options for printed events.
 
 use std::path::PathBuf;
 
@@ -19,38 +19,39 @@ pub struct DecodeArgs {
     pub print: PrintArgs,
 }
 
-/// How events are printed.
+/// Options for printed events.
 #[derive(Debug, Args)]
 pub struct PrintArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
     pub format: PrintFormat,
-    /// Write to FILE instead of standard output
+    /// Write to FILE instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Which PDOs, J1939 messages and frames a DBC describes to print: those that say something new, all or
-    /// none (default: change for text, all for others)
+    /// Print these PDOs, J1939 messages and DBC messages: new information, all or none (default: change for
+    /// text, all for other formats)
     #[arg(long, value_name = "WHICH")]
     pub pdo: Option<Pdo>,
-    /// Print repetitions too: heartbeats, SYNC, guarding (text; other formats always have them)
+    /// Also print repeated events: heartbeat, SYNC, guarding (text; other formats always contain them)
     #[arg(long)]
     pub all: bool,
-    /// Print frames too that no protocol explains
+    /// Also print frames of no known protocol
     #[arg(long)]
     pub frames: bool,
-    /// Print everything known of each event, on further lines (text)
+    /// Print all fields of each event on further lines (text)
     #[arg(short, long)]
     pub verbose: bool,
-    /// Time column: a(bsolute), d(elta), z(ero: since the first frame), A (date, UTC) (text)
+    /// Print times as a (absolute), d (since the previous line), z (since the first frame) or A (date, UTC)
+    /// (text)
     #[arg(short = 't', value_name = "COLUMN", default_value = "z")]
     pub time_column: TimeColumn,
-    /// How chunks of MCAP are packed
+    /// Compress MCAP chunks with METHOD
     #[arg(long, value_name = "METHOD", default_value = "zstd")]
     pub packing: Packing,
-    /// Do not judge: no findings among the events
+    /// Do not run rules; print events only
     #[arg(long)]
     pub no_findings: bool,
-    /// Colours: auto uses them on a terminal unless NO_COLOR is set
+    /// Use colours; auto: on a terminal unless NO_COLOR is set
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     pub color: Color,
 }
@@ -59,22 +60,22 @@ pub struct PrintArgs {
 #[derive(Debug, Clone, Copy)]
 pub struct PrintFormat(pub Option<&'static EventFormat>);
 
-/// The formats of events, and `none`.
+/// Parser for event formats and `none`.
 fn formats() -> impl TypedValueParser<Value = PrintFormat> {
     let formats = EVENT_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
-    let none = PossibleValue::new("none").help("Nothing: reads and decodes only");
+    let none = PossibleValue::new("none").help("No output: read and decode only");
     PossibleValuesParser::new(formats.chain([none]))
         .map(|name| PrintFormat(EVENT_FORMATS.iter().find(|format| format.name == name)))
 }
 
-/// How chunks of MCAP are packed.
+/// Compression of MCAP chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Packing {
-    /// Not at all
+    /// No compression
     None,
-    /// Quickly
+    /// Fast
     Lz4,
-    /// Small
+    /// Small files
     Zstd,
 }
 
@@ -88,10 +89,10 @@ impl From<Packing> for cobscope_decoder::capture::Packing {
     }
 }
 
-/// Which PDOs are printed.
+/// PDOs and messages to print.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Pdo {
-    /// The first of each identifier and those that say something new
+    /// The first message of an identifier and those with new information
     Change,
     /// All
     All,
@@ -99,13 +100,13 @@ pub enum Pdo {
     None,
 }
 
-/// Time columns, as candump's -t.
+/// Time column, as for candump's -t.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum TimeColumn {
-    /// Seconds as recorded
+    /// Seconds as in the capture
     #[value(name = "a")]
     Absolute,
-    /// Seconds since the line before
+    /// Seconds since the previous line
     #[value(name = "d")]
     Delta,
     /// Seconds since the first frame

@@ -1,62 +1,81 @@
-//! What is read, how it is understood, and what of it is wanted.
+//! Options for input: captures, profiles and the selection of events.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use cobscope_decoder::query::Filter;
+use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 
-use crate::select::Bound;
+use crate::select::{Bound, Selection};
 
-/// Heading of what says how captures are read; a command's own options stand before it.
+/// Heading of options for reading; a command's own options precede it.
 const READING: &str = "Reading";
 
-/// How captures are read and understood.
+/// Options for reading and decoding captures.
 #[derive(Debug, Args)]
 pub struct InputArgs {
-    /// Captures to read; `-` is standard input
+    /// Captures to read; `-` is stdin
     #[arg(value_name = "CAPTURE")]
     pub captures: Vec<PathBuf>,
-    /// What ambiguous time stamps in candump text mean (default: found out from the first 1,000 lines)
+    /// Interpret ambiguous timestamps in candump text as STYLE (default: detected from the first 1,000 lines)
     #[arg(long, help_heading = READING, value_name = "STYLE")]
     pub time: Option<StampStyle>,
-    /// What is known of the buses: names of nodes, identifiers, bit rates, object values (TOML)
+    /// Read names of nodes, identifiers, bit rates and object values from a bus file (TOML)
     #[arg(long, help_heading = READING, value_name = "FILE")]
     pub bus: Option<PathBuf>,
-    /// What a node is: 2=rexroth-sydfec, can0:5=my-device, at a J1939 address sa:0x80=danfoss-pve-ci (repeatable)
+    /// Assign a profile to a node: 2=rexroth-sydfec, can0:5=my-device, or sa:0x80=danfoss-pve-ci for J1939
+    /// (repeatable)
     #[arg(long, help_heading = READING, value_name = "[BUS:]ID=PROFILE")]
     pub node: Vec<NodeArg>,
-    /// Device file of a node, EDS, DCF, XDD or XDC: 5=pump.eds, can0:5=pump.dcf (repeatable)
+    /// Assign an EDS, DCF, XDD or XDC to a node: 5=pump.eds, can0:5=pump.dcf (repeatable)
     #[arg(long, help_heading = READING, value_name = "[BUS:]ID=FILE")]
-    pub eds: Vec<FileArg>,
-    /// Signals of messages that no profile knows: a DBC, or the JSON of pretty_j1939 (repeatable, the first counts)
+    pub eds: Vec<EdsArg>,
+    /// Decode messages without a profile by a DBC or pretty_j1939 JSON file (repeatable; the first one takes
+    /// precedence)
     #[arg(long, help_heading = READING, value_name = "FILE")]
     pub dbc: Vec<PathBuf>,
-    /// Folder with profiles and device files of your own (repeatable)
+    /// Add a folder with profiles and device files (repeatable)
     #[arg(long, help_heading = READING, value_name = "DIR")]
     pub profiles: Vec<PathBuf>,
-    /// What the traffic is taken for
+    /// Decode the traffic as PROTOCOL
     #[arg(long, help_heading = READING, value_name = "PROTOCOL", default_value = "auto")]
     pub protocol: Protocol,
-    /// Seconds without a further frame after which an SDO transfer counts as unanswered
+    /// Read each CAPTURE alone: do not join the parts of one capture
+    ///
+    /// Files are parts of one capture if they have the same format, clock and bus names, their names differ
+    /// only in a counter (or they follow each other on the command line), and each one starts 0 to 5 s after
+    /// the last frame of the one before.
+    #[arg(long, help_heading = READING)]
+    pub separate: bool,
+    /// Read all CAPTUREs as parts of one capture, in this order
+    ///
+    /// For parts whose relative clocks each start again, which are never joined otherwise: the times of a part continue at
+    /// the last frame of the one before. Parts on an absolute clock must not overlap.
+    #[arg(long, help_heading = READING, conflicts_with = "separate")]
+    pub join: bool,
+    /// Join parts of one capture with gaps of up to SECONDS between them
+    #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "5", value_parser = seconds)]
+    pub part_gap: f64,
+    /// Report an SDO transfer as unanswered after SECONDS without a further frame
     #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
     pub sdo_timeout: f64,
 }
 
-/// How one node only is seen by a command whose `--node` does not choose.
+/// Option that restricts a command to one node, if its `--node` only assigns profiles.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Otherwise {
-    /// It has `--filter`.
+    /// `--filter`.
     Filter,
-    /// It has `--only-node`.
+    /// `--only-node`.
     OnlyNode,
-    /// Another command shows it.
+    /// `decode --filter`.
     Decode,
 }
 
 impl InputArgs {
     /// # Errors
-    /// A node without a profile.
+    /// If a node has no profile.
     pub(super) fn check_no_choice(&self, otherwise: Otherwise) -> Result<(), String> {
         let Some(node) = self.node.iter().find(|node| node.profile.is_none()) else { return Ok(()) };
         let shown = node.shown();
@@ -67,12 +86,12 @@ impl InputArgs {
             Otherwise::Decode => format!("decode --filter '{filter}'"),
         };
         Err(format!(
-            "--node {shown}: --node {shown}=PROFILE assigns a device; to see one node only use {only}"
+            "--node {shown}: profile missing; --node {shown}=PROFILE assigns one, {only} selects the node"
         ))
     }
 
     /// # Errors
-    /// Two profiles for one node.
+    /// If a node has two profiles.
     pub(super) fn check_devices(&self) -> Result<(), String> {
         let given = || self.node.iter().filter_map(|node| Some((node, node.profile.as_deref()?)));
         for (place, (node, profile)) in given().enumerate() {
@@ -81,25 +100,23 @@ impl InputArgs {
             };
             if let Some((_, other)) = given().take(place).find(is_other) {
                 let shown = node.shown();
-                return Err(format!(
-                    "--node {shown}={profile}: --node {shown}={other} says that it is another device"
-                ));
+                return Err(format!("--node {shown}={profile}: conflicts with --node {shown}={other}"));
             }
         }
         Ok(())
     }
 }
 
-/// Help of `--filter`: what it does with events, and which options say what it chooses from.
+/// Long help of `--filter`: the verb, and the options that determine the events to select from.
 macro_rules! filter_help {
     ($does:literal, $options:literal) => {
         concat!(
             $does,
-            " only events that EXPR matches\n\n\
-The grammar is that of Wireshark's display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
-or in words eq ne lt le gt ge and or not. A field alone asks whether the event has it. Fields are the keys of \
--f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a field the event does not \
-have is false. The filter chooses among what is there anyway; see ",
+            " only events that match EXPR\n\n\
+The grammar is that of Wireshark display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
+or eq ne lt le gt ge and or not. A field without a comparison tests whether the event has it. Fields are the keys of \
+-f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a missing field is \
+false. The filter selects among the events that are enabled; see ",
             $options,
             ".\n\n  \
   --filter 'kind == emcy && node == 4'\n  \
@@ -110,41 +127,82 @@ have is false. The filter chooses among what is there anyway; see ",
 }
 pub(super) use filter_help;
 
-/// Help of `--filter` where events are printed.
+/// Long help of `--filter` for printed events.
 const FILTER_HELP: &str = filter_help!("Print", "--all, --pdo and --frames");
 
-/// Which events are printed. All of a capture is understood either way.
+/// Selection of printed events; the complete capture is decoded in any case.
 #[derive(Debug, Default, Args)]
 pub struct SelectArgs {
-    /// Print only events that EXPR matches, such as 'kind == emcy && node == 4'
+    /// Print only events that match EXPR, such as 'kind == emcy && node == 4'
     #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
     pub filter: Option<Filter>,
-    /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
-    #[arg(long, value_name = "WHEN")]
+    /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
+    /// or both
+    #[arg(long, value_name = "WHEN", long_help = FROM_HELP)]
     pub from: Option<Bound>,
-    /// Print only events up to WHEN, given as with --from; dates as 2024-01-31T12:00:00Z
+    /// Print only events up to WHEN, in the form of --from; a date includes the whole day
     #[arg(long, value_name = "WHEN")]
     pub to: Option<Bound>,
+    /// Print only events of a node, with SYNC, TIME and NMT commands to all: 5, can0:5, sa:0x80 (repeatable)
+    #[arg(long, value_name = "[BUS:]ID")]
+    pub only_node: Vec<NodeArg>,
 }
 
-/// A node, with its bus if that matters, and what it is: `5`, `can0:5`, `sa:0x80`, `5=rexroth-sydfec`.
+/// Long help of `--from`.
+pub(super) const FROM_HELP: &str = "\
+Start at WHEN
+
+WHEN is 12.5 (seconds from the first frame), #1234 (frame), a time of day (22:13:25), a date (2024-01-31) or both \
+(2024-01-31T22:13:25). Times are UTC, as printed by decode -t A; add ' local' for the time zone of this computer, or \
+an offset (22:13:25+01:00). A time of day that occurs several times in the capture is an error that lists the \
+candidates.";
+
+impl SelectArgs {
+    /// The selection of a command.
+    ///
+    /// # Errors
+    /// `--from` is after `--to`, or `--only-node` has a profile.
+    pub fn selection(&self) -> anyhow::Result<Selection> {
+        let nodes = node_choices(&self.only_node)?;
+        Selection::new(self.filter.clone(), (self.from, self.to), nodes)
+    }
+
+    /// Whether anything is selected.
+    pub fn is_any(&self) -> bool {
+        self.filter.is_some() || self.from.is_some() || self.to.is_some() || !self.only_node.is_empty()
+    }
+}
+
+/// Nodes of `--only-node`.
+///
+/// # Errors
+/// If a node has a profile.
+pub fn node_choices(nodes: &[NodeArg]) -> anyhow::Result<Vec<NodeChoice>> {
+    anyhow::ensure!(
+        nodes.iter().all(|node| node.profile.is_none()),
+        "--only-node selects a node; use --node to assign its profile"
+    );
+    Ok(nodes.iter().map(|node| NodeChoice { bus: node.bus.clone(), node: node.id }).collect())
+}
+
+/// A node with optional bus and profile: `5`, `can0:5`, `sa:0x80`, `5=rexroth-sydfec`.
 #[derive(Debug, Clone)]
 pub struct NodeArg {
     /// Name of the bus.
     pub bus: Option<String>,
     /// Node-ID or J1939 address.
     pub id: NodeId,
-    /// Profile and variant; without one the node is only chosen.
+    /// Profile and variant; without one the argument selects the node.
     pub profile: Option<String>,
 }
 
 impl NodeArg {
-    /// `can0:5`, as it is given.
+    /// The node as typed: `can0:5`.
     fn shown(&self) -> String {
         self.bus.as_ref().map_or_else(|| self.id.to_string(), |bus| format!("{bus}:{}", self.id))
     }
 
-    /// What matches its events.
+    /// Filter for the events of the node.
     fn filter(&self) -> String {
         let node = format!("node == {}", self.id.number());
         self.bus.as_ref().map_or_else(|| node.clone(), |bus| format!("bus == \"{bus}\" && {node}"))
@@ -159,7 +217,7 @@ impl std::str::FromStr for NodeArg {
             Some((node, profile)) => (node, Some(profile.to_owned())),
             None => (text, None),
         };
-        // The whole may be sa:0x80; a bus of that name would be sa:sa:0x80.
+        // `sa:0x80` is an address; a bus named `sa` needs `sa:sa:0x80`.
         if let Ok(id) = node.parse() {
             return Ok(Self { bus: None, id, profile });
         }
@@ -167,7 +225,7 @@ impl std::str::FromStr for NodeArg {
         match placed {
             Some((bus, id)) => Ok(Self { bus: Some(bus.to_owned()), id, profile }),
             None => Err(
-                "expected a node-ID, 1 to 127, or a J1939 address: 5, 0x05, can0:5, sa:0x80, can0:sa:0x80",
+                "expected a node-ID (1 to 127) or a J1939 address: 5, 0x05, can0:5, sa:0x80, can0:sa:0x80",
             ),
         }
     }
@@ -175,52 +233,60 @@ impl std::str::FromStr for NodeArg {
 
 /// A device file of a node: `5=pump.eds`, `can0:5=pump.dcf`.
 #[derive(Debug, Clone)]
-pub struct FileArg {
+pub struct EdsArg {
     /// The node.
     pub node: NodeArg,
     /// The file.
     pub file: PathBuf,
 }
 
-impl std::str::FromStr for FileArg {
+impl std::str::FromStr for EdsArg {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text.split_once('=') {
             Some((node, file)) if !file.is_empty() => Ok(Self { node: node.parse()?, file: file.into() }),
-            _ => Err("expected a node-ID and a file, as 5=pump.eds or can0:5=pump.dcf"),
+            _ => Err("expected a node-ID and a file, such as 5=pump.eds or can0:5=pump.dcf"),
         }
     }
 }
 
-/// Meaning of candump's relative stamps.
+/// Interpretation of candump's relative timestamps.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum StampStyle {
-    /// Each stamp stands for itself (candump -t a, -t z, -l)
+    /// Timestamps are absolute (candump -t a, -t z, -l)
     #[value(name = "a", aliases = ["z", "absolute", "zero"])]
     Absolute,
-    /// Each stamp is the time since the line before (candump -t d)
+    /// Timestamps are the time since the previous line (candump -t d)
     #[value(name = "d", alias = "delta")]
     Delta,
 }
 
-/// What traffic is taken for.
+/// Protocol of the traffic.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Protocol {
-    /// By evidence
+    /// Detected from the traffic
     Auto,
-    /// Identifiers of 11 bits are CANopen, whatever the evidence
+    /// 11-bit identifiers as CANopen, without detection
     Canopen,
-    /// Identifiers of 29 bits are J1939, whatever the evidence
+    /// 29-bit identifiers as J1939, without detection
     J1939,
     /// No protocol: frames only
     None,
 }
 
-/// A number of seconds above 0.
+/// Parses a number of seconds, at least 0.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds >= 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("expected a number of seconds, 0 or more".into()),
+    }
+}
+
+/// Parses a number of seconds greater than 0.
 fn positive_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("expected a number of seconds above 0".into()),
+        _ => Err("expected a number of seconds greater than 0".into()),
     }
 }

@@ -21,39 +21,39 @@ pub struct LiveArgs {
     pub print: bool,
     #[command(flatten)]
     pub lines: PrintArgs,
-    /// Judge, print findings, and say at the end what check says; ends with 1 where there are findings at or above
-    /// --fail-on
+    /// Run rules, print findings and a summary as check does; exit with 1 for findings at or above --fail-on
     #[arg(long)]
     pub check: bool,
-    /// Findings from which on the exit status is 1
+    /// Exit with status 1 for findings at or above SEVERITY
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,
-    /// End at the first finding at or above --fail-on
+    /// Stop at the first finding at or above --fail-on
     #[arg(long, requires = "check")]
     pub until_finding: bool,
-    /// End after N frames
+    /// Stop after N frames (default: never)
     #[arg(short = 'n', value_name = "N")]
     pub frames_wanted: Option<u64>,
-    /// End when no frame came for MS milliseconds
+    /// Stop after MS milliseconds without a frame (default: never)
     #[arg(short = 'T', value_name = "MS")]
     pub timeout: Option<u64>,
-    /// Record what comes to FILE, in the format of the end of its name (.log, .pcapng, .mcap …); without FILE, or for a folder,
-    /// to candump-DATE_TIME.log
+    /// Record to FILE in the format of its suffix: .log, .pcapng, .mcap, …
+    ///
+    /// Without FILE, or if FILE is a folder, the file is named candump-DATE_TIME.log.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,
-    /// Begin a new file when one has SIZE bytes: 64k or more, 100M, 2G
+    /// Start a new file at SIZE bytes: 64k or more, 100M, 2G
     #[arg(long, value_name = "SIZE", requires = "record", value_parser = part_bytes)]
     pub record_size: Option<u64>,
-    /// Begin a new file after TIME: 10min, 1h
+    /// Start a new file after TIME: 90s, 10min, 1h
     #[arg(long, value_name = "TIME", requires = "record", value_parser = duration)]
     pub record_time: Option<Duration>,
-    /// Keep the newest N files only
+    /// Keep only the newest N files
     #[arg(long, value_name = "N", requires = "record")]
     pub record_files: Option<u32>,
-    /// Read files to their end and wait for what is added
+    /// Read files to their end and wait for appended data
     #[arg(long)]
     pub follow: bool,
-    /// How much the terminal UI keeps to go back to; older frames are dropped, which is said
+    /// Keep up to SIZE bytes of data in the terminal UI; older frames are dropped with a note
     #[arg(long, value_name = "SIZE", default_value = "2G", value_parser = bytes)]
     pub keep: u64,
     #[command(flatten)]
@@ -62,7 +62,7 @@ pub struct LiveArgs {
 
 /// `90s`, `10min`, `1h`.
 fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("found {text}, expected a time such as 90s, 10min or 1h");
+    let wrong = || format!("found {text}; expected a time such as 90s, 10min or 1h");
     let at = text.find(|character: char| !character.is_ascii_digit()).ok_or_else(wrong)?;
     let (number, unit) = text.split_at_checked(at).ok_or_else(wrong)?;
     let seconds = match unit {

@@ -1,4 +1,4 @@
-//! The command line. These texts are its help, its man page and its completions.
+//! Command line: source of the help, the manual pages and the completions.
 
 mod check;
 mod convert;
@@ -23,7 +23,7 @@ use clap::{Parser, Subcommand};
 pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
-pub use input::{FileArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
+pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
 pub use objects::ObjectsArgs;
@@ -34,11 +34,11 @@ pub use stats::StatsArgs;
 pub use view::{ScreenArgs, ThemeName, ViewArgs};
 pub use why::WhyArgs;
 
-/// Read CAN buses: what did the CANopen, J1939 and UDS devices do?
+/// Decode CAN captures and live buses: events and faults of CANopen, J1939 and UDS devices
 ///
-/// A capture may be candump text in any dialect, pcap, pcapng, PEAK TRC, Vector ASC or BLF, MDF4, MCAP, BUSMASTER, CRTD,
-/// CSV and text of further programs, plain or compressed with gzip or zstd; its format is found by content. `cobscope CAPTURE` is short for `cobscope view` on a
-/// terminal, and for `cobscope decode` elsewhere.
+/// Formats of captures: candump text in any dialect, pcap, pcapng, PEAK TRC, Vector ASC and BLF, MDF4, MCAP,
+/// BUSMASTER, CRTD, CSV and text of other programs, also compressed with gzip or zstd. The format is detected
+/// from the content. `cobscope CAPTURE` runs `cobscope view` on a terminal, else `cobscope decode`.
 #[derive(Debug, Parser)]
 #[command(
     name = "cobscope",
@@ -48,119 +48,138 @@ pub use why::WhyArgs;
     override_usage = "cobscope [OPTIONS] <CAPTURE>…\n       cobscope <COMMAND>"
 )]
 pub struct Cli {
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// Help of `--node` where one without a profile chooses.
-const NODE_HELP: &str =
-    "Choose a node: 5, can0:5, sa:0x80; or say what one is: 2=rexroth-sydfec, can0:5=my-device (repeatable)";
+/// Help of `--node` for commands in which a node without a profile selects.
+const NODE_HELP: &str = "Choose a node: 5, can0:5, sa:0x80; or assign its profile: 2=rexroth-sydfec, can0:5=my-device (repeatable)";
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Look at captures: events, nodes, signals and findings in a terminal UI, at any moment
+    /// Show captures in a terminal UI: events, nodes, signals and findings at any moment
     ///
-    /// Several captures are put on one line of time. ? lists the keys.
+    /// Several captures are merged by time. Press ? for the list of keys.
     #[command(after_help = notes::VIEW)]
     View(ViewArgs),
-    /// Watch buses as they are: CAN interfaces, serial adapters, servers, growing files
+    /// Show live buses: CAN interfaces, serial adapters, servers, growing files
     ///
-    /// SOURCE is an interface (can0, any; with candump's filters: can0,123:7FF,400~7F0,#FFFFFFFF), a serial adapter
-    /// (slcan:/dev/ttyACM0@500000), a bus of a server (socketcand://host/can0), - for candump text on standard input
-    /// (ssh machine candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE the interfaces
-    /// of this computer are listed. Nothing is ever transmitted.
+    /// SOURCE is an interface (can0, any; with candump's filters: can0,123:7FF,400~7F0,#FFFFFFFF), a serial
+    /// adapter (slcan:/dev/ttyACM0@500000), a bus of a server (socketcand://host/can0), - for candump text on
+    /// stdin (ssh machine candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE
+    /// the interfaces of this computer are listed. No frame is ever transmitted.
     #[command(
-        mut_arg("captures", |arg| arg.value_name("SOURCE").help("What to watch")),
+        mut_arg("captures", |arg| arg.value_name("SOURCE").help("Bus or file to show")),
+        mut_arg("separate", |arg| arg.hide(true)),
+        mut_arg("join", |arg| arg.hide(true)),
+        mut_arg("part_gap", |arg| arg.hide(true)),
         after_help = notes::LIVE
     )]
     Live(Box<LiveArgs>),
-    /// Print what happened, one event a line
+    /// Print events, one line per event
     ///
-    /// Columns: seconds from the first frame, node (or who to whom), kind, what happened, {frames}. What is marked ? is not
-    /// proven. Lines of all buses but the first begin with the bus's name. Repetitions (heartbeats, SYNC, PDOs that did not
-    /// change) are left out; --all prints them.
+    /// Columns: seconds from the first frame, node (or source → destination), kind, description, {frames}. A
+    /// ? marks presumed values. Lines of further buses start with the bus name. Repeated events (heartbeat,
+    /// SYNC, unchanged PDOs) are omitted; --all prints them.
     #[command(after_help = notes::DECODE)]
     Decode(DecodeArgs),
-    /// Write captures in another format, whole or cut: one file, or several by size or event
+    /// Convert captures to another format, complete or in part, to one file or several
     ///
-    /// convert IN… OUT: the captures, then the file to write, whose name's end says the format; - for OUT is standard
-    /// output and wants -f. Several captures are put on one line of time. What a format has no place for is said.
+    /// convert IN… OUT: the captures, then the file to write, whose suffix selects the format. - for OUT is
+    /// stdout and requires -f. Several captures are merged by time. Reports data that the target format
+    /// cannot store.
     #[command(
         mut_arg("captures", |arg| arg.value_name("IN… OUT").help("Captures to read, then the file to write")),
         override_usage = "cobscope convert [OPTIONS] <IN>… <OUT>",
         after_help = notes::CONVERT
     )]
     Convert(Box<ConvertArgs>),
-    /// Show who is on the bus, how often, how late, and how far the capture can be trusted
-    #[command(after_help = notes::STATS)]
-    Stats(StatsArgs),
-    /// Show what is known of the nodes' objects, and from where
+    /// Print statistics: nodes, message rates, timing and capture quality
     ///
-    /// Without --node the nodes that have objects are listed; --node 5 shows those of one, and --node 5=PROFILE tells
-    /// what it is; both may stand together. Long names and values are cut; -f json has them whole.
+    /// Nodes and their states are those of the whole capture, also with --filter, --from, --to and --only-node.
+    #[command(after_help = notes::STATS)]
+    #[command(mut_arg("filter", |arg| arg.help("Count only events, and frames whose own message, match EXPR")))]
+    #[command(mut_arg("from", |arg| arg.help("Count only from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("to", |arg| arg.help("Count only up to WHEN, in the form of --from")))]
+    #[command(mut_arg("only_node", |arg| arg.help("Count only events and frames of a node: 5, can0:5, sa:0x80 (repeatable)")))]
+    Stats(StatsArgs),
+    /// Print the object values of nodes, with their origin
+    ///
+    /// Without --node, the nodes with known objects are listed. --node 5 selects the node; --node 5=PROFILE
+    /// assigns its profile. They can be combined. Long names and values are truncated; -f json contains them
+    /// completely.
     #[command(after_help = notes::OBJECTS)]
     #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Objects(ObjectsArgs),
-    /// Say what went wrong first, what was before it, and what to check
+    /// Show the first fault, the changes before it, and what to check
     ///
-    /// The node is chosen by --node 5 and told what it is by --node 5=PROFILE; both may stand together.
+    /// --node 5 selects the node; --node 5=PROFILE assigns its profile. They can be combined.
     #[command(after_help = notes::WHY)]
     #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
+    #[command(mut_arg("filter", |arg| arg.help("Report only faults whose event matches EXPR")))]
+    #[command(mut_arg("from", |arg| arg.help("Report only faults from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("to", |arg| arg.help("Report only faults up to WHEN, in the form of --from")))]
+    #[command(mut_arg("only_node", |arg| arg.help("Report only faults of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Why(WhyArgs),
-    /// Judge captures by rules: what violates a standard, a manual or your expectations
+    /// Check captures against the rules of standards, of manuals and of the bus file
     ///
-    /// A folder stands for all captures in and below it, in the order of their names; files in it that are no
-    /// captures, and hidden ones, are passed over. Ends with 1 where there are findings at or above --fail-on, a
-    /// rule of --require-exercised is not exercised, one that the baseline has exercised is not any more, or a capture
-    /// that the baseline has in a folder could not be judged.
+    /// For a folder, all captures in it and in its subfolders are checked, in the order of their names;
+    /// hidden files and other files are skipped. The exit status is 1 if there are findings at or above
+    /// --fail-on, if a rule of --require-exercised is not exercised, if a rule is no longer exercised that is
+    /// exercised in the baseline, or if a capture of the baseline in a folder was not checked.
     #[command(after_help = notes::check())]
+    #[command(mut_arg("filter", |arg| arg.help("Print only findings that match EXPR, such as 'node == 5 && severity == error'")))]
+    #[command(mut_arg("from", |arg| arg.help("Print only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("to", |arg| arg.help("Print only findings present up to WHEN, in the form of --from")))]
+    #[command(mut_arg("only_node", |arg| arg.help("Print only findings of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Check(CheckArgs),
-    /// List the rules: name, severity, whether it is on, whether it judges times, the defect
+    /// List the rules: name, severity, on or off, timing rule, defect
     Rules(RulesArgs),
-    /// Say what a code, an identifier, an object, one frame or a rule means
+    /// Explain a code, an identifier, an object, a frame or a rule
     ///
-    /// THING is a rule (node-lost, rexroth-sydfec:NAME; cobscope rules lists them), an SDO abort code (06020000), an EMCY
-    /// code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit identifier (18FECA80),
-    /// a J1939 group (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI), a UDS response code (nrc:31) or
-    /// identifier (did:F190), or one frame in candump's log form (701#05).
+    /// THING is a rule (node-lost, rexroth-sydfec:NAME; see cobscope rules), an SDO abort code (06020000), an
+    /// EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
+    /// identifier (18FECA80), a J1939 PGN (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI; 938FE9: as a
+    /// number or as sent), a UDS
+    /// response code (nrc:31) or identifier (did:F190), or a frame in candump's log form (701#05).
     #[command(after_help = notes::EXPLAIN)]
     Explain {
-        /// What to explain
+        /// Code, identifier, object, frame or rule to explain
         thing: String,
-        /// Answer by this device's manual beside the standard: rexroth-sydfec, wandfluh-md2:controller
+        /// Add the text of the manual of a device: rexroth-sydfec, wandfluh-md2:controller
         #[arg(long, value_name = "PROFILE")]
         device: Option<String>,
-        /// Folder with profiles of your own (repeatable)
+        /// Add a folder with profiles (repeatable)
         #[arg(long, value_name = "DIR")]
         profiles: Vec<PathBuf>,
     },
-    /// List the devices that are known, show one, check a profile, make one of a device file
+    /// List, show, check and import device profiles
     #[command(after_help = notes::PROFILES)]
     Profiles {
-        /// What to do
+        /// Command to run
         #[command(subcommand)]
         command: ProfilesCommand,
-        /// Folder with profiles and device files of your own (repeatable)
+        /// Add a folder with profiles and device files (repeatable)
         #[arg(long, value_name = "DIR", global = true)]
         profiles: Vec<PathBuf>,
     },
-    /// Write shell completions to stdout
+    /// Print shell completions
     Completions {
-        /// Which shell
+        /// Shell
         shell: clap_complete::Shell,
     },
-    /// Write a manual page to stdout (`cobscope man | man -l -`)
+    /// Print a manual page (`cobscope man | man -l -`)
     Man {
-        /// Of this command (check, profiles-import); without, of the program as a whole
+        /// Command, such as check or profiles-import (default: the whole program)
         #[arg(value_name = "COMMAND")]
         of: Option<String>,
     },
 }
 
 impl Command {
-    /// The captures it reads, which are standard input where none is named.
+    /// Captures to read (stdin if empty); `None` for commands without captures.
     pub fn captures(&self) -> Option<&[PathBuf]> {
         let input = match self {
             Self::View(arguments) => &arguments.input,
@@ -180,10 +199,10 @@ impl Command {
         Some(&input.captures)
     }
 
-    /// What of `--node` cannot be.
+    /// Checks the values of `--node`.
     ///
     /// # Errors
-    /// A node without profile where none is chosen; a node with two profiles.
+    /// If a node has no profile and the command does not select nodes, or if a node has two profiles.
     pub fn check_nodes(&self) -> Result<(), String> {
         let (input, otherwise) = match self {
             Self::View(arguments) => (&arguments.input, Some(Otherwise::Filter)),
@@ -205,8 +224,8 @@ impl Command {
     }
 }
 
-/// Puts `view` or `decode` before arguments that begin with a capture or an option of one: `view` where a terminal
-/// shows the output and it knows all options.
+/// Inserts `view` or `decode` if the first argument is not a command: `view` if the output is a terminal and
+/// all options are valid for it.
 pub fn with_default_command(
     arguments: impl Iterator<Item = OsString>,
     is_on_terminal: bool,
@@ -231,8 +250,8 @@ pub fn with_default_command(
     arguments
 }
 
-/// Whether this is meant to be a command rather than a capture: there is no such file, and it begins like one. What is
-/// meant the parser then says.
+/// Whether an argument is a misspelt command rather than a capture: no such file exists, and a command starts
+/// with the same letters. The parser then suggests the command.
 fn is_misspelt(text: &str) -> bool {
     use clap::CommandFactory as _;
     const BEGINNING: usize = 3;
@@ -267,13 +286,13 @@ mod tests {
         assert_eq!(with(&["x.log"]), ["decode", "x.log"]);
         assert_eq!(with(&["-f", "jsonl", "x.log"]), ["decode", "-f", "jsonl", "x.log"]);
         assert_eq!(with(&["man"]), ["man"]);
-        assert_eq!(with(&["decod", "x.log"]), ["decod", "x.log"], "the parser says what is meant");
+        assert_eq!(with(&["decod", "x.log"]), ["decod", "x.log"], "the parser suggests the command");
         assert_eq!(with(&["decod.log"]), ["decode", "decod.log"]);
         assert_eq!(with(&["--help"]), ["--help"]);
     }
 
     #[test]
-    fn on_a_terminal_a_capture_is_viewed_unless_lines_are_asked_for() {
+    fn on_a_terminal_view_is_the_default_unless_lines_are_requested() {
         let command = |arguments: &[&str]| {
             let all = std::iter::once("cobscope").chain(arguments.iter().copied()).map(OsString::from);
             with_default_command(all, true).remove(1)

@@ -1,13 +1,13 @@
-//! What stands below the options in help and manual pages: examples, exit statuses.
+//! Texts after the options in help and manual pages: examples, exit statuses.
 
-/// Exit statuses, as the README has them.
+/// Exit statuses, as in the README.
 pub const EXIT_STATUS: &str = "\
 Exit status:
-  0  done; lines that could not be read do not change it
-  1  check, live --check: findings at or above --fail-on, or a rule that had to be exercised was not
-  2  the command line cannot be understood, or an output cannot be created
-  3  a capture cannot be read to its end or holds no frame, or an output is not written to its end
-  4  a profile or bus file is broken, or a device file, DBC or baseline cannot be read";
+  0  success, even if some lines are unreadable
+  1  check, live --check: findings at or above --fail-on, or a required rule is not exercised
+  2  the command line is invalid, or an output cannot be created
+  3  a capture is unreadable, incomplete or without frames, or an output is incomplete
+  4  a profile, bus file, device file, DBC or baseline is invalid or unreadable";
 
 macro_rules! examples {
     ($($name:ident: $first:literal, $second:literal, $third:literal;)*) => {
@@ -64,7 +64,7 @@ examples! {
         "cobscope profiles check devices/pump.toml";
 }
 
-/// Examples of `check`, and what its exit status says.
+/// Examples of `check`, and the exit statuses.
 pub fn check() -> String {
     format!("{CHECK_EXAMPLES}\n\n{EXIT_STATUS}")
 }
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
 
-    /// Commands whose help needs no examples.
+    /// Commands without examples.
     const PLAIN: [&str; 3] = ["rules", "completions", "man"];
 
     #[test]

@@ -12,10 +12,11 @@ use crate::select::Bound;
 pub struct ObjectsArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Show them as they were then: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
+    /// Print values at TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or
+    /// both (default: end)
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
-    /// Compare them with what a DCF or XDC wants of --node, else of the node of that file
+    /// Compare with the values that a DCF or XDC configures for --node, or for the node of the file
     #[arg(long, value_name = "FILE")]
     pub want: Option<PathBuf>,
     /// Output format

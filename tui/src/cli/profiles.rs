@@ -7,37 +7,37 @@ use clap::{Subcommand, ValueEnum};
 /// `cobscope profiles`.
 #[derive(Debug, Subcommand)]
 pub enum ProfilesCommand {
-    /// List all devices and their variants
+    /// List all devices and variants
     List,
-    /// Show what is known of a device
+    /// Print the contents of a profile
     Show {
-        /// Profile, with its variant if you like: rexroth-sydfec, wandfluh-md2:controller
+        /// Profile, with optional variant: rexroth-sydfec, wandfluh-md2:controller
         profile: String,
-        /// Only count what is described
+        /// Print only the number of entries
         #[arg(long)]
         count: bool,
         /// Output format
         #[arg(short, long, value_name = "FORMAT", default_value = "text")]
         format: PageFormat,
     },
-    /// Check profiles: their grammar, ranges, references, samples; of device files what cannot be read
+    /// Check the syntax, ranges, references and samples of profiles, and report defects of device files
     Check {
         /// Profiles (TOML) and device files (EDS, DCF, XDD, XDC)
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
-    /// Write the profile that a device file makes to stdout
+    /// Print the profile generated from a device file
     Import {
-        /// EDS, DCF, XDD or XDC
+        /// EDS, DCF, XDD or XDC file
         file: PathBuf,
     },
 }
 
-/// Formats of a device's page.
+/// Formats of a profile page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PageFormat {
-    /// Everything, folded for a terminal
+    /// Complete text, wrapped for a terminal
     Text,
-    /// Tables for a document: all but the objects
+    /// Tables for a document, without the objects
     Markdown,
 }

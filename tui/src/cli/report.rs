@@ -1,17 +1,17 @@
-//! Formats and colours of output.
+//! Output formats and colours.
 
 use clap::ValueEnum;
 
-/// Formats of reports.
+/// Report formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ReportFormat {
-    /// Tables for people
+    /// Text with tables
     Text,
-    /// One JSON object a line
+    /// One JSON object per line
     Json,
 }
 
-/// When to use colours.
+/// Use of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Color {
     /// On a terminal, unless NO_COLOR is set

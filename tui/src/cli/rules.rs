@@ -10,18 +10,18 @@ pub struct RulesArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: RulesFormat,
-    /// Folder with profiles of your own, whose rules are listed too (repeatable)
+    /// Add a folder with profiles, whose rules are also listed (repeatable)
     #[arg(long, value_name = "DIR")]
     pub profiles: Vec<PathBuf>,
 }
 
-/// Formats of the list of rules.
+/// Formats of the rule list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RulesFormat {
     /// A table
     Text,
-    /// One JSON array, with everything known of each rule
+    /// One JSON array with all properties of each rule
     Json,
-    /// The same for a document
+    /// Headings and text for a document
     Markdown,
 }

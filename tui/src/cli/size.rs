@@ -1,8 +1,8 @@
-//! Sizes as options take them.
+//! Parsers for sizes.
 
-/// `100M`: bytes, with k, M or G for powers of 1,024.
+/// Parses a size in bytes, such as `100M`; k, M and G are powers of 1,024.
 pub(super) fn bytes(text: &str) -> Result<u64, String> {
-    let wrong = || format!("found {text}, expected a size such as 100M or 2G");
+    let wrong = || format!("found {text}; expected a size such as 100M or 2G");
     let (number, unit) = match text.char_indices().last() {
         Some((at, 'k' | 'K')) => (text.get(..at), 10),
         Some((at, 'M')) => (text.get(..at), 20),
@@ -13,14 +13,14 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
     number.checked_mul(1 << unit).filter(|bytes| *bytes > 0).ok_or_else(wrong)
 }
 
-/// Least size of a file of a record: what is held before it is written.
+/// Minimum size of a file written by `--record`: the write buffer.
 const LEAST_PART: u64 = 64 << 10;
 
-/// The same for the files of a record, of which a small one would be full at once, and the folder soon after.
+/// Parses the size of a file written by `--record`; smaller files would fill the folder on a busy bus.
 pub(super) fn part_bytes(text: &str) -> Result<u64, String> {
     let size = bytes(text)?;
     if size < LEAST_PART {
-        return Err(format!("found {text}, expected 64k or more: a busy bus fills less many times a second"));
+        return Err(format!("found {text}; expected 64k or more"));
     }
     Ok(size)
 }

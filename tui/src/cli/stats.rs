@@ -2,34 +2,29 @@
 
 use clap::Args;
 
-use super::{InputArgs, ReportFormat};
-use crate::select::Bound;
+use super::{InputArgs, ReportFormat, SelectArgs};
 
 /// `cobscope stats`.
 #[derive(Debug, Args)]
 pub struct StatsArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Bit rate for the load in %: 250k, 1M or 250000, of one bus or all (repeatable)
+    /// Set the bit rate for the load in %, for one bus or all: 250k, 1M, 250000, can0:500k (repeatable)
     #[arg(long, value_name = "[BUS:]RATE")]
     pub bitrate: Vec<BitRate>,
-    /// Count only from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), a date and time
-    #[arg(long, value_name = "WHEN")]
-    pub from: Option<Bound>,
-    /// Count only up to WHEN, given as with --from; nodes and their states stay those of the whole capture
-    #[arg(long, value_name = "WHEN")]
-    pub to: Option<Bound>,
+    #[command(flatten)]
+    pub select: SelectArgs,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,
 }
 
-/// A bit rate, of one bus or all.
+/// Bit rate of one bus or of all.
 #[derive(Debug, Clone)]
 pub struct BitRate {
-    /// Name of the bus.
+    /// Name of the bus; `None` for all.
     pub bus: Option<String>,
-    /// Bits a second.
+    /// Bit rate in bit/s.
     pub rate: u32,
 }
 
@@ -48,7 +43,7 @@ impl std::str::FromStr for BitRate {
         let rate = digits.parse::<u32>().ok().and_then(|rate| rate.checked_mul(factor));
         match rate {
             Some(rate @ 1_000..=20_000_000) => Ok(Self { bus, rate }),
-            _ => Err("expected a bit rate, as 250k, 1M or can0:500k"),
+            _ => Err("expected a bit rate such as 250k, 1M or can0:500k"),
         }
     }
 }

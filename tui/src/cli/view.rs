@@ -12,32 +12,33 @@ use crate::select::Bound;
 pub struct ViewArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Where to begin: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
+    /// Start at TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or both
+    /// (default: first frame)
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
-    /// Show only events that EXPR matches, such as 'kind == emcy && node == 4'
+    /// Show only events that match EXPR, such as 'kind == emcy && node == 4'
     #[arg(long, value_name = "EXPR", long_help = filter_help!("Show", "--all"))]
     pub filter: Option<Filter>,
-    /// Show repetitions too, not only what says something new
+    /// Also show repeated events, not only new information
     #[arg(long)]
     pub all: bool,
-    /// Let captures begin at the same moment, whatever their dates
+    /// Align the start of captures that have unrelated clocks
     #[arg(long)]
     pub align: bool,
     #[command(flatten)]
     pub screen: ScreenArgs,
-    /// Colours: auto uses them unless NO_COLOR is set
+    /// Use colours; auto: unless NO_COLOR is set
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     pub color: Color,
 }
 
-/// How the screen looks.
+/// Options for the screen.
 #[derive(Debug, Args)]
 pub struct ScreenArgs {
-    /// Pane shown first
+    /// Show PANE first
     #[arg(long, value_name = "PANE", default_value = "events")]
     pub pane: PaneId,
-    /// What the terminal's background is
+    /// Use colours for a dark or light background
     #[arg(long, value_name = "THEME", default_value = "dark")]
     pub theme: ThemeName,
     /// Draw lines and plots with ASCII characters
@@ -45,11 +46,11 @@ pub struct ScreenArgs {
     pub ascii: bool,
 }
 
-/// What the terminal's background is.
+/// Background of the terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ThemeName {
-    /// Light text on dark ground
+    /// Light text on a dark background
     Dark,
-    /// Dark text on light ground
+    /// Dark text on a light background
     Light,
 }

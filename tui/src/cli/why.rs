@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::{InputArgs, ReportFormat};
+use super::{InputArgs, ReportFormat, SelectArgs};
 use crate::select::Bound;
 
 /// `cobscope why`.
@@ -10,7 +10,10 @@ use crate::select::Bound;
 pub struct WhyArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Look from this moment back, for the latest fault: 12.5 (seconds from the first frame), #1234 (frame), or a date and time
+    #[command(flatten)]
+    pub select: SelectArgs,
+    /// Show the latest fault before TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
+    /// or both
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
     /// Output format

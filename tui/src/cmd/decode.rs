@@ -1,12 +1,15 @@
-//! `cobscope decode`: captures to events.
+//! `cobscope decode`: prints events.
 
 use std::sync::Arc;
 
+use cobscope_decoder::session::Buses;
+
 use super::decoding::decode_capture;
-use super::input::{captures, check_rules_of, session_options, setup};
-use super::messages::complain;
-use super::output::{files_read, told};
-use super::print::{Judging, Printer, engine};
+use super::input::{check_rules_of, series, session_options, setup};
+use super::messages::{complain, note};
+use super::output::{files_read, write_result};
+use super::print::{JudgingObserver, Printer, engine};
+use super::remarks;
 use crate::cli::DecodeArgs;
 use crate::exit_code::Exit;
 
@@ -25,7 +28,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         complain(&error);
         return Exit::Usage;
     }
-    // Which files are read a bus file says too, so that one must be right before anything is written.
+    // The bus file names further input files, so it must be valid before the output is opened.
     let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
         Ok(printer) => printer,
         Err(error) => {
@@ -34,30 +37,33 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         }
     };
     printer.describe(&arguments.input);
-    let captures = captures(&arguments.input);
+    let captures = series(&arguments.input);
     let several = captures.len() > 1;
     let mut exit = Exit::Clean;
-    for path in &captures {
+    for capture in &captures {
+        let name = capture.name();
         if several {
-            printer.begin_capture(&path.display().to_string());
+            printer.begin_capture(&name);
         }
-        let mut judging = Judging { engine: engine(&arguments.print, &setup), printer: &mut printer };
-        let failure = match decode_capture(path, &arguments.input, &options, &mut judging) {
+        let mut judging = JudgingObserver { engine: engine(&arguments.print, &setup), printer: &mut printer };
+        let failure = match decode_capture(capture, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
                 judging.finish(decoded.decoder.buses());
                 if !printer.has_events() {
-                    decoded.tell_unreadable(path);
+                    decoded.report_unreadable(&name);
                 }
                 let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
                 if let Some(missed) = printer.missed(frame, last) {
-                    complain(&anyhow::anyhow!("{}: {missed}", path.display()));
+                    complain(&anyhow::anyhow!("{name}: {missed}"));
                 }
+                let buses = decoded.decoder.buses();
+                print_remarks(&name, buses, printer.hides_notes());
                 decoded.failure
             }
             Err(error) => Some(error),
         };
         if let Some(error) = failure {
-            // What was decoded stands before what went wrong.
+            // Print decoded events before the error.
             let _ = printer.flush();
             complain(&error);
             exit = exit.max(Exit::Capture);
@@ -66,5 +72,16 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
             break;
         }
     }
-    exit.max(told(printer.finish()))
+    exit.max(write_result(printer.finish()))
+}
+
+/// Prints suggested profiles, and frames without values if the output format has no notes.
+fn print_remarks(name: &str, buses: Buses<'_>, hides_notes: bool) {
+    let mut texts = remarks::profiles(name, buses);
+    if hides_notes {
+        texts.extend(remarks::without_values(name, buses));
+    }
+    for text in &texts {
+        note(text);
+    }
 }

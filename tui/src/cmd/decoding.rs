@@ -1,186 +1,235 @@
-//! The pass over one capture that most commands make.
+//! Decoding of one capture, shared by most commands.
 
 use std::io::Write as _;
-use std::path::Path;
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Item, Notice};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Observer, SessionOptions};
+use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::sink::escape;
 
-use super::input::{captures, read_options, session_options, unknown_buses};
+use super::input::{read_options, series, session_options, unknown_buses};
 use super::messages::{complain, warn};
 use super::output;
+use super::remarks;
 use crate::cli::InputArgs;
 use crate::exit_code::Exit;
-use crate::source;
+use crate::select::Span;
+use crate::source::{Series, SeriesFrames, time_span};
+use crate::words::unheard;
 
-/// Something that looks at a capture's events and can have enough.
-pub(super) trait Watcher: Observer {
-    /// Whether further events are in vain.
+/// Observer of a capture that can end decoding early.
+pub(super) trait CaptureObserver: Observer {
+    /// Whether the observer needs no more events.
     fn is_done(&self) -> bool {
         false
     }
 
-    /// Whether it prints to the terminal while events come.
+    /// Whether the observer prints to the terminal during decoding.
     fn is_on_terminal(&self) -> bool {
         false
     }
 
-    /// Whether another core may read meanwhile: it is not if others judge their captures on it.
+    /// Whether reading may use another core; not if the cores are used for other captures.
     fn has_another_core(&self) -> bool {
         true
     }
 
-    /// The first frame of a capture, before any event of it.
+    /// Called with the first frame of a capture, before any event; `span` reads the capture to its end.
     ///
     /// # Errors
-    /// When what was asked for cannot be told of such a capture.
-    fn begin(&mut self, _first: &Frame) -> anyhow::Result<()> {
+    /// If the request is not possible for this capture.
+    fn begin(&mut self, _first: &Frame, _span: Span<'_>) -> anyhow::Result<()> {
         Ok(())
     }
 
-    /// Whether [`Watcher::frame`] wants each frame.
+    /// Whether to call [`CaptureObserver::frame`] for each frame.
     fn wants_frames(&self) -> bool {
         false
     }
 
-    /// A frame, before its events; `false` ends the capture before it.
+    /// Called for each frame, before its events; `false` ends the capture before the frame.
     fn frame(&mut self, _frame: &Frame, _names: &BusNames) -> bool {
         true
     }
 
-    /// What else the capture tells, before its event.
+    /// Whether to call [`CaptureObserver::frame_decoded`] for each frame.
+    fn wants_decoded_frames(&self) -> bool {
+        false
+    }
+
+    /// Called for each frame, after its events; `bus` is in the state after the frame.
+    fn frame_decoded(&mut self, _frame: &Frame, _bus: &Bus) {}
+
+    /// Called for each notice, before its event.
     fn notice(&mut self, _notice: &Notice, _names: &BusNames) {}
 }
 
-/// A capture that was decoded as far as it could be read.
-pub(super) struct Decoded {
-    /// The decoder behind the last frame.
+/// Result of decoding a capture.
+pub(super) struct DecodedCapture {
+    /// Decoder in the state after the last frame.
     pub(super) decoder: Decoder,
-    /// Title of the capture's format.
+    /// Title of the capture format.
     pub(super) format: &'static str,
-    /// Why reading ended early, if it did.
+    /// Error that ended reading early.
     pub(super) failure: Option<anyhow::Error>,
-    /// What else is to be said of it.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
-    /// What of it could not be read.
-    pub(super) unreadable: Unreadable,
+    /// Unreadable lines and records.
+    pub(super) unreadable: UnreadableInput,
 }
 
-impl Decoded {
-    /// Says what could not be read, where the output has no place for it.
-    pub(super) fn tell_unreadable(&self, path: &Path) {
-        let Unreadable { count, first: Some(first) } = &self.unreadable else { return };
+impl DecodedCapture {
+    /// Reports unreadable lines and records, if the output does not contain them as events.
+    pub(super) fn report_unreadable(&self, name: &str) {
+        let UnreadableInput { count, first: Some(first) } = &self.unreadable else { return };
         let text = match count {
-            1 => format!("{}: a line or record could not be read: {first}", path.display()),
-            count => format!("{}: {count} lines or records could not be read, first {first}", path.display()),
+            1 => format!("{name}: 1 line or record unreadable ({first}); all others decoded"),
+            count => {
+                format!("{name}: {count} lines or records unreadable (first: {first}); all others decoded")
+            }
         };
         warn(&text);
     }
 }
 
-/// Lines and records that could not be read.
+/// Unreadable lines and records.
 #[derive(Default)]
-pub(super) struct Unreadable {
+pub(super) struct UnreadableInput {
     count: u64,
-    /// Place and reason of the first.
+    /// Position and reason of the first one.
     first: Option<String>,
 }
 
-impl Unreadable {
-    fn see(&mut self, notices: &[(usize, Notice)]) {
+impl UnreadableInput {
+    fn see(&mut self, notices: &[(usize, Notice)], frames: &SeriesFrames) {
         for (_, notice) in notices.iter().filter(|(_, notice)| matches!(notice, Notice::Unreadable { .. })) {
             self.count += 1;
-            self.first.get_or_insert_with(|| notice.to_string());
+            self.first.get_or_insert_with(|| {
+                if frames.is_joined() { format!("{} {notice}", frames.file()) } else { notice.to_string() }
+            });
         }
     }
 }
 
-/// Decodes one capture into `watcher`, and says what there is to be said of it.
+/// Decodes one capture and prints warnings.
 ///
 /// # Errors
-/// When the capture cannot be opened or recognised, or holds no frame.
+/// If the capture cannot be opened or recognised, or contains no frames.
 pub(super) fn decode_capture(
-    path: &Path,
+    series: &Series,
     input: &InputArgs,
     options: &SessionOptions,
-    watcher: &mut dyn Watcher,
-) -> anyhow::Result<Decoded> {
-    let decoded = decode_quietly(path, input, options, watcher)?;
+    watcher: &mut dyn CaptureObserver,
+) -> anyhow::Result<DecodedCapture> {
+    let decoded = decode_quietly(series, input, options, watcher)?;
     for warning in &decoded.warnings {
         let _ = writeln!(std::io::stderr(), "cobscope: {warning}");
     }
     Ok(decoded)
 }
 
-/// Decodes one capture into `watcher`.
+/// Decodes one capture.
 ///
 /// # Errors
-/// When the capture cannot be opened or recognised, or holds no frame.
+/// If the capture cannot be opened or recognised, or contains no frames.
 pub(super) fn decode_quietly(
-    path: &Path,
+    series: &Series,
     input: &InputArgs,
     options: &SessionOptions,
-    watcher: &mut dyn Watcher,
-) -> anyhow::Result<Decoded> {
-    let name = || path.display().to_string();
-    let (mut frames, mut progress) =
-        source::open(path, &read_options(input))?.frames(watcher.has_another_core());
+    watcher: &mut dyn CaptureObserver,
+) -> anyhow::Result<DecodedCapture> {
+    let name = || series.name();
+    let mut frames = SeriesFrames::open(series, read_options(input), watcher.has_another_core())?;
     if watcher.is_on_terminal() {
-        progress.hide();
+        frames.hide_progress();
     }
     let mut decoder = Decoder::new(options.clone());
     let mut batch = Batch::new();
     let mut has_frames = false;
     let mut failure = None;
-    let mut unreadable = Unreadable::default();
+    let mut unreadable = UnreadableInput::default();
+    let mut part = None;
     while !watcher.is_done() {
         match frames.read(&mut batch) {
             Ok(true) => {}
             Ok(false) => break,
             Err(error) => {
-                failure = Some(anyhow::Error::from(error).context(name()));
+                failure = failure.or(Some(error));
+                if frames.has_more_parts() {
+                    continue;
+                }
                 break;
             }
         }
+        if frames.is_joined() && part != Some(frames.part()) {
+            part = Some(frames.part());
+            decoder.begin_part(&frames.file());
+        }
         if let Some(first) = batch.frames().first().filter(|_| !has_frames) {
-            watcher.begin(first).with_context(name)?;
+            watcher
+                .begin(first, &mut || time_span(&series.parts, &read_options(input)))
+                .with_context(name)?;
             has_frames = true;
         }
-        unreadable.see(batch.notices());
+        unreadable.see(batch.notices(), &frames);
         if !push_batch(&mut decoder, &batch, frames.buses(), watcher) {
             break;
         }
-        // Who has enough before the end does not ask how the capture ends.
+        // An observer that stopped early ignores a truncated end.
         if failure.is_none() && !watcher.is_done() {
-            failure = cut_off(batch.notices()).map(|reason| anyhow::Error::msg(reason).context(name()));
+            let reason = cut_off(batch.notices());
+            failure = reason.map(|reason| anyhow::Error::msg(reason).context(frames.file()));
         }
-        progress.tick();
+        frames.tick();
     }
-    progress.finish();
+    frames.finish_progress();
     decoder.finish(frames.buses(), watcher);
-    // Of a capture that was not read to its end not all buses are known.
-    let warnings =
-        if watcher.is_done() { Vec::new() } else { unknown_buses(path, input, options, frames.buses()) };
+    // After an incomplete read not all buses are known.
+    let warnings = if watcher.is_done() {
+        Vec::new()
+    } else {
+        warnings(&name(), (input, options), frames.buses(), &decoder)
+    };
     match failure {
         Some(failure) if !has_frames => Err(failure),
-        None if !has_frames => anyhow::bail!("{}: holds no frame", path.display()),
-        failure => Ok(Decoded { decoder, format: frames.format().title, failure, warnings, unreadable }),
+        None if !has_frames => anyhow::bail!("{}: contains no frames", name()),
+        failure => {
+            Ok(DecodedCapture { decoder, format: frames.format().title, failure, warnings, unreadable })
+        }
     }
 }
 
-/// Where and how the capture is cut off, if that is among what a reader says.
+/// Notes on buses and nodes that are absent, and on frames that are not decoded.
+fn warnings(
+    name: &str,
+    (input, options): (&InputArgs, &SessionOptions),
+    names: &BusNames,
+    decoder: &Decoder,
+) -> Vec<String> {
+    let mut warnings = unknown_buses(name, input, options, names);
+    let (capture, buses) = (escape(name).into_owned(), decoder.buses());
+    warnings.extend(remarks::limits(&capture, buses));
+    warnings.extend(unheard(&capture, buses, options));
+    warnings
+}
+
+/// Position and reason of a truncated end, if one of the notices reports it.
 pub(super) fn cut_off(notices: &[(usize, Notice)]) -> Option<String> {
     let is_cut = |notice: &Notice| matches!(notice, Notice::CutOff { .. });
     notices.iter().find(|(_, notice)| is_cut(notice)).map(|(_, notice)| notice.to_string())
 }
 
-/// Passes a batch on; `false` when the watcher ends the capture within it.
-fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &mut dyn Watcher) -> bool {
+/// Decodes a batch; `false` if the observer ended the capture.
+fn push_batch(
+    decoder: &mut Decoder,
+    batch: &Batch,
+    names: &BusNames,
+    watcher: &mut dyn CaptureObserver,
+) -> bool {
     let wants_frames = watcher.wants_frames();
-    if batch.notices().is_empty() {
+    if batch.notices().is_empty() && !watcher.wants_decoded_frames() {
         for frame in batch.frames() {
             if wants_frames && !watcher.frame(frame, names) {
                 return false;
@@ -196,6 +245,11 @@ fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &
                     return false;
                 }
                 decoder.push(frame, names, watcher);
+                if let Some(bus) =
+                    decoder.buses().get(usize::from(frame.bus.0)).filter(|_| watcher.wants_decoded_frames())
+                {
+                    watcher.frame_decoded(frame, bus);
+                }
             }
             Item::Notice(notice) => {
                 watcher.notice(notice, names);
@@ -206,10 +260,10 @@ fn push_batch(decoder: &mut Decoder, batch: &Batch, names: &BusNames, watcher: &
     true
 }
 
-/// Makes a report of each capture and prints them all; what could be read of a broken one counts too.
+/// Creates a report for each capture and prints all of them, including those for truncated captures.
 pub(super) fn report(
     input: &InputArgs,
-    mut one: impl FnMut(&Path, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+    mut one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
 ) -> Exit {
     let options = match session_options(input) {
         Ok(options) => options,
@@ -220,8 +274,8 @@ pub(super) fn report(
     };
     let mut exit = Exit::Clean;
     let mut text = String::new();
-    for path in captures(input) {
-        if let Some(error) = one(&path, &options, &mut text).unwrap_or_else(Some) {
+    for series in series(input) {
+        if let Some(error) = one(&series, &options, &mut text).unwrap_or_else(Some) {
             complain(&error);
             exit = exit.max(Exit::Capture);
         }

@@ -1,4 +1,4 @@
-//! Messages on standard error.
+//! Messages on stderr.
 
 use std::io::Write as _;
 
@@ -6,21 +6,21 @@ use cobscope_decoder::sink::escape;
 
 use crate::exit_code::Exit;
 
-/// An error with the exit status it brings.
+/// An error with its exit status.
 pub(super) type Refusal = (Exit, anyhow::Error);
 
-/// Tells the user what went wrong.
+/// Reports an error.
 pub(super) fn complain(error: &anyhow::Error) {
     let _ = writeln!(std::io::stderr(), "cobscope: {error:#}");
 }
 
-/// Tells the user something that does not end the command.
+/// Reports a problem that does not end the command, in several lines.
 pub(super) fn warn(text: &str) {
     let lines: Vec<_> = text.lines().map(escape).collect();
     let _ = writeln!(std::io::stderr(), "cobscope: {}", lines.join("\n"));
 }
 
-/// Tells the user something in one line.
+/// Reports information in one line.
 pub(super) fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "cobscope: {}", escape(text));
 }

@@ -1,4 +1,4 @@
-//! The subcommands, one a file.
+//! The subcommands, one module each.
 
 mod check;
 mod convert;
@@ -13,6 +13,7 @@ mod objects;
 mod output;
 mod print;
 mod profiles;
+mod remarks;
 mod rules;
 mod shell;
 mod stats;
@@ -28,10 +29,10 @@ pub use live::over_datagrams;
 use messages::complain;
 pub use view::open as open_view;
 
-/// Runs what the command line says.
+/// Runs the command.
 pub fn run(cli: Cli) -> Exit {
     if cli.command.captures().is_some_and(<[_]>::is_empty) && std::io::stdin().is_terminal() {
-        complain(&anyhow::anyhow!("no capture: name a file, or - to read what is typed here"));
+        complain(&anyhow::anyhow!("no capture; give a file, or - for stdin"));
         return Exit::Usage;
     }
     if let Err(error) = cli.command.check_nodes() {

@@ -1,4 +1,4 @@
-//! Where lines go, and what must never be written over: the files that are read.
+//! Output files and stdout; input files are protected from being overwritten.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, IsTerminal as _, Write};
@@ -13,46 +13,51 @@ use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
 use crate::record::format::part_of;
 
-/// Bytes gathered before they are written.
+/// Size of output buffers, in bytes.
 const BUFFER: usize = 64 * 1024;
 
-/// What standard output is called in errors.
-const STDOUT: &str = "standard output";
+/// Name of stdout in errors.
+const STDOUT: &str = "stdout";
 
-/// Files that a command reads as its options say: captures, and what is known of the buses.
+/// Files that a command reads: captures, bus file, device files and databases.
 pub(super) fn files_read(input: &InputArgs) -> Vec<PathBuf> {
-    // Without any name standard input is read.
+    // Without a file name, stdin is read.
     let stdin = input.captures.is_empty().then(|| PathBuf::from("-"));
     input.captures.iter().cloned().chain(stdin).chain(files_known(input)).collect()
 }
 
-/// Those of them that say what is known of the buses, also where the bus file names them.
+/// Files that describe the buses: bus file, device files and databases, including those named in the bus
+/// file.
 pub(super) fn files_known(input: &InputArgs) -> impl Iterator<Item = PathBuf> {
     let named = input.bus.as_deref().map(files_named).unwrap_or_default();
     let files = input.bus.iter().chain(&input.dbc);
     files.chain(input.eds.iter().map(|of_node| &of_node.file)).cloned().chain(named)
 }
 
-/// Refuses to write over what is read.
+/// Checks that an output file is not also an input.
 ///
 /// # Errors
-/// When `path` is one of the files `read`, under whatever name.
+/// If `path` is one of the files `read`, even under another name.
 pub(super) fn ensure_not_read<'a>(
     path: &Path,
     read: impl IntoIterator<Item = &'a PathBuf>,
 ) -> anyhow::Result<()> {
     let is_read = read.into_iter().any(|read| is_same(read, path));
-    ensure!(!is_read, "{}: is read and would be written", escape(&path.display().to_string()));
+    ensure!(
+        !is_read,
+        "{}: is also an input; choose another output file",
+        escape(&path.display().to_string())
+    );
     Ok(())
 }
 
-/// Whether both are one file, also where it has two names; `-` is standard input.
+/// Whether two paths are the same file; `-` is stdin.
 fn is_same(one: &Path, other: &Path) -> bool {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt as _;
         let one = if one.as_os_str() == "-" { Path::new("/dev/stdin") } else { one };
-        // A terminal or pipe may be both.
+        // A terminal or a pipe can be input and output.
         let place = |path: &Path| {
             path.metadata().ok().filter(std::fs::Metadata::is_file).map(|file| (file.dev(), file.ino()))
         };
@@ -62,10 +67,11 @@ fn is_same(one: &Path, other: &Path) -> bool {
     matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
-/// Where output goes: a file, which is none of those `read`, else standard output. What fails names it.
+/// Opens an output: a file not among the files `read`, else stdout. Write errors contain the file
+/// name.
 ///
 /// # Errors
-/// When the file is read, or cannot be written.
+/// If the file is an input, or cannot be created.
 pub(super) fn output<'a>(
     path: Option<&Path>,
     read: impl IntoIterator<Item = &'a PathBuf>,
@@ -75,15 +81,15 @@ pub(super) fn output<'a>(
             ensure_not_read(path, read)?;
             let name = path.display().to_string();
             let file = File::create(path).with_context(|| format!("{name}: cannot be written"))?;
-            Box::new(BufWriter::with_capacity(BUFFER, Named { name, output: file }))
+            Box::new(BufWriter::with_capacity(BUFFER, NamedOutput { name, output: file }))
         }
-        // A pipe or a file takes large pieces; on a terminal each line shows at once.
+        // Large blocks for a pipe or a file; on a terminal each line is visible immediately.
         None if io::stdout().is_terminal() => Box::new(stdout()),
         None => Box::new(BufWriter::with_capacity(BUFFER, stdout())),
     })
 }
 
-/// Whether output is coloured.
+/// Whether to colour the output.
 pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
     match color {
         Color::Always => true,
@@ -95,7 +101,7 @@ pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
     }
 }
 
-/// The files of one format of events.
+/// Output files of an event format.
 pub(super) struct SinkFiles<'a> {
     format: &'static EventFormat,
     to: Option<&'a Path>,
@@ -104,12 +110,12 @@ pub(super) struct SinkFiles<'a> {
 }
 
 impl<'a> SinkFiles<'a> {
-    /// Files named after `to`, none of which may be one of those `read`.
+    /// Creates files named after `to`; none of them may be one of the files `read`.
     pub(super) fn new(format: &'static EventFormat, to: Option<&'a Path>, read: &'a [PathBuf]) -> Self {
         Self { format, to, read, parts: Vec::new() }
     }
 
-    /// Names the files, where there are several.
+    /// Prints the names of the files of a format with several files.
     pub(super) fn report_parts(&self) {
         let names: Vec<_> = self.parts.iter().map(|path| path.display().to_string()).collect();
         if !names.is_empty() {
@@ -120,15 +126,15 @@ impl<'a> SinkFiles<'a> {
     fn open_whole(&self) -> anyhow::Result<Output> {
         ensure!(
             !self.format.is_binary || self.to.is_some() || !io::stdout().is_terminal(),
-            "this format is not for a terminal; give a file with -o"
+            "binary format on a terminal; give a file with -o"
         );
         output(self.to, self.read)
     }
 
     fn open_part(&mut self, content: &str) -> anyhow::Result<Output> {
-        let to = self.to.context("this format is two files; name them with -o NAME")?;
+        let to = self.to.context("format with two files; give a name with -o NAME")?;
         let path = part_of(to, content, self.format.suffix)
-            .with_context(|| format!("{}: names no file", to.display()))?;
+            .with_context(|| format!("{}: not a file name", to.display()))?;
         let output = output(Some(&path), self.read)?;
         self.parts.push(path);
         Ok(output)
@@ -146,24 +152,24 @@ impl OutputFiles for SinkFiles<'_> {
 
     fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
         let spool =
-            tempfile::tempfile().context("no temporary file can be made").map_err(|error| in_one(&error))?;
+            tempfile::tempfile().context("cannot create a temporary file").map_err(|error| in_one(&error))?;
         Ok(Box::new(spool))
     }
 }
 
-/// An error with all its context in one text, for an interface that knows no context.
+/// An I/O error that contains the message with all its context.
 fn in_one(error: &anyhow::Error) -> io::Error {
     io::Error::other(format!("{error:#}"))
 }
 
-/// Writes a whole text to standard output; [`Exit::Clean`], or what failing brings.
+/// Writes a text to stdout; returns the exit status.
 pub(super) fn print(text: &[u8]) -> Exit {
     let mut output = stdout();
-    told(output.write_all(text).and_then(|()| output.flush()))
+    write_result(output.write_all(text).and_then(|()| output.flush()))
 }
 
-/// Tells what went wrong with writing. A closed pipe is no failure.
-pub(super) fn told(written: io::Result<()>) -> Exit {
+/// Reports a write error; returns the exit status. A closed pipe is not an error.
+pub(super) fn write_result(written: io::Result<()>) -> Exit {
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             complain(&error.into());
@@ -173,35 +179,35 @@ pub(super) fn told(written: io::Result<()>) -> Exit {
     }
 }
 
-fn stdout() -> Named<io::Stdout> {
-    Named { name: STDOUT.to_owned(), output: io::stdout() }
+fn stdout() -> NamedOutput<io::Stdout> {
+    NamedOutput { name: STDOUT.to_owned(), output: io::stdout() }
 }
 
-/// An output whose errors say what it is.
-struct Named<W> {
+/// An output that adds its name to errors.
+struct NamedOutput<W> {
     name: String,
     output: W,
 }
 
-impl<W> Named<W> {
-    fn told<T>(&self, result: io::Result<T>) -> io::Result<T> {
+impl<W> NamedOutput<W> {
+    fn write_result<T>(&self, result: io::Result<T>) -> io::Result<T> {
         result.map_err(|error| match error.kind() {
-            // Is tried again.
+            // The caller retries.
             ErrorKind::Interrupted => error,
             kind => io::Error::new(kind, format!("{}: {error}", self.name)),
         })
     }
 }
 
-impl<W: Write> Write for Named<W> {
+impl<W: Write> Write for NamedOutput<W> {
     #[inline]
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.output.write(bytes);
-        self.told(written)
+        self.write_result(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
         let flushed = self.output.flush();
-        self.told(flushed)
+        self.write_result(flushed)
     }
 }

@@ -1,4 +1,4 @@
-//! Events on their way to lines: judged, chosen, printed.
+//! Printing of events: rules, selection, output format.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -13,24 +13,24 @@ use cobscope_decoder::session::{Bus, Buses, Observer};
 use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
 use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
-use super::decoding::Watcher;
+use super::decoding::CaptureObserver;
 use super::output::{SinkFiles, is_colored};
 use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
-use crate::select::Selection;
+use crate::select::{Selection, Span};
 
-/// What judges, where somebody reads it.
+/// Engine for rules; `None` if findings are not printed.
 pub(super) fn engine(arguments: &PrintArgs, setup: &Arc<Setup>) -> Option<Engine> {
     let is_wanted = !arguments.no_findings && arguments.format.0.is_some();
     is_wanted.then(|| Engine::new(Arc::clone(setup)))
 }
 
-/// Judges events on their way to the printer: findings come right behind what shows them.
-pub(super) struct Judging<'a> {
+/// Observer that runs rules and prints; findings follow the event that they are based on.
+pub(super) struct JudgingObserver<'a> {
     pub(super) engine: Option<Engine>,
     pub(super) printer: &'a mut Printer,
 }
 
-impl Judging<'_> {
+impl JudgingObserver<'_> {
     pub(super) fn finish(self, buses: Buses<'_>) {
         if let Some(engine) = self.engine
             && !self.printer.is_done()
@@ -40,7 +40,7 @@ impl Judging<'_> {
     }
 }
 
-impl Observer for Judging<'_> {
+impl Observer for JudgingObserver<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         match &mut self.engine {
             Some(engine) => Judge { engine, out: self.printer }.event(event, bus),
@@ -49,7 +49,7 @@ impl Observer for Judging<'_> {
     }
 }
 
-impl Watcher for Judging<'_> {
+impl CaptureObserver for JudgingObserver<'_> {
     fn is_on_terminal(&self) -> bool {
         self.printer.on_terminal
     }
@@ -58,8 +58,8 @@ impl Watcher for Judging<'_> {
         self.printer.is_done()
     }
 
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
-        self.printer.begin(first)
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.printer.begin(first, span)
     }
 
     fn wants_frames(&self) -> bool {
@@ -79,41 +79,41 @@ impl Watcher for Judging<'_> {
     }
 }
 
-/// Prints events in the format asked for.
+/// Prints events in the selected format.
 pub(super) struct Printer {
-    /// None reads and decodes only.
+    /// `None` if events are only decoded.
     output: Option<OpenSink>,
     selection: Selection,
-    choice: Choice,
+    choice: PdoChoice,
     on_terminal: bool,
-    shown: Shown,
+    shown: PrintedEvents,
 }
 
-/// A sink with its format.
+/// An open sink with its format.
 struct OpenSink {
     format: &'static EventFormat,
     sink: Box<dyn EventSink + Send>,
-    /// Time of the last flush of a binary format.
+    /// Time of the last flush, for binary formats.
     flushed: Instant,
 }
 
-/// Which events are printed in a format that does not choose itself.
-struct Choice {
+/// Selection of PDOs and frames, for formats without their own selection.
+struct PdoChoice {
     pdo: Pdo,
     frames: bool,
 }
 
-/// What became of the events that were selected.
+/// Numbers of printed and hidden events among those that match the filter.
 #[derive(Default)]
-struct Shown {
+struct PrintedEvents {
     is_any: bool,
-    /// Only shown with `--all`, `--frames`, `--pdo all`.
+    /// Number of events printed only with `--all`.
     all: u64,
     frames: u64,
     pdos: u64,
 }
 
-impl Shown {
+impl PrintedEvents {
     fn see(&mut self, event: &Event, is_shown: bool) {
         self.is_any |= is_shown;
         let hidden = match &event.kind {
@@ -126,7 +126,7 @@ impl Shown {
         *hidden += 1;
     }
 
-    /// Why nothing was shown of what a filter chooses.
+    /// Message if no event was printed, with the options that print the hidden ones.
     fn hidden(&self) -> String {
         let hidden = [("--all", self.all), ("--frames", self.frames), ("--pdo all", self.pdos)];
         let hidden: Vec<_> = hidden
@@ -137,14 +137,14 @@ impl Shown {
         if hidden.is_empty() {
             return "no event matches the filter".to_owned();
         }
-        format!("no event that is shown matches the filter; others do with {}", hidden.join(", "))
+        format!("no printed event matches the filter; hidden ones do, print them with {}", hidden.join(", "))
     }
 }
 
-/// Time between flushes of a binary format, whose pieces compress better when they are large.
+/// Minimum time between flushes of a binary format; larger chunks compress better.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
-impl Choice {
+impl PdoChoice {
     fn admits(&self, event: &Event) -> bool {
         match &event.kind {
             EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.pdo {
@@ -155,7 +155,7 @@ impl Choice {
             EventKind::Frame(_) if self.frames => true,
             EventKind::Frame(undecoded) => match self.pdo {
                 Pdo::All => undecoded.message.is_some(),
-                // Without a database they are routine.
+                // Without a database, frames are routine events.
                 Pdo::Change => !event.routine,
                 Pdo::None => false,
             },
@@ -165,7 +165,7 @@ impl Choice {
 }
 
 impl OpenSink {
-    /// Opens what is written, which must not be one of the files `read`.
+    /// Opens the output, which must not be one of the files `read`.
     fn open(
         format: &'static EventFormat,
         arguments: &PrintArgs,
@@ -189,14 +189,14 @@ impl OpenSink {
         self.sink.flush()
     }
 
-    /// Attaches the files that say what is known of the buses, as they are, and which program and profiles understood them.
+    /// Attaches the bus file, device files and databases, and the program version.
     fn describe(&mut self, input: &InputArgs) {
         const TOML: &str = "application/toml";
         const TEXT: &str = "text/plain";
         let files = input.bus.iter().map(|path| (path, TOML));
         let files = files.chain(input.dbc.iter().map(|path| (path, TEXT)));
         for (path, media_type) in files.chain(input.eds.iter().map(|arg| (&arg.file, TEXT))) {
-            // Files that cannot be read were refused before.
+            // Unreadable files were already rejected.
             if let (Ok(bytes), Some(name)) = (std::fs::read(path), path.file_name()) {
                 self.sink.attach(&name.to_string_lossy(), media_type, &bytes);
             }
@@ -207,20 +207,20 @@ impl OpenSink {
 }
 
 impl Printer {
-    /// Opens what is written, which must not be one of the files `read`.
+    /// Opens the output, which must not be one of the files `read`.
     pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
         let format = arguments.format.0;
         let is_news = format.is_some_and(|format| format.content == EventContent::News);
         let pdo = arguments.pdo.unwrap_or(if is_news { Pdo::Change } else { Pdo::All });
         let output = format.map(|format| OpenSink::open(format, arguments, pdo, read)).transpose()?;
-        let selection = Selection::new(select.filter.clone(), select.from, select.to)?;
+        let selection = select.selection()?;
         let prints = arguments.output.is_none() && output.is_some();
         Ok(Self {
             output,
             selection,
-            choice: Choice { pdo, frames: arguments.frames },
+            choice: PdoChoice { pdo, frames: arguments.frames },
             on_terminal: prints && std::io::stdout().is_terminal(),
-            shown: Shown::default(),
+            shown: PrintedEvents::default(),
         })
     }
 
@@ -228,27 +228,34 @@ impl Printer {
         self.output.as_ref().is_some_and(|output| output.sink.has_failed())
     }
 
-    pub(super) fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+    pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         if let Some(output) = &mut self.output {
             output.sink.observe_time(first.time);
         }
-        self.selection.begin(first)
+        self.selection.begin(first, span)
     }
 
     pub(super) fn begin_capture(&mut self, name: &str) {
         self.selection.set_capture(name);
-        self.shown = Shown::default();
+        self.shown = PrintedEvents::default();
         if let Some(output) = &mut self.output {
             output.sink.begin_capture(name);
         }
     }
 
-    /// Whether events of all kinds are written, so that what could not be read stands among them.
+    /// Whether the output contains all kinds of events, including those for unreadable lines.
     pub(super) fn has_events(&self) -> bool {
         self.output.as_ref().is_some_and(|output| output.format.content != EventContent::Values)
     }
 
-    /// What is said of a capture of which nothing was printed, whose last frame has this number and stamp.
+    /// Whether the output has no notes, or they are not readable as text.
+    pub(super) fn hides_notes(&self) -> bool {
+        let is_hidden = |format: &EventFormat| format.content == EventContent::Values || format.is_binary;
+        self.output.as_ref().is_some_and(|output| is_hidden(output.format))
+    }
+
+    /// Message for a capture of which nothing was printed; `frame` and `last` are number and time of its last
+    /// frame.
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         self.output.as_ref()?;
         self.selection.missed(frame, last).or_else(|| {
@@ -257,12 +264,12 @@ impl Printer {
         })
     }
 
-    /// Gives what is held back to whoever reads it.
+    /// Writes buffered events.
     pub(super) fn flush(&mut self) -> std::io::Result<()> {
         self.output.as_mut().map_or(Ok(()), OpenSink::flush)
     }
 
-    /// Nothing follows.
+    /// Ends the output and prints a remark on missing data.
     pub(super) fn finish(&mut self) -> std::io::Result<()> {
         let Some(OpenSink { sink, .. }) = &mut self.output else { return Ok(()) };
         sink.finish()?;
@@ -272,7 +279,7 @@ impl Printer {
         Ok(())
     }
 
-    /// The output, where frames and notices are written too.
+    /// The output, if its format also contains frames and notices.
     fn capture(&mut self) -> Option<&mut OpenSink> {
         self.output.as_mut().filter(|output| output.format.content == EventContent::Capture)
     }
@@ -293,7 +300,7 @@ impl Printer {
         }
     }
 
-    /// Puts the files of the user beside what is written, and what wrote it, where the format has a place for that.
+    /// Attaches the files that describe the buses, if the format allows it.
     pub(super) fn describe(&mut self, input: &InputArgs) {
         if let Some(output) = self.capture() {
             output.describe(input);

@@ -1,4 +1,4 @@
-//! Completions and the manual page, made from the command line's definition.
+//! Completions and manual pages, generated from the definition of the command line.
 
 use clap::{Command, CommandFactory as _, ValueHint};
 
@@ -7,14 +7,14 @@ use super::output::print;
 use crate::cli::Cli;
 use crate::exit_code::Exit;
 
-/// Writes completions for `shell`.
+/// Prints completions for `shell`.
 pub fn completions(shell: clap_complete::Shell) -> Exit {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut without_file_names(Cli::command()), "cobscope", &mut script);
     print(&script)
 }
 
-/// Values that are no paths get no names of files offered.
+/// Disables file name completion for values other than paths.
 fn without_file_names(command: Command) -> Command {
     let command = command.mut_args(|arg| {
         let is_free = arg.get_value_hint() == ValueHint::Unknown && arg.get_possible_values().is_empty();
@@ -24,20 +24,20 @@ fn without_file_names(command: Command) -> Command {
     command.mut_subcommands(without_file_names)
 }
 
-/// Without `help`, which has no page.
+/// Removes the `help` subcommand, which has no page.
 fn without_help(command: Command) -> Command {
     command.disable_help_subcommand(true).mut_subcommands(without_help)
 }
 
-/// Writes the manual page of a command, such as `check` or `profiles-import`, or of the program.
+/// Prints the manual page of a command, such as `check` or `profiles-import`, or of the program.
 pub fn man(of: Option<&str>) -> Exit {
     let mut program = without_help(Cli::command());
-    // Names of commands have the program's in front, and options of all commands are in each.
+    // `build` prefixes command names with the program name and adds global options to each command.
     program.build();
     let mut command = &program;
     for name in of.iter().flat_map(|of| of.split('-')) {
         let Some(found) = command.find_subcommand(name) else {
-            complain(&anyhow::anyhow!("there is no command '{name}'; cobscope --help lists them"));
+            complain(&anyhow::anyhow!("unknown command '{name}'; see cobscope --help"));
             return Exit::Usage;
         };
         command = found;

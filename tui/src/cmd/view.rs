@@ -1,4 +1,4 @@
-//! `cobscope view`: the terminal UI over captures.
+//! `cobscope view`: the terminal UI for captures.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -6,7 +6,9 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
-use super::input::{captures, check_rules_of, named_buses, read_options, session_options, setup};
+use super::input::{
+    captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
+};
 use super::messages::complain;
 use crate::app::{App, Start, quoted};
 use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
@@ -18,7 +20,7 @@ use crate::timeline::{Captures, News, Timeline};
 /// Runs the command.
 pub fn run(arguments: &ViewArgs) -> Exit {
     if !std::io::stdout().is_terminal() {
-        complain(&anyhow::anyhow!("standard output is no terminal; for lines use decode"));
+        complain(&anyhow::anyhow!("stdout is not a terminal; for text output use decode"));
         return Exit::Usage;
     }
     let captures = match captures_of(arguments) {
@@ -45,6 +47,7 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
     Ok(Captures {
         paths,
         align: arguments.align,
+        join: join_options(&arguments.input),
         read: read_options(&arguments.input),
         session,
         rules,
@@ -52,10 +55,10 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
     })
 }
 
-/// The application without a terminal, as the command line `words` wants it, and what its background finds.
+/// Creates the application without a terminal, and the receiver for results of its background threads.
 ///
 /// # Errors
-/// As the command itself: broken files of the user, captures that cannot be opened.
+/// As for the command: invalid profiles or bus file, captures that cannot be opened.
 pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
     let command = command("view", words.iter().cloned());
     let (news, found) = channel();
@@ -80,10 +83,10 @@ fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
     terminal::run(&mut app, &mut screen, &inbox)
 }
 
-/// Tells the application what the background finds.
+/// Forwards results of the background threads to the application.
 ///
 /// # Errors
-/// When no thread can be started.
+/// If the thread cannot be started.
 pub(super) fn forward(found: Receiver<News>, messages: Sender<Message>) -> anyhow::Result<()> {
     let run = move || {
         for news in found {
@@ -92,17 +95,14 @@ pub(super) fn forward(found: Receiver<News>, messages: Sender<Message>) -> anyho
             }
         }
     };
-    std::thread::Builder::new().name("news".into()).spawn(run).context("no thread can be started")?;
+    std::thread::Builder::new().name("news".into()).spawn(run).context("cannot start a thread")?;
     Ok(())
 }
 
-/// Keys come from the terminal, also where the capture comes from standard input.
+/// Checks that stdin is a terminal, unless it is a capture; in that case keys are read from `/dev/tty`.
 fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
     let is_piped = captures(&arguments.input).iter().any(|path| path.as_os_str() == "-");
-    ensure!(
-        is_piped || std::io::stdin().is_terminal(),
-        "standard input is no terminal, so there are no keys"
-    );
+    ensure!(is_piped || std::io::stdin().is_terminal(), "stdin is not a terminal; keys cannot be read");
     Ok(())
 }
 
@@ -138,7 +138,7 @@ fn start(arguments: &ViewArgs, command: String, named: Vec<(String, &'static str
     }
 }
 
-/// The command line without what the view says itself.
+/// The command line without the options whose state the view adds itself.
 pub fn command(name: &str, given: impl Iterator<Item = String>) -> String {
     let mut words = vec!["cobscope".to_owned(), name.to_owned()];
     let mut given = given.peekable();

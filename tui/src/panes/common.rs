@@ -1,4 +1,4 @@
-//! What several panes write alike.
+//! Texts and drawing shared by several panes.
 //!
 //! ```text
 //!   7.204   -0.502   node == 5   can0
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
@@ -28,7 +28,7 @@ pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
     time.zip(core.zero()).map_or(String::new(), |(time, zero)| seconds(time.since(zero)))
 }
 
-/// Seconds from the cursor: `-0.502` lies before it, `+1.200` behind it.
+/// Seconds relative to the cursor: `-0.502` is before it, `+1.200` after it.
 pub(super) fn ahead(core: &Core, time: Option<Timestamp>) -> String {
     let Some((time, cursor)) = time.zip(core.time().or(core.zero())) else { return String::new() };
     let ahead = time.since(cursor);
@@ -36,7 +36,6 @@ pub(super) fn ahead(core: &Core, time: Option<Timestamp>) -> String {
     format!("{sign}{}", seconds(ahead))
 }
 
-/// The filter that shows events of a node.
 pub(super) fn node_filter(node: NodeId) -> String {
     match node {
         NodeId::Canopen(id) => format!("node == {id}"),
@@ -44,24 +43,23 @@ pub(super) fn node_filter(node: NodeId) -> String {
     }
 }
 
-/// The world that knows most buses: that of the end, once it is known.
-pub(super) fn last_world(core: &Core) -> Option<Arc<World>> {
+/// The state at the end of the capture if it is read, else at the cursor: it has the most buses.
+pub(super) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
     core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 
-/// Name of a bus, escaped.
+/// Escaped name of a bus.
 pub(super) fn bus_name(core: &Core, bus: BusIndex) -> String {
     let world = last_world(core);
     let bus = world.as_ref().and_then(|world| world.buses().get(usize::from(bus.0)));
     bus.map_or(String::new(), |bus| escape(bus.name()).into_owned())
 }
 
-/// Whether there is more than one bus.
 pub(super) fn has_buses(core: &Core) -> bool {
     last_world(core).is_some_and(|world| world.buses().len() > 1)
 }
 
-/// How a severity looks.
+/// Role that draws a severity.
 pub(super) const fn severity_role(severity: Severity) -> Role {
     match severity {
         Severity::Error => Role::Bad,
@@ -70,16 +68,16 @@ pub(super) const fn severity_role(severity: Severity) -> Role {
     }
 }
 
-/// Lines with a label each: what has to be wrapped stands below the text, not below its label.
-pub(super) struct Labelled {
-    /// As wide as the widest label with the blanks around it.
+/// Lines with a label each. Wrapped text continues below the text, not below its label.
+pub(super) struct LabelledLines {
+    /// Width of the widest label with its blanks.
     pub(super) room: u16,
-    /// Label and text; a line without label stands at the margin.
+    /// Label and text; a line without a label starts at the left edge.
     pub(super) lines: Vec<(&'static str, Line<'static>)>,
 }
 
-impl Labelled {
-    /// The lines with blanks where labels go.
+impl LabelledLines {
+    /// The lines indented by the width of the labels.
     fn indented(&self) -> Vec<Line<'static>> {
         let blank = " ".repeat(usize::from(self.room));
         let indent = |(label, line): &(&str, Line<'static>)| {
@@ -92,12 +90,12 @@ impl Labelled {
         self.lines.iter().map(indent).collect()
     }
 
-    /// The scroll that shows the end.
+    /// Scroll position that shows the end.
     pub(super) fn last_scroll(&self, theme: &Theme, area: Rect) -> usize {
         TextLines::new(theme, &self.indented()).last_scroll(area)
     }
 
-    /// Draws what is in view; a label stands once where several lines have it.
+    /// Draws the visible lines; consecutive equal labels are drawn once.
     pub(super) fn render(&self, theme: &Theme, scroll: usize, area: Rect, buf: &mut Buffer) {
         let lines = self.indented();
         let text = TextLines::new(theme, &lines).scroll(scroll);
@@ -117,7 +115,7 @@ impl Labelled {
     }
 }
 
-/// Moves the selected row of a table of `len` rows, `height` of them on the screen.
+/// Moves the selection in a table of `len` rows, `height` of them visible.
 pub(super) fn move_in(table: &mut TableState, action: Action, height: usize, len: usize) {
     match action {
         Action::Down => table.move_by(1, len),
@@ -131,7 +129,7 @@ pub(super) fn move_in(table: &mut TableState, action: Action, height: usize, len
     table.settle(height, len);
 }
 
-/// A line across, with a title in it.
+/// A horizontal line with a title in it.
 pub(super) fn divider(theme: &Theme, area: Rect, title: &str, buf: &mut Buffer) {
     let (line, style) = (theme.glyph(Glyph::Horizontal), theme.style(Role::Border));
     let all = line.repeat(usize::from(area.width));

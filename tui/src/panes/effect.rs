@@ -1,29 +1,31 @@
 //! Requests of a pane to the application.
 
-use crate::state::{NodeKey, Place};
+use crate::state::{JumpPlace, NodeKey};
 use crate::timeline::SignalKey;
 
-/// What a pane, or the user, wants of the application.
+/// A request of a pane or of the user to the application.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Effect {
-    /// Move the cursor in time.
-    Go(Place),
-    /// Show the pane of events.
+    /// Move the cursor.
+    Go(JumpPlace),
+    /// Show the Events pane.
     ShowEvents,
-    /// Show the pane with all of the event at the cursor.
+    /// Show the Detail pane.
     ShowDetail,
-    /// Show the pane of signals.
+    /// Show the Signals pane.
     ShowSignals,
-    /// Filter events.
+    /// Set the filter.
     Filter(String),
-    /// Make a node the one that panes tell of.
+    /// Select the node that all panes show.
     Node(NodeKey),
-    /// Put a signal on the plot.
+    /// Assign the suggested profile to a node.
+    Assign(NodeKey),
+    /// Add a signal to the plot.
     Plot(SignalKey),
-    /// Say something below.
+    /// Show a message in the status line.
     Say(String),
-    /// Say that something is not possible.
+    /// Show in the status line that something is not possible.
     Refuse(String),
-    /// Put a text on the user's clipboard.
+    /// Copy a text to the clipboard.
     Copy(String),
 }

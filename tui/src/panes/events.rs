@@ -1,7 +1,7 @@
-//! Events: one line each, around the cursor, which is the selected line.
+//! Events around the cursor, one line each; the selected line is the cursor.
 //!
 //! ```text
-//!     No     Time       Δt  Bus   ID  Node        Kind   Object   What              Data
+//!     No     Time       Δt  Bus   ID  Node        Kind   Object   Event             Data
 //!    604    4.010    0.012  can0  220 32/20 boom  SETPT           0.0 → +37.5 %     0F 00 …
 //! ! 1842  371.204  367.194  can0  0A0 32/20 boom  EMCY   8305     spool position …  05 83 21 …
 //! ```
@@ -14,9 +14,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::detail::Detail;
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::{Glyph, Role, role_of};
 use crate::timeline::Row as EventRow;
 use crate::widgets::draw;
@@ -27,30 +28,32 @@ use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 pub struct Events {
     column: usize,
     highlight: Option<String>,
-    /// All of the selected event is shown below.
+    /// The details of the selected event are shown below.
     is_open: bool,
     detail: Detail,
 }
 
-/// Room for what an event says: at least `LEAST_WHAT`, and `WANTED_WHAT` before columns that only complete the picture
-/// stand beside it.
-const LEAST_WHAT: u16 = 44;
-const WANTED_WHAT: u16 = 72;
+/// Width of the event text: at least `LEAST_TEXT`; `WANTED_TEXT` before less important columns are added.
+const LEAST_TEXT: u16 = 44;
+const WANTED_TEXT: u16 = 72;
 
-/// What distance in time, identifier, node and kind take, with the spaces before them and before what is said.
+/// Width of `Δt`, `ID`, `Node` and `Kind` with the spaces around them.
 const IMPORTANT: u16 = 42;
 
-/// How many columns there are.
 const COLUMNS: usize = 10;
 
-/// Columns, in order, for a table of `width`; the number is that of [`cell`].
+/// Columns for a table of `width`; their order is that of [`cell`].
 fn columns(core: &Core, width: u16) -> Vec<Column> {
-    // Which bus says something only where there are several.
+    // The bus column is useful only with several buses.
     let has_buses = core.world().is_some_and(|world| world.buses().len() > 1);
-    let (number, time) = widest(core);
+    arranged(has_buses, widest(core), width)
+}
+
+/// Columns with these widths of frame number and time.
+fn arranged(has_buses: bool, (number, time): (u16, u16), width: u16) -> Vec<Column> {
     let others = number + 1 + time + IMPORTANT;
     let (bus, important, others) = if has_buses { (7, 8, others + 8) } else { (5, 1, others) };
-    let what = width.saturating_sub(others).clamp(LEAST_WHAT, WANTED_WHAT);
+    let what = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
         Column::new("No", Width::Fixed(number)).right().priority(9),
         Column::new("Time", Width::Fixed(time)).right(),
@@ -60,12 +63,12 @@ fn columns(core: &Core, width: u16) -> Vec<Column> {
         Column::new("Node", Width::Fixed(14)).priority(10),
         Column::new("Kind", Width::Fixed(6)).priority(11),
         Column::new("Object", Width::Fixed(24)).priority(0),
-        Column::new("What", Width::Min(what)),
+        Column::new("Event", Width::Min(what)),
         Column::new("Data", Width::Fixed(23)).priority(2),
     ]
 }
 
-/// Columns of the screen the number of the last frame takes, with a mark, and its time.
+/// Widths of the largest frame number with a mark, and of the latest time.
 fn widest(core: &Core) -> (u16, u16) {
     let progress = core.timeline.progress();
     let number = progress.frames().checked_ilog10().map_or(0, |digits| digits + 2);
@@ -73,14 +76,14 @@ fn widest(core: &Core) -> (u16, u16) {
     (u16::try_from(number).unwrap_or(u16::MAX).max(7), u16::try_from(time).unwrap_or(u16::MAX).max(9))
 }
 
-/// Height from which an event can be opened below the table.
+/// Height from which the details fit below the table.
 const LEAST_SPLIT: u16 = 12;
 
-/// The column of objects: where it has no room they stand before what is said of them.
+/// Index of `Object`; without room for it the object precedes the event text.
 const OBJECT: usize = 7;
 
 impl Events {
-    /// Room for the table, and for what is below it.
+    /// Areas of the table and of the details below it.
     fn split(&self, area: Rect) -> (Rect, Option<Rect>) {
         if !self.is_open || area.height < LEAST_SPLIT {
             return (area, None);
@@ -90,16 +93,16 @@ impl Events {
         (Rect { height: above, ..area }, Some(below))
     }
 
-    /// What is in view: rows around the cursor, and which of them is selected.
+    /// Visible rows around the cursor, and the selected one.
     fn view(core: &Core, height: usize) -> (std::ops::Range<usize>, usize) {
         let state = TableState { selected: core.selected(), ..TableState::default() };
-        // The selection stays in the middle of what is known, so that there is something on both sides.
+        // The selection stays in the middle of the known rows, so that both sides are visible.
         let half = height / 2;
         let first = state.selected.saturating_sub(half).min(core.rows().len().saturating_sub(height));
         (first..(first + height).min(core.rows().len()), state.selected)
     }
 
-    /// The next column with room on one side, or this one.
+    /// The next visible column on one side, or the current one.
     fn beside(&self, core: &Core, is_right: bool) -> usize {
         let width = core.width.saturating_sub(1);
         let columns = columns(core, width);
@@ -117,9 +120,9 @@ impl Events {
         let at = core.selected().saturating_add_signed(delta).min(rows.len().saturating_sub(1));
         match rows.get(at) {
             Some(row) if at != core.selected() || core.cursor < row.spot => {
-                vec![Effect::Go(Place::Spot(row.spot))]
+                vec![Effect::Go(JumpPlace::Event(row.spot))]
             }
-            // Behind the last row there may be more that is not read yet.
+            // After the last row there may be events that are not read yet.
             _ => Vec::new(),
         }
     }
@@ -171,13 +174,13 @@ impl Pane for Events {
                 self.is_open = !self.is_open;
                 Vec::new()
             }
-            Action::Sort => vec![Effect::Refuse("events stand in the order of time".into())],
+            Action::Sort => vec![Effect::Refuse("events are always in time order".into())],
             Action::Down => Self::step(core, 1),
             Action::Up => Self::step(core, -1),
             Action::PageDown => Self::step(core, page),
             Action::PageUp => Self::step(core, -page),
-            Action::Top => vec![Effect::Go(Place::Start)],
-            Action::Bottom => vec![Effect::Go(Place::End)],
+            Action::Top => vec![Effect::Go(JumpPlace::Start)],
+            Action::Bottom => vec![Effect::Go(JumpPlace::End)],
             Action::Left | Action::Right => {
                 self.column = self.beside(core, action == Action::Right);
                 Vec::new()
@@ -192,12 +195,12 @@ impl Pane for Events {
                 Vec::new()
             }
             Action::Plot => super::signals::plot(core),
-            // What is still on its way is told there when it comes.
+            // The Detail pane shows an event that is still being read as soon as it arrives.
             Action::Open => core.row().map_or_else(
                 || vec![Effect::ShowDetail],
                 |row| {
                     let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                    let go = Some(Effect::Go(Place::Spot(row.spot))).filter(|_| core.cursor < row.spot);
+                    let go = Some(Effect::Go(JumpPlace::Event(row.spot))).filter(|_| core.cursor < row.spot);
                     node.into_iter().chain(go).chain([Effect::ShowDetail]).collect()
                 },
             ),
@@ -222,7 +225,15 @@ impl Pane for Events {
         }
         let row = table.row_at(inside, y, &TableState::default());
         let row = row.and_then(|row| core.rows().get(range.start + row));
-        row.map_or_else(Vec::new, |row| vec![Effect::Go(Place::Spot(row.spot))])
+        row.map_or_else(Vec::new, |row| vec![Effect::Go(JumpPlace::Event(row.spot))])
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::EVENTS
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        arranged(true, (0, 0), 0)
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -284,20 +295,20 @@ impl Events {
     }
 }
 
-/// What is said where there are no rows.
+/// Message of an empty table.
 fn empty(core: &Core) -> &'static str {
     let filter = core.matcher.filter.as_ref();
     let is_of_findings =
         filter.is_some_and(|filter| filter.kinds().names().all(|kind| kind.starts_with("finding-")));
     match (&core.window, core.matcher.takes_all()) {
         (None, _) => "reading …",
-        (_, true) => "no event here",
-        _ if is_of_findings => "this filter means findings: 8 shows them; c clears the filter",
-        _ => "no event here is shown; c clears the filter, v shows all events",
+        (_, true) => "no events",
+        _ if is_of_findings => "this filter selects findings; 8 shows them, c clears the filter",
+        _ => "no events match; c clears the filter, v shows all events",
     }
 }
 
-/// What stands in a column.
+/// Text of a cell.
 fn cell<'a>(core: &Core, row: &'a EventRow, before: Option<&EventRow>, column: usize) -> Cow<'a, str> {
     match column {
         0 => {
@@ -332,19 +343,19 @@ fn time_of(core: &Core, row: &EventRow) -> String {
     }
 }
 
-/// Nanoseconds as seconds with three digits behind the point, cut.
+/// Nanoseconds as seconds with three decimals, truncated.
 fn seconds(nanoseconds: i64) -> String {
     let sign = if nanoseconds < 0 { "-" } else { "" };
     let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
 }
 
-/// Where the rows are in the whole capture, by frames.
+/// Scroll bar of the visible rows within the whole capture, by frames.
 fn scrollbar(core: &Core, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
     let frames = core.timeline.progress().frames().max(1);
     let first = shown.first().map_or(0, |row| row.spot.frame);
     let height = u64::from(area.height.saturating_sub(1)).max(1);
-    // A row for each line of the bar and each frame: large captures are scaled down.
+    // One row per line of the bar and per frame; large captures are scaled down.
     let scale = (frames / (1 << 20)).max(1);
     let count = usize::try_from((frames / scale).max(height)).unwrap_or(usize::MAX);
     let start = usize::try_from(first / scale).unwrap_or(0);
@@ -352,10 +363,10 @@ fn scrollbar(core: &Core, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
     draw::scrollbar(buf, bar, start, count, &core.theme);
 }
 
-/// A click on the scrollbar goes to that share of the capture.
+/// Moves the cursor to the clicked share of the capture.
 fn to_share(core: &Core, y: u16, area: Rect) -> Vec<Effect> {
     let share = u64::from(y.saturating_sub(area.y + 1));
     let frames = core.timeline.progress().frames();
     let frame = frames.saturating_mul(share) / u64::from(area.height.saturating_sub(2)).max(1);
-    vec![Effect::Go(Place::Frame(frame.min(frames)))]
+    vec![Effect::Go(JumpPlace::Frame(frame.min(frames)))]
 }

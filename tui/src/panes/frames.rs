@@ -1,20 +1,20 @@
-//! Frames: a row an identifier, as it is at the cursor: how often it comes, how old it is, which bytes change.
+//! Frames at the cursor, one row per identifier: count, period, age and changed bytes.
 //!
 //! ```text
-//! ID    What                   Count  ms mean  jitter    Age  Data
+//! ID    Message                Count  Mean ms  Jitter    Age  Data
 //! 000   NMT                        1                   5.680  01 00
 //! 186   TPDO1 of 6                38   100.0   0.228  ⚠1.930  01 00
 //! 705   heartbeat, guarding of 5  19   200.0   0.300  ⚠2.320  05
 //! 8 identifiers, 154 frames; 27 error frames
 //! ```
 //!
-//! Bytes the last frame changed stand out, those that never changed step back.
+//! Bytes changed by the last frame are highlighted; bytes that never changed are dimmed.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use cobscope_decoder::frame::{BusIndex, CanId};
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::{IdentifierRow, Identifiers, MOST_ROWS};
@@ -26,6 +26,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::common::{has_buses, move_in};
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::{millis, seconds};
@@ -35,16 +36,16 @@ use crate::timeline::SignalKey;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 
-/// Bus, identifier and whether it is of remote frames: what a row is of.
+/// Subject of a row: bus, identifier, and whether it counts remote frames.
 type Key = (BusIndex, CanId, bool);
 
-/// The identifiers.
+/// The table of identifiers.
 #[derive(Debug)]
 pub struct Frames {
     table: TableState,
-    /// The selected row: they change places.
+    /// The selected row; sorting moves it.
     selected: Option<Key>,
-    /// A row to be followed.
+    /// The highlighted row.
     marked: Option<Key>,
 }
 
@@ -55,29 +56,28 @@ impl Default for Frames {
     }
 }
 
-/// Intervals from which something is taken for regular.
+/// Intervals from which an identifier can be periodic.
 const REGULAR: u64 = 3;
 
-/// Intervals after which a longer silence than ever tells, however irregular they were.
+/// Intervals from which a silence longer than all before is overdue, however irregular the identifier is.
 const MANY: u64 = 50;
 
-/// Columns with the shortest data; longer payloads need more.
+/// Width of the pane from which payloads longer than eight bytes have more room.
 const WIDE: u16 = 140;
 
-/// Columns, in order.
 fn columns(has_buses: bool, is_j1939: bool, data: u16) -> Vec<Column> {
     vec![
         Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
         Column::new("ID", Width::Fixed(if is_j1939 { 9 } else { 5 })),
         Column::new("PGN", Width::Fixed(6)).right().priority(if is_j1939 { 2 } else { 0 }),
         Column::new("SA", Width::Fixed(2)).priority(if is_j1939 { 2 } else { 0 }),
-        Column::new("What", Width::Min(18)).priority(11),
+        Column::new("Message", Width::Min(18)).priority(11),
         Column::new("Count", Width::Fixed(7)).right().priority(8),
-        Column::new("ms mean", Width::Fixed(7)).right().priority(7),
-        Column::new("jitter", Width::Fixed(7)).right().priority(6),
-        Column::new("gap", Width::Fixed(7)).right().priority(3),
+        Column::new("Mean ms", Width::Fixed(7)).right().priority(7),
+        Column::new("Jitter", Width::Fixed(7)).right().priority(6),
+        Column::new("Gap", Width::Fixed(7)).right().priority(3),
         Column::new("Age s", Width::Fixed(8)).right().priority(10),
-        Column::new("DLC", Width::Fixed(3)).right().priority(4),
+        Column::new("Len", Width::Fixed(3)).right().priority(4),
         Column::new("Data", Width::Fixed(data)).priority(12),
         Column::new("ASCII", Width::Fixed(8)).priority(1),
     ]
@@ -90,12 +90,12 @@ fn key(row: &IdentifierRow) -> Key {
     (row.bus, row.id, row.is_remote)
 }
 
-/// Nanoseconds since its last frame.
+/// Nanoseconds since the last frame.
 fn age(core: &Core, row: &IdentifierRow) -> Option<i64> {
     Some(core.world()?.time()?.since(row.last_time?))
 }
 
-/// Whether it should have come again by now.
+/// Whether the next frame is overdue.
 fn is_overdue(core: &Core, row: &IdentifierRow) -> bool {
     let (Some(age), Some(mean)) = (age(core, row), row.intervals.mean()) else { return false };
     let (longest, count) = (row.intervals.longest().map_or(0, |(length, _)| length), row.intervals.count());
@@ -104,24 +104,24 @@ fn is_overdue(core: &Core, row: &IdentifierRow) -> bool {
     age > limit && (is_regular || (count >= MANY && age > longest))
 }
 
-fn describe(world: &World, row: &IdentifierRow) -> String {
+fn describe(world: &ReplayState, row: &IdentifierRow) -> String {
     let bus = world.buses().get(usize::from(row.bus.0));
     let what = bus.map_or(String::new(), |bus| bus.describe_id(row.id));
     escape(&what).into_owned()
 }
 
-/// Parameter group and source of an identifier of J1939.
-fn group(world: &World, row: &IdentifierRow) -> Option<J1939Id> {
+/// PGN and source address of a J1939 identifier.
+fn group(world: &ReplayState, row: &IdentifierRow) -> Option<J1939Id> {
     let CanId::Extended(id) = row.id else { return None };
     let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(Bus::is_j1939);
     J1939Id::of(id).filter(|_| is_j1939)
 }
 
-/// Order of two rows.
+/// Comparison of two rows.
 type Compare<'a> = Box<dyn FnMut(&&IdentifierRow, &&IdentifierRow) -> Ordering + 'a>;
 
-/// The rows in their order: by identifier, or by a column and whether descending.
-fn order<'a>(core: &Core, world: &'a World, sort: Option<(usize, bool)>) -> Vec<&'a IdentifierRow> {
+/// The rows by identifier, or by the column and direction of `sort`.
+fn order<'a>(core: &Core, world: &'a ReplayState, sort: Option<(usize, bool)>) -> Vec<&'a IdentifierRow> {
     let mut rows: Vec<_> = world.identifiers().rows().iter().collect();
     rows.sort_by_key(|row| (row.bus, row.id.number(), key(row)));
     let Some((column, is_descending)) = sort else { return rows };
@@ -151,7 +151,7 @@ fn order<'a>(core: &Core, world: &'a World, sort: Option<(usize, bool)>) -> Vec<
     rows
 }
 
-/// Width of the data: of the longest payload, where there is room for more than eight bytes.
+/// Width of the data column: that of the longest payload, if the pane is wide enough.
 fn data_width(identifiers: &Identifiers, area: Rect) -> u16 {
     let longest = identifiers.rows().iter().map(|row| row.payload().len()).max().unwrap_or(0).max(8);
     let most = if area.width >= WIDE { area.width - 100 } else { 23 };
@@ -164,12 +164,12 @@ impl Frames {
         at.unwrap_or(self.table.selected).min(rows.len().saturating_sub(1))
     }
 
-    fn row<'a>(&self, core: &Core, world: &'a World) -> Option<&'a IdentifierRow> {
+    fn row<'a>(&self, core: &Core, world: &'a ReplayState) -> Option<&'a IdentifierRow> {
         let rows = order(core, world, self.table.sort);
         rows.get(self.at(&rows)).copied()
     }
 
-    fn moves(&mut self, action: Action, core: &Core, world: &World) {
+    fn moves(&mut self, action: Action, core: &Core, world: &ReplayState) {
         let rows = order(core, world, self.table.sort);
         let (len, height) = (rows.len(), usize::from(core.height).saturating_sub(2));
         self.table.selected = self.at(&rows);
@@ -177,12 +177,12 @@ impl Frames {
         self.selected = rows.get(self.table.selected).map(|row| key(row));
     }
 
-    fn columns(core: &Core, world: &World, area: Rect) -> Vec<Column> {
+    fn columns(core: &Core, world: &ReplayState, area: Rect) -> Vec<Column> {
         let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
         columns(has_buses(core), is_j1939, data_width(world.identifiers(), area))
     }
 
-    fn draw_row(&self, core: &Core, world: &World, row: &IdentifierRow, width: u16) -> Row<'static> {
+    fn draw_row(&self, core: &Core, world: &ReplayState, row: &IdentifierRow, width: u16) -> Row<'static> {
         let theme = &core.theme;
         let quiet = theme.style(Role::Quiet);
         let bus = world.buses().get(usize::from(row.bus.0)).map_or("", |bus| bus.name());
@@ -214,26 +214,26 @@ impl Frames {
         cells.style(if is_marked { theme.style(Role::Highlight(1)) } else { Style::new() })
     }
 
-    /// Plots all numbers of the selected row.
+    /// Plots all numeric signals of a row.
     fn plot(row: &IdentifierRow) -> Vec<Effect> {
         let Some(layout) = &row.layout else {
-            return vec![Effect::Refuse(format!("what the bits of {} mean is not known", row.id))];
+            return vec![Effect::Refuse(format!("{}: bit layout unknown", row.id))];
         };
         let effects: Vec<Effect> = SignalKey::all(row.bus, row.id, layout).map(Effect::Plot).collect();
         if effects.is_empty() {
-            return vec![Effect::Refuse(format!("{} carries no numbers", row.id))];
+            return vec![Effect::Refuse(format!("{}: no numeric signals", row.id))];
         }
         effects
     }
 }
 
-/// Milliseconds in seven columns.
+/// Milliseconds in at most seven characters.
 fn short(nanoseconds: i64) -> String {
     let text = millis(nanoseconds);
     if text.len() <= 7 { text } else { text.split('.').next().unwrap_or_default().to_owned() }
 }
 
-/// Bytes of the last frame: those it changed, those that changed before, and those that never did.
+/// Bytes of the last frame: changed by it, changed before, never changed.
 fn data(core: &Core, row: &IdentifierRow, width: u16) -> Line<'static> {
     if row.is_remote {
         return Line::styled("remote", core.theme.style(Role::Quiet));
@@ -260,14 +260,14 @@ fn data(core: &Core, row: &IdentifierRow, width: u16) -> Line<'static> {
     Line::from(spans)
 }
 
-/// Printable characters, with dots for all others.
+/// The bytes as ASCII; a dot for each non-printable character.
 fn ascii(row: &IdentifierRow) -> String {
     let shown = |byte: &u8| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '.' };
     row.payload().iter().take(8).map(shown).collect()
 }
 
-/// The line below the table.
-fn total(core: &Core, world: &World) -> Line<'static> {
+/// The summary below the table.
+fn total(core: &Core, world: &ReplayState) -> Line<'static> {
     let identifiers = world.identifiers();
     let theme = &core.theme;
     let rows = identifiers.rows();
@@ -309,7 +309,7 @@ impl Pane for Frames {
             rows.get(index).map_or_else(Row::default, |row| self.draw_row(core, world, row, width))
         };
         let table = Table::new(&core.theme, &columns).row_count(rows.len()).rows(row).state(&state);
-        table.empty("no frame up to the cursor").render(inside, buf);
+        table.empty("no frames up to the cursor").render(inside, buf);
         let below = Rect { y: inside.bottom(), height: area.height - inside.height, ..area };
         draw::line(buf, below, &total(core, world), draw::Align::Left, &core.theme);
     }
@@ -336,7 +336,7 @@ impl Pane for Frames {
                 let Some(row) = self.row(core, world) else { return Vec::new() };
                 let Some(bus) = world.buses().get(usize::from(row.bus.0)) else { return Vec::new() };
                 let node = row.node.map(|node| Effect::Node((row.bus, node)));
-                let said = format!("events of {}; v shows repetitions too", row.id);
+                let said = format!("events of {}; v also shows repetitions", row.id);
                 let rest = [Effect::Filter(filter(core, bus, row)), Effect::Say(said), Effect::ShowEvents];
                 return node.into_iter().chain(rest).collect();
             }
@@ -361,6 +361,14 @@ impl Pane for Frames {
             self.selected = Some(key(row));
         }
         Vec::new()
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::FRAMES
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        columns(true, true, 0)
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -399,7 +407,7 @@ impl Pane for Frames {
     }
 }
 
-/// The filter of a row's events.
+/// A filter for the events of a row.
 fn filter(core: &Core, bus: &Bus, row: &IdentifierRow) -> String {
     let filter = bus.filter_of_id(row.id);
     if has_buses(core) { format!("bus == {:?} && {filter}", bus.name()) } else { filter }

@@ -1,4 +1,4 @@
-//! How a raw number becomes what is shown, and what that rests on.
+//! The conversion of a raw value, and the objects it depends on.
 //!
 //! ```text
 //! raw 6144 × 100 / 16384 = 37.5 %
@@ -6,13 +6,15 @@
 //! ```
 
 use cobscope_decoder::profile::object::Scale;
-use cobscope_decoder::profile::{BitOrder, DataType, Factor, Field, Found, Meaning, Signal, Value, word};
+use cobscope_decoder::profile::{
+    BitOrder, DataType, Factor, Field, Meaning, ResolvedObject, Signal, Value, word,
+};
 use cobscope_decoder::session::{Entry, Node};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use crate::state::Core;
 
-/// Where a field lies, and how it is read.
+/// Position of a field in the payload, and its byte order.
 pub(super) fn place(field: &Field) -> Vec<String> {
     let (first, bit) = (field.bit / 8, field.bit % 8);
     let order = match field.order {
@@ -25,17 +27,17 @@ pub(super) fn place(field: &Field) -> Vec<String> {
     vec![format!("{bits} from bit {bit} of byte {first} on{order}{kind}")]
 }
 
-/// How the value of a field of a layout came about.
+/// Conversion of the value of a field.
 pub(super) fn notes(core: &Core, node: Option<&Node>, field: &Field, signal: &Signal<'_>) -> Vec<String> {
     let mut all = Vec::new();
     match field.meaning.as_deref() {
         Some(meaning) => of_value(core, node, meaning, &signal.value, &mut all),
-        None => all.push(format!("raw {} = {:X}h; nothing tells its meaning", signal.raw, signal.raw)),
+        None => all.push(format!("raw {} = {:X}h; meaning unknown", signal.raw, signal.raw)),
     }
     all
 }
 
-/// How a value of an object came about.
+/// Conversion of the value of an object.
 pub(super) fn of_value(
     core: &Core,
     node: Option<&Node>,
@@ -63,8 +65,8 @@ pub(super) fn of_value(
         }
     }
     if let Some(permitted) = permitted(meaning) {
-        let is_outside = if meaning.is_outside(value) { "OUTSIDE" } else { "inside" };
-        all.push(format!("{is_outside} of {permitted}"));
+        let is_outside = if meaning.is_outside(value) { "OUT OF RANGE" } else { "in range" };
+        all.push(format!("{is_outside} {permitted}"));
     }
     if let Some(values) = meaning.values.as_deref() {
         let names: Vec<_> =
@@ -73,17 +75,17 @@ pub(super) fn of_value(
         all.push(format!("values: {}{more}", names.join(", ")));
     }
     for object in modes(node, meaning.object) {
-        all.push(source(core, node, "read by", object));
+        all.push(source(core, node, "interpreted by", object));
     }
     if meaning.assumed {
-        all.push("assumed: rests on a default, or on a value that may have changed unseen".into());
+        all.push("presumed: based on a default, or on a value that may have changed since".into());
     }
 }
 
-/// Names of an enumeration that are listed.
+/// Maximum number of names of an enumeration.
 const MOST_NAMES: usize = 16;
 
-/// Objects whose values choose how an object is read.
+/// Objects whose values select the meaning of an object.
 fn modes(node: Option<&Node>, object: ObjectAddress) -> Vec<ObjectAddress> {
     let found = node.and_then(|node| node.device().dictionary.find(object));
     let Some((found, entry)) = found.and_then(|found| Some((found, found.entry?))) else { return Vec::new() };
@@ -105,10 +107,11 @@ fn formula(node: Option<&Node>, meaning: &Meaning, value: &Value) -> Option<Stri
         return Some(format!("raw {raw}{hex}"));
     };
     if let Some(label) = meaning.label(value) {
-        return Some(format!("raw {raw} is no quantity: {label}"));
+        return Some(format!("raw {raw} = {label}, not a quantity"));
     }
     let found = node.and_then(|node| node.device().dictionary.find(meaning.object));
     let mut right = found.and_then(|found| as_written(&found, scale)).unwrap_or_else(|| match scale.factor {
+        factor if scale.is_reciprocal => format!(": {factor} / raw"),
         1.0 => String::new(),
         factor => format!(" × {factor}"),
     });
@@ -126,11 +129,12 @@ fn hexadecimal(word: u64, meaning: &Meaning) -> String {
     format!("{:0digits$X}h", word & (u64::MAX >> (64 - width)))
 }
 
-/// The scale in the numbers of the manual: that of its forms which comes to the same factor.
-fn as_written(found: &Found<'_>, scale: Factor) -> Option<String> {
+/// The scale in the numbers of the manual: the form that gives the same factor.
+fn as_written(found: &ResolvedObject<'_>, scale: Factor) -> Option<String> {
     let entry = found.entry?;
     let looks = entry.modes.iter().map(|(_, look)| look).chain([&entry.look]);
     let mut forms = looks.filter_map(|look| match look.scale? {
+        Scale::Reciprocal { reciprocal } => Some((reciprocal, format!(": {reciprocal} / raw"))),
         Scale::Factor(factor) => Some((factor, format!(" × {factor}"))),
         Scale::Anchor { raw, value: 1.0 } => Some((1.0 / raw, format!(" / {raw}"))),
         Scale::Anchor { raw, value } => Some((value / raw, format!(" × {value} / {raw}"))),
@@ -149,15 +153,15 @@ fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -
     let meaning = node.and_then(|node| node.meaning(object));
     let name = meaning.as_ref().map_or(String::new(), |meaning| format!(" {}", meaning.name));
     if let Some(entry) = node.and_then(|node| node.store().get(object)) {
-        let stale = if entry.stale { ", assumed: it may have changed unseen" } else { "" };
+        let stale = if entry.stale { ", presumed: may have changed since" } else { "" };
         let value = shown(meaning.as_ref(), &entry.value);
         return format!("{what} {object}{name} = {value}, {}{stale}", origin(core, entry));
     }
     let found = node.and_then(|node| Some((node.device().dictionary.find(object)?.entry?, node)));
     let raw = found.and_then(|(entry, node)| entry.default_number(Some(node.id().number())));
     match raw.zip(meaning).map(|(raw, meaning)| meaning.show(&meaning.number(raw))) {
-        Some(value) => format!("{what} {object}{name} = {value}, assumed: as delivered"),
-        None => format!("{what} {object}{name}: not known"),
+        Some(value) => format!("{what} {object}{name} = {value}, presumed: default value"),
+        None => format!("{what} {object}{name}: unknown"),
     }
 }
 
@@ -168,7 +172,7 @@ pub(super) fn origin(core: &Core, entry: &Entry) -> String {
     format!("{}{frame}{time}", entry.origin.kind.verb())
 }
 
-/// `-100 to 100 %`, or raw numbers.
+/// `-100 to 100 %`, or the raw limits.
 fn permitted(meaning: &Meaning) -> Option<String> {
     let unit = if meaning.unit.is_empty() { String::new() } else { format!(" {}", meaning.unit) };
     match (meaning.limits, meaning.range) {
@@ -183,7 +187,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// A value as people write it, with what is unknown as bytes.
+/// A value with its unit; bytes if the meaning is unknown.
 pub(super) fn shown(meaning: Option<&Meaning>, bytes: &[u8]) -> String {
     match meaning.map(|meaning| (meaning, meaning.decode(bytes))) {
         Some((meaning, value)) if !matches!(value, Value::Bytes(_)) => meaning.show(&value),

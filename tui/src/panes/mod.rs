@@ -1,5 +1,5 @@
-//! The panes: each a file, and a line in the registry below. A pane keeps only what its user did in it; what it
-//! shows comes from `Core`.
+//! The panes: one file per pane and one line in the registry below. A pane stores only its own view state;
+//! its data is in `Core`.
 
 mod bus;
 mod common;
@@ -8,6 +8,7 @@ mod effect;
 mod events;
 mod findings;
 mod frames;
+mod legend;
 mod meaning;
 mod nodes;
 mod objects;
@@ -16,26 +17,27 @@ mod signals;
 mod transfers;
 
 pub use effect::Effect;
+pub use legend::{COMMON, Legend, LegendEntry};
 pub use pane::Pane;
 
 macro_rules! panes {
     ($($id:ident $name:literal $title:literal $make:expr;)*) => {
-        /// A pane by name.
+        /// A pane of the user interface.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
         pub enum PaneId {
             $(#[doc = $title] #[value(name = $name)] $id,)*
         }
 
         impl PaneId {
-            /// All, in their order.
+            /// All panes in the order of their keys.
             pub const ALL: &[Self] = &[$(Self::$id),*];
 
-            /// As the command line has it.
+            /// Name on the command line.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$id => $name,)* }
             }
 
-            /// As it stands above it.
+            /// Title in the row of panes.
             pub const fn title(self) -> &'static str {
                 match self { $(Self::$id => $title,)* }
             }
@@ -59,7 +61,7 @@ panes! {
     Bus "bus" "Bus" bus::BusPane::default();
 }
 
-/// All panes.
+/// The panes with their view state.
 pub struct Panes(Vec<Box<dyn Pane>>);
 
 impl Default for Panes {
@@ -69,17 +71,17 @@ impl Default for Panes {
 }
 
 impl Panes {
-    /// A pane.
+    /// The pane `id`.
     pub fn get(&self, id: PaneId) -> Option<&dyn Pane> {
         self.0.get(id as usize).map(AsRef::as_ref)
     }
 
-    /// A pane, to act on it.
+    /// The pane `id`, to change its view state.
     pub fn get_mut(&mut self, id: PaneId) -> Option<&mut Box<dyn Pane>> {
         self.0.get_mut(id as usize)
     }
 
-    /// All of them.
+    /// All panes, to change their view state.
     pub fn all_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Pane>> {
         self.0.iter_mut()
     }

@@ -4,36 +4,46 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::effect::Effect;
+use super::legend::Legend;
 use crate::action::Action;
 use crate::state::Core;
+use crate::widgets::table::Column;
 
-/// One view of the captures.
+/// A view of the captures with its own selection.
 pub trait Pane {
-    /// Draws it.
+    /// Draws the pane into `area`.
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer);
 
-    /// Does what the user wants in it.
+    /// Handles an action of the user; returns the requests that follow from it.
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect>;
 
-    /// The mouse was pressed at a place of `area`, which is what [`Pane::render`] was given; twice in a row
-    /// means [`Action::Open`] too.
+    /// Handles a mouse press at a position of `area`, which is the area passed to [`Pane::render`]. A second
+    /// press at the same position is followed by [`Action::Open`].
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect>;
 
-    /// The cursor moved, or more is known: time to look after selections.
+    /// Updates the selection after the cursor moved or more data was read.
     fn refresh(&mut self, _core: &Core) {}
 
-    /// Something another pane, or the application, offers to all.
+    /// Receives the request of another pane or of the application.
     fn offer(&mut self, _effect: &Effect, _core: &Core) {}
 
-    /// Takes what is typed behind `/`, with each letter; `false`: it is for the events.
+    /// Searches in the pane while the text is typed; `false` if the pane has no search of its own.
     fn search(&mut self, _text: &str, _core: &Core) -> bool {
         false
     }
 
-    /// What of it can be done with keys, for the line at the bottom.
+    /// Meaning of its columns, marks and colours.
+    fn legend(&self) -> &'static Legend;
+
+    /// All columns of its table; empty without a table.
+    fn heads(&self) -> Vec<Column> {
+        Vec::new()
+    }
+
+    /// Actions shown in the key bar.
     fn actions(&self) -> &'static [Action];
 
-    /// The filter that shows only what has the value of the selected cell.
+    /// The filter for the value of the selected cell.
     fn filter_of_cell(&self, _core: &Core) -> Option<String> {
         None
     }

@@ -1,9 +1,9 @@
-//! Transfers: what belongs together as one line, with how long it took and how it ended. The one that ended last
-//! before the cursor is selected.
+//! Transfers: one line per SDO, J1939 or UDS transfer with duration and outcome. The last transfer before the
+//! cursor is selected.
 //!
 //! ```text
 //! 5 transfers, 1 aborted, 1 timed out
-//! No     Time       ms Who        Kind   What                        Size Outcome
+//! No     Time       ms Nodes      Kind   Content                     Size Outcome
 //!  6    0.212    2.022 client→6   SDO w  1017:00 … = 200 ms ok          2 complete
 //! 31    1.300  300.000 client→5   SDO r  1018:01 ABORTED 06020000       0 aborted
 //! ```
@@ -18,28 +18,29 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::millis;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::{Role, role_of};
 use crate::timeline::{Exchange, MOST_EXCHANGES, Survey};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 use crate::widgets::text_lines::TextLines;
 
-/// The transfers.
+/// The table of transfers.
 #[derive(Debug, Default)]
 pub struct Transfers {
     table: TableState,
-    /// Places of exchanges in the order of rows, where that is not their own.
+    /// Indices of the transfers in row order, if the table is sorted.
     order: Vec<usize>,
-    /// How many there were then, and by what they are sorted.
+    /// Number of transfers and sort order that `order` was made for.
     made: (usize, Option<(usize, bool)>),
     counts: Counts,
 }
 
-/// How many ended how.
+/// Number of transfers per outcome.
 #[derive(Debug, Clone, Copy, Default)]
 struct Counts {
     seen: usize,
@@ -62,35 +63,35 @@ impl Counts {
     }
 }
 
-/// Room for what was transferred: at least `LEAST_WHAT`, and `WANTED_WHAT` before the only bus stands beside it.
-const LEAST_WHAT: u16 = 28;
-const WANTED_WHAT: u16 = 72;
+/// Width of the content: at least `LEAST_TEXT`; `WANTED_TEXT` before the column of a single bus is added.
+const LEAST_TEXT: u16 = 28;
+const WANTED_TEXT: u16 = 72;
 
-/// What the other columns take without the bus, with the spaces between them and a scrollbar.
+/// Width of the other columns without the bus, with spaces and scroll bar.
 const IMPORTANT: u16 = 68;
 
-/// Columns, in order, for a table of `width`.
+/// Columns for a table of `width`.
 fn columns(has_buses: bool, width: u16) -> Vec<Column> {
     let what =
-        if has_buses { LEAST_WHAT } else { width.saturating_sub(IMPORTANT).clamp(LEAST_WHAT, WANTED_WHAT) };
+        if has_buses { LEAST_TEXT } else { width.saturating_sub(IMPORTANT).clamp(LEAST_TEXT, WANTED_TEXT) };
     vec![
         Column::new("No", Width::Fixed(7)).right().priority(5),
         Column::new("Time", Width::Fixed(9)).right(),
         Column::new("ms", Width::Fixed(8)).right().priority(10),
         Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 8 } else { 0 }),
-        Column::new("Who", Width::Fixed(12)).priority(9),
+        Column::new("Nodes", Width::Fixed(12)).priority(9),
         Column::new("Kind", Width::Fixed(6)).priority(7),
-        Column::new("What", Width::Min(what)),
+        Column::new("Content", Width::Min(what)),
         Column::new("Size", Width::Fixed(7)).right().priority(3),
         Column::new("Outcome", Width::Fixed(11)).priority(6),
     ]
 }
 
-/// Lines for the selected transfer, and the height from which on it has them.
+/// Lines of the details, and height from which they are shown.
 const DETAIL: u16 = 4;
 const LOW: u16 = 14;
 
-/// Where what stands.
+/// Screen areas of this pane.
 struct Parts {
     summary: Rect,
     table: Rect,
@@ -100,7 +101,7 @@ struct Parts {
 const DURATION: usize = 2;
 const OUTCOME: usize = 8;
 
-/// Order of two by a column.
+/// Compares two transfers by a column.
 fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
     match column {
         0 | 1 => one.spot.cmp(&other.spot),
@@ -115,7 +116,7 @@ fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
 }
 
 impl Transfers {
-    /// Places in the order of rows; nothing where that is the order of time.
+    /// Indices in row order; None in time order.
     fn order(&self, survey: &Survey) -> Option<Cow<'_, [usize]>> {
         let sort = self.table.sort?;
         let exchanges = &survey.exchanges;
@@ -131,7 +132,7 @@ impl Transfers {
         Some(Cow::Owned(order))
     }
 
-    /// The exchange of a row.
+    /// The transfer of a row.
     fn exchange<'a>(order: Option<&[usize]>, survey: &'a Survey, row: usize) -> Option<&'a Exchange> {
         let place = match order {
             Some(order) => *order.get(row)?,
@@ -140,7 +141,7 @@ impl Transfers {
         survey.exchanges.get(place)
     }
 
-    /// Row of the exchange that ended last before the cursor.
+    /// Row of the last transfer that ended before the cursor.
     fn selected(core: &Core, survey: &Survey, order: Option<&[usize]>) -> Option<usize> {
         let place =
             survey.exchanges.partition_point(|exchange| exchange.spot <= core.cursor).checked_sub(1)?;
@@ -169,13 +170,13 @@ impl Transfers {
         let mut spans = vec![
             Span::raw(format!("{}{so_far}", plural(counts.seen, "transfer"))),
             wrong(counts.aborted, "refused or aborted"),
-            wrong(counts.timed_out, "without answer"),
+            wrong(counts.timed_out, "without response"),
         ];
         if counts.other > 0 {
-            spans.push(wrong(counts.other, "not whole"));
+            spans.push(wrong(counts.other, "incomplete"));
         }
         if survey.more_exchanges > 0 {
-            let text = format!("; {} further ones behind the first {MOST_EXCHANGES}", survey.more_exchanges);
+            let text = format!("; {} more after the first {MOST_EXCHANGES}", survey.more_exchanges);
             spans.push(Span::styled(text, theme.style(Role::Caution)));
         }
         let mut lines = vec![Line::from(spans)];
@@ -195,7 +196,7 @@ impl Transfers {
         }
     }
 
-    /// The selected one in full.
+    /// The details of the selected transfer.
     fn draw_detail(core: &Core, exchange: &Exchange, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let frames = match (exchange.frames.first, exchange.frames.last) {
@@ -212,7 +213,7 @@ impl Transfers {
         TextLines::new(theme, &lines).render(below, buf);
     }
 
-    /// The cursor goes to the end of another transfer.
+    /// Moves the cursor to the end of another transfer.
     fn go(&mut self, action: Action, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
         let area = Rect::new(0, 0, 80, core.height);
@@ -223,17 +224,17 @@ impl Transfers {
         self.table.selected = selected.unwrap_or(0);
         match (action, selected) {
             (Action::Top | Action::Bottom, _) => move_in(&mut self.table, action, height, len),
-            // Before the first one there is only the first one to go to.
+            // Before the first transfer only the first one can be selected.
             (Action::Down | Action::PageDown, None) => {}
             (_, None) => return Vec::new(),
             _ => move_in(&mut self.table, action, height, len),
         }
         let exchange = Self::exchange(order.as_deref(), &survey, self.table.selected);
-        exchange.map(|exchange| Effect::Go(Place::Spot(exchange.spot))).into_iter().collect()
+        exchange.map(|exchange| Effect::Go(JumpPlace::Event(exchange.spot))).into_iter().collect()
     }
 }
 
-/// Median and longest time of SDO transfers by node, of all of the capture.
+/// Median and maximum duration of the SDO transfers of each node, over the whole capture.
 fn latencies(survey: &Survey) -> Option<String> {
     let nodes = survey.statistics.buses.iter().flat_map(|bus| &bus.nodes);
     let part = |of: &Distribution, percent| of.percentile(percent).map_or(String::new(), millis);
@@ -244,7 +245,7 @@ fn latencies(survey: &Survey) -> Option<String> {
             format!("{} {} / {}", id.label(), part(times, 50), part(times, 100))
         })
         .collect();
-    (!told.is_empty()).then(|| format!("SDO ms, median / longest:  {}", told.join("   ")))
+    (!told.is_empty()).then(|| format!("SDO duration in ms, median / max:  {}", told.join("   ")))
 }
 
 impl Pane for Transfers {
@@ -258,17 +259,14 @@ impl Pane for Transfers {
         let order = self.order(&survey);
         let order = order.as_deref();
         let selected = Self::selected(core, &survey, order);
-        // Where nothing is selected, titles keep the marks of sorting.
+        // Without a selection the column heads still show the sort mark.
         let state = TableState { selected: selected.unwrap_or(0), ..self.table.clone() };
         let columns = columns(has_buses(core), parts.table.width);
         let row = |index: usize| -> Row<'_> {
             Self::exchange(order, &survey, index).map_or_else(Row::default, |exchange| row(core, exchange))
         };
-        let empty = if survey.is_complete {
-            "no transfers: neither SDO, J1939 transport nor UDS"
-        } else {
-            "none so far"
-        };
+        let empty =
+            if survey.is_complete { "no SDO, J1939 transport or UDS transfers" } else { "no transfers yet" };
         let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len()).rows(row);
         table.state(&state).focused(selected.is_some()).empty(empty).render(parts.table, buf);
         let exchange = selected.and_then(|row| Self::exchange(order, &survey, row));
@@ -292,7 +290,7 @@ impl Pane for Transfers {
                 drop(survey);
                 let Some((spot, bus, node)) = place else { return Vec::new() };
                 let node = node.map(|node| Effect::Node((bus, node)));
-                let rest = [Effect::Go(Place::Spot(spot)), Effect::ShowDetail];
+                let rest = [Effect::Go(JumpPlace::Event(spot)), Effect::ShowDetail];
                 return node.into_iter().chain(rest).collect();
             }
             _ => {}
@@ -318,7 +316,7 @@ impl Pane for Transfers {
         let state = TableState { selected, ..self.table.clone() };
         let row = table.row_at(below, y, &state);
         let exchange = row.and_then(|row| Self::exchange(order.as_deref(), &survey, row));
-        exchange.map(|exchange| Effect::Go(Place::Spot(exchange.spot))).into_iter().collect()
+        exchange.map(|exchange| Effect::Go(JumpPlace::Event(exchange.spot))).into_iter().collect()
     }
 
     fn refresh(&mut self, core: &Core) {
@@ -329,6 +327,14 @@ impl Pane for Transfers {
             self.order = self.order(&survey).map(Cow::into_owned).unwrap_or_default();
             self.made = wanted;
         }
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::TRANSFERS
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        columns(true, 0)
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -380,7 +386,7 @@ fn row(core: &Core, exchange: &Exchange) -> Row<'static> {
     ])
 }
 
-/// Bytes transferred; nothing for UDS, where they are in the text.
+/// Bytes transferred; empty for UDS, whose content contains them.
 fn size(exchange: &Exchange) -> String {
     if exchange.event_kind == "uds-exchange" { String::new() } else { exchange.size.to_string() }
 }

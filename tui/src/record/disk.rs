@@ -1,35 +1,36 @@
-//! Files of a record. Tests have a disk that fails.
+//! File system access of `--record`; tests simulate failures.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-/// Where parts of a record are made.
+/// File system for the parts of a capture.
 pub(super) trait Disk: Send {
-    /// Makes a file; never takes one that is there.
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn PartFile>>;
+    /// Creates a file; fails if it exists.
+    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>>;
 
-    /// Takes a file away.
+    /// Removes a file.
     fn remove(&mut self, path: &Path) -> io::Result<()>;
 }
 
-/// A file of a record. What is written is with the system at once.
-pub(super) trait PartFile: Write + Send {
-    /// Waits until it is on the disk.
+/// A file of the capture. Written bytes go to the system at once.
+pub(super) trait RecordFile: Write + Send {
+    /// Waits until the content is on the disk.
     fn sync(&mut self) -> io::Result<()>;
 
-    /// Cuts it to so many bytes.
+    /// Truncates the file to `length` bytes.
     fn cut(&mut self, length: u64) -> io::Result<()>;
 }
 
-/// The computer's own files.
+/// The real file system.
 pub(super) struct Files;
 
 impl Disk for Files {
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn PartFile>> {
+    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         let file = File::options().write(true).create_new(true).open(path)?;
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // A file's name is safe with its folder only; where folders cannot be opened the system sees to it.
+        // The name of a file is safe only after a sync of its folder. Where folders cannot be opened, the
+        // system does it.
         let _ = File::open(folder).and_then(|folder| folder.sync_all());
         Ok(Box::new(file))
     }
@@ -39,10 +40,10 @@ impl Disk for Files {
     }
 }
 
-impl PartFile for File {
+impl RecordFile for File {
     fn sync(&mut self) -> io::Result<()> {
         match self.sync_data() {
-            // What has no disk behind it says so.
+            // Files without a disk report this error.
             Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
             result => result,
         }

@@ -1,33 +1,34 @@
-//! What is recorded, and what a record lacks while it cannot be written.
+//! Items of a capture, and the gap while it cannot be written.
 
-use cobscope_decoder::capture::{Notice, Place};
+use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame};
 
-/// One thing to be recorded.
+/// An item to be written.
 #[derive(Debug, Clone)]
 pub(super) struct Item {
-    /// Which of the recorder's buses.
+    /// Index in the buses of the recorder.
     pub bus: usize,
-    /// What it is.
-    pub what: What,
+    /// Frame or notice.
+    pub what: RecordItem,
 }
 
-/// A frame, or what else is known of a bus.
+/// A frame or a notice about a bus.
 #[derive(Debug, Clone)]
-pub(super) enum What {
+pub(super) enum RecordItem {
     /// A frame.
     Frame(Frame),
-    /// Anything else.
+    /// A notice.
     Notice(Notice),
 }
 
 impl Item {
     pub(super) fn is_frame(&self) -> bool {
-        matches!(self.what, What::Frame(_))
+        matches!(self.what, RecordItem::Frame(_))
     }
 }
 
-/// What could not be recorded. It is told in the record where that goes on: frames as lost ones, and how each link is.
+/// Items that could not be written. When writing resumes, the capture gets a notice of the lost frames and
+/// the state of each link.
 #[derive(Debug, Default)]
 pub(super) struct Gap(Vec<BusGap>);
 
@@ -35,7 +36,7 @@ pub(super) struct Gap(Vec<BusGap>);
 struct BusGap {
     bus: usize,
     lost: u64,
-    /// The last of its links.
+    /// Last state of the link.
     link: Option<Notice>,
 }
 
@@ -44,14 +45,14 @@ impl Gap {
         self.0.is_empty()
     }
 
-    /// Adds what is not recorded. Frames that were lost before they came here are lost to the record too.
+    /// Adds an item to the gap. Frames lost before they arrived here count as lost too.
     pub(super) fn miss(&mut self, item: Item) {
         let Item { bus, what } = item;
         match what {
-            What::Frame(_) => self.lose(bus, 1),
-            What::Notice(Notice::LostFrames { count: Some(count), .. }) => self.lose(bus, count),
-            What::Notice(link @ Notice::Link { .. }) => self.of(bus, |gap| gap.link = Some(link)),
-            What::Notice(_) => (),
+            RecordItem::Frame(_) => self.lose(bus, 1),
+            RecordItem::Notice(Notice::LostFrames { count: Some(count), .. }) => self.lose(bus, count),
+            RecordItem::Notice(link @ Notice::Link { .. }) => self.of(bus, |gap| gap.link = Some(link)),
+            RecordItem::Notice(_) => (),
         }
     }
 
@@ -69,16 +70,16 @@ impl Gap {
         }
     }
 
-    /// What tells of it; it is empty then.
+    /// Removes and returns the notices about the gap.
     pub(super) fn take(&mut self) -> Vec<Item> {
         let mut items = Vec::new();
         for BusGap { bus, lost, link } in self.0.drain(..) {
             let lost = (lost > 0).then(|| {
                 let index = BusIndex(u8::try_from(bus).unwrap_or(u8::MAX));
-                Notice::LostFrames { place: Place::Now, bus: index, count: Some(lost) }
+                Notice::LostFrames { place: CapturePlace::Now, bus: index, count: Some(lost) }
             });
             let notices = lost.into_iter().chain(link);
-            items.extend(notices.map(|notice| Item { bus, what: What::Notice(notice) }));
+            items.extend(notices.map(|notice| Item { bus, what: RecordItem::Notice(notice) }));
         }
         items
     }

@@ -1,12 +1,12 @@
-//! Records what comes of live buses, while it is looked at.
+//! Writes live buses to a capture (`--record`) while they are displayed.
 //!
 //! ```text
 //! frame, notice ─▶ items ──tick: every 100 ms──▶ queue ─▶ thread ─▶ part, part, … on the disk
-//!                            bounded: a slow disk holds nobody up    synced more than once a second
+//!                            bounded: a slow disk does not block     synced more than once per second
 //! ```
 //!
-//! Once it is open nothing stops it. What cannot be recorded is counted, and told in the record as well where its format
-//! has a place for that.
+//! After it is opened, errors do not stop it. Frames that cannot be written are counted, also in the capture
+//! if its format can store the count.
 
 mod disk;
 pub mod format;
@@ -31,65 +31,66 @@ use cobscope_decoder::frame::Frame;
 use jiff::civil::DateTime;
 
 use disk::{Disk, Files};
-use item::{Gap, Item, What};
+use item::{Gap, Item, RecordItem};
 pub use names::Names;
 use parts::{Limits, Parts};
 pub use status::{RecordFailure, RecordStatus};
 
-/// Bytes of memory the queue takes at most: more than half a million frames.
+/// Maximum memory of the queue in bytes: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;
 
-/// Items handed over at once, at most.
+/// Maximum number of items per batch.
 const BATCH: usize = 1_024;
 
-/// How long items are gathered before the system gets them, so that 200 ms are kept with ticks 100 ms apart.
+/// Time for which items are collected. With ticks 100 ms apart they reach the system within 200 ms.
 const WRITE_EVERY: Duration = Duration::from_millis(100);
 
-/// Time between syncs: with the time one takes, a power cut costs the last second.
+/// Interval between syncs; with the duration of a sync, a power failure loses at most the last second.
 const SYNC_EVERY: Duration = Duration::from_millis(750);
 
-/// What is recorded, and into which files.
+/// Output files and limits.
 #[derive(Debug, Clone, Default)]
 pub struct RecordOptions {
-    /// File, whose name's end says the format. None or a folder: a name as `candump -l` gives it, here or there.
-    /// With limits of size or time `run.log` becomes `run-0001.log`, `run-0002.log`, and so on.
+    /// File; its suffix selects the format. None or a folder: a name like that of `candump -l`, in the
+    /// current folder or in this one. With limits of size or time `run.log` becomes `run-0001.log`,
+    /// `run-0002.log`, and so on.
     pub path: Option<PathBuf>,
-    /// Bytes of a part at most; one frame is in it in any case. What comes besides frames may go beyond.
+    /// Maximum size of a part in bytes; a part contains at least one frame. Notices may exceed it.
     pub max_bytes: Option<u64>,
-    /// How long a part is written; it goes on until a frame comes that begins the next one.
+    /// Maximum duration of a part; the next part starts with the next frame.
     pub max_time: Option<Duration>,
-    /// Parts kept at most, at least 1; the oldest are removed. None keeps all.
+    /// Maximum number of parts, at least 1; the oldest are removed. None keeps all.
     pub files: Option<u32>,
 }
 
-/// What one batch asks of the thread.
-struct Work {
+/// A batch for the writer thread.
+struct RecordThread {
     items: Vec<Item>,
     buses: Arc<Vec<String>>,
     now: Option<Instant>,
     sync: bool,
 }
 
-/// Memory that items take.
+/// Bytes that `items` items need.
 fn size(items: usize) -> usize {
     items.saturating_mul(size_of::<Item>())
 }
 
-/// A record being written.
+/// A capture being written.
 pub struct Recorder {
     items: Vec<Item>,
     buses: Arc<Vec<String>>,
-    /// None when nothing follows.
-    work: Option<Sender<Work>>,
+    /// None after the end.
+    work: Option<Sender<RecordThread>>,
     thread: Option<JoinHandle<()>>,
-    /// Bytes of memory with the thread, and how many there may be.
+    /// Memory of the queue, shared with the thread.
     queued: Arc<AtomicUsize>,
     most_queued: usize,
     status: Arc<Mutex<RecordStatus>>,
-    /// What came while the queue was full.
+    /// Items lost while the queue was full.
     gap: Gap,
     too_fast: u64,
-    /// Frames for which there is no thread any more.
+    /// Number of frames lost because the thread has ended.
     stranded: u64,
     now: Option<Instant>,
     handed_over: Option<Instant>,
@@ -98,11 +99,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Makes the file at once; never one that is there already. `now` is the time of day here, for its name.
+    /// Creates the file; never overwrites one. `now` is the local time for its name.
     ///
     /// # Errors
-    /// When the folder does not exist, when there is such a file, when it cannot be made or written, or when its name
-    /// says no format.
+    /// Folder missing, file exists, file cannot be created or written, or unknown suffix.
     pub fn open(options: &RecordOptions, now: DateTime) -> anyhow::Result<Self> {
         Self::open_on(Box::new(Files), options, now, QUEUE)
     }
@@ -127,7 +127,7 @@ impl Recorder {
         let (told, taken) = (Arc::clone(&status), Arc::clone(&queued));
         let thread = std::thread::Builder::new().name("record".into());
         let thread =
-            thread.spawn(move || run(parts, &inbox, &told, &taken)).context("no thread can be started")?;
+            thread.spawn(move || run(parts, &inbox, &told, &taken)).context("cannot start a thread")?;
         Ok(Self {
             items: Vec::with_capacity(BATCH),
             buses: Arc::default(),
@@ -146,20 +146,20 @@ impl Recorder {
         })
     }
 
-    /// Records a frame of the bus of this name.
+    /// Writes a frame of the bus `bus`.
     pub fn frame(&mut self, frame: &Frame, bus: &str) {
         let bus = self.bus(bus);
-        self.add(Item { bus, what: What::Frame(*frame) });
+        self.add(Item { bus, what: RecordItem::Frame(*frame) });
     }
 
-    /// Records what else is known of the bus of this name, where the format has a place for it.
+    /// Writes a notice about the bus `bus`, if the format can store it.
     pub fn notice(&mut self, notice: &Notice, bus: &str) {
         let bus = self.bus(bus);
-        self.add(Item { bus, what: What::Notice(notice.clone()) });
+        self.add(Item { bus, what: RecordItem::Notice(notice.clone()) });
     }
 
-    /// Lets time go on; to be called every 100 ms or more often, whether anything came or not. What came is with the
-    /// system 200 ms later, where a crash of this program does not reach it, and on the disk within a second.
+    /// Advances the time; called every 100 ms or more often. Items are passed to the system within 200 ms,
+    /// where a crash of this program does not affect them, and are on the disk within a second.
     pub fn tick(&mut self, now: Instant) {
         self.now = Some(now);
         let is_due = |last: Option<Instant>, every| {
@@ -175,20 +175,20 @@ impl Recorder {
         }
     }
 
-    /// What came of it so far.
+    /// Status so far.
     pub fn status(&self) -> RecordStatus {
         let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner).clone();
         status.too_fast = self.too_fast;
         status.missing = status.missing.saturating_add(self.too_fast).saturating_add(self.stranded);
         if self.stranded > 0 {
-            let reason = "the thread that writes has ended; begin a new record".to_owned();
+            let reason = "the writer thread has ended; start a new capture".to_owned();
             let path = status.path.clone();
             status.failure = Some(RecordFailure { path, reason, missing: self.stranded, is_over: false });
         }
         status
     }
 
-    /// Writes what is left, waits until all is on the disk, and tells what came of it.
+    /// Writes the rest, waits until all is on the disk and returns the status.
     pub fn finish(mut self) -> RecordStatus {
         self.close();
         self.status()
@@ -201,7 +201,7 @@ impl Recorder {
         }
         self.work = None;
         if let Some(thread) = self.thread.take() {
-            // If it ended early, that is in the status.
+            // The status contains an early end of the thread.
             let _ = thread.join();
         }
     }
@@ -216,7 +216,7 @@ impl Recorder {
 
     fn add(&mut self, item: Item) {
         let queued = self.queued.load(Ordering::Acquire).saturating_add(size(self.items.len() + 1));
-        // After a gap half of the room must be free, so that there are few gaps.
+        // After a gap half of the queue must be free, so that there are few gaps.
         let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
         if queued > most {
             self.too_fast += u64::from(item.is_frame());
@@ -236,7 +236,7 @@ impl Recorder {
         let items = std::mem::replace(&mut self.items, Vec::with_capacity(BATCH));
         self.queued.fetch_add(size(items.len()), Ordering::AcqRel);
         self.is_synced = false;
-        let work = Work { items, buses: Arc::clone(&self.buses), now: self.now, sync };
+        let work = RecordThread { items, buses: Arc::clone(&self.buses), now: self.now, sync };
         if let Some(thread) = &self.work
             && let Err(unsent) = thread.send(work)
         {
@@ -247,18 +247,18 @@ impl Recorder {
     }
 }
 
-/// A program that ends early loses nothing either.
+/// Writes the rest if the program ends early.
 impl Drop for Recorder {
     fn drop(&mut self) {
         self.close();
     }
 }
 
-fn run(mut parts: Parts, inbox: &Receiver<Work>, status: &Mutex<RecordStatus>, queued: &AtomicUsize) {
+fn run(mut parts: Parts, inbox: &Receiver<RecordThread>, status: &Mutex<RecordStatus>, queued: &AtomicUsize) {
     let tell = |parts: &Parts| {
         status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(parts.status());
     };
-    for Work { items, buses, now, sync } in inbox {
+    for RecordThread { items, buses, now, sync } in inbox {
         let taken = size(items.len());
         parts.take(items, &buses, now);
         if sync {

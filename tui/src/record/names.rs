@@ -1,10 +1,10 @@
-//! Names of a record's parts.
+//! File names of the parts of a capture.
 //!
 //! ```text
 //! run.log ─────── cannot be written any more ──▶ run-0002.log         without limits
 //! run-0001.log ── too large, too long ─────────▶ run-0002.log ▶ …     with limits
 //! ```
-//! They are one recording for `view run*.log`.
+//! `view run*.log` reads them as one capture.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -16,29 +16,29 @@ use jiff::civil::DateTime;
 
 use super::format;
 
-/// Digits of a part's number.
+/// Number of digits of a part number.
 const DIGITS: usize = 4;
 
-/// What to do about a name that cannot be had.
-const OTHERWISE: &str = "nothing is ever written over; choose another name or move it away";
+/// Remedy for a file name that exists.
+const OTHERWISE: &str = "files are never overwritten; choose another name or move the file";
 
-/// How the parts of one record are called.
+/// Names of the parts of a capture.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Names {
     folder: PathBuf,
     stem: OsString,
     suffix: OsString,
-    /// Whether the first one has a number too.
+    /// Whether the first part has a number too.
     is_numbered: bool,
-    /// Of the part that is next, from 1.
+    /// Number of the next part, from 1.
     pub number: u32,
 }
 
 impl Names {
-    /// Names as asked for; `now` is the time of day here, for the name that `candump -l` would give.
+    /// Names for the option `path`; `now` is the local time for a name like that of `candump -l`.
     ///
     /// # Errors
-    /// When the folder does not exist, when such parts are there already, or when the name says no format.
+    /// Folder missing, numbered parts exist, or unknown suffix.
     pub(super) fn new(
         path: Option<&Path>,
         is_numbered: bool,
@@ -46,7 +46,7 @@ impl Names {
     ) -> anyhow::Result<(Self, &'static WritableFormat)> {
         let path = match path {
             Some(path) if path.as_os_str() == "-" => {
-                bail!("a record is a file; --print writes to standard output")
+                bail!("--record needs a file; --print writes to standard output")
             }
             Some(path) if path.is_dir() => path.join(usual_name(now)),
             Some(path) => path.to_owned(),
@@ -61,37 +61,37 @@ impl Names {
         Ok((names, format))
     }
 
-    /// Names of files like this one.
+    /// Names of the parts of `path`.
     ///
     /// # Errors
-    /// When the folder does not exist.
+    /// Folder missing or no file name.
     pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
         let shown = path.display().to_string();
         let shown = escape(&shown);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let is_there = folder.as_os_str().is_empty() || folder.is_dir();
         let folder_shown = folder.display().to_string();
-        ensure!(is_there, "{shown}: there is no folder {}; make it first", escape(&folder_shown));
-        let stem = path.file_stem().with_context(|| format!("{shown}: has no name"))?.to_owned();
+        ensure!(is_there, "{shown}: folder {} does not exist; create it first", escape(&folder_shown));
+        let stem = path.file_stem().with_context(|| format!("{shown}: not a file name"))?.to_owned();
         let suffix = path.extension().unwrap_or_default().to_owned();
         let names = Self { folder, stem, suffix, is_numbered, number: 1 };
         Ok(names)
     }
 
-    /// Refuses where parts with numbers are there already.
+    /// Checks that no numbered part exists.
     ///
     /// # Errors
-    /// When there is one.
+    /// A numbered part exists.
     pub fn ensure_free(&self) -> anyhow::Result<()> {
         match self.find().filter(|_| self.is_numbered) {
             Some(part) => {
-                bail!("{}: is part of an earlier record; {OTHERWISE}", escape(&part.display().to_string()))
+                bail!("{}: part of an earlier capture; {OTHERWISE}", escape(&part.display().to_string()))
             }
             None => Ok(()),
         }
     }
 
-    /// The part that is next.
+    /// Path of the next part.
     pub fn next(&self) -> PathBuf {
         let mut name = self.stem.clone();
         if self.is_numbered || self.number > 1 {
@@ -104,7 +104,7 @@ impl Names {
         self.folder.join(name)
     }
 
-    /// A numbered part that is there.
+    /// An existing numbered part.
     fn find(&self) -> Option<PathBuf> {
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
         let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
@@ -113,7 +113,7 @@ impl Names {
         parts.first().map(|name| self.folder.join(name))
     }
 
-    /// Whether a file's name is that of a numbered part.
+    /// Whether a file name is that of a numbered part.
     fn has(&self, name: &Path) -> bool {
         let stem = name.file_stem().unwrap_or_default().as_encoded_bytes();
         let number = stem.strip_prefix(self.stem.as_encoded_bytes()).and_then(|rest| rest.strip_prefix(b"-"));
@@ -122,17 +122,17 @@ impl Names {
     }
 }
 
-/// Why a file cannot be made.
+/// Error for a file that cannot be created.
 pub(super) fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
     let shown = path.display().to_string();
     let shown = escape(&shown);
     match error.kind() {
-        std::io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; {OTHERWISE}"),
-        _ => anyhow::Error::new(error).context(format!("{shown}: cannot be made")),
+        std::io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: file exists; {OTHERWISE}"),
+        _ => anyhow::Error::new(error).context(format!("{shown}: cannot be created")),
     }
 }
 
-/// The name `candump -l` gives.
+/// A name like that of `candump -l`.
 fn usual_name(now: DateTime) -> String {
     now.strftime("candump-%Y-%m-%d_%H%M%S.log").to_string()
 }
@@ -173,22 +173,22 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_said_with_what_to_do() {
+    fn an_impossible_name_is_reported_with_a_remedy() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let shown = folder.path().display();
         assert_eq!(
             called(&path("no/run.log"), false).unwrap_err(),
-            format!("{shown}/no/run.log: there is no folder {shown}/no; make it first")
+            format!("{shown}/no/run.log: folder {shown}/no does not exist; create it first")
         );
         let unknown = called(&path("run.log.gz"), false).unwrap_err();
-        assert!(unknown.contains("run.log.gz: the end of the name says the format: .log ("), "{unknown}");
+        assert!(unknown.contains("run.log.gz: unknown suffix; expected .log ("), "{unknown}");
         assert!(unknown.contains(".pcapng ("), "{unknown}");
         assert!(called(Path::new("-"), false).unwrap_err().contains("--print"));
 
         std::fs::write(path("run-0003.log"), "").unwrap();
         let earlier = called(&path("run.log"), true).unwrap_err();
-        assert!(earlier.contains("run-0003.log: is part of an earlier record"), "{earlier}");
+        assert!(earlier.contains("run-0003.log: part of an earlier capture"), "{earlier}");
         for other in ["run.pcapng", "ru.log", "run-.log", "run-0003.log"] {
             assert!(called(&path(other), true).is_ok(), "{other}");
         }

@@ -1,4 +1,4 @@
-//! One file of a record: a whole capture, which ends behind a whole record whatever fails.
+//! One file of a capture; it always ends after a complete record, whatever fails.
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -7,20 +7,20 @@ use std::time::Instant;
 
 use cobscope_decoder::capture::{FrameWriter, WritableFormat, WriteOptions};
 
-use super::disk::PartFile;
-use super::item::{Item, What};
+use super::disk::RecordFile;
+use super::item::{Item, RecordItem};
 
 /// Bytes of records that are not written yet.
 #[derive(Clone, Default)]
-struct Held(Arc<Mutex<Vec<u8>>>);
+struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
 
-impl Held {
+impl SharedBuffer {
     fn lock(&self) -> MutexGuard<'_, Vec<u8>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Write for Held {
+impl Write for SharedBuffer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.lock().extend_from_slice(bytes);
         Ok(bytes.len())
@@ -31,38 +31,38 @@ impl Write for Held {
     }
 }
 
-/// What came of writing.
+/// Result of writing.
 #[derive(Debug, Default)]
-pub(super) struct Written {
-    /// Frames that are in the file now and were not before.
+pub(super) struct WriteResult {
+    /// Number of frames added to the file.
     pub frames: u64,
-    /// Bytes, likewise.
+    /// Number of bytes added to the file.
     pub bytes: u64,
-    /// Why not all of it is there.
+    /// Error that prevented a complete write.
     pub failure: Option<io::Error>,
 }
 
 /// A file being written.
-pub(super) struct Part {
+pub(super) struct RecordPart {
     path: PathBuf,
-    file: Box<dyn PartFile>,
+    file: Box<dyn RecordFile>,
     writer: Box<dyn FrameWriter>,
-    held: Held,
+    held: SharedBuffer,
     held_length: usize,
-    /// What is held, each with the end of its bytes.
+    /// Buffered items, each with the end of its bytes.
     records: Vec<(usize, Item)>,
-    /// Bytes of whole records in the file.
+    /// Bytes of complete records in the file.
     length: u64,
     frames: u64,
     is_empty: bool,
     is_synced: bool,
-    /// When it was begun.
+    /// Time of its start.
     pub begun: Option<Instant>,
 }
 
-impl Part {
-    pub(super) fn new(path: PathBuf, file: Box<dyn PartFile>, format: &WritableFormat) -> Self {
-        let held = Held::default();
+impl RecordPart {
+    pub(super) fn new(path: PathBuf, file: Box<dyn RecordFile>, format: &WritableFormat) -> Self {
+        let held = SharedBuffer::default();
         Self {
             path,
             file,
@@ -82,44 +82,44 @@ impl Part {
         &self.path
     }
 
-    /// Frames in it and held for it.
+    /// Number of frames in the file and in the buffer.
     pub(super) fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// Whether its file has no record, so that it is worth nothing.
+    /// Whether the file has no record and can be removed.
     pub(super) fn is_empty(&self) -> bool {
         self.is_empty
     }
 
-    /// Bytes held.
+    /// Number of buffered bytes.
     pub(super) fn held(&self) -> usize {
         self.held_length
     }
 
-    /// Bytes of whole records in its file.
+    /// Bytes of complete records in the file.
     pub(super) fn length(&self) -> u64 {
         self.length
     }
 
-    /// Bytes its file has when all is written.
+    /// Size of the file after all buffered bytes are written.
     pub(super) fn full_length(&self) -> u64 {
         self.length.saturating_add(self.held() as u64).saturating_add(self.writer.pending())
     }
 
-    /// Whether its format gathers records, so that none can be taken back.
+    /// Whether the format buffers records, so that none can be removed.
     pub(super) fn gathers(&self) -> bool {
         self.writer.pending() > 0
     }
 
-    /// Adds an item, which is held until it is written; gives it back where the format has no place for it.
+    /// Adds an item to the buffer; returns it if the format cannot store it.
     ///
     /// # Errors
-    /// When it cannot be put in bytes; it is held then, to be given back with the others.
+    /// The item cannot be encoded; it stays in the buffer, to be returned with the others.
     pub(super) fn push(&mut self, item: Item, bus: &str) -> io::Result<Option<Item>> {
         let kept = match &item.what {
-            What::Frame(frame) => self.writer.write(frame, bus).map(|()| true),
-            What::Notice(notice) => self.writer.notice(notice, bus),
+            RecordItem::Frame(frame) => self.writer.write(frame, bus).map(|()| true),
+            RecordItem::Notice(notice) => self.writer.notice(notice, bus),
         };
         if matches!(kept, Ok(false)) {
             self.held.lock().truncate(self.held_length);
@@ -131,7 +131,7 @@ impl Part {
         kept.map(|_| None)
     }
 
-    /// Takes the last item back if it is held.
+    /// Removes the last item if it is still buffered.
     pub(super) fn undo(&mut self) -> Option<Item> {
         if self.gathers() {
             return None;
@@ -143,20 +143,20 @@ impl Part {
         Some(item)
     }
 
-    /// Writes what is held. When that fails the file is cut behind its last whole record, and what is not in it
-    /// stays here.
-    pub(super) fn write_out(&mut self) -> Written {
+    /// Writes the buffer. On failure the file is truncated after its last complete record, and the other
+    /// items stay buffered.
+    pub(super) fn write_out(&mut self) -> WriteResult {
         if let Err(error) = self.writer.flush() {
-            return Written { failure: Some(error), ..Written::default() };
+            return WriteResult { failure: Some(error), ..WriteResult::default() };
         }
         let known = std::mem::take(&mut self.held_length);
         let bytes = std::mem::take(&mut *self.held.lock());
         if bytes.len() > known {
-            // What was gathered until now is there as a whole or not at all.
+            // Buffered records of the format are written completely or not at all.
             self.records.iter_mut().for_each(|(end, _)| *end = bytes.len());
         }
         if bytes.is_empty() {
-            return Written::default();
+            return WriteResult::default();
         }
         let (done, failure) = write_all(self.file.as_mut(), &bytes);
         let whole = self.records.partition_point(|(end, _)| *end <= done);
@@ -166,29 +166,29 @@ impl Part {
         };
         self.length = self.length.saturating_add(kept as u64);
         if failure.is_some() {
-            // A device that is gone has nothing to cut.
+            // A device that is gone has nothing to truncate.
             let _ = self.file.cut(self.length);
         }
         let frames = self.records.drain(..whole).filter(|(_, item)| item.is_frame()).count();
         self.is_empty &= whole == 0;
         self.is_synced = false;
-        // The same memory again.
+        // Reuses the memory.
         *self.held.lock() = cleared(bytes);
-        Written { frames: frames as u64, bytes: kept as u64, failure }
+        WriteResult { frames: frames as u64, bytes: kept as u64, failure }
     }
 
-    /// Writes what is held and whatever the format has at a capture's end.
-    pub(super) fn end(&mut self) -> Written {
+    /// Writes the buffer and the end of the format.
+    pub(super) fn end(&mut self) -> WriteResult {
         match self.writer.finish() {
             Ok(()) => self.write_out(),
-            Err(error) => Written { failure: Some(error), ..Written::default() },
+            Err(error) => WriteResult { failure: Some(error), ..WriteResult::default() },
         }
     }
 
-    /// Waits until what was written is on the disk.
+    /// Waits until the written bytes are on the disk.
     ///
     /// # Errors
-    /// When the disk says that it is not.
+    /// The disk reports a failure.
     pub(super) fn sync(&mut self) -> io::Result<()> {
         if !self.is_synced {
             self.file.sync()?;
@@ -197,7 +197,7 @@ impl Part {
         Ok(())
     }
 
-    /// What it could not write.
+    /// The items that could not be written.
     pub(super) fn abandon(self) -> impl Iterator<Item = Item> {
         self.records.into_iter().map(|(_, item)| item)
     }
@@ -208,8 +208,8 @@ fn cleared(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Writes as much as can be: how many bytes, and why not all.
-fn write_all(file: &mut dyn PartFile, bytes: &[u8]) -> (usize, Option<io::Error>) {
+/// Writes as many bytes as possible; returns their number and the error.
+fn write_all(file: &mut dyn RecordFile, bytes: &[u8]) -> (usize, Option<io::Error>) {
     let mut done = 0;
     while let Some(rest) = bytes.get(done..).filter(|rest| !rest.is_empty()) {
         match file.write(rest) {

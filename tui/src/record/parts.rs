@@ -1,10 +1,10 @@
-//! The parts of a record, one after the other. No thread, no clock: both are the recorder's.
+//! The parts of a capture, one after the other. Thread and clock belong to the recorder.
 //!
 //! ```text
 //! items ──▶ part ──full, over time──▶ next part
-//!            └─ fails: cut behind its last whole record ──▶ gap, counted ──a few seconds──▶ next part, tells of the gap
+//!            └─ fails: truncated after its last record ──▶ gap, counted ──seconds──▶ next part with the gap
 //! ```
-//! Later parts begin with a frame, so that none is without one.
+//! Later parts start with a frame, so that no part is without one.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -13,25 +13,25 @@ use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{Losses, WritableFormat};
 
-use super::disk::{Disk, PartFile};
-use super::item::{Gap, Item, What};
+use super::disk::{Disk, RecordFile};
+use super::item::{Gap, Item, RecordItem};
 use super::names::{Names, refusal};
-use super::part::{Part, Written};
-use super::status::{RecordFailure, RecordStatus, Unheld};
+use super::part::{RecordPart, WriteResult};
+use super::status::{RecordFailure, RecordStatus, UnstoredKind};
 
-/// Time between a failure and the next try.
+/// Time between a failure and the next attempt.
 pub(super) const RETRY_AFTER: Duration = Duration::from_secs(5);
 
-/// Bytes held before they are written.
+/// Number of bytes buffered before they are written.
 const CHUNK: usize = 64 * 1024;
 
-/// Bytes of one more frame at most, in a format that gathers them.
+/// Maximum size of one more frame in a format that buffers records.
 const LARGEST_FRAME: u64 = 256;
 
-/// Names that are taken by others which are passed by when a part begins.
+/// Maximum number of existing file names that are skipped for a new part.
 const TAKEN: u32 = 1_000;
 
-/// When a part is at its end, and how many are kept.
+/// Limits of a part, and number of parts kept.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub bytes: u64,
@@ -39,14 +39,14 @@ pub(super) struct Limits {
     pub files: usize,
 }
 
-/// All parts of one record.
+/// All parts of a capture.
 pub(super) struct Parts {
     disk: Box<dyn Disk>,
     names: Names,
     format: &'static WritableFormat,
     limits: Limits,
     /// None while nothing can be written.
-    part: Option<Part>,
+    part: Option<RecordPart>,
     kept: VecDeque<PathBuf>,
     now: Option<Instant>,
     retry_at: Option<Instant>,
@@ -56,10 +56,10 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Begins the first part.
+    /// Starts the first part.
     ///
     /// # Errors
-    /// When there is such a file, or it cannot be made or written.
+    /// The file exists or cannot be created or written.
     pub(super) fn open(
         mut disk: Box<dyn Disk>,
         names: Names,
@@ -93,7 +93,7 @@ impl Parts {
         &self.status
     }
 
-    /// Takes items in their order and gives them to the system. `buses` has the names of their buses.
+    /// Takes items in order and passes them to the system. `buses` contains the names of their buses.
     pub(super) fn take(&mut self, items: Vec<Item>, buses: &[String], now: Option<Instant>) {
         self.now = now.or(self.now);
         if let Some(part) = &mut self.part {
@@ -117,29 +117,29 @@ impl Parts {
 
     /// Waits until all is on the disk.
     pub(super) fn sync(&mut self) {
-        let Some(Err(error)) = self.part.as_mut().map(Part::sync) else { return };
-        // What the disk lost is not known: the system had taken it.
-        let reason = format!("{error}; its last second may be missing on the disk");
+        let Some(Err(error)) = self.part.as_mut().map(RecordPart::sync) else { return };
+        // The lost items are unknown: the system had accepted them.
+        let reason = format!("{error}; the last second may be missing on the disk");
         self.fail(&io::Error::new(error.kind(), reason));
     }
 
-    /// Nothing follows.
+    /// Writes the rest at the end.
     pub(super) fn finish(&mut self) {
         self.end();
-        self.status.losses = self.losses.said();
+        self.status.losses = self.losses.texts();
     }
 
-    fn is_over_time(&self, part: &Part) -> bool {
+    fn is_over_time(&self, part: &RecordPart) -> bool {
         let time = self.now.zip(part.begun).map(|(now, begun)| now.saturating_duration_since(begun));
         part.frames() > 0 && time.is_some_and(|time| time >= self.limits.time)
     }
 
-    /// Whether enough time is over since the last failure.
+    /// Whether enough time has passed since the last failure.
     fn may_try(&self) -> bool {
         self.now.is_some_and(|now| self.retry_at.is_none_or(|at| now >= at))
     }
 
-    /// Adds an item to the part there is, or to the next one if it is too much for this one.
+    /// Adds an item to the current part, or to the next one if the current part is full.
     fn record(&mut self, item: Item, buses: &[String]) {
         let begins = item.is_frame();
         if begins && self.part.as_ref().is_some_and(|part| part.gathers() && self.is_nearly_full(part)) {
@@ -151,10 +151,10 @@ impl Parts {
             return;
         }
         self.push(item, buses);
-        let too_much = |part: &Part| part.full_length() > self.limits.bytes && part.frames() > 1;
+        let too_much = |part: &RecordPart| part.full_length() > self.limits.bytes && part.frames() > 1;
         if begins
             && self.part.as_ref().is_some_and(too_much)
-            && let Some(item) = self.part.as_mut().and_then(Part::undo)
+            && let Some(item) = self.part.as_mut().and_then(RecordPart::undo)
         {
             if self.end() && self.begin(buses) {
                 self.push(item, buses);
@@ -167,8 +167,8 @@ impl Parts {
         }
     }
 
-    /// Whether the next frame may be too much.
-    fn is_nearly_full(&self, part: &Part) -> bool {
+    /// Whether the next frame may exceed the limit.
+    fn is_nearly_full(&self, part: &RecordPart) -> bool {
         part.frames() > 0 && part.full_length().saturating_add(LARGEST_FRAME) > self.limits.bytes
     }
 
@@ -178,14 +178,14 @@ impl Parts {
             return;
         };
         let bus = buses.get(item.bus).map_or("", String::as_str);
-        if let What::Frame(frame) = &item.what {
+        if let RecordItem::Frame(frame) = &item.what {
             self.losses.see(frame);
         }
         match part.push(item, bus) {
             Ok(None) => (),
             Ok(Some(item)) => {
-                let What::Notice(notice) = item.what else { return };
-                if let Some(unheld) = Unheld::of(&notice) {
+                let RecordItem::Notice(notice) = item.what else { return };
+                if let Some(unheld) = UnstoredKind::of(&notice) {
                     self.status.leave_out(unheld);
                 }
             }
@@ -193,7 +193,7 @@ impl Parts {
         }
     }
 
-    /// Begins the next part and tells in it what is missing before it. False where that cannot be.
+    /// Starts the next part with notices about the gap before it; `false` on failure.
     fn begin(&mut self, buses: &[String]) -> bool {
         let (path, made) = self.create();
         let file = match made {
@@ -204,7 +204,7 @@ impl Parts {
             }
         };
         self.adopt(path, file);
-        // On a full disk that makes room.
+        // Makes room on a full disk.
         self.remove_old();
         self.write_out();
         if self.part.is_none() {
@@ -216,8 +216,8 @@ impl Parts {
         true
     }
 
-    /// Makes a file of the next name that is free.
-    fn create(&mut self) -> (PathBuf, io::Result<Box<dyn PartFile>>) {
+    /// Creates a file with the next free name.
+    fn create(&mut self) -> (PathBuf, io::Result<Box<dyn RecordFile>>) {
         let mut left = TAKEN;
         loop {
             let path = self.names.next();
@@ -231,8 +231,8 @@ impl Parts {
         }
     }
 
-    fn adopt(&mut self, path: PathBuf, file: Box<dyn PartFile>) {
-        let mut part = Part::new(path.clone(), file, self.format);
+    fn adopt(&mut self, path: PathBuf, file: Box<dyn RecordFile>) {
+        let mut part = RecordPart::new(path.clone(), file, self.format);
         part.begun = self.now;
         self.part = Some(part);
         self.kept.push_back(path.clone());
@@ -246,7 +246,7 @@ impl Parts {
             let Some(oldest) = self.kept.pop_front() else { return };
             match self.disk.remove(&oldest) {
                 Ok(()) => self.status.removed += 1,
-                // The user's own doing.
+                // Removed by the user.
                 Err(error) if error.kind() == ErrorKind::NotFound => (),
                 // Tried again with the next part.
                 Err(_) => {
@@ -257,21 +257,21 @@ impl Parts {
         }
     }
 
-    /// Ends the part there is. False where that fails.
+    /// Ends the current part; `false` on failure.
     fn end(&mut self) -> bool {
-        let Some(written) = self.part.as_mut().map(Part::end) else { return false };
+        let Some(written) = self.part.as_mut().map(RecordPart::end) else { return false };
         self.count(written);
         self.sync();
         self.part.take().is_some()
     }
 
     fn write_out(&mut self) {
-        if let Some(written) = self.part.as_mut().map(Part::write_out) {
+        if let Some(written) = self.part.as_mut().map(RecordPart::write_out) {
             self.count(written);
         }
     }
 
-    fn count(&mut self, written: Written) {
+    fn count(&mut self, written: WriteResult) {
         self.status.frames = self.status.frames.saturating_add(written.frames);
         self.status.bytes = self.status.bytes.saturating_add(written.bytes);
         match (written.failure, &mut self.status.failure) {
@@ -281,7 +281,7 @@ impl Parts {
         }
     }
 
-    /// The part there is cannot be written any more.
+    /// Closes the current part after a failure.
     fn fail(&mut self, error: &io::Error) {
         let Some(part) = self.part.take() else { return };
         let path = part.path().to_owned();

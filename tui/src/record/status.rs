@@ -1,4 +1,4 @@
-//! What came of recording so far.
+//! Status of a capture being written.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -9,81 +9,85 @@ use cobscope_decoder::words::plural;
 
 use crate::figures::bytes;
 
-/// What is known besides frames, where a format has no place for it.
+/// A kind of notice that a format cannot store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unheld {
-    /// Links that open and close.
+pub enum UnstoredKind {
+    /// Link state changes.
     Links,
-    /// How many frames were lost.
+    /// Numbers of lost frames.
     Losses,
-    /// What of a source could not be read.
+    /// Unreadable input.
     Unreadable,
+    /// Forward steps of the clock.
+    ClockSteps,
 }
 
-impl Unheld {
-    /// Which of them a notice is; none for what is of no use later.
+impl UnstoredKind {
+    /// Kind of a notice; None for notices without use in a capture.
     pub(super) fn of(notice: &Notice) -> Option<Self> {
         match notice {
             Notice::Link { .. } => Some(Self::Links),
             Notice::LostFrames { .. } => Some(Self::Losses),
             Notice::Unreadable { .. } | Notice::CutOff { .. } => Some(Self::Unreadable),
-            // The next frame tells as well how long nothing came.
+            Notice::ClockSet { .. } => Some(Self::ClockSteps),
+            // The time of the next frame contains the same information.
             Notice::Assumption(_) | Notice::Quiet(_) => None,
         }
     }
 
-    /// In words.
+    /// Name for messages.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Links => "links up and down",
+            Self::Links => "link state changes",
             Self::Losses => "lost frames",
             Self::Unreadable => "unreadable input",
+            Self::ClockSteps => "steps of the clock",
         }
     }
 }
 
-/// That a part could not be written.
+/// Failure to write a part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordFailure {
-    /// The part.
+    /// Path of the part.
     pub path: PathBuf,
-    /// What the system says.
+    /// Error of the system.
     pub reason: String,
-    /// Frames that were not recorded because of it.
+    /// Number of frames not written because of it.
     pub missing: u64,
-    /// Whether recording goes on, in another part.
+    /// Whether writing resumed in another part.
     pub is_over: bool,
 }
 
-/// What came of recording so far.
+/// Status so far.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RecordStatus {
-    /// The part being written, or the last one that was.
+    /// The current part, or the last one.
     pub path: PathBuf,
     /// Title of its format.
     pub format: &'static str,
-    /// Parts so far, with those removed.
+    /// Number of parts, including removed ones.
     pub parts: u32,
-    /// Parts removed because there were too many.
+    /// Number of parts removed because of the limit.
     pub removed: u32,
-    /// Frames the system has; on the disk they are within a second.
+    /// Number of frames passed to the system; they are on the disk within a second.
     pub frames: u64,
-    /// Bytes of all parts, with those removed.
+    /// Bytes of all parts, including removed ones.
     pub bytes: u64,
-    /// What came and the format has no place for; each once.
-    pub unheld: Vec<Unheld>,
-    /// What frames had and the format has no place for, with how often; told at the end.
+    /// Kinds of notices that the format cannot store.
+    pub unheld: Vec<UnstoredKind>,
+    /// Properties of frames that the format cannot store, with their number; known at the end.
     pub losses: Vec<String>,
-    /// Frames not recorded, for whatever reason.
+    /// Number of frames not written, for any reason.
     pub missing: u64,
-    /// Those of them that came faster than they could be written.
+    /// Number of frames not written because the disk was too slow.
     pub too_fast: u64,
     /// The last failure.
     pub failure: Option<RecordFailure>,
 }
 
 impl RecordStatus {
-    /// What went wrong and what is left out, a sentence each.
+    /// Failures and losses, one sentence each.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if let Some(failure) = &self.failure {
@@ -91,28 +95,28 @@ impl RecordStatus {
             let path = shown(path);
             remarks.push(if *is_over {
                 let now = shown(&self.path);
-                format!("{path}: {reason}: {} not recorded; recording goes on in {now}", frames(*missing))
+                format!("{path}: {reason}: {} not written; continuing in {now}", frames(*missing))
             } else {
-                format!("{path}: {reason}: {} not recorded so far; trying again", frames(*missing))
+                format!("{path}: {reason}: {} not written so far; retrying", frames(*missing))
             });
         }
         if self.too_fast > 0 {
             let count = frames(self.too_fast);
-            remarks.push(format!("{count} not recorded: they came faster than the disk took them"));
+            remarks.push(format!("{count} not written: the disk is too slow"));
         }
         if !self.unheld.is_empty() {
             let names: Vec<_> = self.unheld.iter().map(|unheld| unheld.name()).collect();
             let (format, names) = (self.format, names.join(", "));
-            remarks.push(format!("{format} has no place for: {names}; a .pcapng has more"));
+            remarks.push(format!("{format} cannot store: {names}; .pcapng stores more"));
         }
         if !self.losses.is_empty() {
             let (format, losses) = (self.format, self.losses.join("; "));
-            remarks.push(format!("{format} has no place for all of it: {losses}"));
+            remarks.push(format!("{format} cannot store: {losses}"));
         }
         remarks
     }
 
-    pub(super) fn leave_out(&mut self, unheld: Unheld) {
+    pub(super) fn leave_out(&mut self, unheld: UnstoredKind) {
         if !self.unheld.contains(&unheld) {
             self.unheld.push(unheld);
         }
@@ -165,24 +169,24 @@ mod tests {
         let path = "a\u{1b}[2J.log".into();
         status.failure = Some(RecordFailure { path, reason, missing: 7, is_over: false });
         (status.missing, status.too_fast, status.removed) = (9, 2, 1);
-        status.leave_out(Unheld::Links);
-        status.leave_out(Unheld::Losses);
-        status.leave_out(Unheld::Links);
+        status.leave_out(UnstoredKind::Links);
+        status.leave_out(UnstoredKind::Losses);
+        status.leave_out(UnstoredKind::Links);
         assert_eq!(
             status.to_string(),
             "run-0002.log: 1 frame, 1.2 MB in 2 parts, 1 removed; 9 frames missing"
         );
-        let failing = "a\\u{1b}[2J.log: No space left on device (os error 28): 7 frames not recorded";
+        let failing = "a\\u{1b}[2J.log: No space left on device (os error 28): 7 frames not written";
         let others = [
-            "2 frames not recorded: they came faster than the disk took them",
-            "candump log has no place for: links up and down, lost frames; a .pcapng has more",
+            "2 frames not written: the disk is too slow",
+            "candump log cannot store: link state changes, lost frames; .pcapng stores more",
         ];
-        let so_far = format!("{failing} so far; trying again");
+        let so_far = format!("{failing} so far; retrying");
         assert_eq!(status.remarks(), [&so_far, others[0], others[1]]);
         status.failure.as_mut().unwrap().is_over = true;
-        let over = format!("{failing}; recording goes on in run-0002.log");
+        let over = format!("{failing}; continuing in run-0002.log");
         assert_eq!(status.remarks(), [&over, others[0], others[1]]);
         status.losses = vec!["1 a".to_owned(), "2 b".to_owned()];
-        assert_eq!(status.remarks().last().unwrap(), "candump log has no place for all of it: 1 a; 2 b");
+        assert_eq!(status.remarks().last().unwrap(), "candump log cannot store: 1 a; 2 b");
     }
 }

@@ -1,8 +1,8 @@
-//! Reads a capture on a thread of its own, ahead of who decodes it, in the same order.
+//! Reads a capture in its own thread, ahead of the decoder and in the same order.
 //!
 //! ```text
 //! reader ─ thread ──▶ filled blocks ──▶ decoder
-//!                ◀── empty ones, again ──
+//!                ◀── empty blocks ──
 //! ```
 
 use std::io::Read;
@@ -11,18 +11,18 @@ use std::thread::JoinHandle;
 
 use cobscope_decoder::capture::{Batch, BusNames, CaptureError, Format, Reader};
 
-/// Batches handed over at once: some thousand frames, so that handing over costs next to nothing.
+/// Batches per block: some thousand frames, so that passing a block on is cheap.
 const BATCHES: usize = 8;
 
-/// Blocks there are: one at each end, two between.
+/// Number of blocks: one at each end, two between.
 const BLOCKS: usize = 4;
 
-/// Frames of a capture in its order, whoever reads them.
+/// Frames of a capture in order.
 pub enum Frames {
-    /// Read when they are asked for.
+    /// Read on request.
     Here(Reader<Box<dyn Read + Send>>),
-    /// Read ahead.
-    Ahead(Ahead),
+    /// Read ahead in another thread.
+    Ahead(ReadAhead),
 }
 
 impl Frames {
@@ -37,7 +37,7 @@ impl Frames {
         }
     }
 
-    /// Buses seen so far; ahead, perhaps some that come soon.
+    /// Buses seen so far; when reading ahead, possibly some that appear later.
     pub fn buses(&self) -> &BusNames {
         match self {
             Self::Here(reader) => reader.buses(),
@@ -45,7 +45,7 @@ impl Frames {
         }
     }
 
-    /// Format found at the start.
+    /// Format detected at the start.
     pub fn format(&self) -> &'static Format {
         match self {
             Self::Here(reader) => reader.format(),
@@ -54,19 +54,19 @@ impl Frames {
     }
 }
 
-/// What was read at once.
+/// Batches passed on together.
 struct Block {
     batches: Vec<Batch>,
     filled: usize,
-    /// All buses, where there are more than in the block before.
+    /// All buses, if there are more than in the previous block.
     buses: Option<BusNames>,
-    /// How reading ended, behind the last batch.
+    /// End of reading, after the last batch.
     end: Option<Result<(), CaptureError>>,
 }
 
 /// A capture that is read ahead.
-pub struct Ahead {
-    /// Filled blocks and the way back of empty ones; gone once nobody reads any more, which ends the thread.
+pub struct ReadAhead {
+    /// Receiver of filled blocks and sender of empty ones; dropping them ends the thread.
     blocks: Option<(Receiver<Block>, Sender<Block>)>,
     thread: Option<JoinHandle<()>>,
     block: Option<Block>,
@@ -75,14 +75,14 @@ pub struct Ahead {
     format: &'static Format,
 }
 
-impl Ahead {
-    /// Goes on reading on another thread.
+impl ReadAhead {
+    /// Continues reading in another thread.
     pub fn new(reader: Reader<Box<dyn Read + Send>>) -> Self {
         let (empty, empties) = channel();
         let (full, filled) = sync_channel(BLOCKS);
         for _ in 0..BLOCKS {
             let batches = (0..BATCHES).map(|_| Batch::new()).collect();
-            // The thread that takes them is not there yet, its end of the channel is.
+            // The thread does not run yet, but its end of the channel exists.
             let _ = empty.send(Block { batches, filled: 0, buses: None, end: None });
         }
         let format = reader.format();
@@ -118,12 +118,12 @@ impl Ahead {
         let emptied = self.block.take();
         let received = self.blocks.as_ref().and_then(|(filled, empty)| {
             if let Some(block) = emptied {
-                // At the capture's end the thread takes no more.
+                // At the end of the capture the thread takes no more blocks.
                 let _ = empty.send(block);
             }
             filled.recv().ok()
         });
-        // The last block says that it is the last, unless the thread panicked.
+        // The last block contains the end, unless the thread panicked.
         let mut block = received.unwrap_or_else(|| self.join());
         if let Some(buses) = block.buses.take() {
             self.buses = buses;
@@ -140,7 +140,7 @@ impl Ahead {
     }
 }
 
-impl Drop for Ahead {
+impl Drop for ReadAhead {
     fn drop(&mut self) {
         self.blocks = None;
         if let Some(thread) = self.thread.take() {
@@ -189,7 +189,7 @@ mod tests {
         Reader::open(source, &ReadOptions::default()).unwrap()
     }
 
-    /// All that comes, how it ended, and the buses.
+    /// All frames, the end and the buses.
     fn all(mut frames: Frames) -> (Vec<String>, String, Vec<String>) {
         let (mut batch, mut items) = (Batch::new(), Vec::new());
         let end = loop {
@@ -219,7 +219,7 @@ mod tests {
     fn ahead_or_not_the_same_comes() {
         let here = all(Frames::Here(reader(log())));
         assert_eq!((here.0.len(), here.2.len()), (20_000 + 26, 2));
-        assert_eq!(all(Frames::Ahead(Ahead::new(reader(log())))), here);
+        assert_eq!(all(Frames::Ahead(ReadAhead::new(reader(log())))), here);
     }
 
     #[test]
@@ -237,17 +237,17 @@ mod tests {
             let source: Box<dyn Read + Send> = Box::new(Failing(Cursor::new(log())));
             Reader::open(source, &ReadOptions::default()).unwrap()
         };
-        let (items, end, _) = all(Frames::Ahead(Ahead::new(open())));
+        let (items, end, _) = all(Frames::Ahead(ReadAhead::new(open())));
         assert_eq!((items.len(), end.as_str()), (20_026, "reading failed: the disk is gone"));
         assert_eq!(all(Frames::Here(open())).0, items);
     }
 
     #[test]
     fn who_has_enough_ends_it() {
-        let mut frames = Frames::Ahead(Ahead::new(reader(log())));
+        let mut frames = Frames::Ahead(ReadAhead::new(reader(log())));
         let mut batch = Batch::new();
         assert!(frames.read(&mut batch).unwrap());
-        // The thread waits for room until then; this would hang if it did not end.
+        // The thread waits for an empty block until then; the test would hang if it did not end.
         drop(frames);
     }
 }

@@ -1,76 +1,108 @@
-//! Several captures on one line of time.
+//! Several captures on a common time axis.
 
 use anyhow::ensure;
 use cobscope_decoder::frame::Timestamp;
 
-/// Stamps before this many seconds since 1970 count from the capture's beginning, not from 1970.
-const FIRST_EPOCH_SECOND: i64 = 100_000_000;
+use super::names::recording;
+use super::series::Relation;
 
-/// How a capture stands beside the others.
+/// Position of a capture among the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Arranged {
-    /// Captures of one group are parts of one recording.
+pub struct CapturePlacement {
+    /// Index of the capture on the command line.
+    pub index: usize,
+    /// Captures with the same number are parts of one capture.
     pub group: usize,
-    /// Nanoseconds added to its stamps.
+    /// Nanoseconds added to the timestamps.
     pub shift: i64,
+    /// The capture before this one is its previous part.
+    pub continues: bool,
 }
 
-/// Puts captures side by side, by their names and the times of their first frames. With `align` all begin with the one
-/// that begins last.
+/// Arranges captures by their relations and the times of their first frames: parts of a series follow each
+/// other. With `align` all start together with the latest one, and captures that differ only in digits are
+/// parts of one capture.
 ///
 /// # Errors
-/// When some have dates and some do not.
-pub fn arrange(names: &[String], firsts: &[Option<Timestamp>], align: bool) -> anyhow::Result<Vec<Arranged>> {
+/// Some captures have dates and others do not.
+pub fn arrange(
+    names: &[String],
+    firsts: &[Option<Timestamp>],
+    relations: &[Relation],
+    align: bool,
+) -> anyhow::Result<Vec<CapturePlacement>> {
     let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
     let latest = times.iter().copied().max().unwrap_or_default();
     if !align && names.len() > 1 {
-        let has_date = |time: &Timestamp| time.0 / 1_000_000_000 >= FIRST_EPOCH_SECOND;
-        let dated = times.iter().filter(|time| has_date(time)).count();
+        let dated = times.iter().filter(|time| time.has_date()).count();
         ensure!(
             dated == 0 || dated == firsts.len(),
-            "some of these captures have dates and some count from their beginning, so they have no common \
-             line of time; open them one by one, or let them begin together with --align"
+            "some of these captures have dates, others count from their start, so they have no common time \
+             axis; open them one by one, or use --align to start them together"
         );
     }
-    let arranged = names.iter().zip(firsts).map(|(name, first)| {
-        let stem = recording(name);
-        let group = names.iter().position(|other| recording(other) == stem).unwrap_or(0);
-        let shift = first.filter(|_| align).map_or(0, |first| latest.since(first));
-        Arranged { group, shift }
-    });
-    Ok(arranged.collect())
-}
-
-/// A capture's name without digits: parts of one recording differ in them. The first one may have no number, as in
-/// `run.log` and `run-0002.log`.
-fn recording(name: &str) -> String {
-    let name: String = name.chars().filter(|character| !character.is_ascii_digit()).collect();
-    name.replace("-.", ".")
+    let relation = |index: usize| relations.get(index).copied().unwrap_or_default();
+    let group = |index: usize| {
+        if align {
+            let stem = names.get(index).map(|name| recording(name));
+            return names.iter().position(|other| Some(recording(other)) == stem).unwrap_or(index);
+        }
+        let mut first = index;
+        // Relations have no cycle; the limit guards against one.
+        for _ in 0..names.len() {
+            match relation(first) {
+                Relation::Continues(before) | Relation::Later(before) => first = before,
+                Relation::Independent => break,
+            }
+        }
+        first
+    };
+    let shift = |index: usize| {
+        let first = firsts.get(index).copied().flatten().filter(|_| align);
+        first.map_or(0, |first| latest.since(first))
+    };
+    let place =
+        |index| CapturePlacement { index, group: group(index), shift: shift(index), continues: false };
+    let mut all = Vec::new();
+    for start in (0..names.len()).filter(|index| !matches!(relation(*index), Relation::Continues(_))) {
+        all.push(place(start));
+        let mut last = start;
+        while let Some(next) = (0..names.len()).find(|index| relation(*index) == Relation::Continues(last)) {
+            all.push(CapturePlacement { continues: true, ..place(next) });
+            last = next;
+        }
+    }
+    Ok(all)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn parts_are_one_recording_and_clocks_are_not_mixed() {
-        let names = ["run.log", "run-0002.log", "other.log"].map(str::to_owned);
-        let at = |seconds: i64| Some(Timestamp(seconds * 1_000_000_000));
-        let groups = |arranged: Vec<Arranged>| arranged.iter().map(|one| one.group).collect::<Vec<_>>();
-        assert_eq!(groups(arrange(&names, &[at(1), at(2), at(3)], false).unwrap()), [0, 0, 2]);
-        let shifts = arrange(&names, &[at(1), None, at(3)], true).unwrap();
-        assert_eq!(shifts.iter().map(|one| one.shift).collect::<Vec<_>>(), [2_000_000_000, 0, 0]);
-        assert!(arrange(&names, &[at(1), at(2), at(1_700_000_000)], false).is_err());
-        assert!(arrange(&names[..1], &[None], false).is_ok());
+    #[expect(clippy::unnecessary_wraps, reason = "captures without timestamps have none")]
+    fn at(seconds: i64) -> Option<Timestamp> {
+        Some(Timestamp(seconds * 1_000_000_000))
     }
 
     #[test]
-    fn parts_of_a_recording_are_called_alike() {
-        let of = |names: &[&str]| names.iter().map(|name| recording(name)).collect::<Vec<_>>();
-        assert_eq!(of(&["a/run.log", "a/run-0002.log", "a/run-0013.log"]), ["a/run.log"; 3]);
-        let usual = ["candump-2026-11-22_073051.log", "candump-2026-11-22_073051-0002.log"];
-        assert_eq!(of(&usual), ["candump---_.log"; 2]);
-        assert_ne!(recording("run.log"), recording("run.pcapng"));
-        assert_ne!(recording("front.log"), recording("front-left.log"));
+    fn parts_follow_each_other_and_clocks_are_not_mixed() {
+        use Relation::{Continues, Independent, Later};
+        let names = ["b-2.log", "other.log", "b-1.log", "b-3.log"].map(str::to_owned);
+        let firsts = [at(2), at(2), at(1), at(90)];
+        let relations = [Continues(2), Independent, Independent, Later(0)];
+        let all = arrange(&names, &firsts, &relations, false).unwrap();
+        let all: Vec<_> = all.iter().map(|one| (one.index, one.group, one.continues)).collect();
+        assert_eq!(all, [(1, 1, false), (2, 2, false), (0, 2, true), (3, 2, false)]);
+        let mixed = [at(1), at(2), at(1_700_000_000), at(3)];
+        assert!(arrange(&names, &mixed, &[], false).is_err());
+        assert!(arrange(&names[..1], &[None], &[], false).is_ok());
+    }
+
+    #[test]
+    fn aligned_captures_start_together_and_share_buses_by_name() {
+        let names = ["run.log", "run-0002.log", "other.log"].map(str::to_owned);
+        let all = arrange(&names, &[at(1), None, at(3)], &[], true).unwrap();
+        let all: Vec<_> = all.iter().map(|one| (one.group, one.shift)).collect();
+        assert_eq!(all, [(0, 2_000_000_000), (0, 0), (2, 0)]);
     }
 }

@@ -1,16 +1,16 @@
-//! How far a long file is read, on standard error, if that is a terminal.
+//! Progress of a long file on standard error, if that is a terminal.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Files below this are read before anybody looks.
+/// File size from which progress is shown.
 const LONG: u64 = 64 * 1024 * 1024;
 
-/// Bytes between two updates.
+/// Number of bytes between two updates.
 const STEP: u64 = 8 * 1024 * 1024;
 
-/// A line that says how much is read.
+/// The progress line.
 pub struct Progress {
     size: u64,
     taken: Arc<AtomicU64>,
@@ -19,19 +19,20 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Progress through a file of `size` bytes, of which `taken` are read; silent where nobody sees it.
+    /// Progress of a file of `size` bytes, of which `taken` are read; hidden if standard error is not a
+    /// terminal.
     pub fn new(size: Option<u64>, taken: Arc<AtomicU64>) -> Self {
         let size = size.unwrap_or(0);
         let seen = size >= LONG && std::io::stderr().is_terminal();
         Self { size, taken, next: if seen { STEP } else { u64::MAX }, shown: false }
     }
 
-    /// Shows nothing: with lines on the same terminal it would only disturb them.
+    /// Hides the progress, so that it does not disturb text on the same terminal.
     pub fn hide(&mut self) {
         self.next = u64::MAX;
     }
 
-    /// Shows the present state now and then.
+    /// Updates the line at intervals.
     pub fn tick(&mut self) {
         let taken = self.taken.load(Ordering::Relaxed);
         if taken < self.next {
@@ -43,7 +44,7 @@ impl Progress {
         let _ = write!(std::io::stderr(), "\r{percent:>3} % of {} MiB", self.size / 1024 / 1024);
     }
 
-    /// Takes the line away.
+    /// Removes the line.
     pub fn finish(&mut self) {
         if std::mem::take(&mut self.shown) {
             let _ = write!(std::io::stderr(), "\r\x1b[K");

@@ -1,8 +1,8 @@
-//! The bytes of a capture for many readers at once: a file read in place, or, of what can be read only once
-//! (compressed captures, standard input, live buses), temporary files without names that fill while they are read.
+//! The decompressed bytes of a capture for several readers. Files are read in place. Compressed captures,
+//! standard input and live buses can be read only once; they are stored in unnamed temporary files.
 //!
 //! ```text
-//! live: ░░░░ dropped ░░░░│ piece │ piece │ piece │ piece ◀─ written    never more than is to be kept
+//! live: ░░░░ evicted ░░░░│ piece │ piece │ piece │ piece ◀─ written    the total size is limited
 //! ```
 
 use std::collections::VecDeque;
@@ -15,45 +15,45 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cobscope_decoder::capture::{decompress, is_compressed};
 
-use super::{HEAD, ensure_no_folder};
+use super::file::{HEAD, ensure_no_folder};
 
-/// Bytes written to the temporary file at a time.
+/// Number of bytes written to the temporary file at a time.
 const PIECE: usize = 256 * 1024;
 
-/// Fewer bytes than this in a microsecond come from something that happens as it is read: a CAN bus has 0.4.
+/// Bytes per microsecond below which the input is a live source: a CAN bus has 0.4.
 const TRICKLE: u128 = 2;
 
-/// How long what trickles is gathered.
+/// Time for which the bytes of a live source are collected.
 const GATHER: Duration = Duration::from_millis(10);
 
-/// Least bytes a live store keeps: some hundred thousand frames.
+/// Minimum number of bytes kept of a live source: some hundred thousand frames.
 const LEAST_KEPT: u64 = 16 * 1024 * 1024;
 
-/// Pieces of a live store; one of them goes at a time.
+/// Number of pieces of a live store; they are evicted one by one.
 const PIECES: u64 = 16;
 
 /// The decompressed bytes of a capture.
 pub struct Store {
     name: String,
-    pieces: RwLock<VecDeque<Piece>>,
+    pieces: RwLock<VecDeque<StoreSegment>>,
     state: Mutex<State>,
     grew: Condvar,
 }
 
-/// A file with the bytes from an offset on, up to the next piece.
+/// A file with the bytes from an offset up to the next piece.
 #[derive(Debug, Clone)]
-struct Piece {
+struct StoreSegment {
     start: u64,
     file: Arc<File>,
 }
 
 #[derive(Debug, Clone, Default)]
 struct State {
-    /// Bytes at the beginning that are not kept any more.
+    /// Number of evicted bytes at the start.
     start: u64,
     length: u64,
     is_complete: bool,
-    /// Why it ends where it does, if it should not, and of what kind that is.
+    /// Error that ended the input.
     failure: Option<(ErrorKind, String)>,
     is_abandoned: bool,
 }
@@ -62,7 +62,7 @@ impl Store {
     /// Opens a capture; `-` is standard input.
     ///
     /// # Errors
-    /// When it cannot be opened, or no temporary file can be made for it.
+    /// The capture cannot be opened or a temporary file cannot be created.
     pub fn open(path: &Path) -> anyhow::Result<Arc<Self>> {
         let name = path.display().to_string();
         if path.as_os_str() == "-" {
@@ -70,7 +70,7 @@ impl Store {
         }
         let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
         ensure_no_folder(path)?;
-        let metadata = file.metadata().with_context(|| format!("{name}: cannot be looked at"))?;
+        let metadata = file.metadata().with_context(|| format!("{name}: cannot read the file size"))?;
         let mut head = [0; 8];
         let is_in_place = metadata.is_file() && !is_compressed(&head_of(&file, &mut head));
         if !is_in_place {
@@ -81,27 +81,27 @@ impl Store {
     }
 
     fn of(name: String, file: File, state: State) -> Self {
-        let pieces = VecDeque::from([Piece { start: 0, file: Arc::new(file) }]);
+        let pieces = VecDeque::from([StoreSegment { start: 0, file: Arc::new(file) }]);
         Self { name, pieces: RwLock::new(pieces), state: Mutex::new(state), grew: Condvar::new() }
     }
 
-    /// A store that is written piece by piece, of which about the last `keep` bytes stay.
+    /// A store for a live source; about the last `keep` bytes are kept.
     ///
     /// # Errors
-    /// When no temporary file can be made.
+    /// A temporary file cannot be created.
     pub fn live(name: String, keep: u64) -> anyhow::Result<(Arc<Self>, StoreWriter)> {
-        let file = tempfile::tempfile().context("no temporary file can be made")?;
+        let file = tempfile::tempfile().context("cannot create a temporary file")?;
         let store = Arc::new(Self::of(name, file, State::default()));
         let keep = keep.max(LEAST_KEPT);
         let writer = StoreWriter { store: Arc::clone(&store), keep, piece: keep / PIECES, written: 0 };
         Ok((store, writer))
     }
 
-    /// Copies a source to a temporary file without a name, decompressed, while others read it.
+    /// Copies a source, decompressed, to an unnamed temporary file while it is being read.
     fn spooled(name: String, source: Box<dyn Read + Send>) -> anyhow::Result<Arc<Self>> {
-        let file = tempfile::tempfile().context("no temporary file can be made")?;
+        let file = tempfile::tempfile().context("cannot create a temporary file")?;
         let file = Arc::new(file);
-        let pieces = RwLock::new(VecDeque::from([Piece { start: 0, file: Arc::clone(&file) }]));
+        let pieces = RwLock::new(VecDeque::from([StoreSegment { start: 0, file: Arc::clone(&file) }]));
         let store = Arc::new(Self { name, pieces, state: Mutex::default(), grew: Condvar::new() });
         let filled = Arc::clone(&store);
         std::thread::Builder::new()
@@ -112,7 +112,7 @@ impl Store {
                     (cause.map_or(ErrorKind::Other, io::Error::kind), format!("{error:#}"))
                 }));
             })
-            .context("no thread can be started")?;
+            .context("cannot start a thread")?;
         Ok(store)
     }
 
@@ -128,7 +128,7 @@ impl Store {
                 Err(error) => return Err(error.into()),
             };
             let piece = piece.get(..count).unwrap_or_default();
-            write_at(file, piece, written).context("the temporary file cannot be written")?;
+            write_at(file, piece, written).context("cannot write the temporary file")?;
             written += count as u64;
             let mut state = self.lock();
             state.length = written;
@@ -138,7 +138,7 @@ impl Store {
             if is_abandoned {
                 return Ok(());
             }
-            // What trickles is gathered a while: each piece wakes all who wait for more.
+            // The bytes of a live source are collected for a while: each write wakes all waiting readers.
             let took = std::mem::replace(&mut last, Instant::now()).elapsed();
             if (count as u128) < took.as_micros() * TRICKLE {
                 std::thread::sleep(GATHER);
@@ -150,23 +150,23 @@ impl Store {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the user called it.
+    /// Name as given by the user.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Bytes there are by now, and whether these are all.
+    /// Number of bytes so far, and whether these are all.
     pub fn length(&self) -> (u64, bool) {
         let state = self.lock();
         (state.length, state.is_complete)
     }
 
-    /// Bytes at the beginning that are not kept any more.
+    /// Number of evicted bytes at the start.
     pub fn start(&self) -> u64 {
         self.lock().start
     }
 
-    /// The file with the byte at `offset`, where in it, and how many bytes follow before the next piece.
+    /// The file with the byte at `offset`, its position there, and the number of bytes up to the next piece.
     fn place(&self, offset: u64) -> Option<(Arc<File>, u64, u64)> {
         let pieces = self.pieces.read().unwrap_or_else(PoisonError::into_inner);
         let behind = pieces.partition_point(|piece| piece.start <= offset);
@@ -175,7 +175,7 @@ impl Store {
         Some((Arc::clone(&piece.file), offset - piece.start, end - offset))
     }
 
-    /// Why it ends early, if it does.
+    /// Reason for an early end.
     pub fn failure(&self) -> Option<String> {
         self.error().map(|error| match error.kind() {
             ErrorKind::UnexpectedEof => format!("the file is cut off: {error}"),
@@ -183,18 +183,18 @@ impl Store {
         })
     }
 
-    /// The same as what its reader would be told.
+    /// The error that a reader would return at the end.
     pub fn error(&self) -> Option<io::Error> {
         self.lock().failure.clone().map(|(kind, text)| io::Error::new(kind, text))
     }
 
-    /// Nobody reads it any more: readers that wait come to the end.
+    /// Ends waiting readers when the store is no longer needed.
     pub fn abandon(&self) {
         self.lock().is_abandoned = true;
         self.grew.notify_all();
     }
 
-    /// Nothing more will be written; because of this if it is for a reason.
+    /// Ends the input, with an error if it failed.
     pub fn end(&self, failure: Option<String>) {
         self.finish(failure.map(|text| (ErrorKind::Other, text)));
     }
@@ -206,13 +206,13 @@ impl Store {
         self.grew.notify_all();
     }
 
-    /// A reader from `offset` on. At what is there by now it waits for more.
+    /// A reader from `offset`. At the present end it waits for more.
     pub fn reader(self: &Arc<Self>, offset: u64) -> StoreReader {
         StoreReader { store: Arc::clone(self), offset }
     }
 }
 
-/// The first bytes of a file, without moving in it.
+/// The first bytes of a file, without moving its position.
 fn head_of(file: &File, head: &mut [u8]) -> Vec<u8> {
     let count = read_at(file, head, 0).unwrap_or(0);
     head.get(..count).unwrap_or_default().to_vec()
@@ -243,7 +243,7 @@ fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// Reads a store from some place on.
+/// A reader of a store.
 pub struct StoreReader {
     store: Arc<Store>,
     offset: u64,
@@ -263,7 +263,7 @@ impl Read for StoreReader {
             return Ok(0);
         }
         let Some((file, place, whole)) = self.store.place(self.offset) else {
-            return Err(io::Error::other("these frames are not kept any more (--keep)"));
+            return Err(io::Error::other("these frames are no longer kept (--keep)"));
         };
         let wanted = wanted.min(usize::try_from(whole).unwrap_or(usize::MAX));
         let count = read_at(&file, buffer.get_mut(..wanted).unwrap_or_default(), place)?;
@@ -272,24 +272,24 @@ impl Read for StoreReader {
     }
 }
 
-/// Writes a live store. What is written is seen by readers once it is flushed.
+/// Writer of a live store. Readers see the bytes after a flush.
 pub struct StoreWriter {
     store: Arc<Store>,
     keep: u64,
-    /// Bytes of a piece.
+    /// Size of a piece in bytes.
     piece: u64,
     written: u64,
 }
 
 impl StoreWriter {
-    /// Begins a new piece where the present one is full, and gives up the oldest ones.
+    /// Starts a new piece if the present one is full, and evicts the oldest pieces.
     fn make_room(&mut self) -> io::Result<()> {
         let mut pieces = self.store.pieces.write().unwrap_or_else(PoisonError::into_inner);
         let start = pieces.back().map_or(0, |piece| piece.start);
         if self.written - start < self.piece {
             return Ok(());
         }
-        pieces.push_back(Piece { start: self.written, file: Arc::new(tempfile::tempfile()?) });
+        pieces.push_back(StoreSegment { start: self.written, file: Arc::new(tempfile::tempfile()?) });
         while pieces.len() > 1 && self.written - pieces.front().map_or(0, |piece| piece.start) > self.keep {
             pieces.pop_front();
         }
@@ -299,7 +299,7 @@ impl StoreWriter {
         Ok(())
     }
 
-    /// The store that is written.
+    /// The store being written.
     pub fn store(&self) -> Arc<Store> {
         Arc::clone(&self.store)
     }
@@ -350,7 +350,10 @@ mod tests {
     fn a_folder_is_no_capture() {
         let folder = tempfile::tempdir().unwrap();
         let error = Store::open(folder.path()).err().unwrap().to_string();
-        assert!(error.ends_with(": a folder; name the captures in it, or judge all with check"), "{error}");
+        assert!(
+            error.ends_with(": a folder; name the captures in it, or use check for all of them"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -1,68 +1,69 @@
-//! What is shown, apart from the panes: captures, cursor in time, filter, theme.
+//! State shared by all panes: captures, cursor, filter, marks, theme.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Spot, World};
+use cobscope_decoder::replay::{EventPosition, ReplayState};
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::{NodeKey, Place, Sought};
+use super::{JumpPlace, NodeKey, SearchPattern};
 use crate::select::Bound;
 use crate::theme::{Role, Theme};
 use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
-use crate::words::unknown_bus;
+use crate::words::{unheard, unknown_bus};
 
-/// What all panes see, and none of them changes by itself.
+/// State that all panes read; only the application changes it.
 pub struct Core {
-    /// The captures.
+    /// The captures with their background threads.
     pub timeline: Timeline,
-    /// How things look.
+    /// Colours and characters.
     pub theme: Theme,
-    /// Where the cursor is to be.
-    pub cursor: Spot,
-    /// What is known there, or was at the last place that is known.
+    /// Requested position of the cursor.
+    pub cursor: EventPosition,
+    /// Content at the cursor; of its previous position while the new one is being read.
     pub window: Option<Window>,
-    /// The filter as typed.
+    /// Filter as typed.
     pub filter: String,
-    /// Which events are shown.
+    /// Selection of the shown events.
     pub matcher: Matcher,
-    /// What is looked for.
-    pub sought: Option<Sought>,
-    /// Places with letters.
-    pub marks: BTreeMap<char, Spot>,
-    /// The node panes tell of.
+    /// Text of the last search.
+    pub sought: Option<SearchPattern>,
+    /// Marks by letter.
+    pub marks: BTreeMap<char, EventPosition>,
+    /// The selected node.
     pub node: Option<NodeKey>,
-    /// What is said below, and how.
+    /// Message in the status line with its role.
     pub said: Option<(Role, String)>,
-    /// Goes to the end as more comes.
+    /// The cursor moves to the end as the capture grows.
     pub is_following: bool,
-    /// Where a selection of frames begins; it ends at the cursor.
+    /// First frame of the selection; it ends at the cursor.
     pub selection: Option<u64>,
-    /// Rows a pane has room for.
+    /// Height of a pane.
     pub height: u16,
-    /// Columns it has.
+    /// Width of a pane.
     pub width: u16,
-    /// Buses the user names, and by what.
+    /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
     serial: u64,
     target: Target,
-    /// A place the user named, until it is gone to: it may be one that is not there.
+    /// Position requested by the user until it is reached; it may not exist.
     asked: Option<Bound>,
     is_waiting: bool,
-    /// Exports whose end was not told yet.
+    /// Number of running exports.
     exports: usize,
-    /// Frames there were when the end was gone to.
+    /// Number of frames when the cursor last moved to the end.
     followed: u64,
 }
 
 impl Core {
-    /// Looks at captures from their beginning.
+    /// A view of captures at their start.
     pub fn new(timeline: Timeline, theme: Theme) -> Self {
         Self {
             timeline,
             theme,
-            cursor: Spot::default(),
+            cursor: EventPosition::default(),
             window: None,
             filter: String::new(),
             matcher: Matcher { only_news: true, ..Matcher::default() },
@@ -76,7 +77,7 @@ impl Core {
             width: 80,
             named: Vec::new(),
             serial: 0,
-            target: Target::Spot(Spot::default()),
+            target: Target::Event(EventPosition::default()),
             asked: None,
             is_waiting: false,
             exports: 0,
@@ -84,16 +85,16 @@ impl Core {
         }
     }
 
-    /// Asks for what is at a place.
-    pub fn go(&mut self, place: Place) {
+    /// Moves the cursor and requests the content there.
+    pub fn go(&mut self, place: JumpPlace) {
         let target = match place {
-            Place::Start => Target::Spot(Spot::before(1)),
-            Place::End => Target::End,
-            Place::Spot(spot) => Target::Spot(spot),
-            Place::Frame(frame) => Target::Spot(Spot::behind(frame)),
-            Place::Time(time) => Target::Time(time),
+            JumpPlace::Start => Target::Event(EventPosition::before(1)),
+            JumpPlace::End => Target::End,
+            JumpPlace::Event(spot) => Target::Event(spot),
+            JumpPlace::Frame(frame) => Target::Event(EventPosition::after(frame)),
+            JumpPlace::Time(time) => Target::Time(time),
         };
-        if let Target::Spot(spot) = target {
+        if let Target::Event(spot) = target {
             self.cursor = spot;
         }
         self.target = target;
@@ -101,50 +102,59 @@ impl Core {
         self.ask(None);
     }
 
-    /// Goes to a place the user named; if the captures do not have it to their nearest end, which is said.
+    /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
+    /// message.
     pub fn go_to(&mut self, bound: Bound) {
-        let place = match bound {
-            Bound::Frame(frame) => Place::Frame(frame),
-            Bound::Moment(time) => Place::Time(time),
-            Bound::Offset(offset) => match self.zero().or(self.timeline.first()) {
-                Some(zero) => Place::Time(zero.plus(offset)),
-                None => return self.refuse("this capture has no times; go to a frame as #1234"),
+        let bound = match (bound, self.timeline.progress().times()) {
+            (Bound::Clock(clock), Some((first, last))) => match clock.at(first, last) {
+                Ok(time) => Bound::Moment(time),
+                Err(reason) => return self.refuse(&reason),
             },
+            (bound, _) => bound,
+        };
+        let place = match bound {
+            Bound::Frame(frame) => JumpPlace::Frame(frame),
+            Bound::Moment(time) => JumpPlace::Time(time),
+            Bound::Offset(offset) => match self.zero().or(self.timeline.first()) {
+                Some(zero) => JumpPlace::Time(zero.plus(offset)),
+                None => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
+            },
+            Bound::Clock(_) => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
         };
         self.go(place);
         self.asked = Some(bound);
     }
 
-    /// Where a place lies that the captures do not have, and what is to be said of it.
+    /// Side and message for a position outside the captures.
     fn outside(&self, bound: Bound) -> Option<(Ordering, String)> {
         let frames = self.timeline.progress().frames();
         let times = self.timeline.progress().times();
         let (what, side) = match (bound, times) {
             (Bound::Frame(0), _) => ("frame", Ordering::Less),
             (Bound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
-            (_, None) => return None,
+            (_, None) | (Bound::Clock(_), _) => return None,
             (Bound::Moment(time), Some((first, last))) => ("time", side(time, first, last)),
             (Bound::Offset(offset), Some((first, last))) => ("time", side(first.plus(offset), first, last)),
         };
         let time = self.seconds(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
         let text = match side {
-            Ordering::Less => format!("no such {what}: the capture begins here"),
+            Ordering::Less => format!("no such {what}: the capture starts here"),
             Ordering::Equal => return None,
             Ordering::Greater => format!("no such {what}: the capture ends here, #{frames}{time}"),
         };
         Some((side, text))
     }
 
-    /// Asks again for what is at the place, since something about it changed.
+    /// Requests the content at the cursor again after a change.
     pub fn refresh(&mut self) {
         self.ask(None);
     }
 
-    /// Goes to the next row that has what is sought, or to the one before.
+    /// Searches for the next or previous matching row.
     pub fn search(&mut self, is_backward: bool) {
-        let Some(sought) = &self.sought else { return self.refuse("nothing is searched for; type / first") };
+        let Some(sought) = &self.sought else { return self.refuse("no search text; press / first") };
         let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
-        self.target = Target::Spot(self.row().map_or(self.cursor, |row| row.spot));
+        self.target = Target::Event(self.row().map_or(self.cursor, |row| row.spot));
         self.asked = None;
         self.ask(Some(Search { matcher, is_backward }));
     }
@@ -163,7 +173,7 @@ impl Core {
         });
     }
 
-    /// Takes the answer to the last order; older ones are late.
+    /// Takes a requested window; windows of older requests are ignored.
     pub fn answer(&mut self, window: Window) {
         if window.serial != self.serial {
             return;
@@ -171,36 +181,47 @@ impl Core {
         self.is_waiting = false;
         if window.is_missed {
             let text = self.sought.as_ref().map_or("", |sought| &sought.text);
-            self.refuse(&format!("no further place has {text}"));
+            self.refuse(&format!("no further match for {text}"));
         }
         if !window.is_pending {
             self.cursor = window.spot;
-            self.target = Target::Spot(window.spot);
+            self.target = Target::Event(window.spot);
         }
         let is_there = !window.is_pending;
         self.window = Some(window);
         let outside = self.asked.take_if(|_| is_there).and_then(|bound| self.outside(bound));
         if let Some((side, text)) = outside {
             if side == Ordering::Less {
-                self.go(Place::Start);
+                self.go(JumpPlace::Start);
             }
             self.refuse(&text);
         }
     }
 
-    /// Changes which events are shown.
+    /// Changes the selection of shown events.
     pub fn show(&mut self, matcher: Matcher) {
         self.matcher = matcher;
         self.timeline.search(self.matcher.clone());
         self.refresh();
     }
 
-    /// Whether an answer is on its way.
+    /// Decodes the captures with other options and requests the content at the cursor again.
+    ///
+    /// # Errors
+    /// A thread cannot be started.
+    pub fn replace(&mut self, options: SessionOptions) -> anyhow::Result<()> {
+        self.timeline.again(options)?;
+        self.timeline.search(self.matcher.clone());
+        self.refresh();
+        Ok(())
+    }
+
+    /// Whether a window or an export is outstanding.
     pub fn is_waiting(&self) -> bool {
         self.is_waiting || self.exports > 0
     }
 
-    /// Goes on to the end where that is followed, and looks again for a place that was not read yet.
+    /// Moves to the end while following, and requests a position again that was not read yet.
     pub fn follow(&mut self) {
         let frames = self.timeline.progress().frames();
         if self.is_pending() && !self.is_waiting {
@@ -208,51 +229,51 @@ impl Core {
         }
         if self.is_following && !self.is_waiting && frames > self.followed {
             self.followed = frames;
-            self.go(Place::End);
+            self.go(JumpPlace::End);
         }
     }
 
-    /// First and last frame selected.
+    /// First and last frame of the selection.
     pub fn selected_frames(&self) -> Option<(u64, u64)> {
         let start = self.selection?;
         let here = self.cursor.frame.min(self.timeline.progress().frames());
         Some((start.min(here), start.max(here)))
     }
 
-    /// Writes what is selected, else everything, to a file.
+    /// Exports the selection, or everything, to a file.
     pub fn export(&mut self, path: &str) {
         let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
         let matcher = self.matcher.clone();
         self.exports += 1;
         self.timeline.export(Export { path: path.into(), first, last, matcher });
-        self.say("writing …");
+        self.notify("writing …");
     }
 
-    /// An export ended.
+    /// Shows the result of an export.
     pub fn exported(&mut self, told: Result<String, String>) {
         self.exports = self.exports.saturating_sub(1);
         match told {
-            Ok(text) => self.say(&text),
+            Ok(text) => self.notify(&text),
             Err(text) => self.refuse(&text),
         }
     }
 
-    /// Whether the place wanted is not read yet.
+    /// Whether the requested position is not read yet.
     pub fn is_pending(&self) -> bool {
         self.window.as_ref().is_some_and(|window| window.is_pending)
     }
 
-    /// What is known at the cursor.
-    pub fn world(&self) -> Option<&World> {
+    /// State of the buses at the cursor.
+    pub fn world(&self) -> Option<&ReplayState> {
         self.window.as_ref().map(|window| &*window.world)
     }
 
-    /// The rows around the cursor.
+    /// Rows around the cursor.
     pub fn rows(&self) -> &[Row] {
         self.window.as_ref().map_or(&[], |window| &window.rows)
     }
 
-    /// Which of them is the cursor's.
+    /// Index of the row at the cursor.
     pub fn selected(&self) -> usize {
         if let Some(window) = self.window.as_ref().filter(|window| window.is_pending) {
             return window.selected;
@@ -261,15 +282,16 @@ impl Core {
         behind.saturating_sub(1)
     }
 
-    /// The row of the cursor.
+    /// The row at the cursor.
     pub fn row(&self) -> Option<&Row> {
         self.rows().get(self.selected())
     }
 
-    /// Time at the cursor: that of its event, else of the last frame before it.
+    /// Time at the cursor: of its event, else of the last frame before it.
     pub fn time(&self) -> Option<Timestamp> {
         let is_event = self.cursor.ordinal != u32::MAX;
-        // What is known is of the place before while the answer is on its way; its rows may reach the new one.
+        // Until the requested window arrives, the state is that of the previous position; its rows may
+        // include the new one.
         let is_late =
             self.is_waiting && self.window.as_ref().is_some_and(|window| window.spot != self.cursor);
         let is_there = |row: &&Row| is_late || (is_event && row.spot == self.cursor);
@@ -295,7 +317,7 @@ impl Core {
         Some(time?.since(self.zero()?) as f64 / 1e9)
     }
 
-    /// What a finding says.
+    /// Severity, rule and text of a finding.
     pub fn finding_text(&self, id: u64) -> String {
         let survey = self.timeline.survey();
         if let Some(group) = survey.findings.as_ref().and_then(|findings| findings.group(id)) {
@@ -306,38 +328,51 @@ impl Core {
         escape(&text.unwrap_or_default()).into_owned()
     }
 
-    /// What is said of buses that the user names and the captures do not have, once all of them are known.
+    /// Messages about buses that the user named and the captures do not contain; empty until all buses are
+    /// known.
     pub fn unknown_buses(&self, survey: &Survey) -> Vec<String> {
         if !survey.is_complete || self.named.is_empty() {
             return Vec::new();
         }
-        let captures: Vec<&str> = self.timeline.lanes().iter().map(|lane| lane.store.name()).collect();
-        let (captures, has) =
-            (captures.join(", "), survey.buses.iter().map(String::as_str).collect::<Vec<_>>());
+        let captures = self.captures();
+        let has: Vec<&str> = survey.buses.iter().map(String::as_str).collect();
         self.named.iter().filter_map(|(name, by)| unknown_bus(&captures, name, by, &has)).collect()
     }
 
-    /// Says once which buses there are not, behind what is said already.
-    pub fn tell_unknown_buses(&mut self) {
-        let unknown = self.unknown_buses(&self.timeline.survey());
+    /// Message about nodes that the user named and that sent no frame; `None` until the captures are read.
+    fn unheard_nodes(&self) -> Option<String> {
+        let end = self.timeline.end().filter(|_| self.timeline.live().is_none())?;
+        unheard(&self.captures(), end.buses(), self.timeline.options())
+    }
+
+    /// Names of the captures.
+    fn captures(&self) -> String {
+        let names: Vec<&str> = self.timeline.lanes().iter().map(|lane| lane.store.name()).collect();
+        names.join(", ")
+    }
+
+    /// Adds these messages to the status line.
+    pub fn report_unknown_buses(&mut self) {
+        let mut unknown = self.unknown_buses(&self.timeline.survey());
+        unknown.extend(self.unheard_nodes());
         if !unknown.is_empty() {
             let said = self.said.take().map(|(_, text)| text);
             self.refuse(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
         }
     }
 
-    /// Says something below.
-    pub fn say(&mut self, text: &str) {
+    /// Shows a message in the status line.
+    pub fn notify(&mut self, text: &str) {
         self.said = Some((Role::Note, text.to_owned()));
     }
 
-    /// Says that something is not possible.
+    /// Shows in the status line that something is not possible.
     pub fn refuse(&mut self, text: &str) {
         self.said = Some((Role::Caution, text.to_owned()));
     }
 }
 
-/// On which side of the captures a time lies.
+/// Position of a time relative to the captures.
 fn side(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
     if time < first { Ordering::Less } else { time.cmp(&last).max(Ordering::Equal) }
 }

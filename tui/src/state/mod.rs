@@ -1,9 +1,9 @@
-//! State that the application changes and the panes draw: captures, cursor, filter, marks, theme.
+//! State changed by the application and drawn by the panes: captures, cursor, filter, marks, theme.
 
 mod core;
 mod place;
 mod search;
 
 pub use core::Core;
-pub use place::{NodeKey, Place};
-pub use search::{Sought, pattern};
+pub use place::{JumpPlace, NodeKey};
+pub use search::{SearchPattern, pattern};

@@ -1,23 +1,23 @@
-//! Places in time and nodes, as panes and prompts name them.
+//! Nodes and cursor positions.
 
 use cobscope_decoder::frame::{BusIndex, Timestamp};
-use cobscope_decoder::replay::Spot;
+use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::wire::NodeId;
 
 /// A node on a bus.
 pub type NodeKey = (BusIndex, NodeId);
 
-/// A place in time to go to.
+/// A cursor position to go to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
-    /// The beginning.
+pub enum JumpPlace {
+    /// Before the first frame.
     Start,
-    /// The end.
+    /// After the last frame.
     End,
     /// An event.
-    Spot(Spot),
-    /// Behind a frame.
+    Event(EventPosition),
+    /// After a frame.
     Frame(u64),
-    /// A time of the captures' own clock.
+    /// A timestamp of the captures.
     Time(Timestamp),
 }

@@ -2,19 +2,19 @@
 
 use regex_lite::Regex;
 
-/// A look for something.
+/// A search text with its pattern.
 #[derive(Debug, Clone)]
-pub struct Sought {
-    /// As typed.
+pub struct SearchPattern {
+    /// Text as typed.
     pub text: String,
-    /// What rows must match.
+    /// Pattern that rows must match.
     pub pattern: Regex,
 }
 
-/// A pattern; without capital letters in it case does not matter.
+/// A search pattern; it ignores case unless the text contains a capital letter.
 ///
 /// # Errors
-/// What is wrong with it.
+/// Invalid regular expression.
 pub fn pattern(text: &str) -> Result<Regex, String> {
     let is_any_case = !text.chars().any(char::is_uppercase);
     let written = if is_any_case { format!("(?i){text}") } else { text.to_owned() };

@@ -1,31 +1,31 @@
-//! Load of a bus over time, in a bounded number of steps.
+//! Bus load over time in a bounded number of steps.
 
 use cobscope_decoder::frame::{Frame, FrameFlags};
 use cobscope_decoder::statistics::frame_bits;
 
-/// Nanoseconds of a step in the beginning.
+/// Initial length of a step, in ns.
 const FIRST_STEP: i64 = 100_000_000;
 
-/// Steps kept: when there are more, two become one.
+/// Maximum number of steps; beyond it pairs of steps are merged.
 const MOST_STEPS: i64 = 4_096;
 
-/// What was on a bus within one step.
+/// Traffic of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Step {
-    /// Frames.
+pub struct LoadStep {
+    /// Number of frames.
     pub frames: u64,
-    /// Bits on the wire with stuffing; FD and error frames are not in it.
+    /// Bits on the wire including stuff bits; CAN FD frames and error frames are not counted.
     pub bits: u64,
-    /// Error frames.
+    /// Number of error frames.
     pub errors: u64,
 }
 
-/// Frames, bits and error frames of each step of time.
+/// Frames, bits and error frames per step.
 #[derive(Debug, Clone)]
 pub struct LoadOverTime {
     start: Option<i64>,
     step: i64,
-    steps: Vec<Step>,
+    steps: Vec<LoadStep>,
 }
 
 impl Default for LoadOverTime {
@@ -35,7 +35,7 @@ impl Default for LoadOverTime {
 }
 
 impl LoadOverTime {
-    /// Takes a frame; one before the first counts as there.
+    /// Counts a frame. A timestamp before the first one counts in the first step.
     pub fn add(&mut self, frame: &Frame) {
         let Some(time) = frame.time else { return };
         let start = *self.start.get_or_insert(time.0);
@@ -45,7 +45,7 @@ impl LoadOverTime {
         }
         let place = usize::try_from(since / self.step).unwrap_or(0);
         if self.steps.len() <= place {
-            self.steps.resize(place + 1, Step::default());
+            self.steps.resize(place + 1, LoadStep::default());
         }
         if let Some(step) = self.steps.get_mut(place) {
             step.frames += 1;
@@ -56,8 +56,8 @@ impl LoadOverTime {
 
     fn halve(&mut self) {
         self.step = self.step.saturating_mul(2);
-        let pair = |pair: &[Step]| {
-            pair.iter().fold(Step::default(), |sum, step| Step {
+        let pair = |pair: &[LoadStep]| {
+            pair.iter().fold(LoadStep::default(), |sum, step| LoadStep {
                 frames: sum.frames + step.frames,
                 bits: sum.bits + step.bits,
                 errors: sum.errors + step.errors,
@@ -66,26 +66,26 @@ impl LoadOverTime {
         self.steps = self.steps.chunks(2).map(pair).collect();
     }
 
-    /// Time of the first step, nanoseconds.
+    /// Start of the first step, in ns.
     pub fn start(&self) -> Option<i64> {
         self.start
     }
 
-    /// Nanoseconds of a step.
+    /// Length of a step, in ns.
     pub fn step(&self) -> i64 {
         self.step
     }
 
-    /// The steps, in order.
-    pub fn steps(&self) -> &[Step] {
+    /// The steps in time order.
+    pub fn steps(&self) -> &[LoadStep] {
         &self.steps
     }
 
-    /// Steps that together make up at least `width` nanoseconds up to a time, taken to that width.
-    pub fn over(&self, time: i64, width: i64) -> Step {
+    /// Traffic in the `width` ns up to a time, scaled from whole steps.
+    pub fn over(&self, time: i64, width: i64) -> LoadStep {
         let count = (width / self.step).max(1);
         let at = |back: i64| self.at(time.saturating_sub(back.saturating_mul(self.step))).unwrap_or_default();
-        let sum = (0..count).map(at).fold(Step::default(), |sum, step| Step {
+        let sum = (0..count).map(at).fold(LoadStep::default(), |sum, step| LoadStep {
             frames: sum.frames + step.frames,
             bits: sum.bits + step.bits,
             errors: sum.errors + step.errors,
@@ -95,11 +95,11 @@ impl LoadOverTime {
             u64::try_from(u128::from(value) * u128::from(width.unsigned_abs()) / u128::from(whole))
                 .unwrap_or(u64::MAX)
         };
-        Step { frames: share(sum.frames), bits: share(sum.bits), errors: share(sum.errors) }
+        LoadStep { frames: share(sum.frames), bits: share(sum.bits), errors: share(sum.errors) }
     }
 
-    /// The step in which a time lies.
-    pub fn at(&self, time: i64) -> Option<Step> {
+    /// The step that contains a time.
+    pub fn at(&self, time: i64) -> Option<LoadStep> {
         let since = time.checked_sub(self.start?).filter(|since| *since >= 0)?;
         self.steps.get(usize::try_from(since / self.step).ok()?).copied()
     }
@@ -121,7 +121,7 @@ mod tests {
             };
             load.add(&frame);
         }
-        // 999 s in 4,096 steps: of 400 ms, after 100 and 200 ms.
+        // 999 s need 2,498 steps of 400 ms, after 100 and 200 ms.
         assert_eq!((load.step(), load.steps().len()), (400_000_000, 2_498));
         assert_eq!(load.steps().iter().map(|step| step.frames).sum::<u64>(), 1_000);
         assert_eq!(load.at(10_000_000_000).map(|step| step.bits), Some(48));

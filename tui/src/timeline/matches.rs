@@ -1,29 +1,29 @@
-//! Which events are shown: a filter, or only what says something new, looked for in the whole capture while the
-//! index grows.
+//! Selection of the shown events: a filter or only changes, applied to the whole capture while the index
+//! grows.
 //!
-//! Of each frame one bit says whether it brought such an event. Of few hits the rows themselves are kept, so that
-//! a screen of them costs nothing; of many, those around a place are near it and are decoded again.
+//! One bit per frame marks a match. With few matches the rows are kept too, so that a screen of them costs
+//! nothing; with many matches the rows near a position are decoded again.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use regex_lite::Regex;
 
 use super::row::Row;
 
-/// Rows kept of a search with few hits.
+/// Maximum number of rows kept.
 pub(super) const MOST_ROWS: usize = 10_000;
 
-/// What an event must be like.
+/// Conditions for a shown event.
 #[derive(Debug, Clone, Default)]
 pub struct Matcher {
-    /// Events this filter means.
+    /// Filter expression.
     pub filter: Option<Filter>,
-    /// Only what says something new.
+    /// Changes only.
     pub only_news: bool,
-    /// Rows whose text this matches.
+    /// Pattern for the text of the row.
     pub text: Option<Regex>,
 }
 
@@ -36,13 +36,13 @@ impl PartialEq for Matcher {
 }
 
 impl Matcher {
-    /// Whether every event does.
+    /// Whether every event matches.
     pub fn takes_all(&self) -> bool {
         self.filter.is_none() && !self.only_news && self.text.is_none()
     }
 
-    /// Whether this event does.
-    pub fn takes(&self, told: &Told<'_>) -> bool {
+    /// Whether an event matches.
+    pub fn takes(&self, told: &PlacedEvent<'_>) -> bool {
         if self.only_news && !told.is_news {
             return false;
         }
@@ -53,10 +53,10 @@ impl Matcher {
     }
 }
 
-/// What was found so far.
+/// Result of a search, filled while it runs.
 pub struct Matches {
     pub(super) matcher: Matcher,
-    found: RwLock<Found>,
+    found: RwLock<MatchingRows>,
     count: AtomicU64,
     scanned: AtomicU64,
     is_complete: AtomicBool,
@@ -64,10 +64,10 @@ pub struct Matches {
 }
 
 #[derive(Default)]
-struct Found {
-    /// A bit a frame.
+struct MatchingRows {
+    /// One bit per frame.
     bits: Vec<u64>,
-    /// All events, as long as there are few.
+    /// Rows of all matches; empty if there are too many.
     rows: Vec<Row>,
 }
 
@@ -83,17 +83,17 @@ impl Matches {
         }
     }
 
-    /// Events found so far.
+    /// Number of matches so far.
     pub fn count(&self) -> u64 {
         self.count.load(Ordering::Relaxed)
     }
 
-    /// Frames looked at so far.
+    /// Number of frames searched so far.
     pub fn scanned(&self) -> u64 {
         self.scanned.load(Ordering::Acquire)
     }
 
-    /// Whether all were looked at.
+    /// Whether the whole capture is searched.
     pub fn is_complete(&self) -> bool {
         self.is_complete.load(Ordering::Acquire)
     }
@@ -114,7 +114,7 @@ impl Matches {
         self.is_complete.store(true, Ordering::Release);
     }
 
-    pub(super) fn add(&self, told: &Told<'_>) {
+    pub(super) fn add(&self, told: &PlacedEvent<'_>) {
         let count = self.count.fetch_add(1, Ordering::Relaxed);
         let mut found = self.found.write().unwrap_or_else(PoisonError::into_inner);
         let (word, bit) = place(told.spot.frame);
@@ -131,9 +131,9 @@ impl Matches {
         }
     }
 
-    /// Rows around a place, at most `before` up to it and `after` behind, if they are all at hand; and
-    /// whether there are none further on either side.
-    pub(super) fn rows(&self, at: Spot, before: usize, after: usize) -> Option<Vec<Row>> {
+    /// Matching rows around a position: at most `before` up to it and `after` after it. None if not all rows
+    /// are kept.
+    pub(super) fn rows(&self, at: EventPosition, before: usize, after: usize) -> Option<Vec<Row>> {
         if self.count() > MOST_ROWS as u64 {
             return None;
         }
@@ -143,7 +143,7 @@ impl Matches {
         Some(found.rows.get(range)?.to_vec())
     }
 
-    /// The frame from which `count` hits lie before `frame`, frame 0 if there are fewer.
+    /// The frame of the `count`-th match up to `frame`, counted backwards; 0 with fewer matches.
     pub(super) fn frame_before(&self, frame: u64, count: usize) -> u64 {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
         let (last, bit) = place(frame);
@@ -167,14 +167,14 @@ impl Matches {
         0
     }
 
-    /// Whether a frame brought a hit.
+    /// Whether a frame has a match.
     pub fn has_frame(&self, frame: u64) -> bool {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
         let (word, bit) = place(frame);
         found.bits.get(word).is_some_and(|bits| bits >> bit & 1 == 1)
     }
 
-    /// The first frame with a hit from `frame` on.
+    /// The first frame with a match, from `frame`.
     pub(super) fn next_frame(&self, frame: u64) -> Option<u64> {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
         let (first, bit) = place(frame);

@@ -1,14 +1,14 @@
-//! Captures as one line of time that can be gone to and fro.
+//! Captures on a common time axis, with random access.
 //!
 //! ```text
-//!            ┌─ index ──▶ marks, progress          one pass, leaves a world every 262,144 frames
-//! captures ──┼─ survey ─▶ findings, exchanges …    one pass, judges
-//!            ├─ matches ▶ which frames are shown   one pass a filter
+//!            ┌─ index ──▶ marks, progress          one pass, stores a state every 262,144 frames
+//! captures ──┼─ survey ─▶ findings, transfers …    one pass, runs the rules
+//!            ├─ matches ▶ frames with shown events one pass per filter
 //!            ├─ traces ─▶ signals over time        from the nearest mark
-//!            └─ seek ───▶ rows and world at a place, from the nearest mark
+//!            └─ seek ───▶ rows and state at the cursor, from the nearest mark
 //! ```
 //!
-//! Each is a thread; what they find lies in [`Shared`], and a piece of [`News`] says that it changed.
+//! Each is a thread. Its results are in [`Shared`]; a [`News`] message reports a change.
 
 mod load;
 mod matches;
@@ -30,92 +30,126 @@ use std::sync::{Arc, PoisonError, RwLockReadGuard};
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
-pub use load::{LoadOverTime, Step};
+pub use load::{LoadOverTime, LoadStep};
 pub use matches::{Matcher, Matches};
 pub use news::News;
 pub use order::{Order, Search, Target, Window};
 pub use row::Row;
 pub use shared::{Lane, Progress, Shared};
 pub use signal::SignalKey;
-pub use survey::{Exchange, MOST_EXCHANGES, Occurred, Opened, Survey, bit_rate_change};
+pub use survey::{Exchange, FindingOccurrence, MOST_EXCHANGES, OpenedFinding, Survey, bit_rate_change};
 pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Points, Traces};
 
 pub use crate::bucket::Bucket;
+pub use crate::source::JoinOptions;
 use crate::source::live::LiveState;
-use crate::source::{Arranged, Store, arrange};
+use crate::source::{CaptureFile, CapturePlacement, Store, arrange, relate};
 
-/// What a timeline is made of.
+/// Captures with all options.
 pub struct Captures {
-    /// Files; `-` is standard input.
+    /// File paths; `-` is standard input.
     pub paths: Vec<PathBuf>,
-    /// Lets all begin at the same moment.
+    /// Align the start of all captures.
     pub align: bool,
-    /// How they are read.
+    /// Conditions for parts of one capture.
+    pub join: JoinOptions,
+    /// Options of the readers.
     pub read: ReadOptions,
-    /// How they are understood.
+    /// Options of the decoder.
     pub session: SessionOptions,
-    /// How they are judged.
+    /// Selection and tolerances of the rules.
     pub rules: Arc<Setup>,
     /// Live buses instead of files.
     pub live: Option<LiveBuses>,
 }
 
-/// Live buses: what came of them, and how they are.
+/// Live buses: received frames and link states.
 #[derive(Clone)]
 pub struct LiveBuses {
-    /// What came.
+    /// Received frames.
     pub store: Arc<Store>,
-    /// How they are.
+    /// Link states and failures.
     pub state: LiveState,
 }
 
-/// Captures being read in the background.
+/// Captures that are read by background threads.
 pub struct Timeline {
     shared: Arc<Shared>,
     orders: Sender<Order>,
     news: Sender<News>,
+    rules: Arc<Setup>,
     first: Option<Timestamp>,
     live: Option<LiveState>,
+    /// Another timeline has the captures of this one.
+    is_replaced: bool,
 }
 
 impl Timeline {
-    /// Opens captures and begins to read them; what is found goes to `news`.
+    /// Opens captures and starts the threads; they report to `news`.
     ///
     /// # Errors
-    /// When a capture cannot be opened or is in no known format, or when captures with and without dates
-    /// are to be put on one line of time without `align`.
+    /// A capture cannot be opened or has an unknown format; captures with and without dates are combined
+    /// without `align`.
     pub fn open(captures: Captures, news: Sender<News>) -> anyhow::Result<Self> {
         let live = captures.live.as_ref().map(|live| live.state.clone());
         let (lanes, first) = match &captures.live {
             Some(live) => (vec![live_lane(live)], None),
             None => lanes(&captures)?,
         };
-        let shared = Arc::new(Shared::new(lanes, captures.session, captures.read));
-        let (orders, inbox) = channel();
-        let rules = captures.rules;
-        spawn("index", &shared, &news, |shared, news| threads::index::run(shared, news))?;
-        spawn("survey", &shared, &news, move |shared, news| threads::survey::run(shared, &rules, news))?;
-        spawn("seek", &shared, &news, move |shared, news| threads::seek::run(shared, &inbox, news))?;
-        Ok(Self { shared, orders, news, first, live })
+        Self::start(Shared::new(lanes, captures.session, captures.read), captures.rules, news, (first, live))
     }
 
-    /// Time of the first frame of all.
+    /// Starts the threads.
+    fn start(
+        shared: Shared,
+        rules: Arc<Setup>,
+        news: Sender<News>,
+        (first, live): (Option<Timestamp>, Option<LiveState>),
+    ) -> anyhow::Result<Self> {
+        let shared = Arc::new(shared);
+        let (orders, inbox) = channel();
+        let setup = Arc::clone(&rules);
+        spawn("index", &shared, &news, |shared, news| threads::index::run(shared, news))?;
+        spawn("survey", &shared, &news, move |shared, news| threads::survey::run(shared, &setup, news))?;
+        spawn("seek", &shared, &news, move |shared, news| threads::seek::run(shared, &inbox, news))?;
+        Ok(Self { shared, orders, news, rules, first, live, is_replaced: false })
+    }
+
+    /// Options of the decoder.
+    pub fn options(&self) -> &SessionOptions {
+        &self.shared.options
+    }
+
+    /// Decodes the same captures with other options; the files are not read again.
+    ///
+    /// # Errors
+    /// A thread cannot be started.
+    pub fn again(&mut self, options: SessionOptions) -> anyhow::Result<()> {
+        let shared = Shared::new(self.shared.lanes.clone(), options, self.shared.read_options);
+        let next =
+            Self::start(shared, Arc::clone(&self.rules), self.news.clone(), (self.first, self.live.clone()))?;
+        self.is_replaced = true;
+        *self = next;
+        Ok(())
+    }
+
+    /// Time of the first frame of all captures.
     pub fn first(&self) -> Option<Timestamp> {
         self.first
     }
 
-    /// Wants to know what is at a place.
+    /// Requests the content at a position.
     pub fn order(&self, order: Order) {
-        // Without its thread there is nobody to answer, and that was told.
+        // If the thread has ended, its failure was already reported.
         let _ = self.orders.send(order);
     }
 
-    /// Looks for the events that are shown; an earlier search ends.
+    /// Starts a search for the shown events; an earlier search ends.
     pub fn search(&self, matcher: Matcher) {
         let mut current = self.shared.matches.write().unwrap_or_else(PoisonError::into_inner);
         if let Some(old) = current.take() {
@@ -135,7 +169,7 @@ impl Timeline {
         }
     }
 
-    /// Writes a part of the captures to a file; what came of it is told.
+    /// Exports a part of the captures; the result arrives as [`News::Exported`].
     pub fn export(&self, export: Export) {
         let told = spawn("export", &self.shared, &self.news, move |shared, news| {
             threads::export::run(shared, &export, news);
@@ -145,12 +179,12 @@ impl Timeline {
         }
     }
 
-    /// The search for the events that are shown.
+    /// Result of the search for the shown events.
     pub fn matches(&self) -> Option<Arc<Matches>> {
         self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Begins to follow signals from a time on, to another one or to the end.
+    /// Starts sampling signals from a time to another one or to the end.
     pub fn trace(&self, signals: Vec<SignalKey>, from: Timestamp, to: Option<Timestamp>) -> Arc<Traces> {
         let traces = Arc::new(Traces::new(signals, from, to));
         self.shared.tracing.fetch_add(1, Ordering::Relaxed);
@@ -165,27 +199,27 @@ impl Timeline {
         traces
     }
 
-    /// Whether signals are being followed.
+    /// Whether signals are being sampled.
     pub fn is_tracing(&self) -> bool {
         self.shared.tracing.load(Ordering::Acquire) > 0
     }
 
-    /// How far the index has come.
+    /// Progress of the index.
     pub fn progress(&self) -> &Progress {
         &self.shared.progress
     }
 
-    /// What the whole capture comes to, so far.
+    /// Results about the whole capture so far.
     pub fn survey(&self) -> RwLockReadGuard<'_, Survey> {
         self.shared.survey.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The world at the end, once it is known.
-    pub fn end(&self) -> Option<Arc<World>> {
+    /// State of the buses at the end; None until it is read.
+    pub fn end(&self) -> Option<Arc<ReplayState>> {
         self.shared.end.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Why reading ended early, if it did.
+    /// Reason why reading ended early.
     pub fn failure(&self) -> Option<String> {
         let failure = self.shared.failure.lock().unwrap_or_else(PoisonError::into_inner).clone();
         failure.or_else(|| {
@@ -198,32 +232,32 @@ impl Timeline {
         })
     }
 
-    /// Whether more of a capture may come.
+    /// Whether a capture may still grow.
     pub fn grows(&self) -> bool {
         self.shared.grows()
     }
 
-    /// What grew has been seen: further growth is told again.
+    /// Allows the next [`News::Grew`] message.
     pub fn see_growth(&self) {
         self.shared.has_told_growth.store(false, Ordering::Release);
     }
 
-    /// How the buses are, where they are live.
+    /// State of live buses; None for files.
     pub fn live(&self) -> Option<&LiveState> {
         self.live.as_ref()
     }
 
-    /// Frames at the beginning of a live bus that are not kept any more.
+    /// Number of evicted frames at the start of a live bus.
     pub fn dropped(&self) -> u64 {
         self.shared.first_kept().map_or(0, |mark| mark.frames)
     }
 
-    /// The captures.
+    /// The captures in order.
     pub fn lanes(&self) -> &[Lane] {
         &self.shared.lanes
     }
 
-    /// Decompressed bytes there are by now, and whether that is all.
+    /// Decompressed bytes available, and whether these are all.
     pub fn length(&self) -> (u64, bool) {
         let lengths = self.shared.lanes.iter().map(|lane| lane.store.length());
         lengths.fold((0, true), |(sum, all), (length, is_all)| (sum + length, all && is_all))
@@ -235,7 +269,11 @@ impl Drop for Timeline {
         if let Some(matches) = self.matches() {
             matches.stop();
         }
-        self.shared.stop();
+        if self.is_replaced {
+            self.shared.retire();
+        } else {
+            self.shared.stop();
+        }
     }
 }
 
@@ -247,35 +285,45 @@ fn spawn(
 ) -> anyhow::Result<()> {
     let (shared, news) = (Arc::clone(shared), news.clone());
     let thread = std::thread::Builder::new().name(name.into());
-    thread.spawn(move || run(&shared, &news)).context("no thread can be started")?;
+    thread.spawn(move || run(&shared, &news)).context("cannot start a thread")?;
     Ok(())
 }
 
-/// Nothing of a live bus need have come.
+/// A live bus may have no frame yet.
 fn live_lane(live: &LiveBuses) -> Lane {
     let store = Arc::clone(&live.store);
-    Lane { store, group: 0, shift: 0, format: "live", is_live: true }
+    Lane { store, group: 0, shift: 0, continues: false, format: "live", is_live: true }
 }
 
-/// Opens each capture, and puts their clocks side by side.
+/// Opens the captures and aligns their clocks.
 fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
     let mut lanes: Vec<Lane> = Vec::new();
     let (mut names, mut firsts) = (Vec::new(), Vec::new());
-    for path in &captures.paths {
+    let files = captures.paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
+    let is_off = captures.join.is_off || captures.align;
+    let join = JoinOptions { is_off, ..captures.join };
+    let relations = relate(files.collect(), &captures.read, join);
+    for (index, CaptureFile { path, .. }) in relations.files.iter().enumerate() {
         let store = Store::open(path)?;
         let name = store.name().to_owned();
         let mut reader = Reader::open(store.reader(0), &captures.read).with_context(|| name.clone())?;
         let mut batch = Batch::new();
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
-        let first = batch.frames().first().with_context(|| format!("{name}: holds no frame"))?;
-        firsts.push(first.time);
+        let first = batch.frames().first().with_context(|| format!("{name}: contains no frames"))?;
+        firsts.push(first.time.map(|time| time.plus(relations.shift(index))));
         names.push(name);
         let format = reader.format().title;
-        lanes.push(Lane { store, group: 0, shift: 0, format, is_live: false });
+        lanes.push(Lane { store, group: 0, shift: 0, continues: false, format, is_live: false });
     }
-    for (lane, Arranged { group, shift }) in lanes.iter_mut().zip(arrange(&names, &firsts, captures.align)?) {
-        (lane.group, lane.shift) = (group, shift);
+    let mut lanes: Vec<Option<Lane>> = lanes.into_iter().map(Some).collect();
+    let mut arranged = Vec::new();
+    for place in arrange(&names, &firsts, &relations.of, captures.align)? {
+        let CapturePlacement { index, group, shift, continues } = place;
+        let shift = shift.saturating_add(relations.shift(index));
+        let lane = lanes.get_mut(index).and_then(Option::take);
+        arranged.extend(lane.map(|lane| Lane { group, shift, continues, ..lane }));
     }
+    let lanes = arranged;
     let times = firsts.iter().flatten();
     let first = if captures.align { times.max() } else { times.min() };
     Ok((lanes, first.copied()))
@@ -283,7 +331,7 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
 
 #[cfg(test)]
 mod tests {
-    use cobscope_decoder::replay::Spot;
+    use cobscope_decoder::replay::EventPosition;
     use std::io::BufWriter;
     use std::sync::mpsc::Receiver;
     use std::time::Duration;
@@ -293,7 +341,7 @@ mod tests {
 
     use super::*;
 
-    /// How long something may take on a busy machine before it counts as not happening.
+    /// Time limit of a test step on a busy machine.
     const LIMIT: Duration = Duration::from_mins(1);
 
     fn until(news: &Receiver<News>, is_so: impl Fn(&News) -> bool) -> News {
@@ -305,7 +353,7 @@ mod tests {
         }
     }
 
-    /// Heartbeats, one a millisecond.
+    /// Writes heartbeats, one per millisecond.
     fn write(writer: &mut dyn FrameWriter, numbers: std::ops::Range<u64>) {
         for number in numbers {
             let node = 1 + u16::try_from(number % 4).unwrap();
@@ -316,7 +364,7 @@ mod tests {
         writer.flush().unwrap();
     }
 
-    /// What is dropped at the beginning of a live bus cannot be gone to, and what is kept can.
+    /// Evicted frames of a live bus cannot be reached, kept frames can.
     #[test]
     fn a_live_bus_is_kept_in_part_and_says_so() {
         const FRAMES: u64 = 600_000;
@@ -327,10 +375,13 @@ mod tests {
         let (news, found) = channel();
         let live = Some(LiveBuses { store: Arc::clone(&store), state: LiveState::default() });
         let (read, session, rules) = (ReadOptions::default(), SessionOptions::default(), Arc::default());
-        let timeline =
-            Timeline::open(Captures { paths: Vec::new(), align: false, read, session, rules, live }, news);
+        let join = JoinOptions::OFF;
+        let timeline = Timeline::open(
+            Captures { paths: Vec::new(), align: false, join, read, session, rules, live },
+            news,
+        );
         let timeline = timeline.unwrap();
-        // No faster than it is indexed: what is dropped before that is never seen.
+        // Not faster than the index, so that nothing is evicted before it is indexed.
         for begin in (0..FRAMES).step_by(10_000) {
             write(&mut *writer, begin..begin + 10_000);
             while timeline.progress().frames() < begin + 10_000 {
@@ -356,11 +407,14 @@ mod tests {
                 _ => unreachable!(),
             }
         };
-        assert!(go(Target::Spot(Spot::before(1))).world.frames() >= dropped, "the first that is kept");
-        let window = go(Target::Spot(Spot::behind(FRAMES - 100)));
+        assert!(
+            go(Target::Event(EventPosition::before(1))).world.frames() >= dropped,
+            "the first that is kept"
+        );
+        let window = go(Target::Event(EventPosition::after(FRAMES - 100)));
         assert_eq!(window.world.frames(), FRAMES - 100);
         assert_eq!(go(Target::End).world.frames(), FRAMES, "without waiting for more");
-        // Time that passes without a frame is told, and closes what it closes.
+        // Time without frames is reported and closes open conditions.
         let quiet = Timestamp(i64::try_from(FRAMES).unwrap() * 1_000_000 + 5_000_000_000);
         writer.notice(&Notice::Quiet(quiet), "can0").unwrap();
         let time = Timestamp(quiet.0 + 1_000_000);

@@ -1,23 +1,23 @@
-//! News from the background to the application.
+//! Messages of the background threads to the application.
 
 use super::order::Window;
 
-/// Something changed.
+/// A message about a change.
 pub enum News {
-    /// More of a capture that grows is known.
+    /// A growing capture has more frames.
     Grew,
     /// The capture is read to its end.
     Indexed,
     /// The survey is complete.
     Surveyed,
-    /// The search for the rows that are shown is complete.
+    /// The search for the shown events is complete.
     Filtered,
-    /// More is known of signals over time.
+    /// Signals have more samples.
     Traced,
-    /// The answer to an order.
+    /// A requested window.
     Window(Box<Window>),
-    /// An export ended: what was written, or why it was not.
+    /// Result of an export: summary or error.
     Exported(Result<String, String>),
-    /// An order that cannot be answered, and why.
+    /// A request failed; the text is the reason.
     Failed(String),
 }

@@ -1,66 +1,66 @@
-//! What is asked of a place in a capture, and what is told of it.
+//! Requests for the content at a position, and their results.
 
 use std::sync::Arc;
 
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::replay::{Spot, World};
+use cobscope_decoder::replay::{EventPosition, ReplayState};
 
 use super::{Matcher, Row};
 
-/// A place to go to.
+/// A position to go to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
     /// An event.
-    Spot(Spot),
-    /// Behind all events up to a time.
+    Event(EventPosition),
+    /// After all events up to a time.
     Time(Timestamp),
-    /// Behind the last event there is.
+    /// After the last event.
     End,
 }
 
-/// What is wanted of a place.
+/// A request for a window.
 #[derive(Debug, Clone)]
 pub struct Order {
-    /// Comes back with the answer.
+    /// Serial number, returned in the window.
     pub serial: u64,
-    /// Where to.
+    /// Requested position.
     pub target: Target,
-    /// Rows wanted up to the place.
+    /// Maximum number of rows up to the position.
     pub before: usize,
-    /// Rows wanted behind it.
+    /// Maximum number of rows after it.
     pub after: usize,
-    /// Which rows.
+    /// Selection of the rows.
     pub matcher: Matcher,
-    /// Go on to the next row with this text, or back to the last one before.
+    /// Go to the next or previous match from there.
     pub search: Option<Search>,
 }
 
-/// A search from a place on.
+/// A text search from a position.
 #[derive(Debug, Clone)]
 pub struct Search {
-    /// What a row must be like, besides the order's matcher.
+    /// Condition for the row, in addition to that of the order.
     pub matcher: Matcher,
-    /// Towards the beginning.
+    /// Search towards the start.
     pub is_backward: bool,
 }
 
-/// What is at a place.
+/// Rows and state at a position.
 #[derive(Clone)]
 pub struct Window {
-    /// The order's.
+    /// Serial number of the order.
     pub serial: u64,
-    /// Rows around the place, in order.
+    /// Rows around the position, in order.
     pub rows: Vec<Row>,
-    /// The last row up to the place; the first one where all are behind it.
+    /// Index of the last row up to the position; 0 if all rows are after it.
     pub selected: usize,
-    /// The place, as an event's.
-    pub spot: Spot,
-    /// What is known there.
-    pub world: Arc<World>,
-    /// Frames of the exchange that is selected, as far as they are few and close together.
+    /// Position of the cursor.
+    pub spot: EventPosition,
+    /// State of the buses there.
+    pub world: Arc<ReplayState>,
+    /// Frames of the selected transfer, if they are few and close together.
     pub frames: Vec<Frame>,
-    /// The place lies behind what is indexed: this is as far as it goes by now.
+    /// The position is not indexed yet; the window is a preview or the last indexed position.
     pub is_pending: bool,
-    /// A search found nothing.
+    /// The search found no match.
     pub is_missed: bool,
 }

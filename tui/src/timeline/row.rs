@@ -1,43 +1,43 @@
-//! One line of the event table, and everything the detail pane tells of it.
+//! A row of the Events pane with its event.
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
-use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::{Line, Tone};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
-/// Bytes of a payload a row shows.
+/// Number of payload bytes in a row.
 const SHOWN_BYTES: usize = 8;
 
-/// An event in words.
+/// An event as text.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// Its place.
-    pub spot: Spot,
-    /// The event.
+    /// Position of the event.
+    pub spot: EventPosition,
+    /// The event, for the Detail pane.
     pub event: Event,
-    /// Name of its bus.
+    /// Name of the bus.
     pub bus: String,
-    /// Frame it came with, if that is one of its own.
+    /// The frame of the event; None for events without one.
     pub frame: Option<Frame>,
-    /// Node or sender → receiver.
+    /// Node, or source → destination.
     pub who: String,
-    /// Kind in at most six letters.
+    /// Kind in at most six characters.
     pub kind: &'static str,
-    /// Object, signal or code it is about; may be empty.
+    /// Object, signal or code; may be empty.
     pub object: String,
-    /// What happened, or the value.
+    /// Change or value.
     pub value: String,
-    /// How it looks.
+    /// Tone that decides the colour.
     pub tone: Tone,
-    /// Says something new.
+    /// The event is a change.
     pub is_news: bool,
 }
 
 impl Row {
-    /// The row of an event; texts are escaped.
-    pub fn new(told: &Told<'_>) -> Self {
+    /// The row of an event with escaped texts.
+    pub fn new(told: &PlacedEvent<'_>) -> Self {
         let line = Line::of(told.event, told.bus);
         let (object, value) = columns(told.event, &line);
         let presumed = if told.event.presumed { "?" } else { "" };
@@ -55,7 +55,7 @@ impl Row {
         }
     }
 
-    /// Whether it is several messages that belong together.
+    /// Whether the event is a transfer of several messages.
     pub fn is_exchange(&self) -> bool {
         let kind = &self.event.kind;
         matches!(
@@ -67,7 +67,7 @@ impl Row {
         )
     }
 
-    /// Whether a frame between the first and the last one is part of the exchange.
+    /// Whether a frame between the first and last one belongs to the transfer.
     pub fn has_frame(&self, frame: &Frame) -> bool {
         let (event, id) = (&self.event, frame.id);
         if frame.bus != event.bus || !(event.frames.first..=event.frames.last).contains(&frame.number) {
@@ -100,12 +100,12 @@ impl Row {
         }
     }
 
-    /// Identifier of its frame.
+    /// Identifier of the frame.
     pub fn id(&self) -> Option<CanId> {
         self.frame.filter(|frame| !frame.flags.contains(FrameFlags::ERROR)).map(|frame| frame.id)
     }
 
-    /// First bytes of its frame.
+    /// First bytes of the frame.
     pub fn data(&self) -> String {
         let Some(frame) = &self.frame else { return String::new() };
         if frame.flags.contains(FrameFlags::REMOTE) {
@@ -116,14 +116,14 @@ impl Row {
         format!("{}{more}", shown.collect::<Vec<_>>().join(" "))
     }
 
-    /// All of it as one line, for search and copying.
+    /// The row as one line, for search and clipboard.
     pub fn text(&self) -> String {
         let id = self.id().map_or(String::new(), |id| id.to_string());
         format!("{} {id} {} {} {} {}", self.bus, self.who, self.kind, self.what(), self.data())
     }
 }
 
-/// What an event is about, and what it says of it.
+/// Object and value of an event.
 fn columns<'a>(event: &Event, line: &'a Line) -> (&'a str, &'a str) {
     let what = line.what.as_str();
     match &event.kind {

@@ -1,36 +1,41 @@
-//! What the threads of a timeline have in common.
+//! Data shared by the threads of a timeline.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{CaptureError, Merged, MergedCapture, MergedPosition, ReadOptions, Reader};
+use cobscope_decoder::capture::{
+    CaptureError, MergedCapture, MergedPosition, MergedReader, ReadOptions, Reader,
+};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Index, Mark, World};
+use cobscope_decoder::replay::{Checkpoint, Index, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 
 use super::matches::Matches;
 use super::survey::Survey;
 use crate::source::{Store, StoreReader};
 
-/// Frames between two marks of a live bus, to begin with.
+/// Initial number of frames between two marks of a live bus.
 const LIVE_INTERVAL: u64 = 16_384;
 
-/// One capture of a timeline.
+/// A capture of a timeline.
+#[derive(Clone)]
 pub struct Lane {
-    /// Its bytes.
+    /// Decompressed bytes of the capture.
     pub store: Arc<Store>,
-    /// Captures of one group are parts of one recording.
+    /// Captures with the same number are parts of one capture.
     pub group: usize,
-    /// Nanoseconds added to its stamps.
+    /// Nanoseconds added to the timestamps.
     pub shift: i64,
-    /// Title of its format.
+    /// The lane before this one is the previous part of its capture.
+    pub continues: bool,
+    /// Title of the format.
     pub format: &'static str,
-    /// It is being recorded now, and its beginning may be dropped.
+    /// A live bus; its oldest frames may be evicted.
     pub is_live: bool,
 }
 
-/// Captures, what is known of them so far, and whether anybody still wants to know.
+/// Captures with the results of all threads.
 pub struct Shared {
     pub(super) lanes: Vec<Lane>,
     pub(super) options: SessionOptions,
@@ -38,22 +43,22 @@ pub struct Shared {
     pub(super) index: RwLock<Index>,
     pub(super) survey: RwLock<Survey>,
     pub(super) matches: RwLock<Option<Arc<Matches>>>,
-    /// The world at the end, once the index is complete.
-    pub(super) end: Mutex<Option<Arc<World>>>,
-    /// Why reading ended early.
+    /// State of the buses at the end, once the index is complete.
+    pub(super) end: Mutex<Option<Arc<ReplayState>>>,
+    /// Reason why reading ended early.
     pub(super) failure: Mutex<Option<String>>,
     pub(super) progress: Progress,
-    /// How many threads follow signals.
+    /// Number of threads that sample signals.
     pub(super) tracing: AtomicUsize,
-    /// Growth was told, and not seen yet.
+    /// Growth was reported and not yet handled.
     pub(super) has_told_growth: AtomicBool,
     is_over: AtomicBool,
-    /// Whether what can wait for the index may begin.
+    /// Threads that wait for the index may start.
     may_begin: Mutex<bool>,
     begins: Condvar,
 }
 
-/// How far the index has come.
+/// Progress of the index.
 #[derive(Default)]
 pub struct Progress {
     frames: AtomicU64,
@@ -65,7 +70,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    pub(super) fn tell(&self, world: &World, bytes: u64) {
+    pub(super) fn publish(&self, world: &ReplayState, bytes: u64) {
         if let (Some(zero), Some(time)) = (world.zero(), world.time()) {
             self.zero.store(zero.0, Ordering::Relaxed);
             self.time.store(time.0, Ordering::Relaxed);
@@ -79,22 +84,22 @@ impl Progress {
         self.is_complete.store(true, Ordering::Release);
     }
 
-    /// Frames whose state is known.
+    /// Number of indexed frames.
     pub fn frames(&self) -> u64 {
         self.frames.load(Ordering::Acquire)
     }
 
-    /// Decompressed bytes read.
+    /// Number of decompressed bytes read.
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// Whether all of it was read.
+    /// Whether the whole capture is read.
     pub fn is_complete(&self) -> bool {
         self.is_complete.load(Ordering::Acquire)
     }
 
-    /// Times of the first frame and of the last one so far.
+    /// Times of the first and of the last indexed frame.
     pub fn times(&self) -> Option<(Timestamp, Timestamp)> {
         self.has_times.load(Ordering::Relaxed).then(|| {
             (Timestamp(self.zero.load(Ordering::Relaxed)), Timestamp(self.time.load(Ordering::Relaxed)))
@@ -104,7 +109,7 @@ impl Progress {
 
 impl Shared {
     pub(super) fn new(lanes: Vec<Lane>, options: SessionOptions, read_options: ReadOptions) -> Self {
-        // Of what is dropped at its beginning the first mark must not be far.
+        // Short intervals, because evicted frames remove the marks at the start.
         let is_live = lanes.iter().any(|lane| lane.is_live);
         let index = if is_live { Index::every(LIVE_INTERVAL) } else { Index::default() };
         Self {
@@ -125,28 +130,28 @@ impl Shared {
         }
     }
 
-    /// Captures from their beginning.
-    pub(super) fn open(&self) -> Result<Merged<StoreReader>, CaptureError> {
+    /// Opens readers at the start of the captures.
+    pub(super) fn open(&self) -> Result<MergedReader<StoreReader>, CaptureError> {
         let capture = |lane: &Lane| {
             let reader = Reader::open(lane.store.reader(0), &self.read_options)?;
-            Ok(MergedCapture { reader, group: lane.group, shift: lane.shift })
+            Ok(MergedCapture { reader, group: lane.group, shift: lane.shift, continues: lane.continues })
         };
-        Ok(Merged::new(self.lanes.iter().map(capture).collect::<Result<_, CaptureError>>()?))
+        Ok(MergedReader::new(self.lanes.iter().map(capture).collect::<Result<_, CaptureError>>()?))
     }
 
-    /// The first place that is kept, where the beginning is not.
-    pub(super) fn first_kept(&self) -> Option<Mark> {
+    /// The first kept mark; None if nothing was evicted.
+    pub(super) fn first_kept(&self) -> Option<Checkpoint> {
         let is_cut = self.kept_from() > 0;
         let index = self.index.read().unwrap_or_else(PoisonError::into_inner);
         index.marks().first().filter(|_| is_cut).cloned()
     }
 
-    /// Byte of a single capture from which on it is kept.
+    /// First kept byte of a single capture.
     pub(super) fn kept_from(&self) -> u64 {
         if let [lane] = self.lanes.as_slice() { lane.store.start() } else { 0 }
     }
 
-    /// Forgets places that are not kept any more.
+    /// Removes marks of evicted frames.
     pub(super) fn forget(&self) {
         let start = self.kept_from();
         if start > 0 {
@@ -154,13 +159,16 @@ impl Shared {
         }
     }
 
-    /// Captures from a place on.
-    pub(super) fn resume(&self, position: &MergedPosition) -> Result<Merged<StoreReader>, CaptureError> {
+    /// Opens readers at a position.
+    pub(super) fn resume(
+        &self,
+        position: &MergedPosition,
+    ) -> Result<MergedReader<StoreReader>, CaptureError> {
         let sources = self.lanes.iter().zip(position.offsets());
-        Merged::resume(sources.map(|(lane, offset)| lane.store.reader(offset)).collect(), position)
+        MergedReader::resume(sources.map(|(lane, offset)| lane.store.reader(offset)).collect(), position)
     }
 
-    /// Whether more frames are still coming, and these are all by now.
+    /// Whether `frames` are all frames so far of a growing capture.
     pub(super) fn is_at_head(&self, frames: u64) -> bool {
         frames >= self.progress.frames() && self.grows()
     }
@@ -170,12 +178,13 @@ impl Shared {
         failure.get_or_insert_with(|| error.to_string());
     }
 
-    /// Whether more of a capture may come.
+    /// Whether a capture may still grow.
     pub(super) fn grows(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.store.length().1)
     }
 
-    /// Leaves the processors to the index until it is complete; of what still grows nobody waits for the end.
+    /// Waits until the index is complete, so that it has the processors for itself. Growing captures are not
+    /// waited for.
     pub(super) fn wait_for_index(&self) {
         if self.grows() {
             return;
@@ -186,7 +195,7 @@ impl Shared {
         }
     }
 
-    /// Lets the index come to its first frames, `most` at most.
+    /// Waits at most `most` for the first indexed frames.
     pub(super) fn wait_for_first(&self, most: Duration) {
         let start = Instant::now();
         while self.progress.frames() == 0 && !self.progress.is_complete() && start.elapsed() < most {
@@ -194,7 +203,7 @@ impl Shared {
         }
     }
 
-    /// The index is complete, or nobody needs it any more.
+    /// Starts the threads that wait for the index.
     pub(super) fn begin(&self) {
         *self.may_begin.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.begins.notify_all();
@@ -204,10 +213,15 @@ impl Shared {
         self.is_over.load(Ordering::Relaxed)
     }
 
-    /// Nobody wants to know any more.
-    pub(super) fn stop(&self) {
+    /// Ends all threads; the captures are still being read for another timeline.
+    pub(super) fn retire(&self) {
         self.is_over.store(true, Ordering::Relaxed);
         self.begin();
+    }
+
+    /// Ends all threads.
+    pub(super) fn stop(&self) {
+        self.retire();
         for lane in &self.lanes {
             lane.store.abandon();
         }

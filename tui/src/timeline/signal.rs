@@ -1,4 +1,4 @@
-//! A signal: one field of what an identifier carries, and where it is in whatever layout is in force.
+//! A signal: a field of an identifier, and its position in another layout of the same identifier.
 //!
 //! ```text
 //! 182#08A01FF91F   ▸ TPDO1 of 2/02 ▸ field 2 of its layout ▸ 5002:00 actual pressure, bar
@@ -8,27 +8,27 @@ use std::sync::Arc;
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{BusIndex, CanId, FrameFlags};
-use cobscope_decoder::profile::{Field, Layout, SignalId, Value, integer, word};
+use cobscope_decoder::profile::{Field, Layout, SignalId, Value, integer};
 use cobscope_decoder::sink::escape;
 
-/// A signal: a field of what an identifier carries.
+/// A signal: a field in the payload of an identifier.
 #[derive(Debug, Clone)]
 pub struct SignalKey {
-    /// Bus.
+    /// Bus of the identifier.
     pub bus: BusIndex,
-    /// Identifier.
+    /// CAN identifier.
     pub id: CanId,
-    /// Field of its layout.
+    /// Index of the field in `layout`.
     pub field: usize,
-    /// Its name, as shown.
+    /// Displayed name.
     pub name: String,
-    /// Its unit, as shown.
+    /// Displayed unit.
     pub unit: String,
-    /// The layout it was chosen from.
+    /// Layout from which the signal was chosen.
     pub layout: Arc<Layout>,
 }
 
-/// Two are the same although a scale changed between them; another unit makes another quantity.
+/// Signals with different scales are equal; signals with different units are not.
 impl PartialEq for SignalKey {
     fn eq(&self, other: &Self) -> bool {
         (self.bus, self.id, &self.unit) == (other.bus, other.id, &other.unit)
@@ -37,7 +37,7 @@ impl PartialEq for SignalKey {
 }
 
 impl SignalKey {
-    /// A field of a layout; nothing if it has no such field.
+    /// A field of a layout; None if the index is too large.
     pub fn new(bus: BusIndex, id: CanId, layout: &Arc<Layout>, field: usize) -> Option<Self> {
         let known = layout.fields.get(field)?;
         let name = match (known.name(), known.id) {
@@ -54,20 +54,20 @@ impl SignalKey {
         (0..layout.fields.len()).filter_map(move |field| Self::new(bus, id, layout, field))
     }
 
-    /// Where the same signal is in another layout.
+    /// Index of the same signal in another layout.
     pub fn place_in(&self, layout: &Arc<Layout>) -> Option<usize> {
         if Arc::ptr_eq(&self.layout, layout) {
             return Some(self.field);
         }
         let wanted = self.layout.fields.get(self.field)?;
         let is_it = |field: &&Field| is_same(field, wanted);
-        // A mapping may hold an object more than once.
+        // A mapping may contain an object more than once.
         let before = self.layout.fields.iter().take(self.field).filter(is_it).count();
         let mut places = layout.fields.iter().enumerate().filter(|(_, field)| is_it(field));
         places.nth(before).map(|(place, _)| place)
     }
 
-    /// The field in another layout, if it is of the same quantity there.
+    /// The field in another layout, if it has the same unit there.
     pub fn field_in<'a>(&self, layout: &'a Arc<Layout>) -> Option<(usize, &'a Field)> {
         let place = self.place_in(layout)?;
         let field = layout.fields.get(place)?;
@@ -83,8 +83,8 @@ fn is_same(field: &Field, other: &Field) -> bool {
     field.id == other.id && (field.id != SignalId::Name || field.name() == other.name())
 }
 
-/// A value as a number to be drawn: the scaled quantity, or the number of a state. Nothing where it says that there
-/// is no value.
+/// A value as a number for the plot: the scaled quantity or the number of a state. None for special values
+/// such as "not available".
 pub fn number(field: &Field, value: &Value) -> Option<f64> {
     let plain = match value {
         #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
@@ -98,18 +98,19 @@ pub fn number(field: &Field, value: &Value) -> Option<f64> {
     if meaning.scale.is_some() {
         return meaning.scaled(value);
     }
-    // A name from the values is a state; any other one says why there is no number.
+    // A name among the values is a state; a special value has no number.
     let special = meaning.special.as_deref().zip(integer(value)).and_then(|(names, raw)| names.get(raw));
-    let indicated = meaning.indicators.zip(word(value)).and_then(|(indicators, raw)| indicators.label(raw));
-    special.or(indicated).is_none().then_some(plain)
+    let is_indicated =
+        meaning.indicators.is_some() && meaning.values.is_none() && meaning.label(value).is_some();
+    (special.is_none() && !is_indicated).then_some(plain)
 }
 
-/// Whether a value rests on an assumption.
+/// Whether a value is presumed.
 pub fn is_assumed(layout: &Layout, field: &Field) -> bool {
     layout.assumed || field.meaning.as_deref().is_some_and(|meaning| meaning.assumed)
 }
 
-/// A value as people write it, with `?` where it rests on an assumption.
+/// A value with its unit, and `?` if it is presumed.
 pub fn text(layout: &Layout, field: &Field, value: &Value) -> String {
     let mut text = match field.meaning.as_deref() {
         Some(meaning) => escape(&meaning.show(value)).into_owned(),
@@ -121,7 +122,7 @@ pub fn text(layout: &Layout, field: &Field, value: &Value) -> String {
     text
 }
 
-/// What an event carries that has a layout: identifier, layout and payload.
+/// Identifier, layout and payload of an event that has a layout.
 #[inline]
 pub fn carried(event: &Event) -> Option<(CanId, &Arc<Layout>, &[u8])> {
     match &event.kind {

@@ -1,117 +1,118 @@
-//! What a whole capture comes to: findings, exchanges, errors, load. Filled by [`threads::survey`](super::threads::survey).
+//! Results about the whole capture: findings, transfers, errors, load. Filled by
+//! [`threads::survey`](super::threads::survey).
 
 use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::profile::device::Severity;
-use cobscope_decoder::replay::Spot;
+use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::sink::text::Tone;
 use cobscope_decoder::statistics::Statistics;
 use cobscope_decoder::wire::NodeId;
 
 use super::load::LoadOverTime;
 
-/// Exchanges kept, the first ones.
+/// Maximum number of transfers kept; later ones are only counted.
 pub const MOST_EXCHANGES: usize = 50_000;
 
-/// Errors kept, the first ones.
+/// Maximum number of error positions kept.
 pub const MOST_ERRORS: usize = 200_000;
 
-/// Findings kept until their groups are known, the first ones.
+/// Maximum number of findings kept until the groups are known.
 pub(super) const MOST_NEWS: usize = 10_000;
 
-/// The procedure that takes a bus to another bit rate.
+/// Procedure that changes the bit rate of a bus.
 const BIT_RATE_CHANGE: &str = "bit-rate change";
 
-/// What is known of the capture as a whole.
+/// Results about the whole capture so far.
 #[derive(Default)]
 pub struct Survey {
-    /// Frames looked at.
+    /// Number of frames surveyed.
     pub frames: u64,
-    /// Whether these are all.
+    /// Whether these are all frames.
     pub is_complete: bool,
-    /// Findings as they opened.
-    pub news: Vec<Opened>,
-    /// Findings in groups, at the end.
+    /// Findings in the order in which they opened.
+    pub news: Vec<OpenedFinding>,
+    /// Findings in groups; None until the end.
     pub findings: Option<Findings>,
-    /// Where findings are: in order, each occurrence that was kept.
-    pub places: Vec<Occurred>,
-    /// SDO transfers, J1939 transport sessions, UDS exchanges.
+    /// Positions of the kept occurrences of findings, in order.
+    pub places: Vec<FindingOccurrence>,
+    /// SDO transfers, J1939 transport sessions and UDS exchanges.
     pub exchanges: Vec<Exchange>,
-    /// Exchanges beyond those kept.
+    /// Number of transfers beyond those kept.
     pub more_exchanges: u64,
-    /// Places of events that tell of an error.
-    pub errors: Vec<Spot>,
+    /// Positions of error events.
+    pub errors: Vec<EventPosition>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
-    /// Figures of the whole capture so far.
+    /// Statistics so far.
     pub statistics: Statistics,
-    /// Names of all buses, those without a frame too, at the end; they are not escaped.
+    /// Names of all buses, including those without frames; not escaped. Empty until the end.
     pub buses: Vec<String>,
-    /// The last change of the bit rate that was announced on a bus: its name, and what is to come.
+    /// Bus name and text of the last announced change of the bit rate.
     pub bit_rate_change: Option<(String, String)>,
 }
 
-/// A finding when it opened.
+/// A finding at the time it opened.
 #[derive(Debug, Clone)]
-pub struct Opened {
-    /// Where.
-    pub spot: Spot,
-    /// When.
+pub struct OpenedFinding {
+    /// Position of the event.
+    pub spot: EventPosition,
+    /// Time of the event.
     pub time: Option<Timestamp>,
-    /// Bus it is about.
+    /// Bus of the finding.
     pub bus: BusIndex,
-    /// Node it is about.
+    /// Node of the finding.
     pub node: Option<NodeId>,
-    /// What was found.
+    /// Rule, severity and text.
     pub news: FindingNews,
 }
 
 /// An occurrence of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Occurred {
-    /// Frame that showed it.
+pub struct FindingOccurrence {
+    /// Frame of evidence.
     pub frame: u64,
-    /// Its time.
+    /// Time of the frame.
     pub time: Option<Timestamp>,
-    /// Finding.
+    /// Id of the finding.
     pub id: u64,
-    /// How bad.
+    /// Severity of the finding.
     pub severity: Severity,
 }
 
-/// Messages that belong together, as one.
+/// A transfer of several messages.
 #[derive(Debug, Clone)]
 pub struct Exchange {
-    /// Where it ended.
-    pub spot: Spot,
-    /// When it ended.
+    /// Position of its end.
+    pub spot: EventPosition,
+    /// Time of its end.
     pub time: Option<Timestamp>,
-    /// Its frames.
+    /// First and last frame.
     pub frames: FrameRange,
-    /// Its bus.
+    /// Bus of the transfer.
     pub bus: BusIndex,
-    /// Sender and receiver.
+    /// Client → server, or source → destination.
     pub who: Box<str>,
-    /// Node it is about.
+    /// Node of the transfer.
     pub node: Option<NodeId>,
-    /// Kind in at most six letters.
+    /// Kind in at most six characters.
     pub kind: &'static str,
-    /// The same as filters name it.
+    /// Event kind as in filters.
     pub event_kind: &'static str,
-    /// What it is about, and what came of it.
+    /// Object or service, and result.
     pub what: Box<str>,
-    /// Nanoseconds from its first frame to its last.
+    /// Time from the first to the last frame, in ns.
     pub duration: Option<i64>,
-    /// Bytes transferred.
+    /// Number of bytes transferred.
     pub size: u64,
-    /// How it ended.
+    /// Outcome as in filters.
     pub outcome: &'static str,
-    /// How it looks.
+    /// Tone that decides the colour.
     pub tone: Tone,
 }
 
-/// What is to become of the bit rate, where an event announces it.
+/// Text of an announced change of the bit rate.
 pub fn bit_rate_change(event: &Event) -> Option<&str> {
     match &event.kind {
         EventKind::Procedure(procedure) if procedure.procedure == BIT_RATE_CHANGE => Some(&procedure.text),

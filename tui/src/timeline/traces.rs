@@ -1,4 +1,4 @@
-//! Signals over time: the lowest, highest and last value of each piece of it, as the layout in force tells them.
+//! Samples of signals over time: lowest, highest and last value per interval.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -8,10 +8,10 @@ use cobscope_decoder::frame::Timestamp;
 use super::signal::SignalKey;
 use crate::bucket::Bucket;
 
-/// Signals that can be had at once.
+/// Maximum number of signals sampled together.
 pub const MOST_SIGNALS: usize = 12;
 
-/// Signals over a range of time.
+/// Signals sampled over a time range.
 pub struct Traces {
     pub(super) signals: Vec<SignalKey>,
     pub(super) from: i64,
@@ -22,21 +22,21 @@ pub struct Traces {
     is_over: AtomicBool,
 }
 
-/// What is known of one signal by now.
+/// Samples of one signal so far.
 #[derive(Clone)]
 pub struct Points {
-    /// Its values, in the order of time; the first may be from before the range.
+    /// Values in time order; the first one may precede the range.
     pub buckets: Arc<Vec<Bucket>>,
-    /// Nanoseconds of a bucket.
+    /// Length of a bucket, in ns.
     pub width: i64,
-    /// No bucket has more than one value.
+    /// No bucket contains more than one value.
     pub is_exact: bool,
-    /// Some value rests on an assumption.
+    /// At least one value is presumed.
     pub is_assumed: bool,
 }
 
 impl Traces {
-    /// Of more than [`MOST_SIGNALS`] the first are taken.
+    /// Only the first [`MOST_SIGNALS`] signals are sampled.
     pub(super) fn new(mut signals: Vec<SignalKey>, from: Timestamp, to: Option<Timestamp>) -> Self {
         signals.truncate(MOST_SIGNALS);
         Self {
@@ -50,41 +50,41 @@ impl Traces {
         }
     }
 
-    /// What is traced.
+    /// The sampled signals.
     pub fn signals(&self) -> &[SignalKey] {
         &self.signals
     }
 
-    /// What is known of a signal, if it is one of these.
+    /// Samples of a signal; None if it is not sampled.
     pub fn points(&self, signal: &SignalKey) -> Option<Points> {
         let place = self.signals.iter().position(|other| other == signal)?;
         self.points.read().unwrap_or_else(PoisonError::into_inner).get(place).cloned()
     }
 
-    /// Whether a range lies within this one.
+    /// Whether the range includes `from` to `to`.
     pub fn covers(&self, from: i64, to: i64) -> bool {
         self.from <= from && self.to.is_none_or(|end| to <= end)
     }
 
-    /// Whether all buckets are at most that long, or could not tell more if they were.
+    /// Whether all buckets are at most `width` long or contain single values.
     pub fn is_fine(&self, width: i64) -> bool {
         let points = self.points.read().unwrap_or_else(PoisonError::into_inner);
         points.iter().all(|points| points.is_exact || points.width <= width)
     }
 
-    /// Percent of the range that was looked at, if it ends at `end` at the latest.
+    /// Percent of the range sampled so far; `end` is the end of the capture.
     pub fn share(&self, end: i64) -> i64 {
         let whole = self.to.unwrap_or(end).min(end).saturating_sub(self.from).max(1);
         let done = self.reached.load(Ordering::Relaxed).saturating_sub(self.from).clamp(0, whole);
         i64::try_from(i128::from(done) * 100 / i128::from(whole)).unwrap_or(100)
     }
 
-    /// Whether all of it was looked at, or nobody wants that any more.
+    /// Whether sampling has ended.
     pub fn is_complete(&self) -> bool {
         self.is_complete.load(Ordering::Acquire)
     }
 
-    /// Nobody wants to know any more.
+    /// Ends sampling.
     pub fn stop(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }

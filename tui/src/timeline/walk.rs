@@ -1,55 +1,55 @@
-//! Goes through a capture item by item, from any place.
+//! Walk through a capture, one frame or notice at a time, from any position.
 
-use cobscope_decoder::capture::{Batch, CaptureError, Item, Merged, Notice};
+use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader, Notice};
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{Mark, Told, World};
+use cobscope_decoder::replay::{Checkpoint, PlacedEvent, ReplayState};
 
 use super::shared::Shared;
 use crate::source::StoreReader;
 
-/// A reader and the world behind what it gave last.
+/// A reader with the state after the last item.
 pub(super) struct Walk {
-    reader: Merged<StoreReader>,
+    reader: MergedReader<StoreReader>,
     batch: Batch,
     frames: usize,
     notices: usize,
-    /// What is known here.
-    pub(super) world: World,
+    /// State of the buses at this position.
+    pub(super) world: ReplayState,
     has_ended: bool,
 }
 
 impl Walk {
-    /// From the beginning, or from the first place that is kept.
+    /// Starts at the beginning, or at the first kept mark.
     pub(super) fn start(shared: &Shared) -> Result<Self, CaptureError> {
         if let Some(mark) = shared.first_kept() {
             return Self::resume(shared, &mark);
         }
-        Ok(Self::new(shared.open()?, World::new(shared.options.clone())))
+        Ok(Self::new(shared.open()?, ReplayState::new(shared.options.clone())))
     }
 
-    /// From a mark.
-    pub(super) fn resume(shared: &Shared, mark: &Mark) -> Result<Self, CaptureError> {
+    /// Starts at a mark.
+    pub(super) fn resume(shared: &Shared, mark: &Checkpoint) -> Result<Self, CaptureError> {
         Ok(Self::new(shared.resume(&mark.position)?, mark.world.clone()))
     }
 
-    fn new(reader: Merged<StoreReader>, world: World) -> Self {
+    fn new(reader: MergedReader<StoreReader>, world: ReplayState) -> Self {
         Self { reader, batch: Batch::new(), frames: 0, notices: 0, world, has_ended: false }
     }
 
-    /// What is taken next, if it is a frame.
+    /// The next item, if it is a frame.
     pub(super) fn peek(&mut self) -> Result<Option<&Frame>, CaptureError> {
         let is_notice = |walk: &Self| walk.next_notice().is_some();
         Ok(if self.fill()? && !is_notice(self) { self.batch.frames().get(self.frames) } else { None })
     }
 
-    /// A notice that stands before the next frame.
+    /// The notice before the next frame.
     fn next_notice(&self) -> Option<&Notice> {
         let (before, notice) = self.batch.notices().get(self.notices)?;
         (*before <= self.frames).then_some(notice)
     }
 
-    /// Takes the next frame or notice; `false` behind the last one, when what was open has been closed.
-    pub(super) fn step(&mut self, see: &mut impl FnMut(Told<'_>)) -> Result<bool, CaptureError> {
+    /// Processes the next frame or notice. Returns `false` at the end, after closing open conditions.
+    pub(super) fn step(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
         if !self.fill()? {
             self.close(see);
             return Ok(false);
@@ -66,16 +66,20 @@ impl Walk {
         Ok(true)
     }
 
-    /// Nothing follows: closes what was open, once.
-    pub(super) fn close(&mut self, see: &mut impl FnMut(Told<'_>)) {
+    /// Closes open conditions at the end, once.
+    pub(super) fn close(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) {
         if !self.has_ended {
             self.has_ended = true;
             self.world.finish(self.reader.buses(), see);
         }
     }
 
-    /// Takes everything of the present batch, up to the frame with number `limit`; `false` behind the last one.
-    pub(super) fn leap(&mut self, limit: u64, see: &mut impl FnMut(Told<'_>)) -> Result<bool, CaptureError> {
+    /// Processes the rest of the batch, up to frame `limit`; returns `false` at the end.
+    pub(super) fn leap(
+        &mut self,
+        limit: u64,
+        see: &mut impl FnMut(PlacedEvent<'_>),
+    ) -> Result<bool, CaptureError> {
         if !self.fill()? {
             return self.step(see);
         }
@@ -93,12 +97,12 @@ impl Walk {
         self.batch.frames().last().map_or(u64::MAX, |frame| frame.number)
     }
 
-    /// Whether all that is known of a capture that grows was taken: going on would wait for more.
+    /// Whether all available frames of a growing capture are processed: the next step would block.
     pub(super) fn is_at_head(&self, shared: &Shared) -> bool {
         self.is_drained() && self.offset() >= shared.progress.bytes() && !shared.progress.is_complete()
     }
 
-    /// Whether going on means reading.
+    /// Whether the batch is used up, so that the next step reads.
     pub(super) fn is_drained(&self) -> bool {
         self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
     }
@@ -114,9 +118,9 @@ impl Walk {
         self.reader.read(&mut self.batch)
     }
 
-    /// This place as a mark, where no part of a batch is left.
-    pub(super) fn mark(&self) -> Option<Mark> {
-        self.is_drained().then(|| Mark {
+    /// This position as a mark; None within a batch.
+    pub(super) fn mark(&self) -> Option<Checkpoint> {
+        self.is_drained().then(|| Checkpoint {
             frames: self.world.frames(),
             time: self.world.time(),
             position: self.reader.position(),
@@ -124,12 +128,12 @@ impl Walk {
         })
     }
 
-    /// Names of all buses there are so far.
+    /// Names of all buses so far.
     pub(super) fn names(&self) -> &[String] {
         self.reader.buses().names()
     }
 
-    /// Decompressed bytes read.
+    /// Number of decompressed bytes read.
     pub(super) fn offset(&self) -> u64 {
         self.reader.offset()
     }

@@ -1,7 +1,7 @@
-//! Load over time as a row of blocks, and how far something has come.
+//! Bars of values over time, and a progress bar.
 //!
 //! ```text
-//! ▁▁▂▂▂▃▃▂▂▁▁▁▅▆█▇▅▂▂▁      ASCII, in tens of per cent: 01122332211156875221
+//! ▁▁▂▂▂▃▃▂▂▁▁▁▅▆█▇▅▂▂▁      in ASCII: tens of per cent, 01122332211156875221
 //! indexing 34 % ██████▊░░░░░░░░░░░░
 //! ```
 
@@ -12,16 +12,16 @@ use ratatui::style::Style;
 use crate::theme::{Borders, Glyph, Role, Theme};
 use crate::widgets::draw;
 
-/// Load of a bus in per cent from which on it is worth a look, and from which on it is too high.
+/// Bus loads in per cent from which a bar has the role of a warning and of an error.
 const CAUTION: f64 = 60.0;
 const BAD: f64 = 80.0;
 
-/// Eighths of a cell from below, and from the left.
+/// Blocks in eighths of a cell, from below and from the left.
 const RISING: [&str; 9] = [" ", "▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
 const GROWING: [&str; 9] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉", "█"];
 const DIGITS: [&str; 10] = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"];
 
-/// Values over time, to be drawn.
+/// Values over time as bars.
 #[derive(Clone, Copy, Debug)]
 pub struct Bars<'a> {
     theme: &'a Theme,
@@ -30,19 +30,19 @@ pub struct Bars<'a> {
 }
 
 impl<'a> Bars<'a> {
-    /// Loads in per cent at equal distances in time; what is no number leaves a gap.
+    /// Loads in per cent at equal intervals; NaN leaves a gap.
     pub fn new(theme: &'a Theme, values: &'a [f64]) -> Self {
         Self { theme, values, is_load: true }
     }
 
-    /// The values are of any unit: the highest one fills the height, and none is judged.
+    /// Scales the bars to the highest value and draws them without a role, for values of any unit.
     #[must_use]
     pub fn relative(self) -> Self {
         Self { is_load: false, ..self }
     }
 
-    /// Draws the values across the whole width: of several in a column the highest one; each wider where there
-    /// are fewer than columns.
+    /// Draws the bars over the whole width. A column shows the highest of its values; with fewer values than
+    /// columns, bars are several columns wide.
     pub fn render(&self, area: Rect, buf: &mut Buffer) {
         let area = area.intersection(buf.area);
         if area.is_empty() || self.values.is_empty() {
@@ -71,7 +71,7 @@ impl<'a> Bars<'a> {
         }
         let mut eighths = draw::part(share, u32::from(area.height) * 8);
         if share > 0.0 {
-            // What is there is seen.
+            // A value above zero is always visible.
             eighths = eighths.max(1);
         }
         for y in (area.top()..area.bottom()).rev() {
@@ -91,7 +91,7 @@ impl<'a> Bars<'a> {
     }
 }
 
-/// How a load in per cent is judged.
+/// Role of a load in per cent.
 pub fn load_role(percent: f64) -> Role {
     if percent >= BAD {
         Role::Bad
@@ -102,12 +102,12 @@ pub fn load_role(percent: f64) -> Role {
     }
 }
 
-/// The highest number among values; none where there is none.
+/// The highest value; NaN if there is none.
 fn highest(values: &[f64]) -> f64 {
     values.iter().copied().filter(|value| value.is_finite()).fold(f64::NAN, f64::max)
 }
 
-/// How far something has come, in one line.
+/// A progress bar in one line.
 #[derive(Clone, Copy, Debug)]
 pub struct Gauge<'a> {
     theme: &'a Theme,
@@ -116,12 +116,12 @@ pub struct Gauge<'a> {
 }
 
 impl<'a> Gauge<'a> {
-    /// A share from 0 to 1, with a text before it that gives way last.
+    /// A share from 0 to 1 with a text in front. In a small area the bar is dropped first.
     pub fn new(theme: &'a Theme, share: f64, text: &'a str) -> Self {
         Self { theme, share, text }
     }
 
-    /// Draws the text and, where there is room, the bar.
+    /// Draws the text, and the bar if there is room.
     pub fn render(&self, area: Rect, buf: &mut Buffer) {
         let area = Rect { height: area.height.min(1), ..area }.intersection(buf.area);
         let style = self.theme.style(Role::Note);
@@ -168,10 +168,10 @@ mod tests {
         let (unicode, ascii) = (plain(Borders::Unicode), plain(Borders::Ascii));
         assert_eq!(drawn(Bars::new(&unicode, &LOADS), 10, 1), [" ▁▁▂▄▅▇██"]);
         assert_eq!(drawn(Bars::new(&ascii, &LOADS), 10, 1), ["0012568990"]);
-        // Of two in a column the higher one.
+        // A column shows the higher of two values.
         assert_eq!(drawn(Bars::new(&unicode, &LOADS), 5, 1), ["▁▂▅██"]);
         assert_eq!(drawn(Bars::new(&ascii, &LOADS), 5, 1), ["02699"]);
-        // Fewer values than columns go across the whole width.
+        // Fewer values than columns fill the whole width.
         assert_eq!(drawn(Bars::new(&ascii, &[10.0, f64::NAN, 90.0]), 9, 1), ["111   999"]);
         assert_eq!(drawn(Bars::new(&ascii, &[]), 9, 1), [""]);
     }

@@ -1,10 +1,10 @@
-//! A payload in hex and bits, with the fields that lie in it.
+//! A payload in hex and bits, with its fields.
 //!
 //! ```text
 //! byte         0        1        2        3
 //! hex         0F      *01       F4       01     a changed byte is marked
 //! bits  00001111 00000001 11110100 00000001
-//! field ····bbba cccccccc dddddddd dddddddd     a letter a field, also where there are no colours
+//! field ····bbba cccccccc dddddddd dddddddd     one letter per field, so that no colours are needed
 //! a enable  b mode  c status  d pressure
 //! ```
 
@@ -18,33 +18,33 @@ use ratatui::style::{Modifier, Style};
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
 
-/// Bytes of a CAN FD frame.
+/// Maximum payload: that of a CAN FD frame.
 const MOST_BYTES: usize = 64;
-/// Columns of a byte, with the space behind it.
+/// Width of a byte with a space.
 const BYTE: u16 = 9;
-/// Columns of the names of the lines.
+/// Width of the line labels.
 const LABEL: u16 = 6;
-/// Between two names of the legend.
+/// Space between two names of the legend.
 const LEGEND_SPACE: u16 = 2;
 
-/// A part of a payload that has a name.
+/// A named field of a payload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
-    /// What it is called.
+    /// Name in the legend.
     pub name: Cow<'a, str>,
-    /// Where it begins: bit 0 is bit 0 of byte 0, bit 8 is bit 0 of byte 1. Its lowest bit, of one with the most
-    /// significant bit first that one.
+    /// First bit: bit 0 is bit 0 of byte 0, bit 8 is bit 0 of byte 1. The lowest bit of a little-endian
+    /// field, the most significant bit of a big-endian field.
     pub start_bit: u16,
-    /// How many bits it has.
+    /// Number of bits.
     pub bits: u16,
-    /// In which order they stand.
+    /// Byte order.
     pub order: BitOrder,
-    /// In which look of [`Role::Highlight`] it is shown.
+    /// Number of its [`Role::Highlight`].
     pub role_index: u8,
 }
 
 impl Field<'_> {
-    /// Whether a bit is one of its.
+    /// Whether the field contains a bit.
     pub fn has(&self, bit: u16) -> bool {
         let (first, bit) = match self.order {
             BitOrder::LittleEndian => (self.start_bit, bit),
@@ -54,23 +54,23 @@ impl Field<'_> {
     }
 }
 
-/// Places of bits as they stand side by side, the most significant of each byte first, and back.
+/// Converts bit numbers to screen order, the most significant bit of each byte first, and back.
 pub const fn on_screen(bit: u16) -> u16 {
     bit ^ 7
 }
 
-/// The field a bit belongs to; where several overlap, the one of fewest bits.
+/// The field that contains a bit; the smallest one if fields overlap.
 pub fn field_at(fields: &[Field<'_>], bit: u16) -> Option<usize> {
     let found = fields.iter().enumerate().filter(|(_, field)| field.has(bit));
     found.min_by_key(|(_, field)| field.bits).map(|(index, _)| index)
 }
 
-/// The letter that stands for a field.
+/// Letter of a field in the field line and the legend.
 pub fn letter(field: usize) -> char {
     ('a'..='z').chain('A'..='Z').nth(field).unwrap_or('*')
 }
 
-/// A payload to be drawn.
+/// A payload as bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Bits<'a> {
     theme: &'a Theme,
@@ -83,49 +83,49 @@ pub struct Bits<'a> {
 }
 
 impl<'a> Bits<'a> {
-    /// A payload, of which at most 64 bytes are shown.
+    /// A payload, cut after 64 bytes.
     pub fn new(theme: &'a Theme, bytes: &'a [u8]) -> Self {
         let bytes = bytes.get(..MOST_BYTES).unwrap_or(bytes);
         Self { theme, bytes, fields: &[], selected: None, cursor: None, has_legend: true, changed: 0 }
     }
 
-    /// What lies in it.
+    /// Sets the fields.
     #[must_use]
     pub fn fields(self, fields: &'a [Field<'a>]) -> Self {
         Self { fields, ..self }
     }
 
-    /// The field that is highlighted.
+    /// Highlights a field.
     #[must_use]
     pub fn selected(self, field: Option<usize>) -> Self {
         Self { selected: field, ..self }
     }
 
-    /// The bit the cursor is on.
+    /// Sets the bit cursor.
     #[must_use]
     pub fn cursor(self, bit: Option<u16>) -> Self {
         Self { cursor: bit, ..self }
     }
 
-    /// Leaves the names of the fields to somebody else.
+    /// Draws no legend.
     #[must_use]
     pub fn without_legend(self) -> Self {
         Self { has_legend: false, ..self }
     }
 
-    /// Which bytes are not what they were: bit n for byte n.
+    /// Marks changed bytes: bit n for byte n.
     #[must_use]
     pub fn changed(self, bytes: u64) -> Self {
         Self { changed: bytes, ..self }
     }
 
-    /// How many lines it takes at a width.
+    /// Number of lines for a width.
     pub fn height(&self, width: u16) -> u16 {
         let legend = self.legend(width).last().map_or(0, |(_, _, line)| line + 1);
         draw::cells(self.blocks(width)).saturating_mul(self.block_height()).saturating_add(legend)
     }
 
-    /// The bit at a place of the screen, on its line of bits, of letters or its digit in hex.
+    /// The bit at a screen position: in the bit line, the field line or a hex digit.
     pub fn bit_at(&self, area: Rect, x: u16, y: u16) -> Option<u16> {
         let (label, per_row) = columns(area.width, self.bytes.len());
         let line = y.checked_sub(area.y).filter(|_| y < area.bottom())?;
@@ -143,7 +143,7 @@ impl<'a> Bits<'a> {
         (usize::from(slot) < per_row && byte < self.bytes.len()).then(|| draw::cells(byte) * 8 + bit)
     }
 
-    /// Draws the payload; where not all of it has room, from the block on in which the selected field begins.
+    /// Draws the payload. If the area is too small, it starts at the block of the selected field.
     pub fn render(&self, area: Rect, buf: &mut Buffer) {
         let area = area.intersection(buf.area);
         let (label, per_row) = columns(area.width, self.bytes.len());
@@ -181,7 +181,7 @@ impl<'a> Bits<'a> {
         put(buf, 0, 0, &format!("{index:>8}"), self.theme.style(Role::Quiet));
         let is_changed = self.changed >> index & 1 == 1;
         for (column, nibble, low) in [(6, byte >> 4, first + 4), (7, byte & 0xF, first)] {
-            // A digit is of a field only if all of it is.
+            // A hex digit is coloured only if all its bits are in one field.
             let field = field_at(self.fields, low)
                 .filter(|field| (low..low + 4).all(|bit| field_at(self.fields, bit) == Some(*field)));
             let mut style = self.style(field);
@@ -198,7 +198,7 @@ impl<'a> Bits<'a> {
             let is_cursor = self.cursor == Some(first + bit);
             let style = match (self.style(field), is_cursor) {
                 (style, false) => style,
-                // Within a field that is reversed the cursor is what is not.
+                // In a reversed field the cursor is drawn without reversing.
                 (style, true) if style.add_modifier.contains(Modifier::REVERSED) => {
                     style.remove_modifier(Modifier::REVERSED).add_modifier(Modifier::UNDERLINED)
                 }
@@ -222,7 +222,7 @@ impl<'a> Bits<'a> {
         if self.selected == Some(index) { style.add_modifier(Modifier::REVERSED) } else { style }
     }
 
-    /// Field, column and line of each name of the legend.
+    /// Field, column and line of each name in the legend.
     fn legend(&self, width: u16) -> Vec<(usize, u16, u16)> {
         let (mut x, mut line) = (0_u16, 0_u16);
         let place = |(index, field): (usize, &Field<'_>)| {
@@ -246,7 +246,7 @@ impl<'a> Bits<'a> {
         self.bytes.len().div_ceil(columns(width, self.bytes.len()).1)
     }
 
-    /// The first block in view.
+    /// Index of the first visible block.
     fn first_block(&self, area: Rect) -> usize {
         if self.height(area.width) <= area.height {
             return 0;
@@ -260,7 +260,7 @@ impl<'a> Bits<'a> {
     }
 }
 
-/// Columns before the bytes, and bytes in a row: a power of two, eight at 80 columns.
+/// Width of the labels, and bytes per row: a power of two, eight at 80 columns.
 fn columns(width: u16, count: usize) -> (u16, usize) {
     let most: u16 = if count > 8 { 16 } else { 8 };
     let fits = |bytes: &u16| LABEL + bytes * BYTE - 1 <= width;
@@ -384,7 +384,7 @@ mod tests {
         let field = |start_bit, bits, order| Field { name: "".into(), start_bit, bits, order, role_index: 4 };
         fields.push(field(20, 1, BitOrder::LittleEndian));
         assert_eq!(field_at(&fields, 20), Some(4));
-        // Twelve bits from bit 3 of byte 0 on, the most significant first: 3..0 of it, then all of byte 1.
+        // Twelve bits from bit 3 of byte 0, big-endian: bits 3..0 of byte 0, then byte 1.
         let motorola = field(3, 12, BitOrder::BigEndian);
         let has: Vec<_> = (0..32).filter(|bit| motorola.has(*bit)).collect();
         assert_eq!(has, [0, 1, 2, 3, 8, 9, 10, 11, 12, 13, 14, 15]);

@@ -1,4 +1,4 @@
-//! What all widgets draw with: text at a place, cut where its room ends, and the scrollbar.
+//! Drawing shared by all widgets: clipped text and the scroll bar.
 //!
 //! ```text
 //! │spool position err…│        412.3│
@@ -11,38 +11,34 @@ use ratatui::text::{Line, Span};
 
 use crate::theme::{Glyph, Role, Theme};
 
-/// On which side of its room a text stands.
+/// Alignment of a text within its area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Align {
-    /// Names and sentences.
+    /// Left, for names and sentences.
     #[default]
     Left,
-    /// Numbers.
+    /// Right, for numbers.
     Right,
 }
 
-/// A count of lines or columns as the terminal's coordinates have it.
+/// A count of lines or columns as a terminal coordinate.
 pub fn cells(count: usize) -> u16 {
     u16::try_from(count).unwrap_or(u16::MAX)
 }
 
-/// A share from 0 to 1 of a number of steps, rounded to the nearest; what is no number is none of them.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to 0 and `steps` just before"
-)]
+/// A share from 0 to 1 as the nearest of `steps` steps; NaN is 0.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0 and `steps`")]
 pub fn part(share: f64, steps: u32) -> u32 {
-    // `as` makes 0 of NaN.
+    // `as` converts NaN to 0.
     (share.clamp(0.0, 1.0) * f64::from(steps)).round() as u32
 }
 
-/// How many columns a text takes.
+/// Number of columns of a text.
 pub fn width(text: &str) -> u16 {
     cells(Span::raw(text).width())
 }
 
-/// Draws a text from `x` on, at most `room` columns; gives the column behind it.
+/// Draws a text at `x` in at most `room` columns; returns the column after it.
 pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style) -> u16 {
     if buf.area.contains(Position::new(x, y)) {
         buf.set_stringn(x, y, text, usize::from(room), style).0
@@ -51,7 +47,7 @@ pub fn put(buf: &mut Buffer, x: u16, y: u16, room: u16, text: &str, style: Style
     }
 }
 
-/// The end of a text that fits into `room` columns, behind an ellipsis where its beginning had to go.
+/// The end of a text that fits into `room` columns, with an ellipsis in front if it was cut.
 pub fn tail(text: &str, room: u16, theme: &Theme) -> String {
     if width(text) <= room {
         return text.to_owned();
@@ -67,7 +63,7 @@ pub fn tail(text: &str, room: u16, theme: &Theme) -> String {
     format!("{ellipsis}{rest}")
 }
 
-/// Draws a line into the first line of `area`, with an ellipsis where it had to be cut.
+/// Draws a line into the first line of `area`, with an ellipsis if it is cut.
 pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: &Theme) {
     let area = area.intersection(buf.area);
     if area.is_empty() {
@@ -85,7 +81,7 @@ pub fn line(buf: &mut Buffer, area: Rect, line: &Line<'_>, align: Align, theme: 
     put(buf, end, area.y, area.right().saturating_sub(end), ellipsis, line.style);
 }
 
-/// Draws a scrollbar into the last column of `area`, which shows a row a line, from `start` on, of `count`.
+/// Draws a scroll bar into the last column of `area`, for `count` rows of one line from row `start`.
 pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme: &Theme) {
     let (top, length) = thumb(start, usize::from(area.height), count);
     for (line, y) in (area.top()..area.bottom()).enumerate() {
@@ -96,15 +92,15 @@ pub fn scrollbar(buf: &mut Buffer, area: Rect, start: usize, count: usize, theme
     }
 }
 
-/// First line and length of a scrollbar's thumb: at the top only where the first row is in view, at the
-/// bottom only where the last one is.
+/// First line and length of the thumb. It is at the top only if the first row is visible, at the bottom only
+/// if the last row is.
 fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
     let length = (height * height / count.max(1)).clamp(1, height.max(1));
     let (lines, rows) = (height.saturating_sub(length), count.saturating_sub(height));
     let top = match start {
         0 => 0,
         _ if start >= rows => lines,
-        // In 128 bits, since a table may have as many rows as there are numbers.
+        // 128 bits: a table may have as many rows as `usize` can count.
         _ => usize::try_from(start as u128 * lines as u128 / rows as u128)
             .unwrap_or(lines)
             .clamp(1.min(lines), lines.saturating_sub(1).max(1.min(lines))),
@@ -114,7 +110,7 @@ fn thumb(start: usize, height: usize, count: usize) -> (usize, usize) {
 
 #[cfg(test)]
 pub mod tests {
-    //! What the tests of all widgets share.
+    //! Helpers for the tests of all widgets.
 
     use super::*;
     use crate::theme::{Borders, Depth, Palette};
@@ -124,7 +120,7 @@ pub mod tests {
         Theme::new(Palette::Dark, Depth::None, borders)
     }
 
-    /// What a buffer shows, a string a line, without what is blank at the end.
+    /// The lines of a buffer without trailing blanks.
     pub fn shown(buf: &Buffer) -> Vec<String> {
         let row = |y| (buf.area.left()..buf.area.right()).map(move |x| (x, y));
         (buf.area.top()..buf.area.bottom())
@@ -132,7 +128,7 @@ pub mod tests {
                 let mut wide = 0;
                 let mut text = String::new();
                 for at in row(y) {
-                    // The cell behind a wide character is covered by it.
+                    // A wide character covers the next cell.
                     if wide == 0 {
                         text.push_str(buf[at].symbol());
                         wide = width(buf[at].symbol()).max(1);
@@ -144,13 +140,13 @@ pub mod tests {
             .collect()
     }
 
-    /// Draws into sizes where not everything has room and asserts that nothing panics.
+    /// Draws into small areas and asserts that nothing panics.
     pub fn in_every_small_size(mut draw: impl FnMut(Rect, &mut Buffer)) {
         for width in 0..14 {
             for height in 0..5 {
                 let mut buf = Buffer::empty(Rect::new(3, 2, width, height));
                 draw(buf.area, &mut buf);
-                // An area that is larger than the screen, as after a resize.
+                // An area larger than the screen, as after a resize.
                 let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
                 draw(Rect::new(1, 1, 40, 12), &mut buf);
             }
@@ -168,7 +164,7 @@ pub mod tests {
         assert_eq!(drawn("spool", 6, Align::Right, Borders::Unicode), " spool");
         assert_eq!(drawn("spool position", 6, Align::Right, Borders::Unicode), "spool…");
         assert_eq!(drawn("spool position", 6, Align::Left, Borders::Ascii), "spoo..");
-        // A wide character that has no room is left out as a whole.
+        // A wide character without enough room is dropped as a whole.
         assert_eq!(drawn("日本語", 6, Align::Left, Borders::Unicode), "日本語");
         assert_eq!(drawn("日本語", 4, Align::Left, Borders::Unicode), "日…");
         assert_eq!(drawn("ab", 1, Align::Left, Borders::Unicode), "…");

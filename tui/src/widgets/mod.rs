@@ -1,6 +1,6 @@
-//! Parts of the screen that know nothing of CAN: they draw what they are given into an area.
+//! Widgets without knowledge of CAN. They draw their arguments into an area.
 //!
-//! All are drawn from `&`, hold no clock and stay inside the area they are given, whatever its size.
+//! All draw from `&self`, hold no clock and stay inside their area, whatever its size.
 
 pub mod bars;
 pub mod bits;

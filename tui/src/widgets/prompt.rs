@@ -1,4 +1,4 @@
-//! A line to type into, with a history and a mark under what is wrong.
+//! A line editor with a history and an error mark.
 //!
 //! ```text
 //! filter: sdo.index == 0x60zz█
@@ -15,39 +15,39 @@ use ratatui::text::Line;
 use crate::theme::{Role, Theme};
 use crate::widgets::draw;
 
-/// Lines the history remembers.
+/// Maximum number of lines in the history.
 const HISTORY: usize = 200;
-/// Less room for the text than this makes the label give way.
+/// Minimum width of the text; below it the label is shortened.
 const LEAST_TEXT: u16 = 8;
 
-/// What a key did.
+/// Effect of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PromptEvent {
-    /// The text or the place in it may be another one.
+    /// The text or the cursor may have changed.
     Changed,
-    /// The line is finished.
+    /// Submitted by the user.
     Submitted,
-    /// The user wants out.
+    /// Cancelled by the user.
     Cancelled,
-    /// The key is for somebody else.
+    /// The key has no effect on the prompt.
     Ignored,
 }
 
-/// What a key asks for.
+/// Edit command of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Edit {
     Insert(char),
-    Move(Reach),
-    Delete(Reach),
+    Move(CursorReach),
+    Delete(CursorReach),
     Older,
     Newer,
     Submit,
     Cancel,
 }
 
-/// How far, from the cursor on.
+/// Distance from the cursor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reach {
+enum CursorReach {
     CharLeft,
     CharRight,
     WordLeft,
@@ -56,17 +56,17 @@ enum Reach {
     End,
 }
 
-/// A line being typed.
+/// The edited line with its history.
 #[derive(Clone, Debug, Default)]
 pub struct Prompt {
     label: Cow<'static, str>,
     text: String,
-    /// A byte offset at the beginning of a character or at the end.
+    /// Byte offset at a character boundary.
     cursor: usize,
     history: Vec<String>,
-    /// Which line of the history is shown.
+    /// Index of the recalled line of the history.
     recalled: Option<usize>,
-    /// What was typed before the history was asked.
+    /// Text typed before a line was recalled.
     draft: String,
     error: Option<(usize, String)>,
 }
@@ -77,28 +77,28 @@ impl Prompt {
         Self { label: label.into(), ..Self::default() }
     }
 
-    /// Starts with lines typed earlier, the oldest first.
+    /// Sets the history, oldest line first.
     #[must_use]
     pub fn with_history(self, lines: impl IntoIterator<Item = String>) -> Self {
         Self { history: lines.into_iter().collect(), ..self }
     }
 
-    /// What was typed.
+    /// The text typed so far.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The cursor's byte offset.
+    /// Byte offset of the cursor.
     pub fn cursor(&self) -> usize {
         self.cursor
     }
 
-    /// Lines that were submitted, the oldest first.
+    /// Submitted lines, oldest first.
     pub fn history(&self) -> &[String] {
         &self.history
     }
 
-    /// Replaces the text; the cursor goes to its end.
+    /// Replaces the text and moves the cursor to its end.
     pub fn set_text(&mut self, text: &str) {
         self.text.clear();
         self.text.extend(text.chars().filter_map(typeable));
@@ -107,26 +107,26 @@ impl Prompt {
         self.error = None;
     }
 
-    /// Says what is wrong at a byte offset; forgotten when the text changes.
+    /// Shows an error at a byte offset until the text changes.
     pub fn set_error(&mut self, offset: usize, message: impl Into<String>) {
         self.error = Some((offset, message.into()));
     }
 
-    /// Takes back what was said to be wrong.
+    /// Removes the error.
     pub fn clear_error(&mut self) {
         self.error = None;
     }
 
-    /// Inserts a text at the cursor; its lines become one.
+    /// Inserts a text at the cursor; line breaks become spaces.
     pub fn paste(&mut self, text: &str) -> PromptEvent {
-        // A line copied with its end is meant without it.
+        // A copied line may end with a line break.
         for typed in text.trim_end_matches(['\r', '\n']).chars().filter_map(typeable) {
             self.insert(typed);
         }
         PromptEvent::Changed
     }
 
-    /// Does what a key asks for.
+    /// Applies a key.
     pub fn key(&mut self, key: KeyEvent) -> PromptEvent {
         let Some(edit) = edit_of(key) else { return PromptEvent::Ignored };
         match edit {
@@ -144,7 +144,7 @@ impl Prompt {
         PromptEvent::Changed
     }
 
-    /// Draws the line and, where there is a second line for it, what is wrong.
+    /// Draws the line, and the error in a second line if there is one.
     pub fn render(&self, theme: &Theme, area: Rect, buf: &mut Buffer) {
         let area = area.intersection(buf.area);
         if area.is_empty() {
@@ -169,7 +169,7 @@ impl Prompt {
         }
     }
 
-    /// Draws a caret below the place and the message beside it, on whichever side there is room.
+    /// Draws a caret below the error and the message on the side with enough room.
     fn draw_error(&self, theme: &Theme, start: usize, place: Rect, area: Rect, buf: &mut Buffer) {
         let Some((offset, message)) = &self.error else { return };
         let style = theme.style(Role::Bad);
@@ -189,7 +189,7 @@ impl Prompt {
         }
     }
 
-    /// The offset from which on the text is shown, so that the cursor is in view.
+    /// Offset of the first visible character; the cursor is always visible.
     fn first_shown(&self, room: u16) -> usize {
         let before = self.text.get(..self.cursor).unwrap_or_default();
         let mut used = draw::width(before);
@@ -210,7 +210,7 @@ impl Prompt {
         self.edited();
     }
 
-    fn delete(&mut self, reach: Reach) {
+    fn delete(&mut self, reach: CursorReach) {
         let other = self.reached(reach);
         let range = self.cursor.min(other)..self.cursor.max(other);
         self.cursor = range.start;
@@ -218,25 +218,27 @@ impl Prompt {
         self.edited();
     }
 
-    /// What is typed is no line of the history any more, and nothing is known to be wrong with it.
+    /// Clears error and recall after an edit.
     fn edited(&mut self) {
         self.recalled = None;
         self.error = None;
     }
 
-    fn reached(&self, reach: Reach) -> usize {
+    fn reached(&self, reach: CursorReach) -> usize {
         let (before, behind) = self.text.split_at_checked(self.cursor).unwrap_or_default();
         let is_blank = |text: char| !(text.is_alphanumeric() || text == '_');
         match reach {
-            Reach::CharLeft => self.cursor - before.chars().next_back().map_or(0, char::len_utf8),
-            Reach::CharRight => self.cursor + behind.chars().next().map_or(0, char::len_utf8),
-            Reach::WordLeft => before.trim_end_matches(is_blank).trim_end_matches(|c| !is_blank(c)).len(),
-            Reach::WordRight => {
+            CursorReach::CharLeft => self.cursor - before.chars().next_back().map_or(0, char::len_utf8),
+            CursorReach::CharRight => self.cursor + behind.chars().next().map_or(0, char::len_utf8),
+            CursorReach::WordLeft => {
+                before.trim_end_matches(is_blank).trim_end_matches(|c| !is_blank(c)).len()
+            }
+            CursorReach::WordRight => {
                 let rest = behind.trim_start_matches(is_blank).trim_start_matches(|c| !is_blank(c));
                 self.text.len() - rest.len()
             }
-            Reach::Home => 0,
-            Reach::End => self.text.len(),
+            CursorReach::Home => 0,
+            CursorReach::End => self.text.len(),
         }
     }
 
@@ -269,7 +271,7 @@ impl Prompt {
     }
 }
 
-/// What a character becomes in a line: blanks are spaces, other control characters are nothing.
+/// A character as it is inserted: blanks become spaces, other control characters are dropped.
 fn typeable(typed: char) -> Option<char> {
     match typed {
         '\t' | '\n' => Some(' '),
@@ -277,7 +279,7 @@ fn typeable(typed: char) -> Option<char> {
     }
 }
 
-/// The keys, as shells have them.
+/// Edit command of a key, with the bindings of shells.
 fn edit_of(key: KeyEvent) -> Option<Edit> {
     use Edit::{Cancel, Delete, Insert, Move, Newer, Older, Submit};
     if key.kind == KeyEventKind::Release {
@@ -286,24 +288,24 @@ fn edit_of(key: KeyEvent) -> Option<Edit> {
     let control = key.modifiers.contains(KeyModifiers::CONTROL);
     let alt = key.modifiers.contains(KeyModifiers::ALT);
     Some(match (key.code, control, alt) {
-        // AltGr arrives as both on some systems.
+        // Some systems report AltGr as Ctrl and Alt.
         (KeyCode::Char(typed), false, false) | (KeyCode::Char(typed), true, true) => Insert(typeable(typed)?),
         (KeyCode::Enter, ..) | (KeyCode::Char('j' | 'm'), true, _) => Submit,
         (KeyCode::Esc, ..) | (KeyCode::Char('c' | 'g'), true, _) => Cancel,
         (KeyCode::Up, ..) | (KeyCode::Char('p'), true, _) => Older,
         (KeyCode::Down, ..) | (KeyCode::Char('n'), true, _) => Newer,
-        (KeyCode::Home, ..) | (KeyCode::Char('a'), true, _) => Move(Reach::Home),
-        (KeyCode::End, ..) | (KeyCode::Char('e'), true, _) => Move(Reach::End),
-        (KeyCode::Left, false, false) | (KeyCode::Char('b'), true, _) => Move(Reach::CharLeft),
-        (KeyCode::Right, false, false) | (KeyCode::Char('f'), true, _) => Move(Reach::CharRight),
-        (KeyCode::Left, ..) | (KeyCode::Char('b'), _, true) => Move(Reach::WordLeft),
-        (KeyCode::Right, ..) | (KeyCode::Char('f'), _, true) => Move(Reach::WordRight),
-        (KeyCode::Backspace, false, false) | (KeyCode::Char('h'), true, _) => Delete(Reach::CharLeft),
-        (KeyCode::Delete, false, false) | (KeyCode::Char('d'), true, _) => Delete(Reach::CharRight),
-        (KeyCode::Backspace, ..) | (KeyCode::Char('w'), true, _) => Delete(Reach::WordLeft),
-        (KeyCode::Delete, ..) | (KeyCode::Char('d'), _, true) => Delete(Reach::WordRight),
-        (KeyCode::Char('u'), true, _) => Delete(Reach::Home),
-        (KeyCode::Char('k'), true, _) => Delete(Reach::End),
+        (KeyCode::Home, ..) | (KeyCode::Char('a'), true, _) => Move(CursorReach::Home),
+        (KeyCode::End, ..) | (KeyCode::Char('e'), true, _) => Move(CursorReach::End),
+        (KeyCode::Left, false, false) | (KeyCode::Char('b'), true, _) => Move(CursorReach::CharLeft),
+        (KeyCode::Right, false, false) | (KeyCode::Char('f'), true, _) => Move(CursorReach::CharRight),
+        (KeyCode::Left, ..) | (KeyCode::Char('b'), _, true) => Move(CursorReach::WordLeft),
+        (KeyCode::Right, ..) | (KeyCode::Char('f'), _, true) => Move(CursorReach::WordRight),
+        (KeyCode::Backspace, false, false) | (KeyCode::Char('h'), true, _) => Delete(CursorReach::CharLeft),
+        (KeyCode::Delete, false, false) | (KeyCode::Char('d'), true, _) => Delete(CursorReach::CharRight),
+        (KeyCode::Backspace, ..) | (KeyCode::Char('w'), true, _) => Delete(CursorReach::WordLeft),
+        (KeyCode::Delete, ..) | (KeyCode::Char('d'), _, true) => Delete(CursorReach::WordRight),
+        (KeyCode::Char('u'), true, _) => Delete(CursorReach::Home),
+        (KeyCode::Char('k'), true, _) => Delete(CursorReach::End),
         _ => return None,
     })
 }
@@ -328,7 +330,7 @@ mod tests {
         press(prompt, KeyCode::Char(letter), KeyModifiers::CONTROL)
     }
 
-    /// The text with a bar where the cursor is.
+    /// The text with a bar at the cursor.
     fn line(prompt: &Prompt) -> String {
         let (before, behind) = prompt.text().split_at(prompt.cursor());
         format!("{before}|{behind}")
@@ -408,7 +410,7 @@ mod tests {
         prompt.set_text("");
         assert_eq!(control(&mut prompt, 'm'), PromptEvent::Submitted);
         assert_eq!(prompt.history().len(), 2);
-        // An edited line of the history is a new draft.
+        // An edited line of the history becomes a new draft.
         up(&mut prompt);
         typed(&mut prompt, "!");
         up(&mut prompt);
@@ -456,7 +458,7 @@ mod tests {
         prompt.set_error(10, "not a digit");
         assert_eq!(drawn(&prompt, 40), ["filter: nö == 0x6z", "                 ^ not a digit"]);
         assert_eq!(drawn(&prompt, 24), ["filter: nö == 0x6z", "     not a digit ^"]);
-        // In the middle of a character, behind the end: never a panic.
+        // Inside a character, after the end: never a panic.
         prompt.set_error(2, "?");
         assert_eq!(drawn(&prompt, 24)[1], "        ^ ?");
         prompt.set_error(99, "more is wanted");

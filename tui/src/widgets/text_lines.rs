@@ -1,8 +1,8 @@
-//! Styled text that is wrapped at words and scrolled.
+//! Styled text, wrapped at words and scrolled.
 //!
 //! ```text
 //! node-lost                          █
-//!   The node sent no heartbeat for   │  a line that goes on keeps its indent
+//!   The node sent no heartbeat for   │  wrapped rows keep the indent
 //!   longer than its 0x1017 promises. │
 //! ```
 
@@ -16,7 +16,7 @@ use ratatui::text::{Line, StyledGrapheme};
 use crate::theme::Theme;
 use crate::widgets::draw;
 
-/// Text to be drawn.
+/// A text with its scroll position.
 #[derive(Clone, Copy, Debug)]
 pub struct TextLines<'a> {
     theme: &'a Theme,
@@ -25,23 +25,23 @@ pub struct TextLines<'a> {
 }
 
 impl<'a> TextLines<'a> {
-    /// A text from its beginning.
+    /// A text at its start.
     pub fn new(theme: &'a Theme, lines: &'a [Line<'a>]) -> Self {
         Self { theme, lines, scroll: 0 }
     }
 
-    /// Leaves out so many lines of the screen, but not more than are needed to see the end.
+    /// Skips `scroll` screen lines, but at most as many as show the end.
     #[must_use]
     pub fn scroll(self, scroll: usize) -> Self {
         Self { scroll, ..self }
     }
 
-    /// How many lines of the screen the text takes at a width.
+    /// Number of screen lines at a width.
     pub fn total(&self, width: u16) -> usize {
-        self.lines.iter().map(|line| Wrapped::new(line, width).rows.len()).sum()
+        self.lines.iter().map(|line| WrappedLine::new(line, width).rows.len()).sum()
     }
 
-    /// The scroll that shows the end of the text.
+    /// Scroll position that shows the end.
     pub fn last_scroll(&self, area: Rect) -> usize {
         self.total(self.inside(area).width).saturating_sub(usize::from(area.height))
     }
@@ -54,7 +54,7 @@ impl<'a> TextLines<'a> {
         }
         let inside = self.inside(area);
         let scroll = self.scroll.min(self.last_scroll(area));
-        let wrapped = self.lines.iter().map(|line| Wrapped::new(line, inside.width));
+        let wrapped = self.lines.iter().map(|line| WrappedLine::new(line, inside.width));
         let mut skipped = 0;
         let mut y = inside.y;
         for line in wrapped {
@@ -78,22 +78,22 @@ impl<'a> TextLines<'a> {
         }
     }
 
-    /// The area without the scrollbar, which is there when the text does not fit.
+    /// The area without the scroll bar, which is drawn only if the text does not fit.
     fn inside(&self, area: Rect) -> Rect {
         let scrolls = area.width > 2 && self.total(area.width) > usize::from(area.height);
         Rect { width: area.width - u16::from(scrolls), ..area }
     }
 }
 
-/// A line as it is broken into rows.
-struct Wrapped<'a> {
+/// A line broken into rows.
+struct WrappedLine<'a> {
     graphemes: Vec<StyledGrapheme<'a>>,
     rows: Vec<Range<usize>>,
-    /// Of all rows but the first one.
+    /// Indent of all rows after the first.
     indent: u16,
 }
 
-impl<'a> Wrapped<'a> {
+impl<'a> WrappedLine<'a> {
     fn new(line: &'a Line<'_>, width: u16) -> Self {
         let graphemes: Vec<_> = line.styled_graphemes(Style::new()).collect();
         let blank = graphemes.iter().take_while(|grapheme| grapheme.symbol == " ").count();
@@ -120,8 +120,8 @@ impl<'a> Wrapped<'a> {
     }
 }
 
-/// How many graphemes go into a row, and how many are done with it: the blanks it is broken at are in no row.
-/// No break is looked for before `first`.
+/// Number of graphemes in the row, and number consumed: the blanks at the break are dropped. Breaks are at
+/// `first` or later.
 fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize, usize) {
     let mut used = 0;
     let mut blank = None;
@@ -132,7 +132,8 @@ fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize,
         }
         used += draw::width(grapheme.symbol);
         if used > room {
-            // A word longer than a row is broken anywhere. Without something in each row there would be no end.
+            // A word longer than a row is broken anywhere. Each row takes at least one grapheme, so that the
+            // loop ends.
             let end = blank.filter(|blank| *blank > 0).unwrap_or(at.max(1));
             let rest = graphemes.get(end..).unwrap_or_default();
             let blanks = rest.iter().take_while(|grapheme| grapheme.symbol == " ").count();

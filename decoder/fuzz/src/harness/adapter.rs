@@ -1,12 +1,12 @@
-//! Adapters and servers: the pieces their words come in do not matter, and nothing that comes of them is
-//! more than a frame can be or steers a terminal.
+//! Adapters and servers: the result must not depend on the sizes of the pieces received, must contain only
+//! valid frames, and must contain no terminal control characters.
 
 use cobscope_decoder::capture::adapter::{slcan as serial, socketcand as server};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 use super::reader::Random;
 
-/// Reads `data` whole and in pieces with `read`, which says what came of each piece.
+/// Reads `data` at once and in pieces with `read`, which returns the result of all pieces.
 fn in_pieces<T: PartialEq + std::fmt::Debug>(data: &[u8], read: impl Fn(&[&[u8]]) -> Vec<T>) -> Vec<T> {
     let whole = read(&[data]);
     let mut random = Random::new(data);
@@ -36,11 +36,11 @@ fn is_possible(frame: &Frame) {
 
 fn is_printable(text: &str) {
     assert!(text.chars().all(|letter| !letter.is_control()), "{text:?}");
-    // An excerpt of 60 bytes, each escaped in four characters at most.
+    // An excerpt has at most 60 bytes, each escaped in at most four characters.
     assert!(text.len() < 512 * 4 + 256, "{} bytes", text.len());
 }
 
-/// What an slcan adapter says.
+/// Fuzzes the output of an slcan adapter.
 pub fn slcan(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
         let (mut reader, mut replies) = (serial::Reader::default(), Vec::new());
@@ -65,7 +65,7 @@ pub fn slcan(data: &[u8]) {
     }
 }
 
-/// What a socketcand says.
+/// Fuzzes the output of a socketcand server.
 pub fn socketcand(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
         let (mut reader, mut replies) = (server::Reader::default(), Vec::new());
@@ -86,7 +86,7 @@ pub fn socketcand(data: &[u8]) {
             server::Reply::Hi | server::Reply::Ok | server::Reply::Echo => {}
         }
     }
-    // A bus may have any name that can be typed; what is asked for is one element all the same.
+    // A bus may have any name that can be typed; the request must still be a single element.
     if let Ok(name) = std::str::from_utf8(data)
         && let Some(bus) = server::BusName::new(name)
     {

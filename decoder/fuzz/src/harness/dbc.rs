@@ -1,12 +1,13 @@
-//! Reader of DBC and its JSON sibling: every problem in a line of the file, every signal within its message, the
-//! same from a file with a mark; and whatever payload comes, each signal is there, missing or not selected.
+//! DBC reader and its JSON variant: every problem must have a line of the file, every signal must be within
+//! its message, a byte order mark must not change the result, and with any payload each signal must be
+//! present, missing or not selected.
 
 use cobscope_decoder::profile::dbc::{
     Database, DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES,
     MOST_SIGNALS, parse,
 };
 
-/// A DBC.
+/// Fuzzes the DBC reader.
 pub fn dbc(data: &[u8]) {
     let file = parse(data);
     if let Ok(text) = std::str::from_utf8(data)

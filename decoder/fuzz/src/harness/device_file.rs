@@ -1,5 +1,5 @@
-//! Readers of EDS, DCF and XDD: each address once, every problem in a line, the same from a file with a mark;
-//! and what is read makes a profile without mistakes.
+//! Readers of EDS, DCF and XDD: each address must occur once, every problem must have a line, a byte order
+//! mark must not change the result, and the file must result in a valid profile.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::device_file::{DeviceFile, MOST_ENTRIES, MOST_PROBLEMS, parse};
 use cobscope_decoder::profile::{check, imported, plain_device};
 
-/// A device file.
+/// Fuzzes the device file readers.
 pub fn device_file(data: &[u8]) {
     let file = parse(data);
     if let Ok(text) = std::str::from_utf8(data)
@@ -36,7 +36,7 @@ pub fn device_file(data: &[u8]) {
     profile(&Arc::new(file));
 }
 
-/// The profile of a file is without mistakes and has all its entries.
+/// Checks that the profile of a file is valid and has all entries of the file.
 fn profile(file: &Arc<DeviceFile>) {
     let text = imported::toml(file, "a.eds");
     let profile = ProfileFile::parse(&text).unwrap_or_else(|errors| panic!("{errors:?}\n{text}"));

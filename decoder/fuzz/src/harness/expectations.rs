@@ -1,5 +1,5 @@
-//! Expectations: whatever a bus file says, it is understood or refused with a place; what is understood judges
-//! captures without harm, and the same whether time passes between frames or not.
+//! Expectations: any bus file must be accepted, or rejected with a position. The verdicts of an accepted one
+//! must not depend on whether time advances between frames.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use cobscope_decoder::profile::TextError;
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, SessionOptions};
 
-/// What is judged: something of every protocol.
+/// Captures to check, of several protocols.
 const CAPTURES: [&str; 4] = [
     include_str!("../../../../fixtures/canopen/mid_run.log"),
     include_str!("../../../../fixtures/canopen/pdo_mapping.log"),
@@ -21,7 +21,7 @@ const CAPTURES: [&str; 4] = [
     include_str!("../../../../fixtures/rules/expect-order.log"),
 ];
 
-/// A bus file.
+/// Fuzzes the expectations of a bus file.
 pub fn expectations(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let Some((options, setup)) = understood(text) else { return };
@@ -37,7 +37,7 @@ pub fn expectations(data: &[u8]) {
     }
 }
 
-/// What a bus file says, if it is one.
+/// Parses a bus file; `None` if it is invalid.
 fn understood(text: &str) -> Option<(SessionOptions, Arc<Setup>)> {
     let lines = text.matches('\n').count() + 1;
     let refused = |error: &TextError| {
@@ -52,8 +52,8 @@ fn understood(text: &str) -> Option<(SessionOptions, Arc<Setup>)> {
     Some((SessionOptions { bus_file: file, ..SessionOptions::default() }, Arc::new(setup)))
 }
 
-/// Judges a capture as a live bus would be: `step` says after how many nanoseconds of a gap between two frames
-/// time is to pass, and how long each time; 0 for none.
+/// Checks a capture as on a live bus. `step` returns the interval, in nanoseconds, at which time advances
+/// within a gap between two frames; 0 for no advance.
 pub fn judge(
     capture: &str,
     options: &SessionOptions,
@@ -102,7 +102,7 @@ fn tick(now: Timestamp, decoder: &mut Decoder, engine: &mut Engine) {
     }
 }
 
-/// Lines of one and not of the other.
+/// Lines that are in one of the texts only.
 pub fn differences<'a>(recorded: &'a str, live: &'a str) -> Vec<(&'static str, &'a str)> {
     let only = |of: &'a str, other: &'a str| {
         of.lines().filter(move |line| !other.lines().any(|known| known == *line))
@@ -111,7 +111,7 @@ pub fn differences<'a>(recorded: &'a str, live: &'a str) -> Vec<(&'static str, &
     recorded_only.chain(only(live, recorded).map(|line| ("live", line))).collect()
 }
 
-/// All that was judged of expectations, whatever the order it was noticed in, and what rules came to.
+/// Findings and verdicts of expectations, independent of their order, and verdicts of the other rules.
 pub fn verdicts(findings: &Findings) -> String {
     let mut lines: Vec<String> = Vec::new();
     for group in &findings.groups {

@@ -1,5 +1,5 @@
-//! Filters: whatever is written, it is understood or refused with a place; what is understood means the same printed,
-//! in brackets and denied twice.
+//! Filters: any text must be accepted, or rejected with a position. An accepted filter must have the same
+//! result when it is printed and parsed again, put in brackets, or negated twice.
 
 use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
@@ -7,13 +7,13 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::{Bus, SessionOptions};
 
-/// What is filtered: something of every protocol.
+/// Captures to filter, of several protocols.
 const CAPTURES: [&str; 2] = [
     include_str!("../../../../fixtures/j1939/mixed.log"),
     include_str!("../../../../fixtures/canopen/pdo_mapping.log"),
 ];
 
-/// A filter.
+/// Fuzzes a filter.
 pub fn filter(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let filter = match text.parse::<Filter>() {
@@ -25,7 +25,7 @@ pub fn filter(data: &[u8]) {
             return;
         }
     };
-    // What is too long or too deep with more around it says nothing.
+    // Variants that exceed the maximum length or depth are ignored.
     let printed = filter.to_string();
     let others = [printed.clone(), format!("({printed})"), format!("!(!({printed}))")];
     let others: Vec<Filter> = others.iter().filter_map(|text| text.parse().ok()).collect();

@@ -1,16 +1,11 @@
-//! What each fuzz target does with its bytes.
+//! Fuzz targets.
 //!
-//! A target is a function of bytes that panics when something is wrong: the code under test by itself, or
-//! an assertion here about what it must hold to whatever the bytes are. The same functions replay kept
-//! inputs as plain tests (`tests/decoder/fuzz_replay.rs` includes this folder).
+//! A target is a function of bytes that panics on an error: in the code under test, or in an assertion here
+//! about a property that must hold for all inputs. The same functions replay stored inputs as ordinary tests
+//! (`tests/decoder/fuzz_replay.rs` includes this folder).
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    clippy::indexing_slicing,
-    reason = "a broken promise panics here"
-)]
-#![allow(dead_code, reason = "fuzzer, seed writer and replay use a part each")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing, reason = "a failed check panics here")]
+#![allow(dead_code, reason = "fuzzer, seed writer and replay each use a part")]
 
 pub mod adapter;
 pub mod dbc;
@@ -36,10 +31,11 @@ pub use wire::{
     emcy, error_control, error_frame, isotp, j1939, lss, nmt, sdo, sync, time, trouble_codes, uds,
 };
 
-/// A target: its name and its function.
+/// Name and function of a target.
 pub type Target = (&'static str, fn(&[u8]));
 
-/// All targets but readers, which [`reader::holds_its_contract`] is for: by the names of their formats.
+/// All targets except capture readers, which use [`reader::holds_its_contract`] with the names of their
+/// formats.
 pub const TARGETS: &[Target] = &[
     ("slcan", slcan),
     ("socketcand", socketcand),

@@ -1,4 +1,4 @@
-//! Events: what every one of them and every line made of it must hold to.
+//! Checks of all events and of all lines printed for them.
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::session::{Bus, Observer};
@@ -7,10 +7,10 @@ use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
 use cobscope_decoder::wire::NodeId;
 
-/// What our own colours look like.
+/// Escape sequences of cobscope's own colours.
 const COLOURS: &[&str] = &["\x1b[2m", "\x1b[31m", "\x1b[32m", "\x1b[33m", "\x1b[0m"];
 
-/// Writes each event with every sink and checks what came out.
+/// Writes each event with all sinks and checks the output.
 pub struct Checker {
     json: Jsonl<Shared>,
     json_bytes: Shared,
@@ -18,17 +18,17 @@ pub struct Checker {
     reads_back: bool,
     /// Number of the last frame pushed.
     pub last_frame: u64,
-    /// Events so far.
+    /// Number of events so far.
     pub events: usize,
-    /// Bytes written so far.
+    /// Number of bytes written so far.
     pub written: usize,
-    /// JSON lines, if they are to be kept.
+    /// JSON lines, if they are kept.
     pub kept: Option<Vec<String>>,
-    /// What was given up for a limit, as said.
+    /// Kinds of state evicted at a limit, from the events.
     pub evicted: Vec<&'static str>,
 }
 
-/// A buffer that its writer and its reader both hold.
+/// A buffer shared by its writer and its reader.
 #[derive(Clone, Default)]
 struct Shared(std::rc::Rc<std::cell::RefCell<Vec<u8>>>);
 
@@ -57,7 +57,7 @@ impl Default for Checker {
 }
 
 impl Checker {
-    /// A checker that has seen nothing.
+    /// A checker before the first event.
     pub fn new() -> Self {
         let all = TextOptions {
             pdo: PdoLines::All,
@@ -75,7 +75,7 @@ impl Checker {
         Self {
             json: Jsonl::new(json_bytes.clone()),
             json_bytes,
-            // With colours, which are taken out again: without them the same is written.
+            // Colours are removed for the check; the text without them is the same as without the option.
             texts: vec![text(TextOptions { color: true, ..all })],
             reads_back: true,
             last_frame: 0,
@@ -86,12 +86,12 @@ impl Checker {
         }
     }
 
-    /// Keeps the JSON lines.
+    /// A checker that keeps the JSON lines.
     pub fn keeping() -> Self {
         Self { kept: Some(Vec::new()), ..Self::new() }
     }
 
-    /// Keeps the JSON lines and checks nothing, to compare them with lines that were checked.
+    /// A checker that keeps the JSON lines without checking them, to compare them with checked lines.
     pub fn comparing() -> Self {
         Self { texts: Vec::new(), reads_back: false, ..Self::keeping() }
     }

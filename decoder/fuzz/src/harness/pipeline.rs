@@ -1,4 +1,4 @@
-//! A capture from its first byte to its last event.
+//! A capture through all stages.
 
 use std::io::Read;
 
@@ -8,20 +8,20 @@ use cobscope_decoder::session::SessionOptions;
 
 use super::observe::Checker;
 
-/// Decompressed bytes looked at: a few bytes of gzip can be gigabytes.
+/// Maximum number of decompressed bytes: a few bytes of gzip can expand to gigabytes.
 const LONGEST: u64 = 4 << 20;
 
-/// Any bytes as a capture: decompress, recognise, read, decode, print.
+/// Fuzzes any bytes as a capture: decompression, detection, reading, decoding, printing.
 pub fn any(data: &[u8]) {
     let Ok(source) = decompress(data) else { return };
     let Ok(mut reader) = Reader::open(source.take(LONGEST), &ReadOptions::default()) else { return };
     let mut checker = Checker::new();
     let _ = run(&mut reader, &mut Decoder::new(SessionOptions::default()), &mut checker);
-    // Six forms of an event are far below this; a line that grows with what came before is not.
+    // Six output forms of an event are far below this; lines that grow with the history exceed it.
     assert!(checker.written <= 64 * 1024 * (checker.events + 1));
 }
 
-/// Reads and decodes to the end; gives what ended it early.
+/// Reads and decodes to the end; returns the error that ended it early, if any.
 pub fn run(reader: &mut Reader<impl Read>, decoder: &mut Decoder, checker: &mut Checker) -> Option<String> {
     let mut batch = Batch::new();
     let mut error = None;

@@ -1,15 +1,16 @@
-//! Profiles: whatever a text says, it is read or refused with a place; what was read can be asked.
+//! Profiles: any text must be accepted, or rejected with a position; an accepted profile must answer all
+//! queries.
 
 use std::sync::Arc;
 
 use cobscope_decoder::profile::device::ProfileFile;
-use cobscope_decoder::profile::{NothingKnown, Resolver, check, plain_device};
+use cobscope_decoder::profile::{NoValues, Resolver, check, plain_device};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-/// Objects asked for in one profile.
+/// Number of objects queried per profile.
 const ASKED: usize = 4096;
 
-/// A profile.
+/// Fuzzes a profile.
 pub fn profile(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let lines = text.matches('\n').count() + 1;
@@ -30,7 +31,7 @@ pub fn profile(data: &[u8]) {
         for error in check(text, &file, &device) {
             assert!((1..=lines).contains(&error.line), "{error}");
         }
-        let mut resolver = Resolver::new(&device.dictionary, &NothingKnown);
+        let mut resolver = Resolver::new(&device.dictionary, &NoValues);
         for object in device.dictionary.own().iter().take(ASKED) {
             for entry in &object.entries {
                 let address = ObjectAddress::new(object.index, entry.sub);

@@ -1,9 +1,9 @@
-//! Readers: what `capture::Parser` promises, and that the pieces bytes come in do not matter.
+//! Readers: the contract of `capture::Parser`, and independence of the sizes of the pieces received.
 
 use cobscope_decoder::capture::{Batch, FORMATS, Format, MAX_BUSES, Notice, Parser, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags, MAX_DATA};
 
-/// All that a parser gave.
+/// Complete output of a parser.
 #[derive(Debug, Default, PartialEq)]
 pub struct Content {
     /// Frames in order.
@@ -12,19 +12,19 @@ pub struct Content {
     pub notices: Vec<(usize, Notice)>,
     /// Names of the buses.
     pub buses: Vec<String>,
-    /// What ended it early.
+    /// Error that ended it early, if any.
     pub error: Option<String>,
 }
 
-/// The format of this name.
+/// The format with this name.
 pub fn format(name: &str) -> &'static Format {
     FORMATS.iter().find(|format| format.name == name).unwrap()
 }
 
-/// Parses `data` whole and in pieces and holds both against the contract and each other.
+/// Parses `data` at once and in pieces, and checks both against the contract and against each other.
 pub fn holds_its_contract(name: &str, data: &[u8]) {
     let format = format(name);
-    // Recognising it must not fail either, whatever comes of it.
+    // Detection must not panic, with any result.
     let _ = (format.detect)(data);
     let whole = parse(&mut *(format.parser)(&ReadOptions::default()), data, || usize::MAX);
     let mut random = Random::new(data);
@@ -32,7 +32,7 @@ pub fn holds_its_contract(name: &str, data: &[u8]) {
     assert_eq!(whole, pieces, "in one piece and in several");
 }
 
-/// Gives `data` to a parser, `piece` bytes more whenever it asks.
+/// Passes `data` to a parser, with the next `piece` bytes added at each request for more input.
 pub fn parse(parser: &mut dyn Parser, data: &[u8], mut piece: impl FnMut() -> usize) -> Content {
     let mut content = Content::default();
     let mut batch = Batch::new();
@@ -48,9 +48,9 @@ pub fn parse(parser: &mut dyn Parser, data: &[u8], mut piece: impl FnMut() -> us
                 break;
             }
         };
-        assert!(taken <= input.len(), "took {taken} of {}", input.len());
+        assert!(taken <= input.len(), "used {taken} of {}", input.len());
         if batch.is_empty() && !input.is_empty() && (at_end || input.len() >= parser.largest()) {
-            assert!(taken > 0, "took nothing of {} bytes, end: {at_end}", input.len());
+            assert!(taken > 0, "used none of {} bytes, end: {at_end}", input.len());
         }
         add(&mut content, &batch);
         start += taken;
@@ -85,11 +85,11 @@ fn check(content: &Content) {
     }
 }
 
-/// Numbers that depend on the input only, so that every failure repeats.
+/// Pseudo-random numbers that depend on the input only, so that failures are reproducible.
 pub struct Random(u64);
 
 impl Random {
-    /// Seeded by `data`.
+    /// Creates a generator seeded by `data`.
     pub fn new(data: &[u8]) -> Self {
         let seed = data.iter().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3)
@@ -97,7 +97,7 @@ impl Random {
         Self(seed | 1)
     }
 
-    /// 1..=`most`.
+    /// A number in 1..=`most`.
     pub fn up_to(&mut self, most: u64) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;

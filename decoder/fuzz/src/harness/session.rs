@@ -1,14 +1,14 @@
-//! The session: any frames in any order, with times that jump.
+//! The session: any frames in any order, with steps in time.
 //!
 //! ```text
-//! byte 0      options: bits 0..1 protocol, bits 2..7 where the checkpoint is taken
+//! byte 0      options: bits 0..1 protocol, bits 2..7 position of the checkpoint
 //! then frames:
 //! control     bits 0..1 time (0 +1 ms, 1 +100 ms, 2 -10 ms, each times the next byte; 3 none)
 //!             bit 2 29-bit  bit 3 remote  bit 4 error  bit 5 FD  bits 6..7 bus
-//! time        one byte, left out for none
-//! identifier  two bytes or four, least significant first
+//! time        one byte, omitted for none
+//! identifier  two or four bytes, least significant first
 //! length      one byte: modulo 9, of FD modulo 65
-//! data        as many bytes, none of a remote frame
+//! data        length bytes; none in a remote frame
 //! ```
 
 use std::sync::OnceLock;
@@ -21,7 +21,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionO
 
 use super::observe::Checker;
 
-/// Interface names a hostile capture could have.
+/// Interface names that a malicious capture could contain.
 const NAMES: [&[u8]; 4] = [b"can0", b"\x1b[31mcan\x07", b"::error::x", b"\xFF\xFE\r\n"];
 
 const MILLISECOND: i64 = 1_000_000;
@@ -40,12 +40,12 @@ const DEVICES: [(u8, &str); 6] = [
     (63, "rexroth-vpcd"),
 ];
 
-/// Frames made of bytes, through the decoder and all sinks; then again from a checkpoint.
+/// Decodes frames built from the bytes with all sinks, then again from a checkpoint.
 pub fn session(data: &[u8]) {
     checked(data, &SessionOptions::default());
 }
 
-/// The same with nodes whose devices are known.
+/// The same as [`session`], with nodes that have a device profile.
 pub fn devices(data: &[u8]) {
     static OPTIONS: OnceLock<SessionOptions> = OnceLock::new();
     let options = OPTIONS.get_or_init(|| {
@@ -95,7 +95,7 @@ fn finish(decoder: &mut Decoder, frames: &[Frame], names: &BusNames, mut checker
     checker.kept.unwrap_or_default()
 }
 
-/// The frames in the bytes behind the options.
+/// Builds frames from the bytes after the options.
 pub fn frames(mut bytes: &[u8]) -> Vec<Frame> {
     let mut now = START;
     let mut frames = Vec::new();
@@ -137,7 +137,7 @@ fn frame<'a>(bytes: &'a [u8], now: &mut i64) -> Option<(Frame, &'a [u8])> {
     Some((frame, bytes))
 }
 
-/// The bytes of frames, as near as the encoding comes; to seed the fuzzer with captures.
+/// Encodes frames as closely as the encoding allows; used to create seeds from captures.
 pub fn encode(frames: &[Frame]) -> Vec<u8> {
     let mut bytes = vec![1 | 32 << 2];
     let mut last = frames.first().and_then(|frame| frame.time);

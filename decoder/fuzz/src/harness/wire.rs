@@ -1,4 +1,4 @@
-//! Wire parsers: bytes are read where they stand, and what is missing is said consistently.
+//! Wire parsers: fields are read at their positions, and errors about missing bytes are consistent.
 
 use cobscope_decoder::profile::{self, lamp_names};
 use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
@@ -12,19 +12,19 @@ use cobscope_decoder::wire::{
     Malformed, canopen, error_frame as error_frames, isotp as transport, uds as diagnostics,
 };
 
-/// Payload of a frame: at most what CAN FD carries.
+/// Payload of a frame, cut to the maximum of CAN FD.
 fn payload(data: &[u8]) -> &[u8] {
     data.get(..64).unwrap_or(data)
 }
 
-/// More is needed than there is, counted from the same byte.
+/// Checks that the error needs more bytes than available, counted from the same offset.
 fn is_consistent(error: Malformed, data: &[u8]) {
     let Malformed { offset, needed, available, .. } = error;
     assert_eq!(usize::from(offset) + usize::from(available), data.len(), "{error:?} of {data:02X?}");
     assert!(needed > available, "{error:?} of {data:02X?}");
 }
 
-/// NMT commands.
+/// Fuzzes NMT commands.
 pub fn nmt(data: &[u8]) {
     let data = payload(data);
     match canopen::nmt::parse(data) {
@@ -33,7 +33,7 @@ pub fn nmt(data: &[u8]) {
     }
 }
 
-/// Heartbeat, boot-up, guarding.
+/// Fuzzes heartbeat, boot-up and guarding.
 pub fn error_control(data: &[u8]) {
     let data = payload(data);
     match canopen::error_control::parse(data) {
@@ -42,9 +42,9 @@ pub fn error_control(data: &[u8]) {
     }
 }
 
-/// DM1 and DM2 of any length, in every way of coding an SPN.
+/// Fuzzes DM1 and DM2 of any length, with all SPN conversions.
 pub fn trouble_codes(data: &[u8]) {
-    // What a transport of J1939-21 carries at most.
+    // Maximum message size of the J1939-21 transport protocol.
     let data = data.get(..1785).unwrap_or(data);
     let list = match TroubleCodes::read(data) {
         Ok(list) => list,
@@ -61,12 +61,12 @@ pub fn trouble_codes(data: &[u8]) {
     assert!(lamp_names(list.lamps).count() <= 4);
 }
 
-/// SYNC.
+/// Fuzzes SYNC.
 pub fn sync(data: &[u8]) {
     assert_eq!(canopen::sync::parse(payload(data)), data.first().copied());
 }
 
-/// TIME.
+/// Fuzzes TIME.
 pub fn time(data: &[u8]) {
     let data = payload(data);
     match canopen::time::parse(data) {
@@ -75,7 +75,7 @@ pub fn time(data: &[u8]) {
     }
 }
 
-/// EMCY in both byte orders.
+/// Fuzzes EMCY in both byte orders.
 pub fn emcy(data: &[u8]) {
     let data = payload(data);
     let [first, second] =
@@ -94,7 +94,7 @@ pub fn emcy(data: &[u8]) {
     }
 }
 
-/// SDO from both sides in both phases.
+/// Fuzzes SDO of client and server in both phases.
 pub fn sdo(data: &[u8]) {
     let data = payload(data);
     for side in [Side::Client, Side::Server] {
@@ -128,7 +128,7 @@ fn sdo_message(message: Sdo<'_>, data: &[u8], phase: Phase) {
     }
 }
 
-/// LSS from both sides.
+/// Fuzzes LSS of master and slave.
 pub fn lss(data: &[u8]) {
     let data = payload(data);
     for from_master in [false, true] {
@@ -139,7 +139,8 @@ pub fn lss(data: &[u8]) {
     }
 }
 
-/// ISO-TP with normal and with extended addressing, and the addresses of an identifier made of the same bytes.
+/// Fuzzes ISO-TP with normal and with extended addressing, and the addresses of an identifier built from the
+/// same bytes.
 pub fn isotp(data: &[u8]) {
     let frame = payload(data);
     for data in [frame, frame.get(1..).unwrap_or_default()] {
@@ -176,7 +177,7 @@ fn isotp_message(message: IsoTp<'_>, data: &[u8]) {
     }
 }
 
-/// UDS messages, with what the table of services says of them.
+/// Fuzzes UDS messages, with their entries in the table of services.
 pub fn uds(data: &[u8]) {
     let (service, rest, is_response) = match diagnostics::parse(data) {
         Ok(Uds::Request { service, data: rest }) => (service, rest, false),
@@ -199,7 +200,7 @@ pub fn uds(data: &[u8]) {
     }
 }
 
-/// J1939: identifiers, NAMEs, and every message of its own; the first four bytes are the identifier.
+/// Fuzzes J1939: identifiers, NAMEs, and all parsed messages; the first four bytes are the identifier.
 pub fn j1939(data: &[u8]) {
     let Some((id, rest)) = data.split_first_chunk() else { return };
     let payload = payload(rest);
@@ -231,7 +232,7 @@ pub fn j1939(data: &[u8]) {
     }
 }
 
-/// SocketCAN error frames; the first four bytes are the identifier.
+/// Fuzzes SocketCAN error frames; the first four bytes are the identifier.
 pub fn error_frame(data: &[u8]) {
     let Some((id, rest)) = data.split_first_chunk() else { return };
     let frame = error_frames::parse(u32::from_le_bytes(*id), payload(rest));

@@ -1,34 +1,33 @@
-//! The wire text of adapters and servers that hand over a live bus: bytes to replies, commands to bytes.
+//! Text protocols of adapters and servers for a live bus: parsing of replies, encoding of commands.
 //!
-//! Nothing here opens or waits. Commands are types of their own, which cannot say anything that would put
-//! a frame on a bus.
+//! This module does no I/O. The command types have no variant that transmits a frame on a bus.
 
 pub mod slcan;
 pub mod socketcand;
 
-/// What has come of a reply whose end has not: bounded, so that rubbish without an end takes no memory.
+/// Beginning of a reply that is still incomplete. Bounded, so that garbage without an end uses no memory.
 #[derive(Debug, Clone, Default)]
-struct Begun {
+struct PendingReply {
     bytes: Vec<u8>,
     is_too_long: bool,
 }
 
-impl Begun {
-    /// Takes `piece` as far as `limit` bytes in all allow.
+impl PendingReply {
+    /// Appends `piece`, up to `limit` bytes in total.
     fn add(&mut self, piece: &[u8], limit: usize) {
         let room = limit.saturating_sub(self.bytes.len());
         self.is_too_long |= piece.len() > room;
         self.bytes.extend_from_slice(piece.get(..room).unwrap_or(piece));
     }
 
-    /// Forgets it; keeps the memory.
+    /// Clears the content; keeps the memory.
     fn clear(&mut self) {
         self.bytes.clear();
         self.is_too_long = false;
     }
 }
 
-/// The number that these hexadecimal digits are, at most eight of them.
+/// Value of at most eight hexadecimal digits; `None` if a digit is invalid or none is present.
 fn hexadecimal(digits: &[u8]) -> Option<u32> {
     if digits.is_empty() || digits.len() > 8 {
         return None;
@@ -42,7 +41,7 @@ mod tests {
 
     #[test]
     fn what_has_begun_is_kept_up_to_its_limit() {
-        let mut begun = Begun::default();
+        let mut begun = PendingReply::default();
         begun.add(b"abc", 5);
         begun.add(b"de", 5);
         assert_eq!((&begun.bytes[..], begun.is_too_long), (&b"abcde"[..], false));

@@ -1,63 +1,63 @@
-//! The text protocol of socketcand, which serves the CAN interfaces of a Linux machine over TCP.
+//! The text protocol of socketcand, a server for the CAN interfaces of a Linux machine over TCP.
 //!
 //! ```text
 //! server                                      client
 //! < hi >                                      < open can0 >
 //! < ok >                                      < rawmode >
 //! < ok >
-//! < frame 123 1700000000.123456 1122 >        times are the server's, in seconds since 1970
+//! < frame 123 1700000000.123456 1122 >        server time, in seconds since 1970
 //! < frame 18FEF100 1700000000.123456 >        eight digits: a 29-bit identifier
 //! < fdframe 123 05 1700000000.123456 11 >     flags as in Linux' struct canfd_frame
 //! < rtr 123 1700000000.123456 4 >             remote frame and its length
-//! < error 004 1700000000.123456 >             error frame: classes only, its data is not handed on
-//! < error could not open bus >                anything else behind "error" is said to the client
+//! < error 004 1700000000.123456 >             error frame: classes only, without its data
+//! < error could not open bus >                any other text after "error" is a message to the client
 //! ```
 //!
-//! Sources: doc/protocol.md and state_raw.c of linux-can/socketcand. The document has blanks between data
-//! bytes, the program writes none: both are read.
+//! Sources: doc/protocol.md and state_raw.c of linux-can/socketcand. The document has spaces between data
+//! bytes, the program writes none: both are accepted.
 
-use super::{Begun, hexadecimal};
-use crate::capture::text::columns::{self, Words};
+use super::{PendingReply, hexadecimal};
+use crate::capture::text::columns::{self, ColumnWords};
 use crate::capture::text::lines::excerpt;
 use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 
-/// Longest element that is read, in bytes between its brackets; an FD frame with blanks has 240.
+/// Longest accepted element, in bytes between its brackets; an FD frame with spaces has 240.
 pub(crate) const LONGEST_ELEMENT: usize = 512;
 
-/// Longest name of a bus: the server keeps names of Linux interfaces.
+/// Longest name of a bus in bytes: the limit of Linux interface names.
 pub const LONGEST_NAME: usize = 15;
 
-/// Name of a bus that can be asked for: nothing in it can end the element it stands in.
+/// Valid name of a bus to open: it cannot end the element that contains it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusName(String);
 
 impl BusName {
-    /// The name, if it has 1 to [`LONGEST_NAME`] printable ASCII characters and no blank, `<`, `>` or `/`.
+    /// Accepts 1 to [`LONGEST_NAME`] printable ASCII characters without space, `<`, `>` or `/`.
     pub fn new(name: &str) -> Option<Self> {
         let is_plain = |byte: u8| byte.is_ascii_graphic() && !b"<>/".contains(&byte);
         ((1..=LONGEST_NAME).contains(&name.len()) && name.bytes().all(is_plain)).then(|| Self(name.into()))
     }
 
-    /// The name itself.
+    /// The name as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 }
 
-/// What a server can be asked for. There is no request here that sends a frame, and no way to make one.
+/// Requests to a server. None of them sends a frame, and none that does can be constructed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Request {
-    /// To open a bus.
+    /// Open a bus.
     Open(BusName),
-    /// To hand over every frame from now on.
+    /// Forward every frame from now on.
     RawMode,
-    /// To answer, whatever the bus does: a connection that is dead says nothing either.
+    /// Respond at once, even if the bus is silent; detects a dead connection.
     Echo,
 }
 
 impl Request {
-    /// The text to write.
+    /// The text to write: one complete element.
     pub fn text(&self) -> String {
         match self {
             Self::Open(BusName(name)) => format!("< open {name} >"),
@@ -67,32 +67,32 @@ impl Request {
     }
 }
 
-/// What a server said.
+/// A reply of a server.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reply {
-    /// It is a socketcand and waits for a request.
+    /// Greeting: the server is a socketcand and waits for a request.
     Hi,
-    /// The last request was carried out.
+    /// The last request was executed.
     Ok,
-    /// The answer to [`Request::Echo`].
+    /// Response to [`Request::Echo`].
     Echo,
     /// A frame with the server's time, without number, on bus 0.
     Frame(Frame),
-    /// What it complains about. Escaped already.
+    /// Error message of the server, already escaped.
     Error(String),
-    /// None of these: what was found and expected. Escaped already.
+    /// An unknown element: the text found and the text expected, already escaped.
     Unreadable(String),
 }
 
-/// Reads what a server sends, in whatever pieces it comes.
+/// Parses a server's output, which may arrive in pieces of any size.
 #[derive(Debug, Clone, Default)]
 pub struct Reader {
-    begun: Begun,
+    begun: PendingReply,
     is_inside: bool,
 }
 
 impl Reader {
-    /// Reads `input`, which follows what was read before, and gives each reply that is complete.
+    /// Parses `input`, the continuation of the previous input, and passes each complete reply to `give`.
     pub fn read(&mut self, input: &[u8], mut give: impl FnMut(Reply)) {
         let mut rest = input;
         while let Some(end) = memchr::memchr2(b'<', b'>', rest) {
@@ -107,26 +107,26 @@ impl Reader {
         self.begun.add(rest, LONGEST_ELEMENT);
     }
 
-    /// What stands before a bracket: an element, or what should not be there.
+    /// Handles the text before a bracket: an element, or unexpected text between elements.
     fn complete(&self, is_opening: bool, give: &mut impl FnMut(Reply)) {
         let text = self.begun.bytes.trim_ascii();
         let unreadable =
             |what: &str| Reply::Unreadable(format!("socketcand: {what}; found {}", excerpt(text)));
         if self.begun.is_too_long {
-            return give(unreadable("no element has over 512 bytes"));
+            return give(unreadable("element too long (max 512 bytes)"));
         }
         match (self.is_inside, is_opening) {
             (true, false) => give(element(text).unwrap_or_else(unreadable)),
             (false, true) if text.is_empty() => {}
-            (true, true) => give(unreadable("an element that breaks off")),
+            (true, true) => give(unreadable("incomplete element")),
             (false, _) => give(unreadable("expected nothing between elements")),
         }
     }
 }
 
-/// What stands between `<` and `>`.
+/// Parses the text between `<` and `>`.
 fn element(text: &[u8]) -> Result<Reply, &'static str> {
-    let mut words = Words::new(text);
+    let mut words = ColumnWords::new(text);
     match words.next().unwrap_or_default() {
         b"hi" => Ok(Reply::Hi),
         b"ok" => Ok(Reply::Ok),
@@ -158,8 +158,8 @@ fn time(word: Option<&[u8]>) -> Option<Timestamp> {
     columns::time(word?, 1_000_000_000).map(Timestamp)
 }
 
-/// Takes the data that is left, with or without blanks between its bytes.
-fn take_data(frame: &mut Frame, words: Words<'_>, limit: usize) -> Result<(), &'static str> {
+/// Reads the remaining data, with or without spaces between its bytes.
+fn take_data(frame: &mut Frame, words: ColumnWords<'_>, limit: usize) -> Result<(), &'static str> {
     let mut length = 0;
     for word in words {
         if word.len() % 2 != 0 {
@@ -175,14 +175,14 @@ fn take_data(frame: &mut Frame, words: Words<'_>, limit: usize) -> Result<(), &'
     Ok(())
 }
 
-fn classic(mut words: Words<'_>) -> Result<Frame, &'static str> {
+fn classic(mut words: ColumnWords<'_>) -> Result<Frame, &'static str> {
     let mut frame = begin(words.next(), FrameFlags(0))?;
     frame.time = Some(time(words.next()).ok_or(TIME)?);
     take_data(&mut frame, words, 8)?;
     Ok(frame)
 }
 
-fn fd(mut words: Words<'_>) -> Result<Frame, &'static str> {
+fn fd(mut words: ColumnWords<'_>) -> Result<Frame, &'static str> {
     const BIT_RATE_SWITCH: u32 = 1;
     const ERROR_STATE: u32 = 2;
     let mut frame = begin(words.next(), FrameFlags::FD)?;
@@ -202,7 +202,7 @@ fn fd(mut words: Words<'_>) -> Result<Frame, &'static str> {
     Ok(frame)
 }
 
-fn remote(mut words: Words<'_>) -> Result<Frame, &'static str> {
+fn remote(mut words: ColumnWords<'_>) -> Result<Frame, &'static str> {
     let mut frame = begin(words.next(), FrameFlags::REMOTE)?;
     frame.time = Some(time(words.next()).ok_or(TIME)?);
     let length = match words.next() {
@@ -210,11 +210,11 @@ fn remote(mut words: Words<'_>) -> Result<Frame, &'static str> {
         _ => return Err("length of a remote frame: expected 0 to 8"),
     };
     frame.length = length;
-    words.next().is_none().then_some(frame).ok_or("behind the length of a remote frame: expected nothing")
+    words.next().is_none().then_some(frame).ok_or("after the length of a remote frame: expected nothing")
 }
 
-/// Classes and a time make an error frame; anything else is a complaint in words.
-fn error_frame(mut words: Words<'_>) -> Option<Frame> {
+/// Parses an error frame: classes and a time. `None` for an error message in text form.
+fn error_frame(mut words: ColumnWords<'_>) -> Option<Frame> {
     let classes = hexadecimal(words.next()?).filter(|classes| *classes <= 0x1FFF_FFFF)?;
     let time = time(words.next())?;
     let frame =
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_said_with_its_beginning() {
+    fn unreadable_input_is_reported_with_its_start() {
         for (text, reason) in [
             ("< frame 1234 1.0 >", format!("{ID}; found \"frame 1234 1.0\"")),
             ("< frame 800 1.0 >", format!("{ID}; found \"frame 800 1.0\"")),
@@ -293,7 +293,7 @@ mod tests {
             ("< fdframe 123 01 1.0 112233445566778899 >",
              "data: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes; found \"fdframe 123 01 1.0 112233445566778899\"".into()),
             ("< >", "expected hi, ok, echo, frame, fdframe, rtr or error; found \"\"".into()),
-            ("< frame 123 < ", "an element that breaks off; found \"frame 123\"".into()),
+            ("< frame 123 < ", "incomplete element; found \"frame 123\"".into()),
             ("\x1b <", "expected nothing between elements; found \"\\x1b\"".into()),
             (">", "expected nothing between elements; found \"\"".into()),
         ] {
@@ -311,7 +311,7 @@ mod tests {
         reader.read(b"> < ok >", |reply| found.push(reply));
         let [Reply::Unreadable(reason), Reply::Ok] = &found[..] else { panic!("{found:?}") };
         assert!(
-            reason.starts_with("socketcand: no element has over 512 bytes; found \"frame xxx"),
+            reason.starts_with("socketcand: element too long (max 512 bytes); found \"frame xxx"),
             "{reason}"
         );
     }
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// A server sends frames for `send`, `add`, `update`, `sendrtr`, `fdsend` and `sendpdu` only.
+    /// A server sends frames only on `send`, `add`, `update`, `sendrtr`, `fdsend` and `sendpdu`.
     #[test]
     fn no_request_sends_a_frame_whatever_the_name_of_the_bus() {
         assert_eq!(Request::Open(BusName::new("can0").unwrap()).text(), "< open can0 >");

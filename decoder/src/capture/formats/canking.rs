@@ -8,20 +8,22 @@
 //! Logging stopped.
 //! ```
 //!
-//! Kvaser does not publish the layout; this is what captures of other projects hold. Identifiers and data
-//! are read as hexadecimal, which is how CanKing comes.
+//! Kvaser does not publish the layout; this is the layout of captures in other projects. Identifiers and data
+//! are read as hexadecimal, the default of CanKing.
 
 use crate::capture::Format;
 use crate::capture::bus_error::{Violation, violation};
-use crate::capture::text::columns::{Base, Words, identifier, time};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
+use crate::capture::text::line_format::{
+    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+};
 use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, by_either, frame};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// Lines at the start among which the heading must be.
+/// Number of lines at the start within which the heading must occur.
 const DETECTING_LINES: usize = 20;
 
 pub(super) const FORMAT: Format = Format {
@@ -33,39 +35,39 @@ pub(super) const FORMAT: Format = Format {
 };
 
 fn is_heading(line: &[u8]) -> bool {
-    let mut words = Words::new(line);
+    let mut words = ColumnWords::new(line);
     [&b"Chn"[..], b"Identifier", b"Flg"].iter().all(|word| words.next() == Some(word))
 }
 
-/// What CanKing's text says of later lines: nothing.
+/// Line format without state.
 #[derive(Clone)]
 struct CanKing;
 
 impl LineFormat for CanKing {
     const TITLE: &'static str = "Kvaser CanKing text";
 
-    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<Seen<'a>>, Fault> {
-        let mut words = Words::new(text);
+    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<ParsedLine<'a>>, Fault> {
+        let mut words = ColumnWords::new(text);
         let bus = words.next().unwrap_or_default();
-        // The heading, `Logging stopped.` and what else the window shows.
+        // The heading, `Logging stopped.` and other text of the window.
         if !bus.first().is_some_and(u8::is_ascii_digit) {
             return Ok(None);
         }
         if !bus.iter().all(u8::is_ascii_digit) {
             return Err("channel: expected a number".into());
         }
-        let (time, sent) = end_of(text).ok_or("end: expected seconds and R or T")?;
+        let (time, sent) = end_of(text).ok_or("end of line: expected seconds and R or T")?;
         let number = words.next().and_then(|word| Base::Hex.number(word)).ok_or(IDENTIFIER)?;
-        let behind = Words::new(words.rest()).count().saturating_sub(2);
+        let behind = ColumnWords::new(words.rest()).count().saturating_sub(2);
         let frame = content(number, words.take(behind).collect::<Vec<_>>().as_slice())?;
         let flags = frame.flags.with(if sent { FrameFlags::TRANSMITTED } else { FrameFlags::RECEIVED });
-        Ok(Some(Seen::new(Some(time), bus, Frame { flags, ..frame })))
+        Ok(Some(ParsedLine::new(Some(time), bus, Frame { flags, ..frame })))
     }
 }
 
-/// The last two words: time, and whether the frame was sent.
+/// Time, and whether the frame was transmitted, from the last two words.
 fn end_of(text: &[u8]) -> Option<(i64, bool)> {
-    let mut words = Words::new(text);
+    let mut words = ColumnWords::new(text);
     let last = words.clone().count().checked_sub(2)?;
     let stamp = words.nth(last).and_then(|word| time(word, SECOND))?;
     match words.next()? {
@@ -75,7 +77,7 @@ fn end_of(text: &[u8]) -> Option<(i64, bool)> {
     }
 }
 
-/// The frame between identifier and time: flags if there are any, DLC and data.
+/// The frame between identifier and time: optional flags, DLC and data.
 fn content(number: u32, words: &[&[u8]]) -> Result<Frame, Fault> {
     let (marks, words) = match words {
         [b"ErrorFrame", ..] | [_, b"ErrorFrame", ..] => {
@@ -141,7 +143,7 @@ mod tests {
             "{HEADING}0 123 1 00 1.0 X\n0 123 2 00 1.0 R\n0 20000000 0 1.0 R\n0 123 x1 1.0 R\n0x 1 0 1.0 R\n0 123\n"
         );
         let items = read(text.as_bytes()).items;
-        let expected = ["end", "data", "identifier", "length", "channel", "end"];
+        let expected = ["end of line", "data", "identifier", "length", "channel", "end of line"];
         assert_eq!(items.len(), expected.len(), "{items:?}");
         for (item, part) in items.iter().zip(expected) {
             assert!(item.contains(&format!(": {part}:")), "{item}");

@@ -1,4 +1,4 @@
-//! Text traces of CARBUS Analyzer (canhacker.com), versions 2 and 3; their suffix is PEAK's, .trc.
+//! Text captures of CARBUS Analyzer (canhacker.com), versions 2 and 3; they have PEAK's extension .trc.
 //!
 //! ```text
 //! @ TEXT @ 2 @ 64 @ 0 @ 55 @ 10078 @ 00:00:10.078 @     version, …, lines, milliseconds, time
@@ -7,25 +7,27 @@
 //! time    bus flags ID DLC data                     checksum  text
 //! ```
 //!
-//! Lines end with a carriage return alone, columns with a tab. Times are seconds and milliseconds
-//! (version 2) or microseconds (version 3) within a minute, which begins anew where they fall back.
+//! Lines end with a carriage return only, columns with a tab. Times are seconds and milliseconds
+//! (version 2) or microseconds (version 3) within a minute; a backward step starts the next minute.
 
 use crate::capture::Format;
-use crate::capture::text::columns::{Base, Words, identifier, time};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
+use crate::capture::text::line_format::{
+    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+};
 use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, by_dlc, frame};
 use crate::frame::FrameFlags;
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// After this many nanoseconds times begin anew.
+/// Times restart after this number of nanoseconds.
 const MINUTE: i64 = 60 * SECOND;
 
-/// Times that fall back by less are of another bus, whose frames came out of order.
+/// A smaller backward step is a frame of another bus, out of order.
 const DISORDER: i64 = MINUTE / 2;
 
-/// Flags of a frame of which nothing else is recorded.
+/// Flags of a data frame without further attributes.
 const PLAIN: u32 = 4;
 
 pub(super) const FORMAT: Format = Format {
@@ -36,7 +38,7 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(CarBus::default())),
 };
 
-/// What such a trace says of later lines.
+/// State that affects later lines.
 #[derive(Clone, Default)]
 struct CarBus {
     minutes: i64,
@@ -44,7 +46,7 @@ struct CarBus {
 }
 
 impl CarBus {
-    /// Nanoseconds since the first minute began.
+    /// Nanoseconds since the start of the first minute.
     fn time(&mut self, within_minute: i64) -> i64 {
         if within_minute.saturating_add(DISORDER) < self.last {
             self.minutes = self.minutes.saturating_add(MINUTE);
@@ -55,25 +57,25 @@ impl CarBus {
 }
 
 impl LineFormat for CarBus {
-    const TITLE: &'static str = "CARBUS Analyzer trace";
+    const TITLE: &'static str = "CARBUS Analyzer text";
 
     fn line<'a>(
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         if text.starts_with(b"@") || text.starts_with(b"#") {
             return Ok(None);
         }
-        let mut words = Words::new(text);
+        let mut words = ColumnWords::new(text);
         let stamp = words.next().and_then(|word| time(word, SECOND)).filter(|stamp| *stamp < MINUTE);
-        let stamp = stamp.ok_or("time: expected seconds within a minute, 46,016")?;
+        let stamp = stamp.ok_or("time: expected seconds within a minute, such as 46,016")?;
         let bus = words.next().filter(|word| word.iter().all(u8::is_ascii_digit));
         let bus = bus.ok_or("bus: expected a number")?;
         let marks = words.next().and_then(|word| Base::Hex.number(word));
         if marks.ok_or("flags: expected hex digits")? != PLAIN {
-            assumptions.say("flags other than 0004 are not published: all lines are read as data frames");
+            assumptions.report("flags other than 0004 undocumented: all lines read as data frames");
         }
         let digits = words.next().unwrap_or_default();
         let number = Base::Hex.number(digits);
@@ -81,7 +83,7 @@ impl LineFormat for CarBus {
         let dlc = words.next().and_then(|word| Base::Hex.byte(word));
         let lengths = dlc.and_then(|dlc| by_dlc(dlc, FrameFlags(0))).ok_or(LENGTH)?;
         let frame = frame(id.ok_or(IDENTIFIER)?, FrameFlags(0), lengths, words, Base::Hex).ok_or(SHORT)?;
-        Ok(Some(Seen::new(Some(self.time(stamp)), bus, frame)))
+        Ok(Some(ParsedLine::new(Some(self.time(stamp)), bus, frame)))
     }
 }
 
@@ -114,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn other_flags_are_said_and_broken_lines_named() {
+    fn other_flags_are_reported_and_broken_lines_named() {
         let text = format!(
             "{HEADER}1,0\t1\t80000004\t001\t0\t\t0\r61,0\t1\t0004\t001\t0\r1,0\t1\t0004\t001\t2\t5A\r"
         );

@@ -2,31 +2,31 @@
 //! Format", versions 1.0 to 3.1).
 //!
 //! ```text
-//! 1542473901.020305 CXX OVMS CRTD              comment; CER, CST, CEV, CBC, CMT and others too
+//! 1542473901.020305 CXX OVMS CRTD              comment; also CER, CST, CEV, CBC, CMT and others
 //! 1542473901.020305 1R11 7E8 04 41 0C 00 00    received on bus 1, base identifier
-//! 1542473901.021 2T29 18DAF110 02 01 0C        sent on bus 2, extended identifier
+//! 1542473901.021 2T29 18DAF110 02 01 0C        transmitted on bus 2, extended identifier
 //! 1542473901.021 R11 7E8 01                    without a number: bus 1
-//! # comment                                    of no version, but in captures
+//! # comment                                    in captures, though in no version of the specification
 //! ```
 //!
-//! Times are seconds of UTC, or since the recorder was switched on. There are no remote frames, and
-//! comments on errors and statistics are no frames.
+//! Times are seconds in UTC, or since the recorder was switched on. The format has no remote frames. Comments
+//! on errors and statistics are not converted to frames.
 
 use crate::capture::Format;
-use crate::capture::text::columns::{Words, identifier, time};
+use crate::capture::text::columns::{ColumnWords, identifier, time};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, Seen, first_lines,
+    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
 };
 use crate::capture::text::payload::{IDENTIFIER, frame_of_all, hex};
 use crate::frame::FrameFlags;
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// Lines at the start among which one must be a record.
+/// Number of lines at the start within which a record must occur.
 const DETECTING_LINES: usize = 50;
 
-/// Records that are frames: name, direction, and whether the identifier is extended.
+/// Records that contain frames: name, direction, and whether the identifier is extended.
 const RECORDS: &[(&[u8], FrameFlags, bool)] = &[
     (b"R11", FrameFlags::RECEIVED, false),
     (b"R29", FrameFlags::RECEIVED, true),
@@ -42,21 +42,21 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(Crtd)),
 };
 
-/// Its first record is one of these.
+/// Whether the first line other than a comment is a known record.
 fn detect(head: &[u8]) -> bool {
     let first = first_lines(head, DETECTING_LINES).find(|line| !line.starts_with(b"#"));
     first.is_some_and(|line| split(line).is_some_and(|(_, _, record, _)| is_record(record)))
 }
 
-/// A frame, or one of the comments that are known.
+/// Whether the record is a frame or a known comment.
 fn is_record(record: &[u8]) -> bool {
     matches!(record, b"CXX" | b"CER" | b"CST" | b"CEV" | b"CBC" | b"CDP" | b"CMT" | b"CVR")
         || RECORDS.iter().any(|(name, _, _)| *name == record)
 }
 
-/// Time, bus, name of the record, and the rest.
-fn split(line: &[u8]) -> Option<(i64, &[u8], &[u8], Words<'_>)> {
-    let mut words = Words::new(line);
+/// Splits a line into time, bus, record name, and the remaining words.
+fn split(line: &[u8]) -> Option<(i64, &[u8], &[u8], ColumnWords<'_>)> {
+    let mut words = ColumnWords::new(line);
     let stamp = words.next().filter(|word| word.contains(&b'.'))?;
     let record = words.next()?;
     let digits = record.iter().take_while(|byte| byte.is_ascii_digit()).count();
@@ -64,19 +64,20 @@ fn split(line: &[u8]) -> Option<(i64, &[u8], &[u8], Words<'_>)> {
     Some((time(stamp, SECOND)?, if bus.is_empty() { ONLY_BUS } else { bus }, record, words))
 }
 
-/// What CRTD says of later lines: nothing.
+/// Line format without state.
 #[derive(Clone)]
 struct Crtd;
 
 impl LineFormat for Crtd {
     const TITLE: &'static str = "OVMS CRTD";
 
-    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<Seen<'a>>, Fault> {
+    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         if text.starts_with(b"#") {
             return Ok(None);
         }
-        let (time, bus, record, mut words) = split(text).ok_or("expected seconds and a record, 1.5 1R11")?;
+        let (time, bus, record, mut words) =
+            split(text).ok_or("expected seconds and a record, such as 1.5 1R11")?;
         if record.starts_with(b"C") {
             return Ok(None);
         }
@@ -85,7 +86,7 @@ impl LineFormat for Crtd {
             *record.ok_or("record: expected R11, R29, T11, T29 or C and two letters")?;
         let id = words.next().and_then(hex).and_then(|number| identifier(number, extended));
         let frame = frame_of_all(id.ok_or(IDENTIFIER)?, flags, words);
-        Ok(Some(Seen::new(Some(time), bus, frame.ok_or("data: expected up to 8 bytes in hex")?)))
+        Ok(Some(ParsedLine::new(Some(time), bus, frame.ok_or("data: expected up to 8 bytes in hex")?)))
     }
 }
 

@@ -9,22 +9,22 @@
 //! 1218;RX;0x236;1;0x00;0x00;0x00;0x00;0x00;0x00;0x00;0xF0     milliseconds, direction, ID, length, data
 //! ```
 //!
-//! Eight bytes may be there whatever the length says. Times stand for themselves: nothing says that they
-//! count from the date above, and captures are found where they do not. Only its size tells an extended
-//! identifier.
+//! A line may have eight data bytes with a smaller length. Times are not added to the date above: the format
+//! does not define this, and in some captures they do not count from it. An extended identifier is recognised
+//! only by its value.
 
 use crate::capture::Format;
 use crate::capture::text::columns::{Base, time};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, Seen, first_lines,
+    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
 };
 use crate::capture::text::payload::{IDENTIFIER, LENGTH, by_length, by_size, hex};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const MILLISECOND: i64 = 1_000_000;
 
-/// Lines at the start among which the program must be named.
+/// Number of lines at the start within which the program name must occur.
 const DETECTING_LINES: usize = 10;
 
 pub(super) const FORMAT: Format = Format {
@@ -35,14 +35,14 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(Microchip::default())),
 };
 
-/// Its heading.
+/// Whether the capture has the program's heading.
 fn detect(head: &[u8]) -> bool {
     let mut lines = first_lines(head, DETECTING_LINES);
     let is_comment = lines.next().is_some_and(|line| line.starts_with(b"//"));
     is_comment && lines.any(|line| line == b"CAN BUS Analyzer")
 }
 
-/// What such a capture says of later lines.
+/// State that affects later lines.
 #[derive(Clone, Default)]
 struct Microchip {
     in_heading: bool,
@@ -55,7 +55,7 @@ impl LineFormat for Microchip {
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         if text.starts_with(b"//") {
             self.in_heading = !self.in_heading;
@@ -66,23 +66,23 @@ impl LineFormat for Microchip {
         if self.in_heading && stamp.is_none() {
             return Ok(None);
         }
-        let time = stamp.ok_or("time: expected milliseconds, 1218")?;
+        let time = stamp.ok_or("time: expected milliseconds, such as 1218")?;
         let flags = match fields.next() {
             Some(b"RX") => FrameFlags::RECEIVED,
             Some(b"TX") => FrameFlags::TRANSMITTED,
             _ => return Err("direction: expected RX or TX".into()),
         };
-        assumptions.say("which identifiers are extended is not recorded: those above 7FF are");
+        assumptions.report("identifier type not recorded: identifiers above 7FF read as 29-bit");
         let id = fields.next().and_then(hex).and_then(by_size).ok_or(IDENTIFIER)?;
         let length = fields.next().and_then(|word| Base::Decimal.byte(word));
         let (length, raw_dlc) = length.and_then(|length| by_length(length, flags)).ok_or(LENGTH)?;
         let mut bytes = [0; MAX_DATA];
         for slot in bytes.iter_mut().take(length.into()) {
             let byte = fields.next().and_then(hex).and_then(|byte| u8::try_from(byte).ok());
-            *slot = byte.ok_or("data: expected as many bytes as the length says, 0x00")?;
+            *slot = byte.ok_or("data: expected as many bytes as the length, such as 0x00")?;
         }
         let frame = Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY };
-        Ok(Some(Seen::new(Some(time), ONLY_BUS, frame)))
+        Ok(Some(ParsedLine::new(Some(time), ONLY_BUS, frame)))
     }
 }
 
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(
             content.items,
             [
-                "which identifiers are extended is not recorded: those above 7FF are",
+                "identifier type not recorded: identifiers above 7FF read as 29-bit",
                 "{1} (1.218000000) bus0 236#01 flags=40 dlc=0",
                 "{2} (1.219000000) bus0 18FEF100# flags=20 dlc=0",
             ]

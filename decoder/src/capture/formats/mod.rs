@@ -1,4 +1,4 @@
-//! The formats of captures: a file or folder each, and which there are.
+//! Capture formats, one file or folder per format, and the lists of them.
 
 mod asc;
 mod blf;
@@ -8,6 +8,7 @@ mod canking;
 mod carbus;
 mod crtd;
 mod csv;
+mod excerpt;
 pub(super) mod mcap;
 mod mdf4;
 mod microchip;
@@ -16,9 +17,10 @@ mod pcapng;
 mod roadster;
 mod trc;
 
+use super::text::line_format::complete_lines;
 use super::{Format, WritableFormat};
 
-/// All formats, binary before text, strict before lenient: the first that recognises a capture reads it.
+/// All formats, binary before text, strict before lenient: the first format that matches reads the capture.
 pub const FORMATS: &[Format] = &[
     mcap::FORMAT,
     pcapng::FORMAT,
@@ -35,6 +37,7 @@ pub const FORMATS: &[Format] = &[
     roadster::FORMAT,
     csv::FORMAT,
     candump::FORMAT,
+    excerpt::FORMAT,
 ];
 
 /// All formats that can be written.
@@ -48,10 +51,18 @@ pub const WRITABLE: &[WritableFormat] = &[
     mcap::WRITABLE,
 ];
 
-/// The format that recognises these first bytes; `is_whole` where no more follow. Of text only whole lines tell: the
-/// beginning of a line may look like that of another format.
+/// The format that matches these first bytes. `is_whole` means that no data follows. In text only complete
+/// lines are checked: the start of a line may match another format.
+///
+/// An excerpt has no sign of its own, so it is accepted only after all of its first bytes are known: the same
+/// bytes decide for any size of the pieces in which a capture arrives.
 pub fn detect(head: &[u8], is_whole: bool) -> Option<&'static Format> {
-    let end = head.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |end| end + 1);
-    let lines = if is_whole { head } else { head.get(..end).unwrap_or_default() };
-    FORMATS.iter().find(|format| (format.detect)(if format.is_text { lines } else { head }))
+    let lines = if is_whole { head } else { complete_lines(head) };
+    let found = FORMATS.iter().find(|format| {
+        format.name != excerpt::FORMAT.name && (format.detect)(if format.is_text { lines } else { head })
+    });
+    found.or_else(|| {
+        let window = excerpt::window(head, is_whole).filter(|window| (excerpt::FORMAT.detect)(window))?;
+        FORMATS.iter().find(|format| !window.is_empty() && format.name == excerpt::FORMAT.name)
+    })
 }

@@ -1,5 +1,5 @@
-//! Annotated captures of the first Open Vehicle Monitoring System: time, identifier, data and remarks in
-//! columns of fixed width, before there was CRTD.
+//! Annotated captures of the first Open Vehicle Monitoring System, the predecessor of CRTD: time, identifier,
+//! data and remarks in columns of fixed width.
 //!
 //! ```text
 //!               0 NOTE                                 a remark of the author
@@ -8,21 +8,21 @@
 //! 0             15   19                        43
 //! ```
 //!
-//! Remarks may look like data, so only the column tells where data end.
+//! Remarks may look like data, so the end of the data is determined by the column.
 
 use crate::capture::Format;
-use crate::capture::text::columns::{Words, identifier, time};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, Seen};
+use crate::capture::text::columns::{ColumnWords, identifier, time};
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, ParsedLine};
 use crate::capture::text::payload::{IDENTIFIER, frame_of_all, hex};
 use crate::frame::FrameFlags;
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// Where the columns end: time, identifier, data.
+/// End columns of time, identifier and data.
 const ENDS: [usize; 3] = [15, 19, 44];
 
-/// Lines at the start among which one must be a frame.
+/// Number of lines at the start within which a frame must occur.
 const DETECTING_LINES: usize = 50;
 
 pub(super) const FORMAT: Format = Format {
@@ -33,7 +33,7 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(Roadster)),
 };
 
-/// A frame, with nothing but notes before it. The last line may still come in.
+/// Whether the first line other than a note is a frame. The last line may be incomplete and is not checked.
 fn detect(head: &[u8]) -> bool {
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
     for line in whole.split(|byte| *byte == b'\n').take(DETECTING_LINES) {
@@ -46,7 +46,7 @@ fn detect(head: &[u8]) -> bool {
     false
 }
 
-fn read(text: &[u8]) -> Result<Option<Seen<'_>>, Fault> {
+fn read(text: &[u8]) -> Result<Option<ParsedLine<'_>>, Fault> {
     let [stamp, id, data] = ENDS;
     let column = |from: usize, to: usize| text.get(from..to.min(text.len())).unwrap_or_default();
     let stamp_of = |word: &[u8]| time(word.trim_ascii_start(), SECOND);
@@ -57,18 +57,18 @@ fn read(text: &[u8]) -> Result<Option<Seen<'_>>, Fault> {
     }
     let digits = name.strip_prefix(b" ").filter(|digits| digits.len() == 3);
     let number = digits.and_then(hex).and_then(|number| identifier(number, false)).ok_or(IDENTIFIER)?;
-    let frame = frame_of_all(number, FrameFlags(0), Words::new(column(id, data)));
-    Ok(Some(Seen::new(Some(time), ONLY_BUS, frame.ok_or("data: expected up to 8 bytes in hex")?)))
+    let frame = frame_of_all(number, FrameFlags(0), ColumnWords::new(column(id, data)));
+    Ok(Some(ParsedLine::new(Some(time), ONLY_BUS, frame.ok_or("data: expected up to 8 bytes in hex")?)))
 }
 
-/// What such a capture says of later lines: nothing.
+/// Line format without state.
 #[derive(Clone)]
 struct Roadster;
 
 impl LineFormat for Roadster {
     const TITLE: &'static str = "OVMS annotated text";
 
-    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<Seen<'a>>, Fault> {
+    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<ParsedLine<'a>>, Fault> {
         read(text)
     }
 }
@@ -81,7 +81,7 @@ mod tests {
     const SAMPLE: &str = "              0 NOTE                                 a remark\n         0.0458 588 00 00 84                         \n         0.2813 102 04 44                      VDS-> (message from VDS 04)\n        10.5000 100 01 02 03 04 05 06 07 08    AB CD a remark in hex\n";
 
     #[test]
-    fn remarks_are_told_from_data_by_their_column() {
+    fn remarks_are_distinguished_from_data_by_their_column() {
         let content = testing::read(SAMPLE.as_bytes());
         assert_eq!(
             content.items,

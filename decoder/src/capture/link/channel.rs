@@ -1,51 +1,50 @@
-//! One interface of a packet capture: its bus, and what was learnt about its packets.
+//! One interface of a packet capture: its bus, and the state of its packets.
 
-use super::socketcan::{self, Bad, IdOrder};
-use super::{Link, Opened, Payload, open};
+use super::socketcan::{self, IdOrder, InvalidFrame};
+use super::{Link, PacketContent, Payload, open};
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::text::lines::excerpt;
-use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
+use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUS_NAME, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, FrameFlags, Timestamp};
 
-/// An interface.
+/// An interface of a packet capture.
 #[derive(Debug, Clone)]
 pub(in crate::capture) struct Channel {
     name: Vec<u8>,
-    /// Whether the name is that of one device: `any` is all of them.
+    /// Whether the name belongs to a single device; `any` means all devices.
     is_one: bool,
     link: Link,
     order: IdOrder,
     bus: Option<BusIndex>,
-    /// Buses of the interface numbers that packets carry themselves.
+    /// Buses of the interface numbers in cooked headers.
     numbered: Vec<(u32, BusIndex)>,
     skipped: u64,
     protocol: u16,
 }
 
-/// What a packet's own header says.
+/// Properties of a packet outside of its data.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::capture) struct Head {
-    /// When it was recorded.
+    /// Time of recording.
     pub(in crate::capture) time: Option<Timestamp>,
-    /// What is known of its direction.
+    /// Direction, if known.
     pub(in crate::capture) flags: FrameFlags,
-    /// Where it stands.
-    pub(in crate::capture) place: Place,
+    /// Position of the packet.
+    pub(in crate::capture) place: CapturePlace,
 }
 
-/// Where frames go.
+/// Destination of frames and notices.
 pub(in crate::capture) struct Output<'a> {
-    /// Frames and notices.
     pub(in crate::capture) batch: &'a mut Batch,
-    /// Frames delivered so far.
+    /// Number of frames emitted so far.
     pub(in crate::capture) frames: &'a mut u64,
     /// Buses seen so far.
     pub(in crate::capture) buses: &'a mut BusNames,
 }
 
 impl Channel {
-    /// An interface of which no packet was seen, in a capture of this byte order. `name` is cut where a
-    /// bus name is; without one it is `can` and the interface's number.
+    /// Creates an interface in a capture of this byte order. `name` is cut to the maximum of a bus name;
+    /// without a name it is `can` and the interface number.
     pub(in crate::capture) fn new(link: Link, order: ByteOrder, name: Option<&[u8]>, number: usize) -> Self {
         let cut = |name: &[u8]| name.get(..MAX_BUS_NAME).unwrap_or(name).to_vec();
         Self {
@@ -60,7 +59,7 @@ impl Channel {
         }
     }
 
-    /// Whether all its packets are frames that [`socketcan::common`] may be asked to read, and how.
+    /// Bus and identifier byte order if [`socketcan::common`] can read the packets; otherwise `None`.
     #[inline]
     pub(in crate::capture) fn usual(&self) -> Option<(BusIndex, IdOrder)> {
         match self.link {
@@ -69,12 +68,12 @@ impl Channel {
         }
     }
 
-    /// Whether its packets can hold CAN frames.
+    /// Whether packets of this link type can contain CAN frames.
     pub(in crate::capture) fn may_hold_can(&self) -> bool {
         !matches!(self.link, Link::Other(_))
     }
 
-    /// Counts a packet nobody looked at.
+    /// Counts a skipped packet.
     pub(in crate::capture) fn skip(&mut self) {
         if let Link::Other(number) = self.link {
             self.protocol = number;
@@ -82,19 +81,19 @@ impl Channel {
         self.skipped += 1;
     }
 
-    /// One packet of any kind.
+    /// Handles one packet of any type.
     pub(in crate::capture) fn packet(&mut self, packet: &[u8], head: Head, out: &mut Output<'_>) {
         match open(self.link, packet) {
-            Opened::Can(payload) => self.frame(&payload, head, out),
-            Opened::NotCan(protocol) => {
+            PacketContent::Can(payload) => self.frame(&payload, head, out),
+            PacketContent::NotCan(protocol) => {
                 if self.skipped == 0 {
                     self.protocol = protocol;
                 }
                 self.skipped += 1;
             }
-            Opened::Short { header } => {
+            PacketContent::Short { header } => {
                 let found = packet.len();
-                let reason = format!("packet header: found {found} bytes, expected at least {header}");
+                let reason = format!("packet header: found {found} bytes; expected at least {header}");
                 out.batch.notice(Notice::Unreadable { place: head.place, reason });
             }
         }
@@ -102,7 +101,7 @@ impl Channel {
 
     fn frame(&mut self, payload: &Payload<'_>, head: Head, out: &mut Output<'_>) {
         let Some(slot) = out.batch.slot() else { return };
-        // What is no frame proves no order: it would be changed without a word, for none is left to say it with.
+        // An invalid frame must not change the order: the change could not be reported with a frame.
         let mut order = self.order;
         if let Err(bad) = socketcan::frame(payload.bytes, payload.kind, &mut order, slot) {
             unreadable(bad, head.place, out.batch);
@@ -121,8 +120,9 @@ impl Channel {
         *out.frames = out.frames.saturating_add(1);
         if let Some(order) = self.order.news() {
             let name = excerpt(&self.name);
-            let text =
-                format!("interface {name}: identifiers are in {order} order, against the standard: read so");
+            let text = format!(
+                "interface {name}: identifiers are {order}, contrary to the standard; read as {order}"
+            );
             out.batch.notice(Notice::Assumption(text));
         }
         out.batch.commit();
@@ -143,12 +143,12 @@ impl Channel {
         Some(bus)
     }
 
-    /// The bus of an interface that is one bus.
+    /// The bus of an interface with a single bus.
     pub(in crate::capture) fn own_bus(&mut self, buses: &mut BusNames) -> Option<BusIndex> {
         self.bus(None, buses)
     }
 
-    /// What to say at the end about packets that were no CAN.
+    /// Notice at the end about packets that were not CAN.
     pub(in crate::capture) fn summary(&self) -> Option<Notice> {
         if self.skipped == 0 {
             return None;
@@ -160,13 +160,13 @@ impl Channel {
                 format!("interface {name} is not CAN (link type {number}): {count} {packets} skipped")
             }
             _ => format!(
-                "interface {name}: {count} {packets} skipped that are not CAN (protocol 0x{:04X})",
+                "interface {name}: {count} {packets} other than CAN skipped (first protocol 0x{:04X})",
                 self.protocol
             ),
         }))
     }
 }
 
-fn unreadable(bad: Bad, place: Place, batch: &mut Batch) {
+fn unreadable(bad: InvalidFrame, place: CapturePlace, batch: &mut Batch) {
     batch.notice(Notice::Unreadable { place, reason: bad.to_string() });
 }

@@ -1,4 +1,4 @@
-//! Link layer of packet captures: what stands before a CAN frame in a packet of pcap and pcapng.
+//! Link layer of packet captures: headers before the CAN frame in packets of pcap and pcapng.
 //!
 //! ```text
 //! 227 CAN_SOCKETCAN  frame
@@ -7,12 +7,12 @@
 //! 276 LINUX_SLL2     0 protocol (2)     2 reserved (2)     4 interface index (4)  8 device type (2)
 //!                   10 packet type (1) 11 address length (1)  12 address (8)     20 frame
 //! ```
-//! The cooked headers (SLL) are big-endian in every capture. The identifier behind them is in the order
-//! of the capture (libpcap: of the machine that wrote it), that of type 227 is big-endian.
+//! The cooked headers (SLL) are big-endian in all captures. The identifier after them has the byte order of
+//! the capture (libpcap: of the machine that wrote it); that of type 227 is big-endian.
 //!
-//! The protocol says 0x000C for CAN, 0x000D for CAN FD, 0x000E for CAN XL; anything else is no CAN, as on
-//! the device `any`. Packet type 4 is a frame this host sent; the other types do not say that it was
-//! received, because Linux loops sent frames back as broadcasts.
+//! The protocol is 0x000C for CAN, 0x000D for CAN FD, 0x000E for CAN XL; other values are not CAN and occur
+//! on the device `any`. Packet type 4 means transmitted by this host. Other types do not mean received,
+//! because Linux loops transmitted frames back as broadcasts.
 
 mod channel;
 mod socketcan;
@@ -24,21 +24,21 @@ pub(super) use socketcan::{IdOrder, common};
 use super::byte_order::ByteOrder;
 use crate::frame::FrameFlags;
 
-/// Kinds of packet that may hold CAN frames.
+/// Link types that can contain CAN frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Link {
-    /// The frame alone.
+    /// A frame without header.
     SocketCan,
-    /// Linux "cooked" header, first version.
+    /// Linux "cooked" header, version 1.
     Cooked,
-    /// Linux "cooked" header, second version.
+    /// Linux "cooked" header, version 2.
     Cooked2,
-    /// Something else, by its number.
+    /// Another link type, by its number.
     Other(u16),
 }
 
 impl Link {
-    /// The link type of a capture's header; the upper half may hold the length of a checksum.
+    /// The link type in a capture header; the upper half may contain the length of a checksum.
     pub(super) fn new(number: u32) -> Self {
         let [_, _, high, low] = number.to_be_bytes();
         match u16::from_be_bytes([high, low]) {
@@ -50,32 +50,32 @@ impl Link {
     }
 }
 
-/// What a packet turned out to hold.
-enum Opened<'a> {
+/// Content of a packet.
+enum PacketContent<'a> {
     /// A frame in SocketCAN's layout.
     Can(Payload<'a>),
     /// Another protocol, by its number.
     NotCan(u16),
-    /// Fewer bytes than the header has.
+    /// Shorter than the header.
     Short {
-        /// How many the header has.
+        /// Size of the header in bytes.
         header: usize,
     },
 }
 
-/// A CAN frame taken out of its packet.
+/// A CAN frame extracted from a packet.
 struct Payload<'a> {
     bytes: &'a [u8],
     kind: Kind,
     flags: FrameFlags,
-    /// The recording host's number of the interface.
+    /// Interface number on the host that recorded the capture.
     interface: Option<u32>,
 }
 
-/// What the link layer knows about a frame.
+/// Frame type according to the link layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// Nothing: the frame must say.
+    /// Unknown: determined by the frame.
     Unsaid,
     /// CAN FD.
     Fd,
@@ -88,19 +88,19 @@ const PROTOCOL_CAN_FD: u16 = 0x000D;
 const PROTOCOL_CAN_XL: u16 = 0x000E;
 const PACKET_OUTGOING: u16 = 4;
 
-/// Takes the link layer off a packet.
-fn open(link: Link, packet: &[u8]) -> Opened<'_> {
+/// Removes the link layer header from a packet.
+fn open(link: Link, packet: &[u8]) -> PacketContent<'_> {
     let big = ByteOrder::Big;
     let header = match link {
-        Link::Other(number) => return Opened::NotCan(number),
+        Link::Other(number) => return PacketContent::NotCan(number),
         Link::SocketCan => {
             let flags = FrameFlags::default();
-            return Opened::Can(Payload { bytes: packet, kind: Kind::Unsaid, flags, interface: None });
+            return PacketContent::Can(Payload { bytes: packet, kind: Kind::Unsaid, flags, interface: None });
         }
         Link::Cooked => 16,
         Link::Cooked2 => 20,
     };
-    let Some(bytes) = packet.get(header..) else { return Opened::Short { header } };
+    let Some(bytes) = packet.get(header..) else { return PacketContent::Short { header } };
     let (protocol, packet_type, interface) = if link == Link::Cooked {
         (big.u16(packet, 14), big.u16(packet, 0), None)
     } else {
@@ -110,11 +110,11 @@ fn open(link: Link, packet: &[u8]) -> Opened<'_> {
         PROTOCOL_CAN => Kind::Unsaid,
         PROTOCOL_CAN_FD => Kind::Fd,
         PROTOCOL_CAN_XL => Kind::Xl,
-        other => return Opened::NotCan(other),
+        other => return PacketContent::NotCan(other),
     };
     let outgoing = packet_type == Some(PACKET_OUTGOING);
     let flags = if outgoing { FrameFlags::TRANSMITTED } else { FrameFlags::default() };
-    Opened::Can(Payload { bytes, kind, flags, interface })
+    PacketContent::Can(Payload { bytes, kind, flags, interface })
 }
 
 #[cfg(test)]
@@ -132,20 +132,20 @@ mod tests {
     #[test]
     fn a_cooked_header_tells_protocol_and_direction() {
         let packet = b"\0\x04\x01\x18\0\0\0\0\0\0\0\0\0\0\0\x0DFRAME";
-        let Opened::Can(payload) = open(Link::Cooked, packet) else { panic!("expected CAN") };
+        let PacketContent::Can(payload) = open(Link::Cooked, packet) else { panic!("expected CAN") };
         assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], Kind::Fd));
         assert_eq!((payload.flags, payload.interface), (FrameFlags::TRANSMITTED, None));
-        assert!(matches!(open(Link::Cooked, &packet[..15]), Opened::Short { header: 16 }));
+        assert!(matches!(open(Link::Cooked, &packet[..15]), PacketContent::Short { header: 16 }));
         let other = b"\0\x01\0\x01\0\x06\0\0\0\0\0\0\0\0\x08\0IP";
-        assert!(matches!(open(Link::Cooked, other), Opened::NotCan(0x0800)));
+        assert!(matches!(open(Link::Cooked, other), PacketContent::NotCan(0x0800)));
     }
 
     #[test]
     fn a_cooked_header_of_version_two_tells_the_interface() {
         let packet = b"\0\x0C\0\0\0\0\0\x07\x01\x18\x01\0\0\0\0\0\0\0\0\0FRAME";
-        let Opened::Can(payload) = open(Link::Cooked2, packet) else { panic!("expected CAN") };
+        let PacketContent::Can(payload) = open(Link::Cooked2, packet) else { panic!("expected CAN") };
         assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], Kind::Unsaid));
         assert_eq!((payload.flags, payload.interface), (FrameFlags::default(), Some(7)));
-        assert!(matches!(open(Link::Cooked2, &packet[..19]), Opened::Short { header: 20 }));
+        assert!(matches!(open(Link::Cooked2, &packet[..19]), PacketContent::Short { header: 20 }));
     }
 }

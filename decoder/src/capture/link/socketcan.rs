@@ -1,16 +1,17 @@
-//! The frame itself, as SocketCAN keeps it (linux/can.h) and link type 227 defines it.
+//! The CAN frame in the layout of SocketCAN (linux/can.h) and link type 227.
 //!
 //! ```text
 //! 0 identifier and flags (4)   0x8000_0000 29 bit, 0x4000_0000 remote, 0x2000_0000 error
 //! 4 length (1)   5 FD flags (1): 1 bit rate switched, 2 sender error passive, 4 CAN FD
-//! 6 reserved (1) 7 DLC where it says more than the length (1, classic only)   8 data
+//! 6 reserved (1) 7 DLC if above the length (1, classic only)   8 data
 //! ```
-//! A frame is CAN FD if its link layer or flag says so, if it fills the 72 bytes of the kernel's
+//! A frame is CAN FD if its link layer or its flag marks it, if it fills the 72 bytes of the kernel's
 //! structure (older recorders never set the flag), or if it is longer than eight bytes.
 //!
-//! Link type 227 has the identifier in big-endian order, cooked packets in the order of the capture. Not
-//! every writer knows. An identifier that is none in the order at hand, but is one in the other, changes
-//! the order ([`IdOrder`]): eleven bits with any of the upper eighteen set cannot have been on a bus.
+//! The identifier is big-endian with link type 227, and has the byte order of the capture in cooked packets.
+//! Some writers use the wrong order. An identifier that is invalid in the current order and valid in the
+//! other one changes the order ([`IdOrder`]): a base identifier with any of the upper eighteen bits set is
+//! impossible on a bus.
 
 use std::fmt;
 
@@ -23,21 +24,21 @@ const REMOTE: u32 = 0x4000_0000;
 const ERROR: u32 = 0x2000_0000;
 const IDENTIFIER: u32 = 0x1FFF_FFFF;
 const ABOVE_STANDARD: u32 = 0x1FFF_F800;
-/// Bits of an error's class that linux/can/error.h leaves far from use.
+/// Bits of an error class that are far above the classes defined in linux/can/error.h.
 const ABOVE_CLASSES: u32 = 0x1FFF_0000;
 
 const BIT_RATE_SWITCH: u8 = 0x01;
 const ERROR_STATE: u8 = 0x02;
 const FD_FRAME: u8 = 0x04;
-/// Stands where other frames have their length.
+/// Flag in the length field that marks a CAN XL frame.
 const XL_FRAME: u8 = 0x80;
 
 const HEADER: usize = 8;
 const MAX_CLASSIC: u8 = 8;
-/// Size of the kernel's structure for CAN FD, header included.
+/// Size of the kernel's structure for CAN FD in bytes, with the header.
 const FD_SIZE: usize = 72;
 
-/// Order of an identifier's bytes: the one its link type defines until a frame proves otherwise.
+/// Byte order of identifiers: as defined for the link type, until a frame shows the other order.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::capture) struct IdOrder {
     is_little: bool,
@@ -57,7 +58,7 @@ impl IdOrder {
         if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) }
     }
 
-    /// The identifier, in the order that makes it one.
+    /// The identifier, in the order in which it is valid.
     fn decide(&mut self, bytes: [u8; 4]) -> u32 {
         let word = self.word(bytes);
         if self.is_fixed || is_plausible(word) || !is_plausible(word.swap_bytes()) {
@@ -67,7 +68,7 @@ impl IdOrder {
         word.swap_bytes()
     }
 
-    /// The order that was found instead of the defined one, if nobody has said so.
+    /// The detected order if it differs from the defined one and was not reported yet.
     pub(super) fn news(&mut self) -> Option<&'static str> {
         if self.is_said || self.is_little == self.defined_little {
             return None;
@@ -77,7 +78,7 @@ impl IdOrder {
     }
 }
 
-/// Whether a bus can have carried this identifier.
+/// Whether the identifier is possible on a bus.
 #[inline]
 fn is_plausible(word: u32) -> bool {
     if word & ERROR != 0 {
@@ -86,28 +87,28 @@ fn is_plausible(word: u32) -> bool {
     word & EXTENDED != 0 || word & ABOVE_STANDARD == 0
 }
 
-/// Why bytes are no frame.
+/// Reason why bytes are not a valid frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Bad {
-    /// Too few for any frame.
+pub(super) enum InvalidFrame {
+    /// Shorter than any frame; contains the size.
     Short(usize),
-    /// CAN XL.
+    /// CAN XL frame.
     Xl,
-    /// A length no frame of its kind has.
+    /// Length above the maximum of the frame type.
     Length { length: u8, limit: u8 },
-    /// The recorder kept a part of the data only.
+    /// The recorder stored only a part of the data.
     Cut { has: usize, length: u8 },
-    /// A request for data, which CAN FD does not have.
+    /// Remote frame, undefined in CAN FD.
     RemoteFd,
 }
 
-impl fmt::Display for Bad {
+impl fmt::Display for InvalidFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Short(found) => write!(f, "CAN frame: found {found} bytes, expected at least {HEADER}"),
+            Self::Short(found) => write!(f, "CAN frame: found {found} bytes; expected at least {HEADER}"),
             Self::Xl => f.write_str("CAN XL frame: not supported"),
             Self::Length { length, limit } => {
-                write!(f, "CAN frame: found length {length}, expected at most {limit}")
+                write!(f, "CAN frame: found length {length}; expected at most {limit}")
             }
             Self::Cut { has, length } => write!(f, "CAN frame: found {has} of {length} data bytes"),
             Self::RemoteFd => f.write_str("CAN frame: a remote frame cannot be CAN FD"),
@@ -115,17 +116,16 @@ impl fmt::Display for Bad {
     }
 }
 
-/// The common frame: classic data of up to eight bytes. `window` begins with the packet's `captured`
-/// bytes; what follows them may be anything. Returns `false` for every other frame, having written
-/// nothing that counts.
+/// Parses a common frame: classic data of up to eight bytes. `window` begins with the packet of `captured`
+/// bytes; the bytes after it are arbitrary. Returns `false` for any other frame; `slot` is then undefined.
 ///
-/// All eight bytes are copied whatever the length: a branch on it costs more.
+/// Always copies eight bytes: a branch on the length would cost more.
 #[inline]
 pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrder, slot: &mut Frame) -> bool {
     let &[id @ .., l0, l1, l2, l3, _, _, _, _, _, _, _, _] = window;
     let word = order.word(id);
     let room = captured.wrapping_sub(8);
-    // Flags and reserved bytes must be zero: then the number of all four is the length.
+    // Flags and reserved bytes must be zero, so that the four bytes as one number equal the length.
     let length = u32::from_le_bytes([l0, l1, l2, l3]);
     let is_usual = word & EXTENDED != 0 || word & ABOVE_STANDARD == 0;
     if room > 8 || length > room || word & (REMOTE | ERROR) != 0 || !is_usual {
@@ -142,29 +142,35 @@ pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrde
     true
 }
 
-/// A frame as a CAN socket of this computer gives it: `struct can_frame` or `struct canfd_frame` (linux/can.h).
+/// Parses a frame from a CAN socket of this computer: `struct can_frame` or `struct canfd_frame`
+/// (linux/can.h).
 ///
 /// # Errors
-/// What was found and what was expected, where the bytes are no frame.
+/// If the bytes are not a valid frame; describes the content found and expected.
 pub fn kernel_frame(bytes: &[u8]) -> Result<Frame, String> {
     let own = if cfg!(target_endian = "little") { ByteOrder::Little } else { ByteOrder::Big };
     let mut frame = Frame::EMPTY;
-    // The order is known, so it is never doubted.
+    // The order of this computer is known, so it is fixed.
     let mut order = IdOrder { is_fixed: true, ..IdOrder::new(own) };
     self::frame(bytes, Kind::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
     Ok(frame)
 }
 
-/// Any frame: identifier, flags, length and data are written to `slot`.
-pub(super) fn frame(packet: &[u8], kind: Kind, order: &mut IdOrder, slot: &mut Frame) -> Result<(), Bad> {
+/// Parses any frame: writes identifier, flags, length and data to `slot`.
+pub(super) fn frame(
+    packet: &[u8],
+    kind: Kind,
+    order: &mut IdOrder,
+    slot: &mut Frame,
+) -> Result<(), InvalidFrame> {
     let Some(&[i0, i1, i2, i3, length, bits, reserved, raw_dlc]) = packet.first_chunk() else {
-        return Err(if kind == Kind::Xl { Bad::Xl } else { Bad::Short(packet.len()) });
+        return Err(if kind == Kind::Xl { InvalidFrame::Xl } else { InvalidFrame::Short(packet.len()) });
     };
     if kind == Kind::Xl || length & XL_FRAME != 0 {
-        return Err(Bad::Xl);
+        return Err(InvalidFrame::Xl);
     }
     let word = order.decide([i0, i1, i2, i3]);
-    // Classic frames of old recorders hold leftovers of memory here, so one bit alone proves nothing.
+    // Old recorders store uninitialised memory here in classic frames, so a single bit is not sufficient.
     let is_marked = bits & FD_FRAME != 0 && bits <= 7 && reserved == 0 && raw_dlc == 0;
     let is_fd = kind == Kind::Fd || is_marked || packet.len() == FD_SIZE || length > MAX_CLASSIC;
     let mut flags = FrameFlags::default();
@@ -173,7 +179,7 @@ pub(super) fn frame(packet: &[u8], kind: Kind, order: &mut IdOrder, slot: &mut F
         flags = FrameFlags::ERROR;
     } else if word & REMOTE != 0 {
         if is_fd {
-            return Err(Bad::RemoteFd);
+            return Err(InvalidFrame::RemoteFd);
         }
         flags = FrameFlags::REMOTE;
     } else if is_fd {
@@ -181,13 +187,13 @@ pub(super) fn frame(packet: &[u8], kind: Kind, order: &mut IdOrder, slot: &mut F
         limit = u8::try_from(MAX_DATA).unwrap_or(u8::MAX);
     }
     if length > limit {
-        return Err(Bad::Length { length, limit });
+        return Err(InvalidFrame::Length { length, limit });
     }
     let data = packet.get(HEADER..).unwrap_or_default();
     match data.get(..usize::from(length)) {
         _ if flags == FrameFlags::REMOTE => slot.length = length,
         Some(data) => slot.set_data(data),
-        None => return Err(Bad::Cut { has: data.len(), length }),
+        None => return Err(InvalidFrame::Cut { has: data.len(), length }),
     }
     slot.id = match word & (EXTENDED | ERROR) {
         0 => CanId::standard((word & 0x7FF) as u16),
@@ -215,7 +221,7 @@ fn fd_flags(bits: u8) -> FrameFlags {
 mod tests {
     use super::*;
 
-    fn read(packet: &[u8], kind: Kind) -> Result<String, Bad> {
+    fn read(packet: &[u8], kind: Kind) -> Result<String, InvalidFrame> {
         let mut slot = Frame::EMPTY;
         frame(packet, kind, &mut IdOrder::new(ByteOrder::Big), &mut slot).map(|()| format!("{slot:?}"))
     }
@@ -231,7 +237,7 @@ mod tests {
         bytes[4] = 9;
         assert!(kernel_frame(&bytes).is_err());
         assert!(kernel_frame(&bytes[..7]).is_err());
-        // A structure of 72 bytes is CAN FD: 64 bytes, bit rate switched.
+        // A structure of 72 bytes is CAN FD: 64 data bytes, bit rate switched.
         let mut long = [0x55u8; 72];
         long[..4].copy_from_slice(&0x123u32.to_ne_bytes());
         long[4..8].copy_from_slice(&[64, 1, 0, 0]);
@@ -297,17 +303,17 @@ mod tests {
     #[test]
     fn what_is_no_frame_says_why() {
         let bad = |packet: &[u8], kind| read(packet, kind).unwrap_err().to_string();
-        assert_eq!(bad(b"1234567", Kind::Unsaid), "CAN frame: found 7 bytes, expected at least 8");
+        assert_eq!(bad(b"1234567", Kind::Unsaid), "CAN frame: found 7 bytes; expected at least 8");
         assert_eq!(bad(b"\0\0\x01\x23\x80\0\x0C\0\0\0\0\0xl", Kind::Unsaid), "CAN XL frame: not supported");
         assert_eq!(bad(b"", Kind::Xl), "CAN XL frame: not supported");
         assert_eq!(bad(b"\0\0\x01\x23\x08\0\0\x00123", Kind::Unsaid), "CAN frame: found 3 of 8 data bytes");
         assert_eq!(
             bad(b"\0\0\x01\x23\x41\0\0\0", Kind::Fd),
-            "CAN frame: found length 65, expected at most 64"
+            "CAN frame: found length 65; expected at most 64"
         );
         assert_eq!(
             bad(b"\x20\0\0\x04\x09\0\0\0", Kind::Unsaid),
-            "CAN frame: found length 9, expected at most 8"
+            "CAN frame: found length 9; expected at most 8"
         );
         assert_eq!(bad(b"\x40\0\0\x04\x01\0\0\0", Kind::Fd), "CAN frame: a remote frame cannot be CAN FD");
     }
@@ -319,7 +325,7 @@ mod tests {
         assert_eq!(order.news(), Some("little-endian"));
         assert_eq!(order.decide([0x80, 0, 0, 0]), 0x080, "would be an extended 0 in the other order");
         assert_eq!(order.decide([0, 0, 0x07, 0x10]), 0x710, "proves big-endian again");
-        assert_eq!((order.decide([5, 7, 0, 0]), order.news()), (0x705, None), "said once");
+        assert_eq!((order.decide([5, 7, 0, 0]), order.news()), (0x705, None), "reported once");
         assert_eq!(order.decide([0x01, 0x23, 0x45, 0x17]), 0x1745_2301, "impossible in both: stays");
     }
 

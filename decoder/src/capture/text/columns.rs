@@ -1,4 +1,4 @@
-//! Fields of captures in columns: words between blanks, and the numbers in them.
+//! Fields of text captures: words separated by whitespace, and the numbers in them.
 
 use nom::character::complete::{digit1, one_of};
 use nom::combinator::{all_consuming, opt};
@@ -7,36 +7,36 @@ use nom::{IResult, Parser};
 
 use crate::frame::{CanId, MAX_DATA};
 
-/// Days from 1899-12-30, where the dates of Windows programs begin, to 1970-01-01.
+/// Days from 1899-12-30, the epoch of Windows dates, to 1970-01-01.
 pub(in crate::capture) const DAYS_BEFORE_1970: i128 = 25_569;
 
-/// Nanoseconds of a day.
+/// One day in nanoseconds.
 pub(in crate::capture) const DAY: i128 = 86_400 * 1_000_000_000;
 
-/// Words of a line, blanks and tabs between them.
+/// Words of a line, separated by spaces and tabs.
 #[derive(Debug, Clone, Default)]
-pub(in crate::capture) struct Words<'a> {
+pub(in crate::capture) struct ColumnWords<'a> {
     rest: &'a [u8],
 }
 
-impl<'a> Words<'a> {
-    /// The words of `line`.
+impl<'a> ColumnWords<'a> {
+    /// Iterates over the words of `line`.
     pub(in crate::capture) fn new(line: &'a [u8]) -> Self {
         Self { rest: line }
     }
 
-    /// What follows the words taken so far.
+    /// Text after the words read so far.
     pub(in crate::capture) fn rest(&self) -> &'a [u8] {
         self.rest
     }
 
-    /// The next word, left in place.
+    /// The next word, without advancing.
     pub(in crate::capture) fn peek(&self) -> Option<&'a [u8]> {
         self.clone().next()
     }
 }
 
-impl<'a> Iterator for Words<'a> {
+impl<'a> Iterator for ColumnWords<'a> {
     type Item = &'a [u8];
 
     #[inline]
@@ -49,7 +49,7 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// In which digits identifiers and data are written.
+/// Number base of identifiers and data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::capture) enum Base {
     /// Hexadecimal, without 0x.
@@ -60,7 +60,7 @@ pub(in crate::capture) enum Base {
 }
 
 impl Base {
-    /// The number `word` is, all of it.
+    /// Parses all of `word` as a number.
     #[inline]
     pub(in crate::capture) fn number(self, word: &[u8]) -> Option<u32> {
         let radix: u32 = match self {
@@ -75,13 +75,13 @@ impl Base {
         })
     }
 
-    /// The byte `word` is.
+    /// Parses `word` as a byte.
     pub(in crate::capture) fn byte(self, word: &[u8]) -> Option<u8> {
         self.number(word).and_then(|value| u8::try_from(value).ok())
     }
 }
 
-/// The first `count` words as bytes; `None` if there are fewer.
+/// Parses the first `count` words as bytes; `None` if there are fewer.
 pub(in crate::capture) fn data<'a>(
     mut words: impl Iterator<Item = &'a [u8]>,
     count: usize,
@@ -94,7 +94,7 @@ pub(in crate::capture) fn data<'a>(
     Some(bytes)
 }
 
-/// An identifier of one kind; `None` if it is too large for it.
+/// An identifier of the given type; `None` if the number exceeds its range.
 pub(in crate::capture) fn identifier(number: u32, extended: bool) -> Option<CanId> {
     match number {
         0..=0x7FF if !extended => Some(CanId::standard(u16::try_from(number).ok()?)),
@@ -103,7 +103,7 @@ pub(in crate::capture) fn identifier(number: u32, extended: bool) -> Option<CanI
     }
 }
 
-/// `digits[.digits]` in units of `unit` nanoseconds, as nanoseconds; what is finer is cut.
+/// Parses `digits[.digits]` in units of `unit` nanoseconds into nanoseconds, truncated.
 fn fixed_point(input: &[u8], unit: i128) -> IResult<&[u8], i128> {
     let (rest, (whole, fraction)) =
         all_consuming((digit1, opt(preceded(one_of(".,"), digit1)))).parse(input)?;
@@ -114,22 +114,32 @@ fn fixed_point(input: &[u8], unit: i128) -> IResult<&[u8], i128> {
     };
     let whole = number(whole).ok_or_else(too_long)?;
     let fraction: &[u8] = fraction.unwrap_or_default();
-    // 18 digits of a day are far below a nanosecond.
+    // 18 decimals of a day resolve far below a nanosecond.
     let fraction = fraction.get(..18).unwrap_or(fraction);
     let parts = number(fraction).ok_or_else(too_long)?;
     let scale = 10_i128.pow(u32::try_from(fraction.len()).unwrap_or(18));
     Ok((rest, whole * unit + parts * unit / scale))
 }
 
-/// A time in units of `unit` nanoseconds, `1234.5`, as nanoseconds.
+/// Parses a time such as `1234.5` in units of `unit` nanoseconds into nanoseconds.
 pub(in crate::capture) fn time(word: &[u8], unit: i64) -> Option<i64> {
     let (_, nanoseconds) = fixed_point(word, unit.into()).ok()?;
     i64::try_from(nanoseconds).ok()
 }
 
-/// Days since 1899-12-30, read as UTC, as nanoseconds since 1970.
+/// Parses hours, minutes and seconds, such as `00:30:06.866`, into nanoseconds; the hours have no upper limit.
+pub(in crate::capture) fn time_of_day(word: &[u8]) -> Option<i64> {
+    const SECOND: i64 = 1_000_000_000;
+    let mut parts = word.splitn(3, |byte| *byte == b':');
+    let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
+    let (hours, minutes) = (number()?, number()?);
+    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
+    time(parts.next()?, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
+}
+
+/// Converts days since 1899-12-30 (UTC) to nanoseconds since 1970.
 ///
-/// The digits are taken as an integer: a double has no room for microseconds beside the date.
+/// The digits are parsed as integers: a double cannot represent both the date and microseconds.
 pub(in crate::capture) fn windows_date(word: &[u8]) -> Option<i64> {
     let (_, nanoseconds) = fixed_point(word, DAY).ok()?;
     i64::try_from(nanoseconds - DAYS_BEFORE_1970 * DAY).ok()
@@ -141,7 +151,7 @@ mod tests {
 
     #[test]
     fn words_are_cut_at_blanks_and_tabs() {
-        let mut words = Words::new(b"  1)\t 12.5 Rx  ");
+        let mut words = ColumnWords::new(b"  1)\t 12.5 Rx  ");
         assert_eq!(words.peek(), Some(&b"1)"[..]));
         assert_eq!(words.by_ref().take(2).collect::<Vec<_>>(), [&b"1)"[..], b"12.5"]);
         assert_eq!(words.rest(), b" Rx  ");
@@ -177,7 +187,7 @@ mod tests {
         assert_eq!(Base::Decimal.byte(b"256"), None);
         assert_eq!(Base::Decimal.byte(b"1A"), None);
         assert_eq!(Base::Hex.number(b"1FFFFFFFF"), None);
-        assert_eq!(data(Words::new(b"01 02"), 3, Base::Hex), None);
-        assert_eq!(data(Words::new(b"01 02"), 65, Base::Hex), None);
+        assert_eq!(data(ColumnWords::new(b"01 02"), 3, Base::Hex), None);
+        assert_eq!(data(ColumnWords::new(b"01 02"), 65, Base::Hex), None);
     }
 }

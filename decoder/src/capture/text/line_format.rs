@@ -1,51 +1,51 @@
-//! Captures of a frame a line: what all of them have in common.
+//! Common parser of formats with one frame per line.
 //!
 //! ```text
-//! bytes ─Lines─▶ a line ─LineFormat─▶ Seen ─LineParser─▶ Frame with number, time and bus; notices
+//! bytes ─Lines─▶ a line ─LineFormat─▶ ParsedLine ─LineParser─▶ Frame with number, time and bus; notices
 //! ```
 //!
-//! A format says what a line means; numbering frames, naming buses, and saying what could not be read
-//! and what is assumed is done here once.
+//! A format only parses lines. Frame numbers, bus names, and notices about unreadable lines and assumptions
+//! are handled here.
 
 use std::borrow::Cow;
 
-use super::lines::{Lines, Step, excerpt};
-use crate::capture::{Batch, BusNames, CaptureError, MAX_BUSES, Notice, Parser, Place};
+use super::lines::{LineStep, Lines, excerpt};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, MAX_BUSES, Notice, Parser};
 use crate::frame::{Frame, Timestamp};
 
-/// Name of the bus where a format has but one, or leaves its name out.
+/// Bus name for formats that have a single bus, or omit its name.
 pub(in crate::capture) const ONLY_BUS: &[u8] = b"1";
 
-/// A frame with what its place in the capture decides left open.
+/// A frame, without the properties that depend on its position in the capture.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture) struct Seen<'a> {
-    /// When, in nanoseconds; none where the capture has no times.
+pub(in crate::capture) struct ParsedLine<'a> {
+    /// Time in nanoseconds; `None` if the capture has no times.
     pub(in crate::capture) time: Option<i64>,
-    /// Name of the bus.
+    /// Bus name.
     pub(in crate::capture) bus: &'a [u8],
-    /// The frame without number, time and bus.
+    /// The frame, without number, time and bus.
     pub(in crate::capture) frame: Frame,
-    /// The line says that frames were lost before this one.
+    /// Whether the line reports frames lost before this one.
     pub(in crate::capture) lost: bool,
 }
 
-impl<'a> Seen<'a> {
-    /// A frame before which none were lost.
+impl<'a> ParsedLine<'a> {
+    /// A frame without losses before it.
     pub(in crate::capture) fn new(time: Option<i64>, bus: &'a [u8], frame: Frame) -> Self {
         Self { time, bus, frame, lost: false }
     }
 }
 
-/// Why a line says nothing.
+/// Reason why a line cannot be read.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::capture) enum Fault {
-    /// It should be a frame; the text says what was expected. The next line may be better.
+    /// Not a valid frame; contains the expected content. Later lines may be valid.
     Unreadable(Cow<'static, str>),
-    /// No later line can be understood either.
+    /// No later line can be read either.
     Header {
-        /// What stands there.
+        /// Content found.
         found: String,
-        /// What should stand there.
+        /// Content expected.
         expected: &'static str,
     },
 }
@@ -56,7 +56,7 @@ impl From<&'static str> for Fault {
     }
 }
 
-/// What was assumed of the whole capture: each assumption is said once.
+/// Assumptions about the whole capture; each one is reported once.
 #[derive(Debug, Clone, Default)]
 pub(in crate::capture) struct Assumptions {
     said: Vec<&'static str>,
@@ -64,14 +64,14 @@ pub(in crate::capture) struct Assumptions {
 }
 
 impl Assumptions {
-    /// Says `text`, unless it was said before.
-    pub(in crate::capture) fn say(&mut self, text: &'static str) {
+    /// Adds `text`, unless it was added before.
+    pub(in crate::capture) fn report(&mut self, text: &'static str) {
         if !self.said.contains(&text) {
             self.said.push(text);
         }
     }
 
-    /// Those not handed out yet.
+    /// Assumptions added since the last call.
     fn fresh(&mut self) -> &[&'static str] {
         let fresh = self.said.get(self.told..).unwrap_or_default();
         self.told = self.said.len();
@@ -79,20 +79,23 @@ impl Assumptions {
     }
 }
 
-/// A format of a frame a line: what it keeps from line to line, and what a line means by it.
+/// A format with one frame per line: its state between lines, and the parser of a line.
 pub(in crate::capture) trait LineFormat: Clone + Send + Sync + 'static {
-    /// What people call it.
+    /// Name for display.
     const TITLE: &'static str;
 
-    /// What `text`, a line that is not blank, says: a frame, or nothing as a line of the header does.
+    /// Parses the non-blank line `text`: a frame, or `None` for lines such as a header line.
     fn line<'a>(
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault>;
+    ) -> Result<Option<ParsedLine<'a>>, Fault>;
+
+    /// Receives the number of the line, from 1, before [`LineFormat::line`].
+    fn at_line(&mut self, _number: u64) {}
 }
 
-/// Reader of such a format.
+/// Parser of a [`LineFormat`].
 #[derive(Clone, Default)]
 pub(in crate::capture) struct LineParser<L> {
     format: L,
@@ -104,7 +107,7 @@ pub(in crate::capture) struct LineParser<L> {
 }
 
 impl<L: LineFormat> LineParser<L> {
-    /// A reader at the start of a capture.
+    /// Creates a parser at the start of a capture.
     pub(in crate::capture) fn new(format: L) -> Self {
         Self {
             format,
@@ -116,11 +119,17 @@ impl<L: LineFormat> LineParser<L> {
         }
     }
 
+    /// State of the format.
+    pub(in crate::capture) fn format(&mut self) -> &mut L {
+        &mut self.format
+    }
+
     fn line(&mut self, text: &[u8], batch: &mut Batch) -> Result<(), CaptureError> {
         if text.trim_ascii().is_empty() {
             return Ok(());
         }
-        let place = Place::Line(self.lines.number());
+        let place = CapturePlace::Line(self.lines.number());
+        self.format.at_line(self.lines.number());
         let found = self.format.line(text, &mut self.assumptions);
         for text in self.assumptions.fresh() {
             batch.notice(Notice::Assumption((*text).to_owned()));
@@ -156,12 +165,12 @@ impl<L: LineFormat> Parser for LineParser<L> {
         while !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             let length = match self.lines.next(rest, at_end) {
-                Step::Line(line, length) => {
+                LineStep::Line(line, length) => {
                     self.line(line, batch)?;
                     length
                 }
-                Step::Skip(length) => length,
-                Step::More => break,
+                LineStep::Skip(length) => length,
+                LineStep::More => break,
             };
             taken += length;
             self.offset += length as u64;
@@ -182,8 +191,14 @@ impl<L: LineFormat> Parser for LineParser<L> {
     }
 }
 
-/// The first lines of a capture, without byte order mark, line ends and blanks around them; of a line
-/// still coming in the end may be anything, and blank lines are left out.
+/// The bytes up to the last line end.
+pub(in crate::capture) fn complete_lines(head: &[u8]) -> &[u8] {
+    let end = head.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |end| end + 1);
+    head.get(..end).unwrap_or_default()
+}
+
+/// The first lines of a capture that are not blank, without byte order mark, line ends and surrounding
+/// whitespace. The last one may be incomplete.
 pub(in crate::capture) fn first_lines(head: &[u8], most: usize) -> impl Iterator<Item = &[u8]> {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let lines = head.split(|byte| matches!(byte, b'\n' | b'\r')).take(most);
@@ -206,17 +221,17 @@ mod tests {
             &'a mut self,
             text: &'a [u8],
             assumptions: &mut Assumptions,
-        ) -> Result<Option<Seen<'a>>, Fault> {
+        ) -> Result<Option<ParsedLine<'a>>, Fault> {
             match text {
                 b"said" => {
-                    assumptions.say("said once");
+                    assumptions.report("reported once");
                     Ok(None)
                 }
                 b"bad" => Err("expected better".into()),
                 b"end" => Err(Fault::Header { found: "end".into(), expected: "no end" }),
                 bus => {
                     let frame = Frame::data_frame(CanId::standard(1), &[]);
-                    Ok(Some(Seen { lost: bus == b"lossy", ..Seen::new(Some(5), bus, frame) }))
+                    Ok(Some(ParsedLine { lost: bus == b"lossy", ..ParsedLine::new(Some(5), bus, frame) }))
                 }
             }
         }
@@ -241,12 +256,12 @@ mod tests {
     }
 
     #[test]
-    fn an_assumption_is_said_once_and_reading_goes_on_behind_a_bad_line() {
+    fn an_assumption_is_reported_once_and_reading_continues_after_a_bad_line() {
         let (batch, _, _) = read("said\nsaid\nbad\ncan0\nsaid\n");
         let notices: Vec<_> = batch.notices().iter().map(|(at, notice)| (*at, notice.to_string())).collect();
         assert_eq!(
             notices,
-            [(0, "said once".to_owned()), (0, "line 3: expected better; found \"bad\"".to_owned())]
+            [(0, "reported once".to_owned()), (0, "line 3: expected better; found \"bad\"".to_owned())]
         );
         assert_eq!(batch.frames().len(), 1);
     }
@@ -254,7 +269,7 @@ mod tests {
     #[test]
     fn a_header_that_cannot_be_used_ends_the_reading_with_its_place() {
         let (batch, taken, _) = read("can0\nend\ncan0\n");
-        assert_eq!(taken.unwrap_err().to_string(), "sample: byte 5: found end, expected no end");
+        assert_eq!(taken.unwrap_err().to_string(), "sample: byte 5: found end; expected no end");
         assert_eq!(batch.frames().len(), 1);
     }
 

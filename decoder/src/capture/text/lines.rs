@@ -1,48 +1,49 @@
-//! Lines of a text capture: numbered, without their ends, however long.
+//! Splits text captures into numbered lines of any length.
 
-use crate::capture::LARGEST_RECORD;
+use crate::capture::{Batch, LARGEST_RECORD, Notice};
+use crate::words::plural;
 
-/// Longest line that is looked at; of a longer one only this much is shown to the format.
+/// Maximum length of a line in bytes; of a longer line only the start is passed to the format.
 const LONGEST_LINE: usize = LARGEST_RECORD / 2;
 
-/// Cuts input into lines and counts them.
+/// Splits input into lines and counts them.
 #[derive(Debug, Clone, Default)]
 pub(in crate::capture) struct Lines {
     number: u64,
     skipping: bool,
 }
 
-/// What [`Lines::next`] found.
-pub(in crate::capture) enum Step<'a> {
-    /// A line without its end (`\n`, `\r\n` or `\r`), and how many bytes it takes with it.
+/// Result of [`Lines::next`].
+pub(in crate::capture) enum LineStep<'a> {
+    /// A line without its end (`\n`, `\r\n` or `\r`), and its size in bytes with the end.
     Line(&'a [u8], usize),
-    /// Bytes to pass over: the rest of a line that was too long.
+    /// Number of bytes to skip: the rest of a line that was too long.
     Skip(usize),
     /// More input is needed.
     More,
 }
 
 impl Lines {
-    /// Number of the line last returned, from 1.
+    /// Number of the last returned line, from 1.
     pub(in crate::capture) fn number(&self) -> u64 {
         self.number
     }
 
-    /// Whether what follows is the rest of a line that was too long.
+    /// Whether the next input is the rest of a line that was too long.
     pub(in crate::capture) fn is_skipping(&self) -> bool {
         self.skipping
     }
 
-    /// Counts a line that was taken without [`Lines::next`].
+    /// Counts a line that was read without [`Lines::next`].
     #[inline]
     pub(in crate::capture) fn count_one(&mut self) {
         self.number += 1;
     }
 
-    /// The first line of `input`.
-    pub(in crate::capture) fn next<'a>(&mut self, input: &'a [u8], at_end: bool) -> Step<'a> {
+    /// Returns the first line of `input`.
+    pub(in crate::capture) fn next<'a>(&mut self, input: &'a [u8], at_end: bool) -> LineStep<'a> {
         let found = memchr::memchr2(b'\n', b'\r', input);
-        // Of `\r\n` the first byte is found; whether the second follows must be known.
+        // The search finds the `\r` of `\r\n`; the next byte must be available to decide.
         let end = match found.and_then(|end| Some((end, input.get(end..)?))) {
             Some((end, [b'\r', b'\n', ..])) => Some((end, end + 2)),
             Some((_, [b'\r'])) if !at_end => None,
@@ -52,35 +53,64 @@ impl Lines {
         match end {
             Some((_, taken)) if self.skipping => {
                 self.skipping = false;
-                Step::Skip(taken)
+                LineStep::Skip(taken)
             }
             Some((end, taken)) if end <= LONGEST_LINE => {
                 self.line(input.get(..end).unwrap_or_default(), taken)
             }
-            None if input.is_empty() => Step::More,
-            // All but a `\r` that may belong to a `\n` behind it.
+            None if input.is_empty() => LineStep::More,
+            // Keep a final `\r`, which may belong to a following `\n`.
             None if self.skipping => match found.unwrap_or(input.len()) {
-                0 => Step::More,
-                before => Step::Skip(before),
+                0 => LineStep::More,
+                before => LineStep::Skip(before),
             },
-            // Cut at the same byte however much input there is.
+            // The cut does not depend on the amount of input.
             _ if input.len() > LONGEST_LINE => {
                 self.skipping = true;
                 self.line(input.get(..LONGEST_LINE).unwrap_or_default(), LONGEST_LINE)
             }
             _ if at_end => self.line(input, input.len()),
-            _ => Step::More,
+            _ => LineStep::More,
         }
     }
 
-    fn line<'a>(&mut self, line: &'a [u8], taken: usize) -> Step<'a> {
+    fn line<'a>(&mut self, line: &'a [u8], taken: usize) -> LineStep<'a> {
         self.number += 1;
         let line = if self.number == 1 { line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line) } else { line };
-        Step::Line(line, taken)
+        LineStep::Line(line, taken)
     }
 }
 
-/// The start of a line as it may be shown in a message: printable, at most 60 bytes of it.
+/// Counts lines of text around a capture, such as shell prompts.
+#[derive(Debug, Clone, Default)]
+pub(in crate::capture) struct SkippedLines {
+    first: u64,
+    count: u64,
+}
+
+impl SkippedLines {
+    /// Counts the line with this number.
+    pub(in crate::capture) fn add(&mut self, line: u64) {
+        if self.count == 0 {
+            self.first = line;
+        }
+        self.count += 1;
+    }
+
+    /// Reports the lines at the end of the capture, once.
+    pub(in crate::capture) fn report(&mut self, batch: &mut Batch) {
+        let Self { first, count } = std::mem::take(self);
+        if count > 0 {
+            let text = format!(
+                "{} of a shell prompt or Markdown skipped (first: line {first})",
+                plural(count, "line")
+            );
+            batch.notice(Notice::Assumption(text));
+        }
+    }
+}
+
+/// Start of a line for use in a message: escaped, at most 60 bytes.
 pub(in crate::capture) fn excerpt(line: &[u8]) -> String {
     const SHOWN: usize = 60;
     match line.get(..SHOWN) {
@@ -99,12 +129,12 @@ mod tests {
         let mut found = Vec::new();
         loop {
             match lines.next(rest, true) {
-                Step::Line(line, taken) => {
+                LineStep::Line(line, taken) => {
                     found.push(String::from_utf8_lossy(line).into_owned());
                     rest = &rest[taken..];
                 }
-                Step::Skip(taken) => rest = &rest[taken..],
-                Step::More => return found,
+                LineStep::Skip(taken) => rest = &rest[taken..],
+                LineStep::More => return found,
             }
         }
     }
@@ -118,12 +148,12 @@ mod tests {
     #[test]
     fn a_line_without_end_waits_for_more_until_it_is_too_long() {
         let mut lines = Lines::default();
-        assert!(matches!(lines.next(b"half", false), Step::More));
+        assert!(matches!(lines.next(b"half", false), LineStep::More));
         let long = vec![b'x'; LONGEST_LINE + 10];
-        let Step::Line(line, taken) = lines.next(&long, false) else { panic!("expected a cut line") };
+        let LineStep::Line(line, taken) = lines.next(&long, false) else { panic!("expected a cut line") };
         assert_eq!((line.len(), taken), (LONGEST_LINE, LONGEST_LINE));
-        assert!(matches!(lines.next(b"rest of it\nnext\n", false), Step::Skip(11)));
-        assert!(matches!(lines.next(b"next\n", false), Step::Line(b"next", 5)));
+        assert!(matches!(lines.next(b"rest of it\nnext\n", false), LineStep::Skip(11)));
+        assert!(matches!(lines.next(b"next\n", false), LineStep::Line(b"next", 5)));
         assert_eq!(lines.number(), 2);
     }
 }

@@ -1,6 +1,8 @@
-//! What text captures have in common: lines, their fields, and how they are printed.
+//! Common parts of text captures: lines, fields, payload and printing.
 
+pub(super) mod bus_labels;
 pub(super) mod columns;
+pub(super) mod day;
 pub(super) mod line_format;
 pub(super) mod lines;
 pub(super) mod payload;

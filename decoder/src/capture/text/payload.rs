@@ -1,25 +1,24 @@
-//! Length and payload of frames in formats that write a number before the bytes: a DLC, a length, or
-//! either of them.
+//! Length and payload of frames in formats with a number before the bytes: a DLC, a length, or either.
 
 use super::columns::{Base, data, identifier};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
-/// What was expected where the bytes of a line do not fit the number before them.
-pub(in crate::capture) const SHORT: &str = "data: fewer bytes than the length says";
+/// Expected content if the data do not match the length.
+pub(in crate::capture) const SHORT: &str = "data: fewer bytes than the length";
 
-/// What was expected where the number fits no frame.
-pub(in crate::capture) const LENGTH: &str = "length: expected one the frame can have";
+/// Expected content if the length is invalid.
+pub(in crate::capture) const LENGTH: &str = "length: expected a valid length of the frame type";
 
-/// What was expected where identifiers are hexadecimal.
+/// Expected content if a hexadecimal identifier is invalid.
 pub(in crate::capture) const IDENTIFIER: &str =
     "identifier: expected hex digits, up to 7FF or extended up to 1FFFFFFF";
 
-/// Whether some DLC means this length.
+/// Whether a DLC with this length exists.
 pub(in crate::capture) fn is_fd_length(length: u8) -> bool {
     (0..=15).any(|dlc| fd_length(dlc) == length)
 }
 
-/// Length of a frame and its DLC where that says more, from a number that is a DLC.
+/// Length, and the DLC of a classic frame if above 8, from a DLC.
 pub(in crate::capture) fn by_dlc(dlc: u8, flags: FrameFlags) -> Option<(u8, u8)> {
     match dlc {
         0..=8 => Some((dlc, 0)),
@@ -29,30 +28,30 @@ pub(in crate::capture) fn by_dlc(dlc: u8, flags: FrameFlags) -> Option<(u8, u8)>
     }
 }
 
-/// The same from a number that is a length in bytes.
+/// Length, and a DLC of 0, from a length in bytes.
 pub(in crate::capture) fn by_length(length: u8, flags: FrameFlags) -> Option<(u8, u8)> {
     let most = if flags.contains(FrameFlags::FD) { 64 } else { 8 };
     (length <= most && is_fd_length(length)).then_some((length, 0))
 }
 
-/// The same where programs write one or the other, told by how many bytes follow.
+/// Length and DLC from a DLC or a length; the number of data bytes decides which one it is.
 pub(in crate::capture) fn by_either(number: u8, there: usize, flags: FrameFlags) -> Option<(u8, u8)> {
     let fits = |(length, _): &(u8, u8)| usize::from(*length) == there;
     let (dlc, length) = (by_dlc(number, flags), by_length(number, flags));
     dlc.filter(fits).or(length.filter(fits)).or(dlc).or(length)
 }
 
-/// An identifier of which nothing but its size says that it is extended.
+/// An identifier whose type is determined by its value only.
 pub(in crate::capture) fn by_size(number: u32) -> Option<CanId> {
     identifier(number, number > 0x7FF)
 }
 
-/// A hexadecimal number with or without 0x.
+/// Parses a hexadecimal number, with or without 0x.
 pub(in crate::capture) fn hex(word: &[u8]) -> Option<u32> {
     Base::Hex.number(word.strip_prefix(b"0x").or(word.strip_prefix(b"0X")).unwrap_or(word))
 }
 
-/// A frame whose bytes are the next words; a remote frame needs none.
+/// Builds a frame whose data are the next words; a remote frame needs none.
 pub(in crate::capture) fn frame<'a>(
     id: CanId,
     flags: FrameFlags,
@@ -65,8 +64,8 @@ pub(in crate::capture) fn frame<'a>(
     Some(Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY })
 }
 
-/// A frame of all the words there are. More than eight of them make it an FD frame, which these formats
-/// have no other sign of.
+/// Builds a frame whose data are all words. More than eight words are an FD frame; these formats have no
+/// other sign of FD.
 pub(in crate::capture) fn frame_of_all<'a>(
     id: CanId,
     flags: FrameFlags,
@@ -80,7 +79,7 @@ pub(in crate::capture) fn frame_of_all<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::text::columns::Words;
+    use crate::capture::text::columns::ColumnWords;
 
     #[test]
     fn a_number_is_a_dlc_a_length_or_what_the_bytes_say() {
@@ -100,13 +99,13 @@ mod tests {
     #[test]
     fn all_words_are_the_payload() {
         let id = CanId::standard(1);
-        let frame = frame_of_all(id, FrameFlags(0), Words::new(b"01 A")).unwrap();
+        let frame = frame_of_all(id, FrameFlags(0), ColumnWords::new(b"01 A")).unwrap();
         assert_eq!((frame.data(), frame.flags), (&[1, 10][..], FrameFlags(0)));
         let words = [&b"5A"[..]; 12];
         let frame = frame_of_all(id, FrameFlags(0), words.into_iter()).unwrap();
         assert_eq!((frame.length, frame.flags), (12, FrameFlags::FD));
         assert_eq!(frame_of_all(id, FrameFlags(0), [&b"5A"[..]; 9].into_iter()), None);
         assert_eq!(frame_of_all(id, FrameFlags(0), [&b"5A"[..]; 300].into_iter()), None);
-        assert_eq!(frame_of_all(id, FrameFlags(0), Words::new(b"01 x")), None);
+        assert_eq!(frame_of_all(id, FrameFlags(0), ColumnWords::new(b"01 x")), None);
     }
 }

@@ -1,12 +1,12 @@
-//! Parts of lines of text captures: payload, numbers of buses, and texts that come from outside.
+//! Parts of lines in text captures: payload, bus numbers, and escaped text.
 
 use crate::ascii::{push_hex, push_hex_word, push_spaced_hex, push_spaced_word};
 use crate::frame::Frame;
 
-/// Bytes of a classic frame.
+/// Maximum data size of a classic frame in bytes.
 const CLASSIC: usize = 8;
 
-/// Appends payload in pairs of hexadecimal digits; a remote frame has none.
+/// Appends the payload in pairs of hexadecimal digits; a remote frame has none.
 #[inline]
 pub(in crate::capture) fn push_data(line: &mut Vec<u8>, frame: &Frame) {
     let data = frame.data();
@@ -16,7 +16,7 @@ pub(in crate::capture) fn push_data(line: &mut Vec<u8>, frame: &Frame) {
     }
 }
 
-/// Appends payload in pairs of hexadecimal digits with a blank before each; a remote frame has none.
+/// Appends the payload in pairs of hexadecimal digits, each after a space; a remote frame has none.
 #[inline]
 pub(in crate::capture) fn push_spaced_data(line: &mut Vec<u8>, frame: &Frame) {
     let data = frame.data();
@@ -26,21 +26,21 @@ pub(in crate::capture) fn push_spaced_data(line: &mut Vec<u8>, frame: &Frame) {
     }
 }
 
-/// A text that is made anew only when what it stands for changes.
+/// Text that is rebuilt only if its key changes.
 #[derive(Debug)]
-pub(in crate::capture) struct Kept<K> {
+pub(in crate::capture) struct CachedText<K> {
     of: Option<K>,
     text: Vec<u8>,
 }
 
-impl<K> Default for Kept<K> {
+impl<K> Default for CachedText<K> {
     fn default() -> Self {
         Self { of: None, text: Vec::new() }
     }
 }
 
-impl<K: PartialEq> Kept<K> {
-    /// The text of `of`.
+impl<K: PartialEq> CachedText<K> {
+    /// The text of the key `of`; calls `make` to rebuild it.
     #[inline]
     pub(in crate::capture) fn text<Q>(&mut self, of: &Q, make: impl FnOnce(&mut Vec<u8>, &Q)) -> &[u8]
     where
@@ -56,7 +56,7 @@ impl<K: PartialEq> Kept<K> {
     }
 }
 
-/// Numbers of buses, from 1 in order of appearance, for formats without names.
+/// Bus numbers, from 1 in order of appearance, for formats without bus names.
 #[derive(Debug, Default)]
 pub(in crate::capture) struct Numbering {
     names: Vec<String>,
@@ -79,7 +79,7 @@ impl Numbering {
     }
 }
 
-/// Appends a text of lines, each behind a mark: what steers terminals is shown instead.
+/// Appends the lines of a text, each with `mark` before and `end` after it, with control characters escaped.
 pub(in crate::capture) fn push_lines(out: &mut Vec<u8>, mark: &str, text: &str, end: &str) {
     for line in text.lines() {
         out.extend_from_slice(mark.as_bytes());
@@ -88,12 +88,12 @@ pub(in crate::capture) fn push_lines(out: &mut Vec<u8>, mark: &str, text: &str, 
     }
 }
 
-/// Appends a text with control characters, and marks that reorder text, as escapes.
+/// Appends a text in which control characters and bidirectional formatting are escaped.
 pub(in crate::capture) fn push_escaped(out: &mut Vec<u8>, text: &str) {
-    for part in text.split_inclusive(steers) {
+    for part in text.split_inclusive(is_terminal_control) {
         let mut plain = part.chars();
         match plain.next_back() {
-            Some(last) if steers(last) => {
+            Some(last) if is_terminal_control(last) => {
                 out.extend_from_slice(plain.as_str().as_bytes());
                 out.extend_from_slice(last.escape_default().to_string().as_bytes());
             }
@@ -102,12 +102,12 @@ pub(in crate::capture) fn push_escaped(out: &mut Vec<u8>, text: &str) {
     }
 }
 
-/// Control characters, and Unicode's bidirectional formatting.
-fn steers(c: char) -> bool {
+/// Whether the character is a control character or bidirectional formatting of Unicode.
+fn is_terminal_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
-/// The beginning of a text of at most `limit` bytes, cut between characters.
+/// Start of a text, at most `limit` bytes, cut between characters.
 pub(in crate::capture) fn cut(text: &str, limit: usize) -> &str {
     text.get(..text.floor_char_boundary(limit)).unwrap_or(text)
 }
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn texts_are_made_once() {
-        let mut kept = Kept::<i64>::default();
+        let mut kept = CachedText::<i64>::default();
         assert_eq!(kept.text(&5, |text, _| text.push(b'a')), b"a");
         assert_eq!(kept.text(&5, |text, _| text.push(b'b')), b"a");
         assert_eq!(kept.text(&6, |text, _| text.push(b'c')), b"c");

@@ -1,23 +1,23 @@
-//! Machines, gates and procedures of a profile, and what their conditions and triggers refer to.
+//! Checks of state machines, gates and procedures, with the references of their conditions and triggers.
 
 use std::ops::Range;
 
 use super::Check;
 use crate::profile::data_type::DataType;
-use crate::profile::device::{Condition, Machine, Trigger, Wanted};
+use crate::profile::device::{Condition, ExpectedValue, Machine, Trigger};
 
-/// Most machines, gates, procedures or rules of a device, repeats counted.
+/// Max machines, gates, procedures or rules of a device, including repeats.
 const MOST_REPEATS: usize = 512;
 
 impl Check<'_> {
-    /// Machines, gates, procedures and rules are kept one by one.
+    /// Limits the repeats, because each one is stored separately.
     fn repeats(&mut self) {
         let places = &self.device.places;
         let lists = [&places.machines, &places.gates, &places.procedures, &places.rules];
         for span in lists.into_iter().filter_map(|list| list.get(MOST_REPEATS).cloned()) {
-            self.say(
+            self.report(
                 &span,
-                format!("machines, gates, procedures and rules repeat {MOST_REPEATS} times in all at most"),
+                format!("more than {MOST_REPEATS} machines, gates, procedures or rules, including repeats"),
             );
         }
     }
@@ -37,7 +37,7 @@ impl Check<'_> {
             if let Some(status) = &procedure.status {
                 self.known(status.object, span, "status");
                 if !device.codes.contains_key(&status.codes) {
-                    self.say(span, format!("there is no table [codes.{}]", status.codes));
+                    self.report(span, format!("unknown table [codes.{}]", status.codes));
                 }
             }
             procedure.needs.iter().for_each(|need| self.condition(need, span));
@@ -52,7 +52,7 @@ impl Check<'_> {
         let forced = machine.forced.iter().flat_map(|it| it.from.0.iter().chain([&it.to]));
         let unknown: Vec<_> = transitions.chain(forced).filter(|name| !named(name)).cloned().collect();
         for name in unknown {
-            self.say(span, format!("machine {} has no state '{name}'", machine.name));
+            self.report(span, format!("machine {} has no state '{name}'", machine.name));
         }
     }
 
@@ -72,22 +72,23 @@ impl Check<'_> {
             Trigger::Write(object, wanted) | Trigger::Read(object, wanted) => {
                 self.known(*object, span, "trigger");
                 let data_type = self.device.dictionary.data_type(object.object);
-                if let (Some(Wanted::Text(text)), Some(known)) = (wanted, data_type.and_then(DataType::bits))
+                if let (Some(ExpectedValue::Text(text)), Some(known)) =
+                    (wanted, data_type.and_then(DataType::bits))
                     && text.len() * 8 != usize::from(known)
                 {
-                    self.say(span, format!("'{text}' does not fit {}", object.object));
+                    self.report(span, format!("'{text}' does not fit {}", object.object));
                 }
             }
             Trigger::Bit(bit, _) => self.known(bit.object, span, "bit"),
             Trigger::State(states) => self.states(states, span),
             Trigger::Message(message) => {
                 if !self.device.messages.iter().any(|spec| spec.name == message.name) {
-                    self.say(span, format!("there is no message '{}'", message.name));
+                    self.report(span, format!("unknown message '{}'", message.name));
                 }
                 message.when.0.iter().for_each(|when| self.condition(when, span));
             }
             Trigger::Dtc(Some((parameter, fmi))) if self.device.dtc(*parameter, *fmi).is_none() => {
-                self.say(span, format!("there is no fault {parameter}/{fmi}"));
+                self.report(span, format!("unknown fault {parameter}/{fmi}"));
             }
             _ => {}
         }
@@ -99,7 +100,7 @@ impl Check<'_> {
         };
         let unknown: Vec<_> = states.iter().filter(|name| !named(name)).cloned().collect();
         for name in unknown {
-            self.say(span, format!("no machine has a state '{name}'"));
+            self.report(span, format!("unknown state '{name}'; no machine defines it"));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Ids of a profile and its variants: they are written in options, as `--node 5=ID:VARIANT`.
+//! Checks of the profile and variant ids, which options use as in `--node 5=ID:VARIANT`.
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -6,7 +6,7 @@ use toml::Spanned;
 use super::is_kebab;
 use crate::profile::position::TextError;
 
-/// What of a profile is looked at here.
+/// The keys of a profile that this check needs.
 #[derive(Deserialize)]
 struct Ids {
     id: Option<Spanned<String>>,
@@ -19,17 +19,17 @@ struct Variant {
     id: Spanned<String>,
 }
 
-/// Ids of a profile that no option can name; `text` is known to be a profile.
+/// Reports ids that no option can name; `text` must parse as a profile.
 pub fn check_ids(text: &str) -> Vec<TextError> {
     let Ok(Ids { id, variant }) = toml::from_str::<Ids>(text) else { return Vec::new() };
     let Some(id) = id else {
-        return vec![TextError::at(text, 0..0, "a profile needs an id".to_owned())];
+        return vec![TextError::at(text, 0..0, "id is missing; every profile requires one".to_owned())];
     };
     let all = std::iter::once(id).chain(variant.into_iter().map(|variant| variant.id));
     let wrong = all.filter(|id| !is_kebab(id.get_ref()));
     wrong
         .map(|id| {
-            let message = format!("'{}' is no id: small letters, digits and hyphens", id.get_ref());
+            let message = format!("invalid id '{}'; expected a-z, 0-9 and hyphens", id.get_ref());
             TextError::at(text, id.span(), message)
         })
         .collect()
@@ -47,11 +47,11 @@ mod tests {
     fn ids_can_be_named_in_options() {
         assert_eq!(errors("id = \"acme-pump2\"\n[[variant]]\nid = \"a\"\n"), [""; 0]);
         for id in ["", "acme pump", "acme:pump", "Acme"] {
-            let said = format!("1: '{id}' is no id: small letters, digits and hyphens");
+            let said = format!("1: invalid id '{id}'; expected a-z, 0-9 and hyphens");
             assert_eq!(errors(&format!("id = \"{id}\"\n")), [said]);
         }
-        let said = "3: 'B' is no id: small letters, digits and hyphens";
+        let said = "3: invalid id 'B'; expected a-z, 0-9 and hyphens";
         assert_eq!(errors("id = \"a\"\n[[variant]]\nid = \"B\"\n"), [said]);
-        assert_eq!(errors("title = \"a\"\n"), ["1: a profile needs an id"]);
+        assert_eq!(errors("title = \"a\"\n"), ["1: id is missing; every profile requires one"]);
     }
 }

@@ -1,6 +1,6 @@
-//! What is wrong with a profile beyond its grammar: types, ranges, references, cycles, duplicates.
+//! Semantic checks of a profile: types, ranges, references, cycles, duplicates.
 //!
-//! Samples are run by `samples/`, which knows the decoder.
+//! `samples/` runs the samples, because they need the decoder.
 
 mod behaviour;
 mod ids;
@@ -12,40 +12,40 @@ use std::ops::Range;
 
 pub use ids::check_ids;
 
-use super::authored::Wrong;
+use super::authored::TextProblem;
 use super::data_type::DataType;
 use super::device::{Device, MessageSpec, PdoField, ProfileFile};
 use super::dictionary::Object;
 use super::formula::formula;
 use super::layout::PdoName;
-use super::object::Only;
+use super::object::VariantFilter;
 use super::position::TextError;
 use super::reference::Reference;
 use crate::wire::canopen::ObjectAddress;
 
-/// Most bits a classic CAN frame holds.
+/// Max payload of a classic CAN frame, in bits.
 const FRAME_BITS: u16 = 64;
 
-/// Most bits of a J1939 message that travels in packets (J1939-21 §5.10).
+/// Max payload of a J1939 multi-packet message, in bits (J1939-21 §5.10).
 const MESSAGE_BITS: u16 = 1_785 * 8;
 
-/// Last parameter group, 18 bits.
+/// Largest parameter group number, 18 bits.
 const LAST_PGN: u32 = 0x3_FFFF;
 
-/// What makes a device send a PDO; `rpdo` answers the RPDO of that number.
+/// Triggers of a TPDO; `rpdo` is the reception of the RPDO with the same number.
 const PDO_TRIGGERS: [&str; 5] = ["sync", "event", "rpdo", "timer", "request"];
 
-/// Most entries of a profile, repeats counted: more than four times what CiA 301 describes.
+/// Max entries of a profile, including repeats: more than four times the entries defined in CiA 301.
 const MOST_ENTRIES: usize = 1 << 20;
 
-/// Everything wrong with one variant of a device; `text` is the profile's.
+/// All problems of one device variant; `text` is the text of its profile.
 pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> {
     let mut check = Check { device, variants: file, wrong: Vec::new() };
     let entries = device.object_count();
     if let Some(largest) = device.dictionary.own().iter().max_by_key(|object| object.count())
         && entries > MOST_ENTRIES
     {
-        let message = format!("{entries} entries; a dictionary has at most {MOST_ENTRIES}");
+        let message = format!("{entries} dictionary entries; expected max {MOST_ENTRIES}");
         return vec![TextError::at(text, largest.span.clone(), message)];
     }
     check.objects(device.dictionary.own());
@@ -60,7 +60,7 @@ pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> 
     check.wrong.into_iter().map(|(span, message)| TextError::at(text, span, message)).collect()
 }
 
-/// Whether a name is one as options and JSON have it: small letters, digits and hyphens.
+/// Whether a name contains only lower-case letters, digits and hyphens, as in options and JSON.
 fn is_kebab(name: &str) -> bool {
     let is_part = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
     !name.is_empty() && name.bytes().all(is_part)
@@ -69,28 +69,28 @@ fn is_kebab(name: &str) -> bool {
 struct Check<'a> {
     device: &'a Device,
     variants: &'a ProfileFile,
-    wrong: Vec<Wrong>,
+    wrong: Vec<TextProblem>,
 }
 
 impl Check<'_> {
-    fn say(&mut self, span: &Range<usize>, message: impl Into<String>) {
+    fn report(&mut self, span: &Range<usize>, message: impl Into<String>) {
         self.wrong.push((span.clone(), message.into()));
     }
 
-    fn only(&mut self, only: &Only, span: &Range<usize>) {
+    fn only(&mut self, only: &VariantFilter, span: &Range<usize>) {
         for id in &only.0 {
             if !self.variants.variants().iter().any(|variant| variant.id == *id) {
-                self.say(span, format!("there is no variant '{id}'"));
+                self.report(span, format!("unknown variant '{id}'"));
             }
         }
     }
 
-    /// A reference in a repeated object must lead to a described object in each repeat.
+    /// Checks that a reference in a repeated object leads to a described object in each repeat.
     fn reference(&mut self, reference: Reference, object: &Object, span: &Range<usize>, key: &str) {
         for nth in 0..object.repeat.count {
             let address = reference.shifted(nth, object.repeat.stride);
             if !self.is_known(address) {
-                return self.say(span, format!("{key}: {address} is no object of this profile"));
+                return self.report(span, format!("{key}: unknown object {address}"));
             }
         }
     }
@@ -101,7 +101,7 @@ impl Check<'_> {
 
     fn known(&mut self, reference: Reference, span: &Range<usize>, key: &str) {
         if !self.is_known(reference.object) {
-            self.say(span, format!("{key}: {} is no object of this profile", reference.object));
+            self.report(span, format!("{key}: unknown object {}", reference.object));
         }
     }
 
@@ -110,18 +110,21 @@ impl Check<'_> {
         let mut ended: Vec<PdoName> = Vec::new();
         for (pdo, span) in device.pdos.iter().zip(&device.places.pdos) {
             if ended.contains(&pdo.pdo) {
-                self.say(span, format!("{} is decided by the entry above, which has no `when`", pdo.pdo));
+                self.report(span, format!("{} is never used; the entry above has no `when`", pdo.pdo));
             }
             if pdo.when.is_none() {
                 ended.push(pdo.pdo);
             }
             if let Some(trigger) = pdo.trigger.as_deref().filter(|it| !PDO_TRIGGERS.contains(it)) {
                 let known = PDO_TRIGGERS.join(", ");
-                self.say(span, format!("{}: '{trigger}' triggers no PDO; one of {known}", pdo.pdo));
+                self.report(
+                    span,
+                    format!("{}: unknown trigger '{trigger}'; expected one of {known}", pdo.pdo),
+                );
             }
             let bits = self.fields(&pdo.fields, span);
             if bits > FRAME_BITS {
-                self.say(span, format!("{} has {bits} bits; a frame holds {FRAME_BITS}", pdo.pdo));
+                self.report(span, format!("{} has {bits} bits; expected max {FRAME_BITS}", pdo.pdo));
             }
         }
         for (message, span) in device.messages.iter().zip(&device.places.messages) {
@@ -129,20 +132,26 @@ impl Check<'_> {
         }
         for (pdo, span) in device.pdos.iter().zip(&device.places.pdos) {
             if !ended.contains(&pdo.pdo) {
-                self.say(span, format!("the last entry of {} has no `when`", pdo.pdo));
+                self.report(
+                    span,
+                    format!("{}: every entry has a `when`; expected a last one without", pdo.pdo),
+                );
                 ended.push(pdo.pdo);
             }
         }
     }
 
-    /// Checks fields that follow each other; gives the bits they take.
+    /// Checks consecutive fields; returns their total length in bits.
     fn fields(&mut self, fields: &[PdoField], span: &Range<usize>) -> u16 {
         for field in fields {
             let Some(object) = field.object else { continue };
             self.known(object, span, "field");
             let known = self.device.dictionary.data_type(object.object).and_then(DataType::bits);
             if field.bits == 0 || known.is_some_and(|known| known < field.bits) {
-                self.say(span, format!("{} has fewer than {} bits", object.object, field.bits));
+                self.report(
+                    span,
+                    format!("{}: field of {} bits does not fit the object", object.object, field.bits),
+                );
             }
         }
         fields.iter().fold(0_u16, |bits, field| bits.saturating_add(field.bits))
@@ -152,19 +161,25 @@ impl Check<'_> {
         let name = &message.name;
         let bits = self.fields(&message.fields, span);
         if bits > MESSAGE_BITS {
-            self.say(span, format!("{name} has {bits} bits; a message holds {MESSAGE_BITS}"));
+            self.report(span, format!("{name} has {bits} bits; expected max {MESSAGE_BITS}"));
         }
         let last = message.pgn.saturating_add(u32::from(message.count).saturating_sub(1));
         if message.count == 0 || last > LAST_PGN {
-            self.say(span, format!("{name}: groups are 0 to 0x{LAST_PGN:X}, one or more"));
+            self.report(
+                span,
+                format!("{name}: pgn or count out of range; expected PGNs 0 to 0x{LAST_PGN:X}"),
+            );
         }
         let address = self.device.j1939.addresses.map_or(0, |[first, _]| first);
         if let Some(number) = &message.number
             && formula(number, Some(address)).is_none_or(|number| number >= u64::from(message.count))
         {
-            self.say(
+            self.report(
                 span,
-                format!("{name}: number '{number}' is none of its {} at address {address}", message.count),
+                format!(
+                    "{name}: number '{number}' at address {address}; expected a number < {}",
+                    message.count
+                ),
             );
         }
     }
@@ -192,7 +207,7 @@ mod tests {
         let wrong = errors(&object("type = \"UNSIGNED8\"\nrange = [-1, 256]"));
         assert_eq!(wrong, ["2: range -1 does not fit UNSIGNED8", "2: range 256 does not fit UNSIGNED8"]);
         let wrong = errors(&object("type = \"INTEGER16\"\nrange = [0, 5]\ndefault = 6"));
-        assert_eq!(wrong, ["2: default 6 lies outside range 0 to 5"]);
+        assert_eq!(wrong, ["2: default 6 is outside range 0 to 5"]);
         let wrong = errors(&object("type = \"UNSIGNED8\"\nvalues = { 0x100 = \"x\" }"));
         assert_eq!(wrong, ["2: values 256 does not fit UNSIGNED8"]);
         let default = |text: &str| errors(&object(&format!("type = \"UNSIGNED16\"\ndefault = \"{text}\"")));
@@ -200,9 +215,9 @@ mod tests {
         assert_eq!(default("$NODEID+0xFFFF"), ["2: default $NODEID+0xFFFF does not fit UNSIGNED16"]);
         assert_eq!(
             default("0x80+$NODE"),
-            ["2: default '0x80+$NODE' is no number: write 5 or \"$NODEID+0x200\""]
+            ["2: default '0x80+$NODE' is not a number; expected e.g. 5 or \"$NODEID+0x200\""]
         );
-        assert_eq!(errors(&object("unit = \"bar\"")), ["2: a value that is described needs its type"]);
+        assert_eq!(errors(&object("unit = \"bar\"")), ["2: type is missing; expected a data type"]);
     }
 
     #[test]
@@ -211,11 +226,14 @@ mod tests {
         let names = "values = { 1 = \"open\", 2 = \"closed\" }";
         assert_eq!(mode(&format!("role = \"mode\"\nopen_loop = [1]\n{names}")), [""; 0]);
         let wrong = mode(&format!("role = \"mode\"\nopen_loop = [3]\n{names}"));
-        assert_eq!(wrong, ["2: open_loop 3 is none of its values"]);
+        assert_eq!(wrong, ["2: open_loop 3 is not in values"]);
         let wrong = mode("open_loop = [128]");
         assert_eq!(
             wrong,
-            ["2: open_loop stands at a mode: role = \"mode\"", "2: open_loop 128 does not fit INTEGER8"]
+            [
+                "2: open_loop requires role = \"mode\", \"control\" or \"status\"",
+                "2: open_loop 128 does not fit INTEGER8"
+            ]
         );
     }
 
@@ -224,13 +242,13 @@ mod tests {
         let identifier = |keys: &str| format!("[[uds.identifier]]\nid = 0x1001\nname = \"a\"\n{keys}\n");
         let whole = identifier("type = \"UNSIGNED8\"\nrange = [1, 127]\ndefault = 32");
         assert_eq!(errors(&whole), [""; 0]);
-        assert_eq!(errors(&format!("{whole}{whole}")), ["8: UDS identifier 1001 is described twice"]);
+        assert_eq!(errors(&format!("{whole}{whole}")), ["8: duplicate UDS identifier 1001"]);
         let wrong = errors(&identifier("type = \"UNSIGNED8\"\nrange = [1, 127]\ndefault = 0"));
-        assert_eq!(wrong, ["2: default 0 lies outside range 1 to 127"]);
+        assert_eq!(wrong, ["2: default 0 is outside range 1 to 127"]);
         let wrong = errors(&identifier("type = \"UNSIGNED8\"\nrange = [1, 256]"));
         assert_eq!(wrong, ["2: range or default 256 does not fit UNSIGNED8"]);
-        assert_eq!(errors(&identifier("default = 1")), ["2: a value that is described needs its type"]);
-        assert_eq!(errors(&identifier("type = \"UNSIGNED8\"\nunit = \"x\"")), ["2: 'x' is no known unit"]);
+        assert_eq!(errors(&identifier("default = 1")), ["2: type is missing; expected a data type"]);
+        assert_eq!(errors(&identifier("type = \"UNSIGNED8\"\nunit = \"x\"")), ["2: unknown unit 'x'"]);
     }
 
     #[test]
@@ -238,7 +256,7 @@ mod tests {
         let wrong = errors(&object(
             "type = \"UNSIGNED8\"\nbits = [{ bit = 0, width = 4, name = \"a\" }, { bit = 3, name = \"b\" }, { bit = 8, name = \"c\" }]",
         ));
-        assert_eq!(wrong, ["2: bit 3 is named twice", "2: bits 8 to 8 do not fit UNSIGNED8"]);
+        assert_eq!(wrong, ["2: duplicate entry for bit 3", "2: bits 8 to 8 do not fit UNSIGNED8"]);
     }
 
     #[test]
@@ -247,7 +265,7 @@ mod tests {
         assert_eq!(bits("{ bit = 0, name = \"phase-2\" }, { bit = 1, reserved = true }"), [""; 0]);
         assert_eq!(
             bits("{ bit = 0, name = \"Over load\" }"),
-            ["2: 'Over load' is no name of a bit: small letters, digits and hyphens"]
+            ["2: invalid bit name 'Over load'; expected a-z, 0-9 and hyphens"]
         );
     }
 
@@ -259,7 +277,7 @@ mod tests {
         assert_eq!(pdo("timer"), [""; 0]);
         assert_eq!(
             pdo("timr"),
-            ["2: TPDO1: 'timr' triggers no PDO; one of sync, event, rpdo, timer, request"]
+            ["2: TPDO1: unknown trigger 'timr'; expected one of sync, event, rpdo, timer, request"]
         );
     }
 
@@ -267,7 +285,7 @@ mod tests {
     fn objects_are_described_once() {
         let twice = "[[object]]\nindex = 0x2000\nname = \"a\"\ntype = \"UNSIGNED8\"\n\
                      [[object]]\nindex = 0x1FFE\nrepeat = { count = 3, stride = 1 }\nname = \"b\"\ntype = \"UNSIGNED8\"\n";
-        assert_eq!(errors(twice), ["6: 2000:00 is described twice"]);
+        assert_eq!(errors(twice), ["6: duplicate entry for 2000:00"]);
     }
 
     #[test]
@@ -279,7 +297,7 @@ mod tests {
         let wrong = errors(cycle);
         assert_eq!(wrong.len(), 3);
         assert_eq!(wrong[0], "6: the scale of 2000:01 depends on itself");
-        assert_eq!(wrong[2], "8: scale: 2000:09 is no object of this profile");
+        assert_eq!(wrong[2], "8: scale: unknown object 2000:09");
     }
 
     #[test]
@@ -288,10 +306,10 @@ mod tests {
             fields = [{ object = \"1001:00\", bits = 16 }, { object = \"2000:00\", bits = 64 }]\n\
             when = { object = \"1000:00\", equals = 1 }\n";
         let wrong = errors(pdo);
-        assert_eq!(wrong[0], "2: 1001:00 has fewer than 16 bits");
-        assert_eq!(wrong[1], "2: field: 2000:00 is no object of this profile");
-        assert_eq!(wrong[2], "2: TPDO1 has 80 bits; a frame holds 64");
-        assert_eq!(wrong[3], "2: the last entry of TPDO1 has no `when`");
+        assert_eq!(wrong[0], "2: 1001:00: field of 16 bits does not fit the object");
+        assert_eq!(wrong[1], "2: field: unknown object 2000:00");
+        assert_eq!(wrong[2], "2: TPDO1 has 80 bits; expected max 64");
+        assert_eq!(wrong[3], "2: TPDO1: every entry has a `when`; expected a last one without");
     }
 
     #[test]
@@ -302,6 +320,6 @@ mod tests {
         assert_eq!(errors(machine), ["2: machine m has no state 'B'"]);
         let procedure = "[[procedure]]\nname = \"p\"\nstart = { write = \"1001:00\" }\n\
             status = { object = \"1001:00\", codes = \"none\" }\n";
-        assert_eq!(errors(procedure), ["2: there is no table [codes.none]"]);
+        assert_eq!(errors(procedure), ["2: unknown table [codes.none]"]);
     }
 }

@@ -1,4 +1,4 @@
-//! Objects of a profile: types, ranges, names of values and bits, scales, duplicates, cycles.
+//! Checks of objects: types, ranges, names of values and bits, scales, duplicates, cycles.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use crate::profile::data_type::DataType;
 use crate::profile::dictionary::{Dictionary, Entry, Object};
 use crate::profile::formula::formula;
 use crate::profile::names::{BitNames, Names};
-use crate::profile::object::{Given, Look, Role, Scale, When};
+use crate::profile::object::{DefaultValue, Interpretation, ObjectCondition, Role, Scale};
 use crate::wire::canopen::ObjectAddress;
 
 impl Check<'_> {
@@ -24,9 +24,10 @@ impl Check<'_> {
 
     fn entry(&mut self, object: &Object, entry: &Entry) {
         let Some(data_type) = entry.data_type else {
-            let plain = entry.look == Look { name: entry.look.name.clone(), ..Look::default() };
+            let plain =
+                entry.look == Interpretation { name: entry.look.name.clone(), ..Interpretation::default() };
             if !plain || entry.default.is_some() {
-                self.say(&entry.span, "a value that is described needs its type");
+                self.report(&entry.span, "type is missing; expected a data type");
             }
             return;
         };
@@ -35,15 +36,15 @@ impl Check<'_> {
             self.look(object, entry, look, data_type);
             self.when(object, entry, when);
         }
-        if let Some(Given::Number(default)) = entry.default {
+        if let Some(DefaultValue::Number(default)) = entry.default {
             self.number(default, data_type, "default", &entry.span);
             if let Some([least, most]) = entry.look.range
                 && !(least..=most).contains(&default)
             {
-                self.say(&entry.span, format!("default {default} lies outside range {least} to {most}"));
+                self.report(&entry.span, format!("default {default} is outside range {least} to {most}"));
             }
         }
-        if let Some(Given::Text(text)) = &entry.default
+        if let Some(DefaultValue::Text(text)) = &entry.default
             && data_type.is_integer()
         {
             self.formula(text, data_type, &entry.span);
@@ -55,30 +56,35 @@ impl Check<'_> {
     }
 
     fn open_loop(&mut self, entry: &Entry, data_type: DataType) {
-        if !entry.open_loop.is_empty() && entry.look.role != Some(Role::Mode) {
-            self.say(&entry.span, "open_loop stands at a mode: role = \"mode\"");
+        if !entry.open_loop.is_empty()
+            && !matches!(entry.look.role, Some(Role::Mode | Role::Control | Role::Status))
+        {
+            self.report(&entry.span, "open_loop requires role = \"mode\", \"control\" or \"status\"");
         }
         for value in &entry.open_loop {
             self.number(*value, data_type, "open_loop", &entry.span);
             if entry.look.values.as_ref().is_some_and(|names| names.get(*value).is_none()) {
-                self.say(&entry.span, format!("open_loop {value} is none of its values"));
+                self.report(&entry.span, format!("open_loop {value} is not in values"));
             }
         }
     }
 
-    /// A default that depends on the node-ID; that of node 127 is the largest.
+    /// Checks a default that depends on the node-ID, with the largest node-ID 127.
     fn formula(&mut self, text: &str, data_type: DataType, span: &Range<usize>) {
         let bits = u32::from(data_type.bits().unwrap_or(64));
         match formula(text, Some(127)) {
-            None => self.say(span, format!("default '{text}' is no number: write 5 or \"$NODEID+0x200\"")),
+            None => self.report(
+                span,
+                format!("default '{text}' is not a number; expected e.g. 5 or \"$NODEID+0x200\""),
+            ),
             Some(most) if most > u64::MAX >> (64 - bits) => {
-                self.say(span, format!("default {text} does not fit {}", data_type.name()));
+                self.report(span, format!("default {text} does not fit {}", data_type.name()));
             }
             Some(_) => {}
         }
     }
 
-    fn look(&mut self, object: &Object, entry: &Entry, look: &Look, data_type: DataType) {
+    fn look(&mut self, object: &Object, entry: &Entry, look: &Interpretation, data_type: DataType) {
         let span = &entry.span;
         if let Some([least, most]) = look.range {
             self.number(least, data_type, "range", span);
@@ -92,9 +98,12 @@ impl Check<'_> {
             self.bits(bits, data_type, span);
         }
         match look.scale {
-            Some(Scale::Factor(0.0)) => self.say(span, "scale is 0"),
+            Some(Scale::Factor(0.0)) => self.report(span, "scale is 0; expected another factor"),
             Some(Scale::Anchor { raw, value }) if raw == 0.0 || value == 0.0 => {
-                self.say(span, "raw and value of a scale are not 0");
+                self.report(span, "raw or value of the scale is 0; expected other numbers");
+            }
+            Some(Scale::Reciprocal { reciprocal: 0.0 }) => {
+                self.report(span, "reciprocal is 0; expected the value of raw number 1");
             }
             Some(Scale::ByObject { object: by, .. }) => self.reference(by, object, span, "scale"),
             _ => {}
@@ -104,23 +113,23 @@ impl Check<'_> {
         }
     }
 
-    fn when(&mut self, object: &Object, entry: &Entry, when: &When) {
+    fn when(&mut self, object: &Object, entry: &Entry, when: &ObjectCondition) {
         self.reference(when.object, object, &entry.span, "when");
     }
 
-    /// A range, or limits, from the least to the most.
+    /// Checks that range and limits are in ascending order.
     pub(super) fn ascends(&mut self, range: Option<[i64; 2]>, limits: Option<[f64; 2]>, span: &Range<usize>) {
         if let Some([least, most]) = range.filter(|[least, most]| least > most) {
-            self.say(span, format!("range {least} to {most} ends before it begins"));
+            self.report(span, format!("range {least} to {most}; expected the minimum first"));
         }
         if let Some([least, most]) = limits.filter(|[least, most]| least > most) {
-            self.say(span, format!("limits {least} to {most} end before they begin"));
+            self.report(span, format!("limits {least} to {most}; expected the minimum first"));
         }
     }
 
     pub(super) fn number(&mut self, number: i64, data_type: DataType, key: &str, span: &Range<usize>) {
         if !fits(number, data_type) {
-            self.say(span, format!("{key} {number} does not fit {}", data_type.name()));
+            self.report(span, format!("{key} {number} does not fit {}", data_type.name()));
         }
     }
 
@@ -143,18 +152,18 @@ impl Check<'_> {
             let end = u32::from(bit.bit) + u32::from(bit.width);
             if bit.width == 0 || end > width {
                 let name = data_type.name();
-                self.say(span, format!("bits {} to {} do not fit {name}", bit.bit, end.saturating_sub(1)));
+                self.report(span, format!("bits {} to {} do not fit {name}", bit.bit, end.saturating_sub(1)));
                 continue;
             }
             let mask = (u64::MAX >> (64 - u32::from(bit.width))) << bit.bit;
             if taken & mask != 0 {
-                self.say(span, format!("bit {} is named twice", (taken & mask).trailing_zeros()));
+                self.report(span, format!("duplicate entry for bit {}", (taken & mask).trailing_zeros()));
             }
             if bit.name.is_empty() && !bit.reserved {
-                self.say(span, format!("bit {} needs a name, or reserved = true", bit.bit));
+                self.report(span, format!("bit {} has no name; expected a name or reserved = true", bit.bit));
             } else if !bit.name.is_empty() && !is_kebab(&bit.name) {
-                let said = format!("'{}' is no name of a bit: small letters, digits and hyphens", bit.name);
-                self.say(span, said);
+                let message = format!("invalid bit name '{}'; expected a-z, 0-9 and hyphens", bit.name);
+                self.report(span, message);
             }
             taken |= mask;
         }
@@ -169,7 +178,7 @@ impl Check<'_> {
                     for sub in entry.sub..=entry.to {
                         if !seen.insert((index, sub)) {
                             let address = ObjectAddress::new(index, sub);
-                            self.say(&entry.span, format!("{address} is described twice"));
+                            self.report(&entry.span, format!("duplicate entry for {address}"));
                         }
                     }
                 }
@@ -182,14 +191,14 @@ impl Check<'_> {
             for entry in &object.entries {
                 let start = ObjectAddress::new(object.index, entry.sub);
                 if leads_back(&self.device.dictionary, start) {
-                    self.say(&entry.span, format!("the scale of {start} depends on itself"));
+                    self.report(&entry.span, format!("the scale of {start} depends on itself"));
                 }
             }
         }
     }
 }
 
-/// Whether a raw number fits a type; types that hold no integer take any.
+/// Whether a raw number fits the type; false for types without a fixed length, always true for floats.
 pub(super) fn fits(number: i64, data_type: DataType) -> bool {
     let Some(bits) = data_type.bits() else { return false };
     let number = i128::from(number);
@@ -203,7 +212,7 @@ pub(super) fn fits(number: i64, data_type: DataType) -> bool {
     }
 }
 
-/// Whether scales lead from an object back to it.
+/// Whether the scales form a cycle through the object `start`.
 fn leads_back(dictionary: &Dictionary, start: ObjectAddress) -> bool {
     let mut open = vec![start];
     let mut seen = Vec::new();

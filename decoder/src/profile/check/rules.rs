@@ -1,4 +1,4 @@
-//! What is wrong with the rules of a device.
+//! Checks of device rules.
 
 use std::ops::Range;
 
@@ -8,15 +8,18 @@ use crate::profile::device::{Condition, DeviceRule, RuleKind, Trigger};
 use crate::profile::lookup::lss;
 use crate::profile::object::Numbers;
 
+/// States of the trigger `reports`.
+const REPORTED: [&str; 5] = ["initialising", "pre-operational", "operational", "stopped", "undefined"];
+
 impl Check<'_> {
     pub(super) fn rules(&mut self) {
         let device = self.device;
         let rules = || device.rules.iter().zip(&device.places.rules);
         for (rule, span) in rules() {
             self.rule(rule, span);
-            // Repeats of one rule stand at one place.
+            // Repeats of one rule have the same position.
             if rules().any(|(other, place)| other.name == rule.name && place.start < span.start) {
-                self.say(span, format!("there are two rules '{}'", rule.name));
+                self.report(span, format!("duplicate rule '{}'", rule.name));
             }
         }
         for gate in device.gates.iter().zip(&device.places.gates) {
@@ -25,29 +28,29 @@ impl Check<'_> {
         for (procedure, span) in device.procedures.iter().zip(&device.places.procedures) {
             procedure.needs.iter().for_each(|need| self.not_of_rules(need, span));
             for trigger in procedure.triggers().filter(|trigger| trigger.is_of_rules()) {
-                self.say(span, format!("only rules know this trigger: {trigger:?}"));
+                self.report(span, format!("trigger {trigger:?} is valid in rules only"));
             }
         }
     }
 
     fn rule(&mut self, rule: &DeviceRule, span: &Range<usize>) {
         for name in rule.takes_in.iter().chain([&rule.name]).filter(|name| !is_kebab(name)) {
-            self.say(span, format!("'{name}' is no name of a rule: small letters, digits and hyphens"));
+            self.report(span, format!("invalid rule name '{name}'; expected a-z, 0-9 and hyphens"));
         }
         if rule.takes_in.contains(&rule.name) {
-            self.say(span, "a rule does not take itself in");
+            self.report(span, "takes_in contains the rule itself");
         }
         if let Some(missing) = rule.missing() {
-            self.say(span, format!("a rule of this kind needs {missing}"));
+            self.report(span, format!("a rule of this kind requires {missing}"));
         }
-        for trigger in
-            [&rule.on, &rule.then, &rule.before, &rule.since, &rule.after].into_iter().flat_map(|it| &it.0)
-        {
+        let lists = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.until, &rule.after];
+        for trigger in lists.into_iter().chain(&rule.steps).flat_map(|it| &it.0) {
             self.trigger(trigger, span);
             self.trigger_of_rules(trigger, span);
         }
         rule.needs.0.iter().chain(&rule.during.0).for_each(|need| self.condition(need, span));
         rule.ms_of.iter().for_each(|of| self.known(*of, span, "ms_of"));
+        rule.within.iter().for_each(|of| self.known(*of, span, "within"));
         self.values(rule, span);
         self.ascends(rule.range, rule.limits, span);
     }
@@ -64,7 +67,7 @@ impl Check<'_> {
             let Some(data_type) = self.device.dictionary.data_type(object.object) else { continue };
             let outside = listed.iter().chain(rule.range.iter().flatten()).find(|it| !fits(**it, data_type));
             if let Some(outside) = outside.filter(|_| chosen) {
-                self.say(span, format!("{outside} does not fit {}", object.object));
+                self.report(span, format!("{outside} does not fit {}", object.object));
             }
         }
     }
@@ -72,11 +75,17 @@ impl Check<'_> {
     fn trigger_of_rules(&mut self, trigger: &Trigger, span: &Range<usize>) {
         match trigger {
             Trigger::Set(set) => self.known(set.object, span, "set"),
+            Trigger::Shows(set) => self.known(set.object, span, "shows"),
+            Trigger::Reports(states) => {
+                for state in states.iter().filter(|state| !REPORTED.contains(&state.as_str())) {
+                    self.report(span, format!("unknown NMT state '{state}'"));
+                }
+            }
             Trigger::Message(message) if message.times != 1 || !message.when.0.is_empty() => {
-                self.say(span, "times and when of a message go with procedures");
+                self.report(span, "times and when of a message are valid in procedures only");
             }
             Trigger::Lss(service) if !lss().has(&service.service) => {
-                self.say(span, format!("there is no LSS service '{}'", service.service));
+                self.report(span, format!("unknown LSS service '{}'", service.service));
             }
             _ => {}
         }
@@ -84,7 +93,7 @@ impl Check<'_> {
 
     fn not_of_rules(&mut self, condition: &Condition, span: &Range<usize>) {
         if matches!(condition, Condition::Other(_) | Condition::Alone) {
-            self.say(span, "only rules look at other nodes");
+            self.report(span, "conditions on other nodes are valid in rules only");
         }
     }
 }
@@ -101,15 +110,25 @@ mod tests {
     fn rules_have_the_keys_of_their_kind() {
         assert_eq!(
             rule("kind = \"limit\"\nobject = \"1001:00\""),
-            ["2: a rule of this kind needs object, and range or limits"]
+            ["2: a rule of this kind requires object, and range, limits or within"]
         );
-        assert_eq!(rule("kind = \"never\""), ["2: a rule of this kind needs on"]);
+        assert_eq!(rule("kind = \"never\""), ["2: a rule of this kind requires on"]);
         let counted = "kind = \"max-count\"\non = { guard = true }\ncount = 2\nper = \"while\"";
-        assert_eq!(rule(counted), ["2: a rule of this kind needs on, count, per and its while"]);
+        assert_eq!(
+            rule(counted),
+            ["2: a rule of this kind requires on, count and per, and while with per = \"while\""]
+        );
         assert_eq!(rule(&format!("{counted}\nwhile = {{ alone = true }}")), [""; 0]);
         let order = "kind = \"order\"\non = [{ nmt = \"start\" }, { set = \"1017:00\", not = 0 }]\n\
                      before = { lss = \"store-configuration\", answer = true, equals = 0 }\nsince = { boot = true }";
         assert_eq!(rule(order), [""; 0]);
+        assert_eq!(rule("kind = \"node-id\""), ["2: a rule of this kind requires range"]);
+        let requested = "kind = \"on-request\"\ngroups = [65227]";
+        assert_eq!(rule(requested), ["2: a rule of this kind requires groups, and ms or ms_of"]);
+        let constant = "kind = \"constant\"\non = { sync = true }";
+        assert_eq!(rule(constant), ["2: a rule of this kind requires on with PDOs only"]);
+        let length = "kind = \"message-length\"\non = { pdo = \"RPDO1\" }\nbytes = 8";
+        assert_eq!(rule(length), ["2: a rule of this kind requires on with messages only, and bytes"]);
         assert_eq!(rule("kind = \"expedited\"\nexcept = [\"1008:00..100A:00\"]"), [""; 0]);
     }
 
@@ -117,8 +136,8 @@ mod tests {
     fn what_limits_begins_before_it_ends() {
         let limit = |keys: &str| rule(&format!("kind = \"limit\"\nobject = \"1001:00\"\n{keys}"));
         assert_eq!(limit("limits = [0, 280]"), [""; 0]);
-        assert_eq!(limit("limits = [280, 0]"), ["2: limits 280 to 0 end before they begin"]);
-        assert_eq!(limit("range = [9, 0]"), ["2: range 9 to 0 ends before it begins"]);
+        assert_eq!(limit("limits = [280, 0]"), ["2: limits 280 to 0; expected the minimum first"]);
+        assert_eq!(limit("range = [9, 0]"), ["2: range 9 to 0; expected the minimum first"]);
     }
 
     #[test]
@@ -127,30 +146,32 @@ mod tests {
             rule("kind = \"permitted\"\nobject = \"1001:00\"\nvalues = [1, 256]"),
             ["2: 256 does not fit 1001:00"]
         );
-        assert_eq!(
-            rule("kind = \"never\"\non = { set = \"2000:00\" }"),
-            ["2: set: 2000:00 is no object of this profile"]
-        );
-        assert_eq!(
-            rule("kind = \"never\"\non = { lss = \"store\" }"),
-            ["2: there is no LSS service 'store'"]
-        );
+        assert_eq!(rule("kind = \"never\"\non = { set = \"2000:00\" }"), ["2: set: unknown object 2000:00"]);
+        assert_eq!(rule("kind = \"never\"\non = { lss = \"store\" }"), ["2: unknown LSS service 'store'"]);
         assert_eq!(
             rule("kind = \"never\"\non = { guard = true }\ntakes_in = [\"r\", \"Other\"]"),
             [
-                "2: 'Other' is no name of a rule: small letters, digits and hyphens",
-                "2: a rule does not take itself in"
+                "2: invalid rule name 'Other'; expected a-z, 0-9 and hyphens",
+                "2: takes_in contains the rule itself"
             ]
         );
+        assert_eq!(
+            rule("kind = \"never\"\non = { shows = \"2000:00\", mask = 1, not = 0 }"),
+            ["2: shows: unknown object 2000:00"]
+        );
+        assert_eq!(
+            rule("kind = \"never\"\non = { reports = [\"stopped\", \"lost\"] }"),
+            ["2: unknown NMT state 'lost'"]
+        );
         let one = "[[rule]]\nname = \"r\"\nseverity = \"note\"\ntext = \"t\"\nkind = \"remote-length\"\n";
-        assert_eq!(errors(&format!("{one}{one}")), ["7: there are two rules 'r'"]);
+        assert_eq!(errors(&format!("{one}{one}")), ["7: duplicate rule 'r'"]);
     }
 
     #[test]
     fn gates_and_procedures_leave_rules_what_is_theirs() {
         let gate = "[[gate]]\nname = \"g\"\nopen = { other = { nmt = \"operational\" } }\n";
-        assert_eq!(errors(gate), ["2: only rules look at other nodes"]);
+        assert_eq!(errors(gate), ["2: conditions on other nodes are valid in rules only"]);
         let procedure = "[[procedure]]\nname = \"p\"\nstart = { guard = true }\n";
-        assert_eq!(errors(procedure), ["2: only rules know this trigger: Guard"]);
+        assert_eq!(errors(procedure), ["2: trigger Guard is valid in rules only"]);
     }
 }

@@ -1,4 +1,4 @@
-//! What is wrong with the UDS identifiers of a profile.
+//! Checks of UDS identifiers.
 
 use std::collections::BTreeSet;
 
@@ -12,12 +12,12 @@ impl Check<'_> {
             let (span, identifier) = (identifier.span(), identifier.get_ref());
             self.only(&identifier.only, &span);
             if !seen.insert(identifier.id) {
-                self.say(&span, format!("UDS identifier {:04X} is described twice", identifier.id));
+                self.report(&span, format!("duplicate UDS identifier {:04X}", identifier.id));
             }
             let numbers = identifier.range.into_iter().flatten().chain(identifier.default);
             let Some(data_type) = identifier.data_type else {
                 if numbers.count() > 0 || identifier.values.is_some() {
-                    self.say(&span, "a value that is described needs its type");
+                    self.report(&span, "type is missing; expected a data type");
                 }
                 continue;
             };
@@ -27,15 +27,15 @@ impl Check<'_> {
             }
             match (identifier.range, identifier.default) {
                 (Some([least, most]), _) if least > most => {
-                    self.say(&span, format!("range {least} to {most} ends before it begins"));
+                    self.report(&span, format!("range {least} to {most}; expected the minimum first"));
                 }
                 (Some([least, most]), Some(default)) if !(least..=most).contains(&default) => {
-                    self.say(&span, format!("default {default} lies outside range {least} to {most}"));
+                    self.report(&span, format!("default {default} is outside range {least} to {most}"));
                 }
                 _ => {}
             }
             if !identifier.unit.is_empty() && !units().contains(&identifier.unit) {
-                self.say(&span, format!("'{}' is no known unit", identifier.unit));
+                self.report(&span, format!("unknown unit '{}'", identifier.unit));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Messages and parameters of one file.
+//! Messages and parameters of one database file.
 
 use std::sync::Arc;
 
@@ -7,58 +7,59 @@ use crate::frame::CanId;
 use crate::profile::layout::Layout;
 use crate::wire::j1939::Pgn;
 
-/// One message of a database.
+/// Definition of one message in a database.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DatabaseMessage {
-    /// Name.
+    /// Name, from the long-name attribute if present.
     pub name: String,
-    /// Payload in bytes. One of more than a frame carries comes in several, so no frame alone is laid out by it.
-    /// `None` if its length varies or is not told.
+    /// Payload in bytes; `None` if variable or not stated. A message longer than one frame is never decoded
+    /// from a single frame.
     pub length: Option<u16>,
-    /// Signals.
+    /// Layout of the signals.
     pub layout: Arc<Layout>,
 }
 
-/// A suspect parameter, for whoever only has its number.
+/// Name and unit of a suspect parameter, for events that carry only its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parameter {
-    /// Name.
+    /// Name of the parameter.
     pub name: String,
     /// Unit; empty if there is none.
     pub unit: String,
 }
 
-/// What was read of one file.
+/// Contents of one database file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DatabaseFile {
-    /// Messages in the order of the file, each identifier and each parameter group once.
-    pub(super) messages: Vec<Known>,
-    /// Suspect parameters by number, the first of each.
+    /// Messages in file order; identifiers and parameter groups are unique.
+    pub(super) messages: Vec<KnownMessage>,
+    /// Suspect parameters by number; the first definition of each.
     pub(super) parameters: Vec<(u32, Parameter)>,
-    /// What was left out, or read only by a guess, by place.
+    /// Problems in file order: skipped parts and assumptions.
     pub problems: Vec<Problem>,
 }
 
-/// A message and what it is known by.
+/// A message with its identifier and parameter group.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Known {
+pub(super) struct KnownMessage {
     pub(super) id: Option<CanId>,
-    pub(super) pgn: Option<Pgn>,
+    /// Parameter group, and the message as one of that group.
+    pub(super) group: Option<(Pgn, Arc<DatabaseMessage>)>,
     pub(super) message: Arc<DatabaseMessage>,
 }
 
 impl DatabaseFile {
-    /// How many messages there are.
+    /// Number of messages.
     pub fn len(&self) -> usize {
         self.messages.len()
     }
 
-    /// Whether there is no message.
+    /// Whether the file contains no messages.
     pub fn is_empty(&self) -> bool {
         self.messages.is_empty()
     }
 
-    /// The messages with their identifier, where they have one, in the order of the file.
+    /// Messages in file order, with their identifier if they have one.
     pub fn messages(&self) -> impl Iterator<Item = (Option<CanId>, &DatabaseMessage)> {
         self.messages.iter().map(|known| (known.id, &*known.message))
     }

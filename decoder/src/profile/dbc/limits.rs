@@ -1,19 +1,19 @@
-//! Limits on what is read of a database.
+//! Limits for database files.
 
-/// Messages that are read of one file.
+/// Max messages per file.
 pub const MOST_MESSAGES: usize = 1 << 16;
 
-/// Signals that are read of one message: each costs time whenever the message is shown.
+/// Max signals per message: each one takes time whenever the message is shown.
 pub const MOST_SIGNALS: usize = 4096;
 
-/// Ranges of a multiplexor's values for one signal, after those that touch were joined.
+/// Max multiplexor ranges per signal, after adjacent ranges are joined.
 pub const MOST_RANGES: usize = 256;
 
-/// Longest payload in bytes: what a transport protocol of J1939 carries (SAE J1939-21 §5.10).
+/// Max payload in bytes: limit of the J1939 transport protocol (SAE J1939-21 §5.10).
 pub const LONGEST_MESSAGE: u16 = 1785;
 
-/// Bytes of a string that goes over several lines.
+/// Max length of a string over several lines, in bytes.
 pub(crate) const LONGEST_STRING: usize = 1 << 16;
 
-/// Problems that are told apart; one more says how many others there are.
+/// Max problems listed; one more states the number of the others.
 pub const MOST_PROBLEMS: usize = 100;

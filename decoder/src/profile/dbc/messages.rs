@@ -1,4 +1,4 @@
-//! Messages of a DBC to layouts: signals that do not fit are left out, multiplexed ones find what selects them.
+//! Converts messages of a DBC to layouts: skips signals that do not fit and resolves multiplexors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use can_dbc::{ByteOrder, MultiplexIndicator, NumericValue, ValueType};
 
-use super::file::Known;
+use super::file::KnownMessage;
+use super::group::as_group;
 use super::problem::Problems;
 use super::read::{About, Raw, RawMessage};
 use super::signal::Signal;
@@ -19,20 +20,20 @@ use crate::profile::quoted::quote;
 use crate::wire::j1939::{J1939Id, Pgn};
 use crate::words::plural;
 
-/// Where a layout comes from.
+/// Origin of the layouts.
 const ORIGIN: &str = "dbc";
 
-/// A field before what selects it has a place.
-struct Placed {
-    /// Name within the DBC, cut as it may be.
+/// A field whose multiplexor is not yet resolved.
+struct PendingField {
+    /// Name in the DBC, possibly shortened.
     key: String,
     at: usize,
     field: Field,
-    /// What selects it: name and values.
+    /// Name and values of the multiplexor that selects the field.
     selected: Option<(String, Vec<RangeInclusive<u64>>)>,
 }
 
-/// Everything a DBC says as database.
+/// Converts the contents of a DBC to a database file.
 pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
     let mut file = DatabaseFile::default();
     let mut ids = BTreeMap::new();
@@ -40,13 +41,12 @@ pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
     let mut parameters = BTreeSet::new();
     for message in std::mem::take(&mut raw.messages) {
         if let Some(other) = ids.get(&message.id) {
-            let reason =
-                format!("message {} left out: its identifier is that of {other}", quote(&message.name));
+            let reason = format!("message {} skipped: same identifier as {other}", quote(&message.name));
             problems.add(message.at, &reason);
             continue;
         }
         if file.messages.len() >= MOST_MESSAGES {
-            problems.add(message.at, &format!("not read from here on: more than {MOST_MESSAGES} messages"));
+            problems.add(message.at, &format!("messages from here on skipped (max {MOST_MESSAGES})"));
             break;
         }
         ids.insert(message.id, quote(&message.name));
@@ -58,29 +58,28 @@ pub(super) fn file(mut raw: Raw, problems: &mut Problems<'_>) -> DatabaseFile {
             parameter(field, &mut parameters, &mut file);
         }
         let message = Arc::new(message);
-        let pgn = groups.of(id, &message, at);
-        file.messages.push(Known { id: Some(id), pgn, message });
+        let group = groups.of(id, &message, at).map(|pgn| (pgn, as_group(pgn, &message)));
+        file.messages.push(KnownMessage { id: Some(id), group, message });
     }
-    groups.tell(problems);
+    groups.report_others(problems);
     let unknown = raw.about.values().flat_map(BTreeMap::iter);
     for (name, about) in unknown.filter(|_| !ids.is_empty()) {
-        problems
-            .add(about.at, &format!("left out: it is about signal {} of an unknown message", quote(name)));
+        problems.add(about.at, &format!("skipped: signal {} belongs to an unknown message", quote(name)));
     }
     file
 }
 
-/// Parameter groups and the first message of each.
+/// First message of each parameter group.
 #[derive(Default)]
 struct Groups {
     first: BTreeMap<Pgn, Arc<DatabaseMessage>>,
-    /// Messages that say something else of a group than its first one, and where the first of them is.
+    /// Number of messages that differ from the first one of their group; `at` is the position of the first.
     others: usize,
     at: usize,
 }
 
 impl Groups {
-    /// The parameter group a message of 29 bits stands for, unless one before it does already.
+    /// Parameter group of a 29-bit message; `None` if an earlier message defines it.
     fn of(&mut self, id: CanId, message: &Arc<DatabaseMessage>, at: usize) -> Option<Pgn> {
         let CanId::Extended(id) = id else { return None };
         let pgn = J1939Id::of(id)?.pgn;
@@ -95,11 +94,11 @@ impl Groups {
         None
     }
 
-    /// A file of identifiers that are no J1939 has many, so they are one problem.
-    fn tell(&self, problems: &mut Problems<'_>) {
+    /// Reports one problem in total: a file with 29-bit identifiers other than J1939 can contain many.
+    fn report_others(&self, problems: &mut Problems<'_>) {
         if self.others > 0 {
             let reason = format!(
-                "messages that count by their identifier only, because another one has their PGN, from here on: {}",
+                "messages that differ from an earlier one with the same PGN, matched by identifier only: {}",
                 self.others
             );
             problems.add(self.at, &reason);
@@ -107,7 +106,7 @@ impl Groups {
     }
 }
 
-/// Notes the parameter of a field, if it is the first of its number.
+/// Adds the parameter of a field, unless its number is already present.
 fn parameter(field: &Field, known: &mut BTreeSet<u32>, file: &mut DatabaseFile) {
     if let (SignalId::Spn(spn), Some(meaning)) = (field.id, &field.meaning)
         && known.insert(spn)
@@ -124,11 +123,8 @@ fn layout(
     problems: &mut Problems<'_>,
 ) -> Option<DatabaseMessage> {
     let Some(length) = u16::try_from(raw.length).ok().filter(|length| *length <= LONGEST_MESSAGE) else {
-        let reason = format!(
-            "message {} left out: {} bytes are more than {LONGEST_MESSAGE}",
-            quote(&raw.name),
-            raw.length
-        );
+        let reason =
+            format!("message {} skipped: {} bytes (max {LONGEST_MESSAGE})", quote(&raw.name), raw.length);
         problems.add(raw.at, &reason);
         return None;
     };
@@ -137,23 +133,23 @@ fn layout(
     let mut placed = Vec::new();
     for (at, signal) in raw.signals {
         if placed.len() >= MOST_SIGNALS {
-            problems.add(at, &format!("signals left out from here on: more than {MOST_SIGNALS}"));
+            problems.add(at, &format!("signals from here on skipped (max {MOST_SIGNALS} per message)"));
             break;
         }
         let key = signal.name.clone();
         if !names.insert(key.clone()) {
-            let reason = format!("a second signal {}: what is told of one counts for both", quote(&key));
+            let reason = format!("duplicate signal {}: its attributes apply to both", quote(&key));
             problems.add(at, &reason);
         }
         let mut about = about.get(&key).cloned().unwrap_or_default();
         let selected = selected(&signal, about.selected.take(), root.as_deref());
         match field(signal, about, length) {
-            Ok(field) => placed.push(Placed { key, at, field, selected }),
-            Err(reason) => problems.add(at, &format!("signal {} left out: {reason}", quote(&key))),
+            Ok(field) => placed.push(PendingField { key, at, field, selected }),
+            Err(reason) => problems.add(at, &format!("signal {} skipped: {reason}", quote(&key))),
         }
     }
     for (name, about) in about.into_iter().filter(|(name, _)| !names.contains(name)) {
-        problems.add(about.at, &format!("left out: its message has no signal {}", quote(&name)));
+        problems.add(about.at, &format!("skipped: the message has no signal {}", quote(&name)));
     }
     placed.sort_by_key(|it| start(&it.field));
     let fields = select(&placed, problems);
@@ -163,12 +159,12 @@ fn layout(
     Some(DatabaseMessage { name, length: Some(length), layout: Arc::new(layout) })
 }
 
-/// Where a field begins, bits in the order they are sent.
+/// First bit of a field, in transmission order.
 fn start(field: &Field) -> u16 {
     field.end().map_or(u16::MAX, |end| end - field.bits)
 }
 
-/// The one multiplexor of a message that is not selected itself.
+/// The only multiplexor of a message without a multiplexor of its own.
 fn root(raw: &RawMessage) -> Option<String> {
     let mut roots = raw
         .signals
@@ -178,8 +174,8 @@ fn root(raw: &RawMessage) -> Option<String> {
     roots.next().is_none().then(|| root.name.clone())
 }
 
-/// What selects a signal: what `SG_MUL_VAL_` says, else the number behind its `m` and the one multiplexor. Of one
-/// that finds none the name is empty.
+/// Multiplexor name and values that select a signal: from `SG_MUL_VAL_`, otherwise the number after its `m`
+/// and the only multiplexor. The name is empty if there is none.
 fn selected(
     signal: &can_dbc::Signal,
     extended: Option<(String, Vec<RangeInclusive<u64>>)>,
@@ -197,7 +193,7 @@ fn selected(
     Some((name, joined(ranges)))
 }
 
-/// Ranges in ascending order, those that touch as one.
+/// Ranges in ascending order; adjacent and overlapping ones are joined.
 fn joined(mut ranges: Vec<RangeInclusive<u64>>) -> Vec<RangeInclusive<u64>> {
     ranges.retain(|range| !range.is_empty());
     ranges.sort_by_key(|range| *range.start());
@@ -213,13 +209,16 @@ fn joined(mut ranges: Vec<RangeInclusive<u64>>) -> Vec<RangeInclusive<u64>> {
     joined
 }
 
-/// A signal where its place is within the message; otherwise the reason.
+/// Converts a signal to a field.
+///
+/// # Errors
+/// Reason why the signal is skipped, for example that it exceeds the message.
 fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, String> {
     let Ok(bits @ 1..=64) = u16::try_from(signal.size) else {
-        return Err(format!("{} bits, of which 1 to 64 are read", signal.size));
+        return Err(format!("{} bits; expected 1 to 64", signal.size));
     };
     if about.is_float && !matches!(bits, 32 | 64) {
-        return Err(format!("no floating point number has {bits} bits"));
+        return Err(format!("float of {bits} bits; expected 32 or 64"));
     }
     let number = |value: NumericValue| value.to_string().parse::<f64>().unwrap_or(f64::NAN);
     let (least, most) = (number(signal.min), number(signal.max));
@@ -230,7 +229,8 @@ fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, St
     let spec = Signal {
         name: about.long_name.unwrap_or(signal.name),
         spn: about.spn,
-        bit: u16::try_from(signal.start_bit).map_err(|_| format!("it begins at bit {}", signal.start_bit))?,
+        bit: u16::try_from(signal.start_bit)
+            .map_err(|_| format!("start bit {}; expected max 65535", signal.start_bit))?,
         bits,
         order,
         is_signed: signal.value_type == ValueType::Signed,
@@ -244,30 +244,30 @@ fn field(signal: can_dbc::Signal, about: About, length: u16) -> Result<Field, St
     let field = spec.field();
     match field.end() {
         Some(end) if end <= length * 8 => Ok(field),
-        _ => Err(format!("it ends behind its message of {}", plural(length, "byte"))),
+        _ => Err(format!("it exceeds the message length of {}", plural(length, "byte"))),
     }
 }
 
-/// Fields with the places of those that select them. A field whose multiplexor is not there cannot be told from
-/// another one in the same bits, and is left out; so is one of a circle.
-fn select(placed: &[Placed], problems: &mut Problems<'_>) -> Vec<Field> {
+/// Fields with resolved multiplexors. A field is skipped if its multiplexor is missing or part of a cycle: it
+/// could not be distinguished from another one in the same bits.
+fn select(placed: &[PendingField], problems: &mut Problems<'_>) -> Vec<Field> {
     let reached = reached(placed);
     let (there, lost): (Vec<_>, Vec<_>) = placed.iter().partition(|it| it.is_there(&reached));
     for it in lost {
         let by = it.selected.as_ref().map_or("", |(by, _)| by);
         let reason = match by {
-            "" => "no multiplexor, or several, of which none is named".to_owned(),
+            "" => "no unique multiplexor; expected one, or SG_MUL_VAL_".to_owned(),
             by => format!(
-                "its multiplexor {} is not there, or selects it in too many steps or ranges",
+                "multiplexor {} missing, cyclic, over {DEEPEST_SELECTION} levels or {MOST_RANGES} ranges",
                 quote(by)
             ),
         };
-        problems.add(it.at, &format!("signal {} left out: {reason}", quote(&it.key)));
+        problems.add(it.at, &format!("signal {} skipped: {reason}", quote(&it.key)));
     }
-    // Of two of one name the first one selects.
+    // If two multiplexors have the same name, the first one selects.
     let order: BTreeMap<_, _> =
         there.iter().enumerate().rev().map(|(at, it)| (it.key.as_str(), at)).collect();
-    let field = |it: &&Placed| {
+    let field = |it: &&PendingField| {
         let mut field = it.field.clone();
         field.present = it.selected.as_ref().and_then(|(by, values)| {
             Some(Selector { field: *order.get(by.as_str())?, values: values.clone() })
@@ -277,8 +277,8 @@ fn select(placed: &[Placed], problems: &mut Problems<'_>) -> Vec<Field> {
     there.iter().map(field).collect()
 }
 
-/// Names of fields that are always there, or that a field selects which is reached in fewer steps.
-fn reached(placed: &[Placed]) -> BTreeSet<&str> {
+/// Names of fields without a multiplexor, or whose multiplexor is reached within the nesting limit.
+fn reached(placed: &[PendingField]) -> BTreeSet<&str> {
     let mut reached = BTreeSet::new();
     for _ in 0..DEEPEST_SELECTION {
         let found: BTreeSet<_> =
@@ -291,8 +291,8 @@ fn reached(placed: &[Placed]) -> BTreeSet<&str> {
     reached
 }
 
-impl Placed {
-    /// Whether nothing selects it, or something that is reached itself.
+impl PendingField {
+    /// Whether the field has no multiplexor, or a reached one.
     fn is_there(&self, reached: &BTreeSet<&str>) -> bool {
         let Some((by, ranges)) = &self.selected else { return true };
         reached.contains(by.as_str()) && ranges.len() <= MOST_RANGES

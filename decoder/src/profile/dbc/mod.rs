@@ -1,10 +1,9 @@
-//! Databases of messages the user gives: DBC files, and the JSON form of pretty_j1939.
+//! Message databases supplied by the user: DBC files, and the JSON format of pretty_j1939.
 //!
-//! A DBC tells for each identifier which bits of its payload are which signal, with scale, unit and names of
-//! values. Messages of 29 bits also count for their parameter group, whoever sends it: priority, source and
-//! (PDU1 format, SAE J1939-21 §5.2) destination are no part of what a message is.
+//! A DBC defines the signals of each identifier: bits, scale, unit and names of values. A 29-bit message also
+//! defines its parameter group for any priority, source and (PDU1 format, SAE J1939-21 §5.2) destination.
 //!
-//! What can be read is read. What cannot is a [`Problem`] with its place, and nothing else is lost to it.
+//! A part that cannot be parsed is reported as a [`Problem`] with its position; all other parts are used.
 //!
 //! ```text
 //! bytes ─┬─statement, read─▶ Raw ─messages─┐
@@ -13,6 +12,7 @@
 
 mod database;
 mod file;
+mod group;
 mod limits;
 mod messages;
 mod pretty_j1939;
@@ -30,11 +30,11 @@ pub(crate) use limits::LONGEST_STRING;
 pub use limits::{LONGEST_MESSAGE, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES, MOST_SIGNALS};
 pub use problem::Problem;
 
-/// Reads a DBC, or the JSON of pretty_j1939, recognised by its content: JSON begins with `{`. Text is UTF-8 or
-/// UTF-16 if it says or can be so, else Windows-1252. Time and memory are linear in the length of `bytes`.
+/// Parses a DBC, or the JSON of pretty_j1939, which starts with `{`. The text is UTF-16 with a byte order
+/// mark, UTF-8 if valid, otherwise Windows-1252. Time and memory are linear in the length of `bytes`.
 ///
 /// # Errors
-/// If there is nothing of a database in it.
+/// The file contains no part of a database.
 pub fn parse(bytes: &[u8]) -> Result<DatabaseFile, Problem> {
     let text = decode(bytes);
     if text.trim_start().starts_with('{') {
@@ -44,7 +44,11 @@ pub fn parse(bytes: &[u8]) -> Result<DatabaseFile, Problem> {
     let mut problems = Problems::of(&text);
     let raw = read::Raw::of(&text, &mut problems);
     if raw.statements == 0 {
-        return Err(Problem::new(1, 1, "no DBC: not one statement like BO_ or VERSION, and no JSON"));
+        return Err(Problem::new(
+            1,
+            1,
+            "neither DBC nor JSON; expected a statement such as BO_ or VERSION, or {",
+        ));
     }
     let mut file = messages::file(raw, &mut problems);
     file.problems = problems.finish();
@@ -68,13 +72,38 @@ mod tests {
     #[test]
     fn what_is_no_database_says_why() {
         let why = |bytes: &[u8]| parse(bytes).unwrap_err().to_string();
-        assert_eq!(why(b""), "1:1: no DBC: not one statement like BO_ or VERSION, and no JSON");
+        assert_eq!(why(b""), "1:1: neither DBC nor JSON; expected a statement such as BO_ or VERSION, or {");
         assert_eq!(
             why(b"(1.0) can0 123#00"),
-            "1:1: no DBC: not one statement like BO_ or VERSION, and no JSON"
+            "1:1: neither DBC nor JSON; expected a statement such as BO_ or VERSION, or {"
         );
-        assert_eq!(why(b"{\n \"x\": 1}"), "2:8: no JSON of pretty_j1939: missing field `J1939PGNdb`");
-        assert_eq!(why(b"{\"J1939PGNdb\": {"), "1:16: no JSON of pretty_j1939: EOF while parsing an object");
+        assert_eq!(why(b"{\n \"x\": 1}"), "2:8: not valid pretty_j1939 JSON: missing field `J1939PGNdb`");
+        assert_eq!(
+            why(b"{\"J1939PGNdb\": {"),
+            "1:16: not valid pretty_j1939 JSON: EOF while parsing an object"
+        );
+    }
+
+    /// The limit of a 64-bit float is 1.8e308: 1e400 and 1e999 overflow, 1e308 × 2^32 as well, 1e300 × 2^8 not.
+    #[test]
+    fn a_factor_that_overflows_is_reported_with_its_position() {
+        let signals = [
+            "Big : 0|8@1+ (1e400,0)",
+            "Off : 8|8@1+ (1,-1e999)",
+            "Edge : 16|32@1+ (1e308,0)",
+            "Fine : 48|8@1+ (1e300,0)",
+        ];
+        let lines = signals.map(|text| format!(" SG_ {text} [0|0] \"\" N\n")).concat();
+        let file = parse(format!("BO_ 1 M: 8 N\n{lines}").as_bytes()).unwrap();
+        let problems: Vec<_> = file.problems.iter().map(ToString::to_string).collect();
+        let expected = [
+            "2:20: signal \"Big\" skipped: factor \"1e400\" exceeds the range of 64-bit floats",
+            "3:22: signal \"Off\" skipped: offset \"-1e999\" exceeds the range of 64-bit floats",
+            "4:23: signal \"Edge\" skipped: factor \"1e308\" exceeds the range of 64-bit floats",
+        ];
+        assert_eq!(problems, expected);
+        let (_, message) = file.messages().next().unwrap();
+        assert_eq!(message.layout.fields.len(), 1);
     }
 
     #[test]
@@ -89,7 +118,7 @@ mod tests {
         database.add(file("B"));
         let name = |message: Option<&Arc<DatabaseMessage>>| message.map(|it| it.name.clone());
         assert_eq!(name(database.frame(CanId::Standard(1))).as_deref(), Some("A"));
-        // 0x18FF01FE of any source.
+        // 0x18FF01FE from any source.
         assert_eq!(name(database.message(Pgn::new(0xFF01))).as_deref(), Some("A"));
         assert_eq!(name(database.frame(CanId::extended(0x18FF_0100))), None);
         assert_eq!(database.parameter(7).map(|it| it.name.as_str()), Some("A"));

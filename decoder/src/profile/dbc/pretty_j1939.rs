@@ -1,5 +1,5 @@
-//! The JSON form of pretty_j1939: parameter groups and suspect parameters as a user made it of his own copy of
-//! the digital annex.
+//! The JSON format of pretty_j1939: parameter groups and suspect parameters that a user converted from their
+//! own copy of the J1939 digital annex.
 //!
 //! ```text
 //! {"J1939PGNdb": {"61444": {"Label": "EEC1", "Name": "…", "PGNLength": "64", "SPNs": [190], "SPNStartBits": [24]}},
@@ -8,9 +8,10 @@
 //!  "J1939BitDecodings": {"899": {"0": "…"}}}
 //! ```
 //!
-//! Start bits count from the least significant bit of the first byte. One may be a list, the places of the
-//! parts of a parameter: the second is where a byte begins as long as the parts touch. -1 is no place. Lengths
-//! are in bits, also that of the group. Files before 2021 have `StartBit` in the parameter.
+//! Start bits are counted from the least significant bit of the first byte. A start bit can be a list with
+//! the positions of the parts of a parameter; adjacent parts after the first start at a byte. -1 means
+//! unknown. Lengths are in bits, also that of the group. Files from before 2021 have `StartBit` in the
+//! parameter.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -18,7 +19,8 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::file::Known;
+use super::file::KnownMessage;
+use super::group::as_group;
 use super::problem::{Problem, Problems};
 use super::read::spn;
 use super::signal::Signal;
@@ -28,11 +30,11 @@ use crate::profile::names::Names;
 use crate::profile::quoted::quote;
 use crate::wire::j1939::Pgn;
 
-/// Where a layout comes from.
+/// Origin of the layouts.
 const ORIGIN: &str = "json";
 
 #[derive(Debug, Deserialize)]
-struct File {
+struct PrettyJ1939File {
     #[serde(rename = "J1939PGNdb")]
     groups: BTreeMap<String, Group>,
     #[serde(rename = "J1939SPNdb", default)]
@@ -47,12 +49,12 @@ struct Group {
     label: String,
     #[serde(rename = "Name", default)]
     name: String,
-    /// Bits as text, or `Variable`.
+    /// Length in bits as text, or `Variable`.
     #[serde(rename = "PGNLength", default)]
     length: Value,
     #[serde(rename = "SPNs", default)]
     spns: Vec<u64>,
-    /// A place, or a list of places, for each.
+    /// Start bit, or list of start bits, of each parameter.
     #[serde(rename = "SPNStartBits", default)]
     starts: Vec<Value>,
 }
@@ -65,7 +67,7 @@ struct Suspect {
     offset: Value,
     #[serde(rename = "Resolution", default)]
     resolution: Value,
-    /// Bits, or `Variable`.
+    /// Length in bits, or `Variable`.
     #[serde(rename = "SPNLength", default)]
     length: Value,
     #[serde(rename = "Units", default)]
@@ -78,13 +80,13 @@ struct Suspect {
     start: Value,
 }
 
-/// Reads the JSON form.
+/// Parses the JSON text.
 pub(super) fn parse(text: &str) -> Result<DatabaseFile, Problem> {
-    let file: File = serde_json::from_str(text).map_err(|error| {
-        // serde_json writes the place behind its words.
+    let file: PrettyJ1939File = serde_json::from_str(text).map_err(|error| {
+        // serde_json appends the position to its message.
         let words = error.to_string();
         let words = words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
-        Problem::new(error.line(), error.column(), &format!("no JSON of pretty_j1939: {words}"))
+        Problem::new(error.line(), error.column(), &format!("not valid pretty_j1939 JSON: {words}"))
     })?;
     let mut problems = Problems::of("");
     let mut database = file.database(&mut problems);
@@ -92,7 +94,7 @@ pub(super) fn parse(text: &str) -> Result<DatabaseFile, Problem> {
     Ok(database)
 }
 
-impl File {
+impl PrettyJ1939File {
     fn database(&self, problems: &mut Problems<'_>) -> DatabaseFile {
         let mut file = DatabaseFile::default();
         let mut known = BTreeSet::new();
@@ -102,21 +104,28 @@ impl File {
                     known.insert(number.as_str());
                     file.parameters.push((spn, suspect.parameter()));
                 }
-                None => problems.add_of_file(&format!("parameter left out: {} is no SPN", quote(number))),
+                None => {
+                    problems.add_of_file(&format!("parameter skipped: {} is not a valid SPN", quote(number)));
+                }
             }
         }
         for (number, group) in &self.groups {
             // Extended data page, data page, PF and PS (SAE J1939-21 §5.2): 18 bits.
             let Some(pgn) = number.parse().ok().filter(|pgn| *pgn < 1_u32 << 18) else {
-                problems.add_of_file(&format!("group left out: {} is no PGN", quote(number)));
+                problems.add_of_file(&format!("group skipped: {} is not a valid PGN", quote(number)));
                 continue;
             };
             if file.messages.len() >= MOST_MESSAGES {
-                problems.add_of_file(&format!("not read from PGN {pgn} on: more than {MOST_MESSAGES}"));
+                problems.add_of_file(&format!("groups from PGN {pgn} on skipped (max {MOST_MESSAGES})"));
                 break;
             }
             let message = Arc::new(self.message(pgn, group, problems));
-            file.messages.push(Known { id: None, pgn: Some(Pgn::new(pgn)), message });
+            let pgn = Pgn::new(pgn);
+            file.messages.push(KnownMessage {
+                id: None,
+                group: Some((pgn, as_group(pgn, &message))),
+                message,
+            });
         }
         file
     }
@@ -127,13 +136,15 @@ impl File {
         let mut fields = Vec::new();
         for (place, number) in group.spns.iter().enumerate() {
             if place >= MOST_SIGNALS {
-                problems.add_of_file(&format!("PGN {pgn}: parameters left out: more than {MOST_SIGNALS}"));
+                problems.add_of_file(&format!(
+                    "PGN {pgn}: further parameters skipped (max {MOST_SIGNALS} per group)"
+                ));
                 break;
             }
             let start = group.starts.get(place).unwrap_or(&Value::Null);
             match self.field(*number, start, length) {
                 Ok(field) => fields.push(field),
-                Err(reason) => problems.add_of_file(&format!("PGN {pgn}: SPN {number} left out: {reason}")),
+                Err(reason) => problems.add_of_file(&format!("PGN {pgn}: SPN {number} skipped: {reason}")),
             }
         }
         fields.sort_by_key(|field| field.bit);
@@ -146,14 +157,14 @@ impl File {
     fn field(&self, number: u64, start: &Value, length: Option<u16>) -> Result<Field, String> {
         let key = number.to_string();
         let (Some(spn), Some(suspect)) = (spn(number), self.parameters.get(&key)) else {
-            return Err("nothing is told of it".to_owned());
+            return Err("not defined in J1939SPNdb".to_owned());
         };
         let signal = suspect.signal(spn, start, self.names(&key))?;
         let field = signal.field();
         let most = length.map_or(u32::from(u16::MAX), |length| u32::from(length) * 8);
         match field.end() {
             Some(end) if u32::from(end) <= most => Ok(field),
-            _ => Err("it ends behind its group".to_owned()),
+            _ => Err("it exceeds the length of its group".to_owned()),
         }
     }
 
@@ -169,7 +180,7 @@ impl Suspect {
         Parameter { name: self.name.clone(), unit: self.unit().to_owned() }
     }
 
-    /// The unit; for `bit` and `binary` there is none: they say how to read the number.
+    /// Unit; empty for `bit` and `binary`, which are number formats.
     fn unit(&self) -> &str {
         if matches!(self.unit.as_str(), "bit" | "binary") { "" } else { &self.unit }
     }
@@ -177,18 +188,18 @@ impl Suspect {
     fn signal(&self, spn: u32, start: &Value, values: Option<Arc<Names>>) -> Result<Signal, String> {
         let bits = match number(&self.length).and_then(whole) {
             Some(bits @ 1..=64) if self.unit != "ASCII" => bits,
-            Some(_) if self.unit == "ASCII" => return Err("it is text".to_owned()),
-            Some(bits) => return Err(format!("{bits} bits, of which 1 to 64 are read")),
-            None => return Err("its length varies".to_owned()),
+            Some(_) if self.unit == "ASCII" => return Err("text is not supported".to_owned()),
+            Some(bits) => return Err(format!("{bits} bits; expected 1 to 64")),
+            None => return Err("variable length is not supported".to_owned()),
         };
         let bit = self.place(start, bits)?;
-        // A resolution of 0 is one that is not given.
+        // A resolution of 0 means that none is stated.
         let factor = number(&self.resolution).filter(|factor| *factor > 0.0).unwrap_or(1.0);
         let offset = number(&self.offset).unwrap_or(0.0);
-        #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
+        #[expect(clippy::cast_precision_loss, reason = "compared with limits that have few digits")]
         let holds = (u64::MAX >> (64 - bits)) as f64 * factor + offset;
         let limits = match (number(&self.low), number(&self.high)) {
-            // Limits no code reaches, like -1e12 and 1e12, are none.
+            // Limits that no code reaches, such as -1e12 and 1e12, are ignored.
             (Some(low), Some(high)) if low < high && high <= holds + factor / 2.0 => Some([low, high]),
             _ => None,
         };
@@ -208,7 +219,7 @@ impl Suspect {
         })
     }
 
-    /// Where it begins. Parts touch as long as each of them begins with a byte.
+    /// Start bit. Parts are adjacent if each one after the first starts at a byte within the length.
     fn place(&self, start: &Value, bits: u16) -> Result<u16, String> {
         let start = if start.is_null() { &self.start } else { start };
         let parts: Vec<_> = match start {
@@ -216,16 +227,16 @@ impl Suspect {
             one => vec![number(one).and_then(whole)],
         };
         let [Some(first), others @ ..] = parts.as_slice() else {
-            return Err("its place is not told".to_owned());
+            return Err("start bit missing".to_owned());
         };
         let touches = |part: &Option<u16>| {
             part.is_some_and(|part| part % 8 == 0 && part > *first && part - *first < bits)
         };
-        if others.iter().all(touches) { Ok(*first) } else { Err("its parts do not touch".to_owned()) }
+        if others.iter().all(touches) { Ok(*first) } else { Err("its parts are not adjacent".to_owned()) }
     }
 }
 
-/// A number, or text that is one.
+/// A number, also if written as text.
 fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64(),
@@ -234,7 +245,7 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// A whole number of bits or bytes.
+/// A whole number of bits or bytes, max 65535.
 fn whole(number: f64) -> Option<u16> {
     let is_whole = (0.0..=f64::from(u16::MAX)).contains(&number) && number.fract() == 0.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]

@@ -1,4 +1,4 @@
-//! What of a file was left out or read by a guess, with its place, and no more of it than people can use.
+//! Problems in a database file with their positions: skipped parts and assumptions, limited in number.
 
 use std::fmt;
 
@@ -6,21 +6,21 @@ use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
 use crate::words::plural;
 
-/// Characters of a reason.
+/// Max length of a reason, in characters.
 const LONGEST_REASON: usize = 300;
 
-/// Something in the file that is left out, or read only by a guess.
+/// A skipped part of a file, or an assumption about one.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct Problem {
-    /// Line, from 1; 0 if the whole file is meant.
+    /// Line, from 1; 0 for the whole file.
     pub line: usize,
-    /// Column in characters, from 1; 0 if the whole line or file is meant.
+    /// Column in characters, from 1; 0 for the whole line or file.
     pub column: usize,
-    /// What was found, and what was made of it. No control characters.
+    /// Problem and its effect, without control characters.
     pub reason: String,
 }
 
-/// `3:7: reason`, to stand behind the name of the file and a colon.
+/// `3:7: reason`, to be printed after the file name and a colon.
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (self.line, self.column) {
@@ -32,14 +32,14 @@ impl fmt::Display for Problem {
 }
 
 impl Problem {
-    /// One of a place given in lines and columns.
+    /// Problem at a line and column.
     pub(super) fn new(line: usize, column: usize, reason: &str) -> Self {
         let reason = reason.chars().take(LONGEST_REASON).map(printable).collect();
         Self { line, column, reason }
     }
 }
 
-/// Problems of one text.
+/// Collects the problems of one text.
 #[derive(Debug)]
 pub(super) struct Problems<'a> {
     text: &'a str,
@@ -52,7 +52,7 @@ impl<'a> Problems<'a> {
         Self { text, list: Vec::new(), others: 0 }
     }
 
-    /// One more, about what stands at byte `at`. The reason may hold what stands in the file.
+    /// Adds a problem at byte `at`. The reason may contain text from the file.
     pub(super) fn add(&mut self, at: usize, reason: &str) {
         if self.list.len() >= MOST_PROBLEMS {
             self.others = self.others.saturating_add(1);
@@ -65,7 +65,7 @@ impl<'a> Problems<'a> {
         self.list.push(Problem::new(line, column, reason));
     }
 
-    /// One more, about the file.
+    /// Adds a problem of the whole file.
     pub(super) fn add_of_file(&mut self, reason: &str) {
         if self.list.len() >= MOST_PROBLEMS {
             self.others = self.others.saturating_add(1);
@@ -74,7 +74,7 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// All by place; the last one says how many were left out.
+    /// All problems by position; the last one states the number of omitted ones.
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| (problem.line, problem.column));
         if self.others > 0 {
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_many_problems_the_first_are_told_and_the_rest_counted() {
+    fn the_first_problems_are_listed_and_all_are_counted() {
         let text = "a\n  ä\u{1b}x\n";
         let mut problems = Problems::of(text);
         problems.add(text.find('x').unwrap(), "b\u{1b}");

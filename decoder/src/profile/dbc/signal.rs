@@ -1,34 +1,34 @@
-//! A signal of a database as field of a layout: type, scale, names and codes without value.
+//! Converts a database signal to a field of a layout: type, scale, names, and J1939 codes without a value.
 
 use std::sync::Arc;
 
 use crate::profile::data_type::DataType;
 use crate::profile::layout::{BitOrder, Field, SignalId};
-use crate::profile::meaning::{Factor, Indicators, Meaning};
+use crate::profile::meaning::{Factor, IndicatorCoding, Indicators, Meaning};
 use crate::profile::names::Names;
 
-/// A signal, whichever form of file tells it. Its place is checked.
+/// A signal from either file format, with a checked position.
 #[derive(Debug)]
 pub(super) struct Signal {
     pub(super) name: String,
     pub(super) spn: Option<u32>,
-    /// As [`Field::bit`].
+    /// First bit, as in [`Field::bit`].
     pub(super) bit: u16,
-    /// 1..=64; 32 or 64 of a float.
+    /// Length in bits, 1..=64; 32 or 64 for a float.
     pub(super) bits: u16,
     pub(super) order: BitOrder,
     pub(super) is_signed: bool,
     pub(super) is_float: bool,
     pub(super) factor: f64,
     pub(super) offset: f64,
-    /// Least and largest value in its unit, if the file tells them.
+    /// Minimum and maximum in its unit, if stated.
     pub(super) limits: Option<[f64; 2]>,
     pub(super) unit: String,
     pub(super) values: Option<Arc<Names>>,
 }
 
 impl Signal {
-    /// The field, always there.
+    /// Converts the signal; never fails.
     pub(super) fn field(self) -> Field {
         let data_type = match (self.is_float, self.is_signed, self.bits) {
             (true, _, 33..) => DataType::Real64,
@@ -38,7 +38,8 @@ impl Signal {
         };
         let indicators = self.indicators();
         let is_scaled = (self.factor - 1.0).abs() > 0.0 || self.offset.abs() > 0.0;
-        let scale = Factor { factor: self.factor, offset: self.offset, full_scale: None };
+        let scale =
+            Factor { factor: self.factor, offset: self.offset, full_scale: None, is_reciprocal: false };
         let digits = fraction_digits(self.factor).max(fraction_digits(self.offset));
         let meaning = Meaning {
             name: self.name,
@@ -64,38 +65,43 @@ impl Signal {
         }
     }
 
-    /// Codes above the largest value. Only suspect parameters have them, and these are unsigned. Where the file
-    /// gives no largest value the code alone decides.
+    /// J1939 indicator codes above the maximum value; only unsigned suspect parameters have them. Without a
+    /// maximum, the code alone decides.
     fn indicators(&self) -> Option<Indicators> {
         if self.spn.is_none() || self.is_signed || self.is_float {
             return None;
         }
-        let Some([_, most]) = self.limits else { return Some(Indicators { bits: self.bits, largest: 0 }) };
-        // A millionth of a step: 100 % of 0.4 % a bit is 250.00000000000003.
-        let largest = ((most - self.offset) / self.factor + 1e-6).floor();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates, and is not negative"
-        )]
-        let largest = (largest >= 0.0 && self.factor > 0.0).then_some(largest as u64)?;
-        Some(Indicators { bits: self.bits, largest })
+        let indicators = Indicators { bits: self.bits, largest: 0, coding: IndicatorCoding::J1939 };
+        let Some([_, most]) = self.limits else { return Some(indicators) };
+        Some(Indicators { largest: largest_raw(most, self.factor, self.offset)?, ..indicators })
     }
 }
 
-/// Digits a scaled float is shown with; its own are not known.
+/// Raw number of the largest value; `None` if it is negative, or if the factor is.
+pub(super) fn largest_raw(most: f64, factor: f64, offset: f64) -> Option<u64> {
+    // Tolerance of a millionth of a step: 100 % at 0.4 %/bit is 250.00000000000003.
+    let largest = ((most - offset) / factor + 1e-6).floor();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is not negative"
+    )]
+    (largest >= 0.0 && factor > 0.0).then_some(largest as u64)
+}
+
+/// Decimals of a scaled float, whose precision is unknown.
 const FLOAT_DIGITS: u8 = 6;
 
-/// Digits behind the point of the shortest decimal number that is this one.
+/// Decimals of the shortest decimal form of a number.
 fn fraction_digits(number: f64) -> u8 {
     let text = number.to_string();
     let digits = text.split_once('.').map_or(0, |(_, digits)| digits.len());
     u8::try_from(digits).unwrap_or(u8::MAX)
 }
 
-/// Digits in which a step of `factor` is seen, and no more of those there are: a 256th km/h has eight.
+/// Decimals in which a step of `factor` is visible, at most `digits`: 1/256 km/h alone has eight.
 fn shown_digits(factor: f64, digits: u8) -> u8 {
-    /// Digits behind the first one of a step.
+    /// Decimals after the first significant one of a step.
     const MORE: f64 = 2.0;
     let needed = (-factor.abs().log10()).ceil() + MORE;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
@@ -111,7 +117,7 @@ mod tests {
     fn digits_follow_the_factor() {
         let shown = |factor: f64| shown_digits(factor, fraction_digits(factor));
         assert_eq!((shown(1.0), shown(0.1), shown(0.125), shown(10.0)), (0, 1, 3, 0));
-        // 1/256 = 0.00390625: a step is seen in the third digit.
+        // 1/256 = 0.00390625: the first significant digit is the third decimal.
         assert_eq!((fraction_digits(1.0 / 256.0), shown(1.0 / 256.0)), (8, 5));
         assert_eq!((shown(1e-7), shown(1e-16), shown(0.0)), (7, 16, 0));
     }

@@ -1,19 +1,19 @@
-//! A DBC as statements, so that a broken one costs no other.
+//! Splits a DBC into statements, so that an error in one does not affect the others.
 //!
 //! ```text
 //! BO_ 100 Name: 8 Node          a message: its line and the SG_ lines below it
 //!  SG_ Signal : 0|8@1+ …
-//! VAL_ 100 Signal 0 "off" ;     everything else that is read: up to the semicolon outside of a string
+//! VAL_ 100 Signal 0 "off" ;     all other statements: up to the semicolon outside a string
 //! ```
 //!
-//! A statement begins at the beginning of a line. After a broken one reading goes on at the next line that
-//! begins one; a string that is not closed ends before the next message.
+//! A statement starts at the start of a line. After an error, parsing resumes at the next line that starts a
+//! statement; an unclosed string ends before the next message.
 
 use std::ops::Range;
 
 use super::{LONGEST_STRING, MOST_PROBLEMS};
 
-/// What a statement that is read says; all others are passed over.
+/// Kind of a statement, by its first keyword.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// `BO_` with its `SG_`.
@@ -28,15 +28,15 @@ pub(super) enum Kind {
     Multiplexed,
     /// `BA_`.
     Attribute,
-    /// Comments, definitions of attributes, groups, environment variables.
+    /// Ignored: comments, attribute definitions, groups, environment variables.
     Other,
-    /// `VERSION`, `BS_`, `BU_`: without semicolon.
+    /// Ignored, without semicolon: `VERSION`, `BS_`, `BU_`.
     Line,
-    /// `NS_`: what may follow, one keyword a line.
+    /// `NS_`: list of keywords, one per line.
     Symbols,
 }
 
-/// Words a line can begin with.
+/// Keywords at the start of a line.
 const KEYWORDS: &[(&str, Kind)] = &[
     ("BO_", Kind::Message),
     ("VAL_TABLE_", Kind::ValueTable),
@@ -70,28 +70,28 @@ const KEYWORDS: &[(&str, Kind)] = &[
     ("FILTER", Kind::Other),
 ];
 
-/// One statement.
+/// Kind and position of a statement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Statement {
     pub(super) kind: Kind,
-    /// From its first word to its end.
+    /// Range from its first word to its end, in bytes.
     pub(super) at: Range<usize>,
 }
 
-/// Where something is no statement, and why.
+/// Position and reason of a syntax error.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Broken {
+pub(super) struct SyntaxError {
     pub(super) at: usize,
     pub(super) reason: &'static str,
 }
 
-/// The statements of a text, in their order.
+/// Iterator over the statements of a text, in file order.
 pub(super) struct Statements<'a> {
     text: &'a str,
     at: usize,
-    /// Up to the next keyword everything is the rest of what was before: of a broken statement, or `BU_`.
+    /// Whether text up to the next keyword is ignored: after an error, or the rest of `BU_`.
     recovering: bool,
-    /// Strings that were not closed: each costs a look at what may have been its end.
+    /// Number of unclosed strings; limited, because each one costs a search for its end.
     open_strings: usize,
 }
 
@@ -100,15 +100,17 @@ impl<'a> Statements<'a> {
         Self { text, at: 0, recovering: false, open_strings: 0 }
     }
 
-    /// The line at `at`, and where the next one begins.
+    /// Line at `at`, and start of the next one.
     fn line(&self, at: usize) -> (&'a str, usize) {
         let rest = self.text.get(at..).unwrap_or_default();
         let end = memchr::memchr(b'\n', rest.as_bytes()).unwrap_or(rest.len());
         (rest.get(..end).unwrap_or_default(), at + end + 1)
     }
 
-    /// Where the statement that begins at `start` ends: behind its semicolon, or before a line that begins
-    /// the next one. Otherwise the place of the string that is not closed.
+    /// End of the statement at `start`: after its semicolon, or before a line that starts the next statement.
+    ///
+    /// # Errors
+    /// Position of an unclosed string.
     fn end(&self, start: usize) -> Result<usize, usize> {
         let bytes = self.text.as_bytes();
         let mut string = None;
@@ -132,7 +134,7 @@ impl<'a> Statements<'a> {
         string.map_or(Ok(bytes.len()), Err)
     }
 
-    /// Whether the line at `at` is the first one of a message, whatever is around it.
+    /// Whether the line at `at` is the first one of a message, independent of its context.
     fn is_message(&self, at: usize) -> bool {
         let Some(rest) = self.line(at).0.trim_start().strip_prefix("BO_ ") else { return false };
         let Some((head, size)) = rest.split_once(':') else { return false };
@@ -144,7 +146,7 @@ impl<'a> Statements<'a> {
             && size.trim_start().starts_with(|first: char| first.is_ascii_digit())
     }
 
-    /// Where a message that begins at `start` ends: behind the last of its signals.
+    /// End of the message at `start`: after its last signal.
     fn end_of_message(&self, start: usize) -> usize {
         let (line, mut at) = self.line(start);
         let mut end = start + line.len();
@@ -160,7 +162,7 @@ impl<'a> Statements<'a> {
         end
     }
 
-    /// Where the list of keywords that begins at `start` ends: they are indented, or alone on their line.
+    /// End of the keyword list at `start`: entries are indented, or alone on their line.
     fn end_of_symbols(&self, start: usize) -> usize {
         let mut at = self.line(start).1;
         while at < self.text.len() {
@@ -174,24 +176,24 @@ impl<'a> Statements<'a> {
         at.min(self.text.len())
     }
 
-    /// What begins at `start`, a line of its own; reading goes on behind it.
-    fn statement(&mut self, line: &str, start: usize) -> Option<Result<Statement, Broken>> {
+    /// Parses the statement at `start` and advances past it; `None` if the line is ignored.
+    fn statement(&mut self, line: &str, start: usize) -> Option<Result<Statement, SyntaxError>> {
         let Some(kind) = keyword(line) else {
             let reason = if is_signal(line) {
-                "a signal outside of a message"
+                "signal outside a message; skipped"
             } else {
-                "this begins no statement of a DBC"
+                "unknown statement; skipped"
             };
             let told = self.recovering || is_word(line.trim());
             self.recovering = true;
-            return (!told).then_some(Err(Broken { at: start, reason }));
+            return (!told).then_some(Err(SyntaxError { at: start, reason }));
         };
         self.recovering = false;
         let end = match kind {
             Kind::Message => self.end_of_message(start),
             Kind::Symbols => self.end_of_symbols(start),
             Kind::Line => {
-                // Names of nodes may go on in lines that are indented.
+                // Node names may continue on indented lines.
                 self.recovering = true;
                 start + line.len()
             }
@@ -204,27 +206,27 @@ impl<'a> Statements<'a> {
         Some(Ok(Statement { kind, at: start..end }))
     }
 
-    /// A string is not closed: what follows the line of its statement is read as if it were not there.
-    fn open_string(&mut self, at: usize) -> Broken {
+    /// Reports an unclosed string; parsing resumes on the line after its statement's first one.
+    fn open_string(&mut self, at: usize) -> SyntaxError {
         self.recovering = true;
         self.open_strings += 1;
         if self.open_strings < MOST_PROBLEMS {
-            return Broken { at, reason: "the string that begins here is not closed" };
+            return SyntaxError { at, reason: "missing closing quote of this string; statement skipped" };
         }
         self.at = self.text.len();
-        Broken { at, reason: "one more string is not closed: the rest of the file is not read" }
+        SyntaxError { at, reason: "missing closing quote again; rest of the file skipped" }
     }
 }
 
 impl Iterator for Statements<'_> {
-    type Item = Result<Statement, Broken>;
+    type Item = Result<Statement, SyntaxError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.at < self.text.len() {
             let (line, next) = self.line(self.at);
             let start = self.at + (line.len() - line.trim_start().len());
             self.at = next;
-            // What stands behind a semicolon belongs to the statement before it.
+            // Text after a semicolon belongs to the statement before it.
             if is_empty(line) || line.trim() == ";" {
                 continue;
             }
@@ -236,7 +238,7 @@ impl Iterator for Statements<'_> {
     }
 }
 
-/// The keyword a line begins with and more behind it; one alone is an entry of `NS_`.
+/// Keyword at the start of a line with further text; a keyword alone is an entry of `NS_`.
 fn keyword(line: &str) -> Option<Kind> {
     let line = line.trim_start();
     let end = line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(line.len());
@@ -265,7 +267,7 @@ mod tests {
     type Read<'a> = Result<(Kind, &'a str), (usize, &'static str)>;
 
     fn read(text: &str) -> Vec<Read<'_>> {
-        let show = |it: Result<Statement, Broken>| match it {
+        let show = |it: Result<Statement, SyntaxError>| match it {
             Ok(statement) => Ok((statement.kind, &text[statement.at])),
             Err(broken) => Err((broken.at, broken.reason)),
         };
@@ -294,14 +296,14 @@ mod tests {
     fn what_is_broken_costs_no_other_statement() {
         let text = "hello there\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
         let expected = [
-            Err((0, "this begins no statement of a DBC")),
+            Err((0, "unknown statement; skipped")),
             Ok((Kind::Message, "BO_ 1 M: 8 A")),
-            Err((text.find("\"open").unwrap(), "the string that begins here is not closed")),
+            Err((text.find("\"open").unwrap(), "missing closing quote of this string; statement skipped")),
             Ok((Kind::Message, "BO_ 2 N: 8 A\n SG_ a \"unit\" X")),
-            Err((text.find("\"x").unwrap(), "the string that begins here is not closed")),
+            Err((text.find("\"x").unwrap(), "missing closing quote of this string; statement skipped")),
         ];
         assert_eq!(read(text), expected);
-        assert_eq!(read(" SG_ a : 0|1"), [Err((1, "a signal outside of a message"))]);
+        assert_eq!(read(" SG_ a : 0|1"), [Err((1, "signal outside a message; skipped"))]);
     }
 
     #[test]
@@ -309,6 +311,6 @@ mod tests {
         let text = "VAL_ \\\"\n".repeat(20_000);
         let found = read(&text);
         assert_eq!(found.len(), MOST_PROBLEMS);
-        assert!(found[MOST_PROBLEMS - 1].unwrap_err().1.ends_with("the rest of the file is not read"));
+        assert!(found[MOST_PROBLEMS - 1].unwrap_err().1.ends_with("rest of the file skipped"));
     }
 }

@@ -1,4 +1,4 @@
-//! Conditions and triggers: what must hold, what must happen.
+//! Conditions and triggers of profiles.
 
 use serde::Deserialize;
 
@@ -8,47 +8,47 @@ use crate::profile::object::Numbers;
 use crate::profile::one_or_many::{OneOrMany, tables};
 use crate::profile::reference::{BitReference, ObjectRange, Reference};
 
-/// Something that holds or not.
+/// Condition on a device or its bus.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "ConditionKeys")]
 pub enum Condition {
-    /// The node's NMT state.
+    /// NMT state of the node.
     Nmt(NmtName),
-    /// An object's raw value, through a mask, is one of these (or none of them).
+    /// The raw value of an object, reduced by a mask, is (or is not) one of several values.
     Object {
-        /// The object.
+        /// Object to compare.
         object: Reference,
-        /// Bits that count.
+        /// Bits to compare.
         mask: u64,
-        /// Values.
+        /// Values to compare with.
         values: Numbers,
-        /// Whether it must be none of them.
+        /// Whether the value must differ from all `values`.
         negated: bool,
     },
-    /// An object's raw value lies between two, both included.
+    /// The raw value of an object is within a range, limits included.
     Inside {
-        /// The object.
+        /// Object to compare.
         object: Reference,
-        /// Least and most.
+        /// Minimum and maximum.
         range: [i64; 2],
     },
-    /// The state the device reports is one of these.
+    /// The device reports one of these states.
     State(Vec<String>),
-    /// SYNC with the node's own identifier comes.
+    /// SYNC with the identifier configured in the node is present.
     Sync,
     /// No error is active.
     NoError,
-    /// No procedure runs that takes the set points over.
+    /// No procedure is running that takes over the set points.
     NoProcedure,
-    /// The last PDO is younger than so many ms.
+    /// The last PDO is more recent than this time, in ms.
     Younger(u32),
-    /// The bus never shows it.
+    /// Condition without evidence on the bus.
     Invisible,
-    /// One other node of the bus with the same profile, in whatever variant, meets all of these; in rules only.
-    /// Fails when each such node is known not to, and when there is none; otherwise it is unknown.
+    /// At least one other node on the bus with the same profile, in any variant, meets all of these; in rules
+    /// only. Fails if no such node exists or each one is proven not to meet them; otherwise unknown.
     Other(Conditions),
-    /// No other CANopen node of the bus sent a boot-up, heartbeat, guard reply, EMCY, SDO response or TPDO within
-    /// the last ten seconds; in rules only. Never unknown.
+    /// No other CANopen node on the bus has sent a boot-up, heartbeat, guarding response, EMCY, SDO response
+    /// or TPDO within the last ten seconds; in rules only. Never unknown.
     Alone,
 }
 
@@ -87,7 +87,7 @@ impl TryFrom<ConditionKeys> for Condition {
             (Some(object), None, None, Some(range)) if keys.mask.is_none() && range[0] <= range[1] => {
                 Some(Self::Inside { object, range })
             }
-            _ => return Err("a condition on an object needs object and one of equals, not, range"),
+            _ => return Err("expected object with exactly one of equals, not, range"),
         };
         let all = [
             keys.nmt.map(Self::Nmt),
@@ -105,7 +105,7 @@ impl TryFrom<ConditionKeys> for Condition {
         match (given.next(), given.next()) {
             (Some(condition), None) => Ok(condition),
             _ => Err(
-                "a condition is exactly one of nmt, object, state, sync, no_error, no_procedure, younger, visible, other, alone",
+                "expected exactly one of nmt, object, state, sync, no_error, no_procedure, younger, visible, other, alone",
             ),
         }
     }
@@ -117,108 +117,115 @@ impl TryFrom<ConditionKeys> for Condition {
 pub struct Conditions(#[serde(deserialize_with = "tables")] pub Vec<Condition>);
 
 impl Conditions {
-    /// The same for good, in repeat `nth`.
+    /// Copy with the references of repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         Self(self.0.iter().map(|condition| condition.pinned(nth, stride)).collect())
     }
 }
 
-/// A value that is written.
+/// Expected value of a write or read.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a number, a list of numbers or a text such as \"save\"")]
-pub enum Wanted {
-    /// Numbers.
+#[serde(untagged, expecting = "expected a number, a list of numbers or a text such as \"save\"")]
+pub enum ExpectedValue {
+    /// One or several raw numbers.
     Numbers(Numbers),
-    /// A signature.
+    /// Text, for example a signature.
     Text(String),
 }
 
-/// Something that happens.
+/// Event that starts, ends or triggers something in a profile.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "TriggerKeys")]
 pub enum Trigger {
-    /// An object is written.
-    Write(Reference, Option<Wanted>),
-    /// An object is read.
-    Read(Reference, Option<Wanted>),
-    /// A bit changes.
+    /// Write to an object by SDO, optionally of certain values.
+    Write(Reference, Option<ExpectedValue>),
+    /// Read of an object by SDO, optionally of certain values.
+    Read(Reference, Option<ExpectedValue>),
+    /// Change of a bit to the given state.
     Bit(BitReference, bool),
-    /// A PDO comes.
+    /// Reception of a PDO.
     Pdo(PdoName),
-    /// A J1939 message comes.
+    /// Reception of a J1939 message.
     Message(MessageTrigger),
-    /// A fault is reported: any, or one.
+    /// Report of a fault: SPN and FMI, or any fault.
     Dtc(Option<(u32, u8)>),
-    /// An NMT command is given to the node.
+    /// NMT command to the node.
     Nmt(String),
-    /// The device reports a state.
+    /// Report of one of these states.
     State(Vec<String>),
-    /// SYNC with the node's own identifier.
+    /// SYNC with the identifier configured in the node.
     Sync,
-    /// An EMCY code.
+    /// EMCY message with this code.
     Emcy(u16),
-    /// The node starts.
+    /// Start of the node.
     Boot,
-    /// A value comes to an object, by PDO, message or SDO; in rules only.
+    /// Start of the node without an NMT reset; in rules only.
+    PowerOn,
+    /// Update of an object by PDO, message or SDO; in rules only.
     Set(SetTrigger),
-    /// An object of a range is written by SDO, each counted for itself; in rules only.
+    /// SDO write to an object in a range, each object separately; in rules only.
     Writes(ObjectRange),
-    /// An LSS service; in rules only.
+    /// LSS message; in rules only.
     Lss(LssTrigger),
-    /// The master asks for the node's state by a remote frame; in rules only.
+    /// Guarding request of the NMT master; in rules only.
     Guard,
+    /// Value of an object in a PDO or message of the device, in an upload, or of 1001 in an EMCY; in rules only.
+    Shows(SetTrigger),
+    /// One of these NMT states in a heartbeat or guarding response; `undefined` for other codes; in rules only.
+    Reports(Vec<String>),
 }
 
-/// A value that comes to an object; each time, also when it stays the same.
+/// Value of an object: an update for `set`, a report of the device for `shows`. Occurs also if the value does not
+/// change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetTrigger {
-    /// The object.
+    /// Object that is updated.
     pub object: Reference,
-    /// Bits that count.
+    /// Bits to compare.
     pub mask: u64,
-    /// Raw values through the mask; any if none are named.
+    /// Raw values, reduced by the mask; `None` for any value.
     pub values: Option<Numbers>,
-    /// Whether it is none of them.
+    /// Whether the value must differ from all `values`.
     pub negated: bool,
-    /// Only where the value before was seen and was another one.
+    /// Whether the previous value must be known and different.
     pub changed: bool,
 }
 
-/// An LSS service (CiA 305) on the node's bus: requests name no node, so it counts for all nodes there.
+/// LSS message (CiA 305) on the node's bus. Requests address no node, so they apply to all nodes of the bus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LssTrigger {
-    /// Name of the service.
+    /// Name of the service, as in the LSS events.
     pub service: String,
-    /// The slave's answer, not the master's request.
+    /// Whether it is the response of the slave rather than the request of the master.
     pub answer: bool,
-    /// Byte behind the command specifier: mode, node-ID or result code; any if none is named.
+    /// Byte after the command specifier: mode, node-ID or result code; `None` for any.
     pub values: Option<Numbers>,
 }
 
-/// Things that may happen; one is enough.
+/// Alternative triggers; one is sufficient.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(transparent)]
 pub struct Triggers(#[serde(deserialize_with = "tables")] pub Vec<Trigger>);
 
 impl Triggers {
-    /// The same for good, in repeat `nth`.
+    /// Copy with the references of repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         Self(self.0.iter().map(|trigger| trigger.pinned(nth, stride)).collect())
     }
 }
 
-/// A J1939 message that comes.
+/// Reception of a J1939 message.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MessageTrigger {
-    /// Its name in the profile.
+    /// Name of the message in the profile.
     pub name: String,
-    /// So many times in a row.
+    /// Number of consecutive messages required.
     #[serde(default = "once")]
     pub times: u8,
-    /// Each time with these conditions.
+    /// Conditions that must hold each time.
     #[serde(default)]
     pub when: Conditions,
 }
@@ -228,7 +235,7 @@ const fn once() -> u8 {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "true, or a fault as \"298985/19\": SPN and FMI")]
+#[serde(untagged, expecting = "expected true, or a fault such as \"298985/19\" (SPN/FMI)")]
 enum DtcKey {
     Any(bool),
     One(String),
@@ -238,12 +245,29 @@ impl DtcKey {
     fn read(self) -> Result<Option<(u32, u8)>, &'static str> {
         let text = match self {
             Self::Any(true) => return Ok(None),
-            Self::Any(false) => return Err("dtc is true, or a fault as \"298985/19\""),
+            Self::Any(false) => return Err("expected true, or a fault such as \"298985/19\" (SPN/FMI)"),
             Self::One(text) => text,
         };
         let numbers =
             text.split_once('/').and_then(|(spn, fmi)| Some((spn.parse().ok()?, fmi.parse().ok()?)));
-        numbers.map(Some).ok_or("a fault is written \"298985/19\": SPN and FMI")
+        numbers.map(Some).ok_or("invalid fault; expected the form \"298985/19\" (SPN/FMI)")
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected true or \"power-on\"")]
+enum BootKey {
+    Any(bool),
+    One(String),
+}
+
+impl BootKey {
+    fn read(self) -> Result<Trigger, &'static str> {
+        match self {
+            Self::Any(true) => Ok(Trigger::Boot),
+            Self::One(text) if text == "power-on" => Ok(Trigger::PowerOn),
+            Self::Any(false) | Self::One(_) => Err("expected boot = true or boot = \"power-on\""),
+        }
     }
 }
 
@@ -252,7 +276,7 @@ impl DtcKey {
 struct TriggerKeys {
     write: Option<Reference>,
     read: Option<Reference>,
-    equals: Option<Wanted>,
+    equals: Option<ExpectedValue>,
     bit: Option<BitReference>,
     becomes: Option<u8>,
     pdo: Option<PdoName>,
@@ -262,7 +286,7 @@ struct TriggerKeys {
     state: Option<OneOrMany<String>>,
     sync: Option<bool>,
     emcy: Option<u16>,
-    boot: Option<bool>,
+    boot: Option<BootKey>,
     set: Option<Reference>,
     not: Option<Numbers>,
     mask: Option<u64>,
@@ -271,31 +295,33 @@ struct TriggerKeys {
     lss: Option<String>,
     answer: Option<bool>,
     guard: Option<bool>,
+    shows: Option<Reference>,
+    reports: Option<OneOrMany<String>>,
 }
 
 impl TriggerKeys {
-    /// What `set` says.
-    fn set(&self) -> Result<Option<SetTrigger>, &'static str> {
-        let Some(object) = self.set else {
+    /// Trigger from the key `set` or `shows`.
+    fn value(&self) -> Result<Option<SetTrigger>, &'static str> {
+        let Some(object) = self.set.or(self.shows) else {
             let more = self.not.is_some() || self.mask.is_some() || self.changed.is_some();
-            return if more { Err("not, mask and changed go with set") } else { Ok(None) };
+            return if more { Err("not, mask and changed require set or shows") } else { Ok(None) };
         };
         let (values, negated) = match (self.numbers()?, &self.not) {
-            (Some(_), Some(_)) => return Err("set takes either equals or not"),
+            (Some(_), Some(_)) => return Err("equals and not; expected only one of them"),
             (None, Some(values)) => (Some(values.clone()), true),
             (values, None) => (values, false),
         };
         if self.mask.is_some() && values.is_none() {
-            return Err("mask goes with equals or not");
+            return Err("mask requires equals or not");
         }
         let mask = self.mask.unwrap_or(u64::MAX);
         Ok(Some(SetTrigger { object, mask, values, negated, changed: self.changed == Some(true) }))
     }
 
-    /// What `lss` says.
+    /// Trigger from the key `lss`.
     fn lss(&self) -> Result<Option<LssTrigger>, &'static str> {
         let Some(service) = self.lss.clone() else {
-            return if self.answer.is_some() { Err("answer goes with lss") } else { Ok(None) };
+            return if self.answer.is_some() { Err("answer requires lss") } else { Ok(None) };
         };
         Ok(Some(LssTrigger { service, answer: self.answer == Some(true), values: self.numbers()? }))
     }
@@ -303,8 +329,8 @@ impl TriggerKeys {
     fn numbers(&self) -> Result<Option<Numbers>, &'static str> {
         match &self.equals {
             None => Ok(None),
-            Some(Wanted::Numbers(numbers)) => Ok(Some(numbers.clone())),
-            Some(Wanted::Text(_)) => Err("equals is a text with write and read only"),
+            Some(ExpectedValue::Numbers(numbers)) => Ok(Some(numbers.clone())),
+            Some(ExpectedValue::Text(_)) => Err("a text in equals requires write or read"),
         }
     }
 }
@@ -313,14 +339,17 @@ impl TryFrom<TriggerKeys> for Trigger {
     type Error = &'static str;
 
     fn try_from(keys: TriggerKeys) -> Result<Self, &'static str> {
-        let valued = keys.write.is_some() || keys.read.is_some() || keys.set.is_some() || keys.lss.is_some();
-        if keys.equals.is_some() && !valued {
-            return Err("equals goes with write, read, set or lss");
+        let objects = [keys.write, keys.read, keys.set, keys.shows];
+        let is_valued = keys.lss.is_some() || objects.iter().any(Option::is_some);
+        if keys.equals.is_some() && !is_valued {
+            return Err("equals requires write, read, set, shows or lss");
         }
         if keys.bit.is_some() != keys.becomes.is_some() || keys.becomes.is_some_and(|value| value > 1) {
-            return Err("bit and becomes = 0 or 1 go together");
+            return Err("expected bit together with becomes = 0 or 1");
         }
-        let (set, lss) = (keys.set()?, keys.lss()?);
+        let (value, lss) = (keys.value()?, keys.lss()?);
+        let (set, shows) =
+            (keys.set.and(value.clone()).map(Self::Set), keys.shows.and(value).map(Self::Shows));
         let all = [
             keys.write.map(|object| Self::Write(object, keys.equals.clone())),
             keys.read.map(|object| Self::Read(object, keys.equals)),
@@ -332,8 +361,10 @@ impl TryFrom<TriggerKeys> for Trigger {
             keys.state.map(|states| Self::State(states.into_vec())),
             keys.sync.map(|_| Self::Sync),
             keys.emcy.map(Self::Emcy),
-            keys.boot.map(|_| Self::Boot),
-            set.map(Self::Set),
+            keys.boot.map(BootKey::read).transpose()?,
+            set,
+            shows,
+            keys.reports.map(|states| Self::Reports(states.into_vec())),
             keys.writes.map(Self::Writes),
             lss.map(Self::Lss),
             keys.guard.map(|_| Self::Guard),
@@ -342,29 +373,38 @@ impl TryFrom<TriggerKeys> for Trigger {
         match (given.next(), given.next()) {
             (Some(trigger), None) => Ok(trigger),
             _ => Err(
-                "a trigger is exactly one of write, read, bit, pdo, message, dtc, nmt, state, sync, emcy, boot, set, writes, lss, guard",
+                "expected exactly one of write, read, bit, pdo, message, dtc, nmt, state, sync, emcy, boot, set, shows, reports, writes, lss, guard",
             ),
         }
     }
 }
 
 impl Trigger {
-    /// What must hold when it happens.
+    /// Conditions that must hold when the trigger occurs.
     pub fn when(&self) -> &[Condition] {
         if let Self::Message(message) = self { &message.when.0 } else { &[] }
     }
 
-    /// How often in a row it must happen.
+    /// Number of consecutive occurrences required.
     pub fn times(&self) -> u8 {
         if let Self::Message(message) = self { message.times } else { 1 }
     }
 
-    /// Whether only rules know it.
+    /// Whether the trigger is valid in rules only.
     pub(crate) const fn is_of_rules(&self) -> bool {
-        matches!(self, Self::Set(_) | Self::Writes(_) | Self::Lss(_) | Self::Guard)
+        matches!(
+            self,
+            Self::Set(_)
+                | Self::Writes(_)
+                | Self::Lss(_)
+                | Self::Guard
+                | Self::PowerOn
+                | Self::Shows(_)
+                | Self::Reports(_)
+        )
     }
 
-    /// The same for good, in repeat `nth`.
+    /// Copy with the references of repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {
@@ -374,6 +414,7 @@ impl Trigger {
                 Self::Bit(BitReference { object: bit.object.pinned(nth, stride), ..bit }, becomes)
             }
             Self::Set(set) => Self::Set(SetTrigger { object: set.object.pinned(nth, stride), ..set }),
+            Self::Shows(set) => Self::Shows(SetTrigger { object: set.object.pinned(nth, stride), ..set }),
             Self::Writes(range) => Self::Writes(range.pinned(nth, stride)),
             other => other,
         }
@@ -381,7 +422,7 @@ impl Trigger {
 }
 
 impl Condition {
-    /// The same for good, in repeat `nth`.
+    /// Copy with the references of repeat `nth`.
     #[must_use]
     pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {

@@ -1,4 +1,4 @@
-//! A profile as its file says it, and the devices it describes.
+//! Profile files, and the devices they define.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,20 +11,20 @@ use super::{
     AbortText, Area, Device, DeviceRule, EmcySpec, Gate, Hint, Identity, IdentityChange, J1939Spec, Machine,
     MessageSpec, Monitoring, NmtSpec, PdoSpec, Procedure, Sample, StatusCodes, UdsSpec, Variant, Waiver,
 };
-use crate::profile::authored::{self, Authored, Tables, Wrong};
+use crate::profile::authored::{self, AuthoredEntry, Tables, TextProblem};
 use crate::profile::compiled;
 use crate::profile::dictionary::{Layer, Object};
 use crate::profile::names::{BitNames, Names};
-use crate::profile::object::Only;
+use crate::profile::object::VariantFilter;
 use crate::profile::position::TextError;
 
-/// Copies of a repeated machine, gate, procedure or rule that are made; `check` wants fewer in all.
+/// Max repeats expanded per machine, gate, procedure or rule; above the total that `check` accepts.
 const MOST_COPIES: u16 = 1024;
 
-/// A profile as its file says it.
+/// Profile file as parsed.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-struct File {
+struct RawProfileFile {
     id: String,
     title: String,
     vendor: String,
@@ -35,7 +35,7 @@ struct File {
     variant: Vec<Variant>,
     identity: Vec<Identity>,
     hint: Vec<Hint>,
-    object: Vec<Spanned<Authored>>,
+    object: Vec<Spanned<AuthoredEntry>>,
     values: BTreeMap<String, Names>,
     bits: BTreeMap<String, BitNames>,
     codes: BTreeMap<String, StatusCodes>,
@@ -57,33 +57,33 @@ struct File {
     sample: Vec<Spanned<Sample>>,
 }
 
-/// A profile's text and what was read of it: all variants.
+/// A parsed profile with all its variants.
 #[derive(Debug)]
 pub struct ProfileFile {
-    file: File,
+    file: RawProfileFile,
     objects: Arc<Layer>,
 }
 
 impl ProfileFile {
-    /// Reads the text of a profile.
+    /// Parses the text of a profile.
     ///
     /// # Errors
-    /// Text that is no TOML, unknown keys, values that are none; all errors of objects, with place.
+    /// Invalid TOML, unknown keys or invalid values, with line and column; all errors in objects at once.
     pub fn parse(text: &str) -> Result<Self, Vec<TextError>> {
         let file = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
         Self::of(file, text)
     }
 
-    /// The same of a profile of this program, as the build script compiled it; `text` is what it was made of.
+    /// Loads a built-in profile that the build script compiled from `text`.
     ///
     /// # Errors
-    /// As for a text; a test excludes them.
+    /// Same as [`Self::parse`]; a test proves that none occur.
     pub(in crate::profile) fn compiled(compiled: &'static [u8], text: &str) -> Result<Self, Vec<TextError>> {
         let file = compiled::read(compiled).map_err(|error| vec![TextError::of_toml(text, &error)])?;
         Self::of(file, text)
     }
 
-    fn of(mut file: File, text: &str) -> Result<Self, Vec<TextError>> {
+    fn of(mut file: RawProfileFile, text: &str) -> Result<Self, Vec<TextError>> {
         let tables = Tables {
             values: std::mem::take(&mut file.values)
                 .into_iter()
@@ -91,7 +91,7 @@ impl ProfileFile {
                 .collect(),
             bits: std::mem::take(&mut file.bits).into_iter().map(|(name, it)| (name, Arc::new(it))).collect(),
         };
-        let mut wrong: Vec<Wrong> = Vec::new();
+        let mut wrong: Vec<TextProblem> = Vec::new();
         let objects = authored::objects(std::mem::take(&mut file.object), &tables, &mut wrong);
         if !wrong.is_empty() {
             return Err(wrong
@@ -102,27 +102,27 @@ impl ProfileFile {
         Ok(Self { file, objects: Arc::new(Layer::new(objects)) })
     }
 
-    /// Its id.
+    /// Profile id, as used in options.
     pub fn id(&self) -> &str {
         &self.file.id
     }
 
-    /// Standards it extends, with their place in the text.
+    /// Standards that the profile extends, with their position in the text.
     pub fn extends(&self) -> impl DoubleEndedIterator<Item = (&str, Range<usize>)> {
         self.file.extends.iter().map(|name| (name.get_ref().as_str(), name.span()))
     }
 
-    /// Its variants; the first is the default.
+    /// Variants of the device; the first is the default.
     pub fn variants(&self) -> &[Variant] {
         &self.file.variant
     }
 
-    /// Rules that its waivers name, of all variants, with their place in the text.
+    /// Rules that waivers of any variant name, with their position in the text.
     pub fn waived(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         self.file.waiver.iter().map(|waiver| (waiver.rule.get_ref().as_str(), waiver.rule.span()))
     }
 
-    /// Rules that its rules take in, and are not its own, with the place of the rule.
+    /// Rules outside this profile that its rules list in `takes_in`, with the position of the rule.
     pub(crate) fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
         let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
@@ -131,12 +131,12 @@ impl ProfileFile {
             .filter(move |(name, _)| !own(name))
     }
 
-    /// Its objects, all variants.
+    /// Objects of all variants.
     pub fn objects(&self) -> &[Object] {
         &self.objects
     }
 
-    /// One variant of the device on top of the standards it extends, given left to right.
+    /// Builds one variant of the device on top of the standards that it extends, in order of precedence.
     pub fn device(&self, variant: Option<&str>, standards: &[Arc<Device>]) -> Device {
         let file = &self.file;
         let chosen = match variant {
@@ -180,12 +180,13 @@ impl ProfileFile {
             device.extend(standard);
         }
         device.deciding = device.deciding_objects();
+        device.share_error_texts();
         device
     }
 
-    /// The objects of one variant.
+    /// Objects of one variant.
     fn objects_of(&self, variant: &str) -> Arc<Layer> {
-        let all = |only: &Only| only.allows(variant);
+        let all = |only: &VariantFilter| only.allows(variant);
         let complete =
             |object: &Object| all(&object.only) && object.entries.iter().all(|entry| all(&entry.only));
         if self.objects.iter().all(complete) {

@@ -1,68 +1,68 @@
-//! Gates: conditions for set points to act.
+//! Gates: conditions for set points to take effect.
 
 use serde::Deserialize;
 
 use super::condition::Conditions;
 use crate::profile::layout::PdoName;
-use crate::profile::object::{ONCE, Only, Repeat};
+use crate::profile::object::{ONCE, Repeat, VariantFilter};
 use crate::profile::reference::Reference;
 
-/// A condition for set points to act.
+/// Condition for set points to take effect.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gate {
-    /// Set points; all if empty.
+    /// Set points it applies to; all if empty.
     #[serde(default, rename = "for")]
     pub of: Vec<Reference>,
-    /// One a channel.
+    /// Repeats, one per channel.
     #[serde(default)]
     pub repeat: Repeat,
-    /// What is printed when it is closed.
+    /// Name printed while the gate is closed.
     pub name: String,
-    /// When it is open.
+    /// Conditions under which it is open.
     pub open: Conditions,
-    /// For the reader: what a closed gate means.
+    /// Explanation of a closed gate for the user.
     #[serde(default)]
     pub text: String,
-    /// What to do about it.
+    /// Recommended action.
     #[serde(default)]
     pub check: String,
-    /// Only for set points that came by this PDO.
+    /// PDO in which the set point must arrive for the gate to apply; `None` for any.
     #[serde(default)]
     pub pdo: Option<PdoName>,
-    /// `unknown`: not met does not mean closed.
+    /// Meaning of unmet conditions.
     #[serde(default)]
-    pub otherwise: Otherwise,
-    /// Set points it closes, where not all of `for`.
+    pub otherwise: GateFallback,
+    /// Set points that the gate closes, if not all those in `of`.
     #[serde(default)]
     pub closes: Vec<Reference>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
-    /// Number of the channel, where there are several.
+    /// Channel number; `None` without channels.
     #[serde(skip)]
     pub channel: Option<u8>,
 }
 
-/// What a condition that is not met means.
+/// Meaning of an unmet gate condition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Otherwise {
+pub enum GateFallback {
     /// The gate is closed.
     #[default]
     Closed,
-    /// Nothing certain.
+    /// The status of the gate is unknown.
     Unknown,
 }
 
 impl Gate {
-    /// Whether it concerns a set point.
+    /// Whether the gate applies to a set point.
     pub fn concerns(&self, set_point: crate::wire::canopen::ObjectAddress, channel: Option<u8>) -> bool {
         if !self.closes.is_empty() {
             return self.closes.iter().any(|of| of.object == set_point);

@@ -1,14 +1,14 @@
-//! The device file a device was made of.
+//! Device file that a device originates from.
 
 use std::sync::Arc;
 
 use crate::profile::device_file::DeviceFile;
 
-/// The device file a device was made of, wholly or in part.
+/// Device file that describes a device completely or in part.
 #[derive(Debug, Clone)]
 pub struct Import {
-    /// The file.
+    /// The parsed file.
     pub file: Arc<DeviceFile>,
-    /// Place of its objects among the dictionary's layers; the first if nothing else describes the device.
+    /// Index of its layer in the dictionary; 0 if only the file describes the device.
     pub(in crate::profile) layer: usize,
 }

@@ -1,34 +1,34 @@
-//! A device on J1939: its messages and faults.
+//! J1939 messages and faults of a device.
 
 use serde::Deserialize;
 
 use super::pdo::PdoField;
 use crate::profile::formula::formula;
 use crate::profile::layout::PdoDirection;
-use crate::profile::object::Only;
+use crate::profile::object::VariantFilter;
 use crate::wire::j1939::{Pgn, SpnConversion};
 
-/// What holds for the device as a node of J1939.
+/// Properties of the device as a J1939 node.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct J1939Spec {
-    /// First and last address it can have.
+    /// First and last address that it can claim.
     pub addresses: Option<[u8; 2]>,
-    /// DM1 shows only the most urgent fault: one that leaves may be hidden by another.
+    /// Whether DM1 contains only the most urgent fault, which can hide others.
     pub highest_only: bool,
-    /// Milliseconds between two DM1 while a fault is active; 0 where the manual does not say.
+    /// Period of DM1 while a fault is active, in ms; 0 if the manual does not state it.
     pub dm1_period: u32,
-    /// How an SPN is coded where its conversion method bit is set: version 1, 2 or 3.
+    /// SPN conversion method (version 1, 2 or 3) if the conversion method bit is set.
     pub spn_conversion: Option<Conversion>,
-    /// Faults.
+    /// Diagnostic trouble codes of the device.
     pub dtc: Vec<TroubleCode>,
     /// Assumption or defect of the manual.
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
-/// A version of the conversion method, as files write it.
+/// SPN conversion method as written in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "u8")]
 pub struct Conversion(pub SpnConversion);
@@ -41,80 +41,80 @@ impl TryFrom<u8> for Conversion {
     }
 }
 
-/// A fault of the device.
+/// Diagnostic trouble code of a device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TroubleCode {
-    /// Suspect parameter, 19 bits.
+    /// Suspect parameter number, 19 bits.
     pub spn: u32,
-    /// Failure mode.
+    /// Failure mode identifier.
     pub fmi: u8,
-    /// What it means.
+    /// Meaning in the manual.
     pub text: String,
-    /// Where the manual sees its source: `external`, `internal`.
+    /// Origin of the fault in the manual: `external`, `internal`.
     #[serde(default)]
     pub origin: String,
-    /// The manual's word for how serious it is.
+    /// Severity in the words of the manual.
     #[serde(default)]
     pub severity: String,
-    /// 1 is the most urgent, where the device shows only one.
+    /// Priority if the device shows only one fault; 1 is the most urgent.
     #[serde(default)]
     pub priority: Option<u8>,
-    /// What the device does.
+    /// Reaction of the device.
     #[serde(default)]
     pub reaction: String,
-    /// How it is left.
+    /// Condition to leave the fault.
     #[serde(default)]
     pub recovery: String,
-    /// What to check, likeliest first.
+    /// Points to check, most likely first.
     #[serde(default)]
     pub causes: Vec<String>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// A message of a device, or equal ones of groups that follow each other.
+/// J1939 message of a device, or several equal ones with consecutive PGNs.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MessageSpec {
-    /// What triggers and lines call it: `AVC`.
+    /// Short name in triggers and output: `AVC`.
     pub name: String,
-    /// What output calls it; `{n}` stands for its number.
+    /// Title in output; `{n}` is replaced by the number of the message.
     #[serde(default)]
     pub title: String,
-    /// Its group, or the first one.
+    /// First parameter group number.
     pub pgn: u32,
-    /// How many groups.
+    /// Number of consecutive parameter groups.
     #[serde(default = "one")]
     pub count: u16,
-    /// Which of them is meant for the device, from 0; all where it is not said.
+    /// Formula for the number, from 0, of the message addressed to the device; `None` for all messages.
     #[serde(default)]
     pub number: Option<String>,
-    /// Whether the device sends or takes it.
+    /// Direction, as seen from the device.
     pub direction: Direction,
     /// Contents, from bit 0 of byte 0.
     #[serde(default)]
     pub fields: Vec<PdoField>,
-    /// Milliseconds between two, where the manual says it.
+    /// Period in ms, if the manual states it.
     #[serde(default)]
     pub period: Option<u32>,
-    /// Milliseconds within which the next one must come.
+    /// Timeout in ms until the next message.
     #[serde(default)]
     pub timeout: Option<u32>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
@@ -123,13 +123,13 @@ const fn one() -> u16 {
     1
 }
 
-/// Whether the device sends a message or takes it.
+/// Direction of a message, as seen from the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
-    /// It sends it.
+    /// The device sends the message.
     Transmit,
-    /// It takes it.
+    /// The device receives the message.
     Receive,
 }
 
@@ -143,13 +143,13 @@ impl From<Direction> for PdoDirection {
 }
 
 impl MessageSpec {
-    /// Number of a group among those of this message.
+    /// Number of a parameter group within this message, from 0; `None` if it is outside.
     pub fn number_of(&self, pgn: Pgn) -> Option<u16> {
         let number = pgn.number().checked_sub(self.pgn)?;
         u16::try_from(number).ok().filter(|number| *number < self.count)
     }
 
-    /// Whether the one of a group concerns the device at an address.
+    /// Whether the message with this PGN is for a device at `address`.
     pub fn concerns(&self, pgn: Pgn, address: u8) -> bool {
         let Some(number) = self.number_of(pgn) else { return false };
         match &self.number {
@@ -158,7 +158,7 @@ impl MessageSpec {
         }
     }
 
-    /// What output calls the one of a group.
+    /// Title in output of the message with this PGN.
     pub(crate) fn title_of(&self, pgn: Pgn) -> String {
         let title = if self.title.is_empty() { &self.name } else { &self.title };
         let number = self.number_of(pgn).unwrap_or(0).to_string();

@@ -2,128 +2,134 @@
 
 use serde::Deserialize;
 
-use super::network::Words;
-use crate::profile::object::{ONCE, Only, Repeat};
+use super::network::TextList;
+use crate::profile::object::{ONCE, Repeat, VariantFilter};
 use crate::profile::reference::Reference;
 
-/// A state machine of a device, or of each of its channels.
+/// State machine of a device, or of one of its channels.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
-    /// Name.
+    /// Name in output and in conditions.
     pub name: String,
-    /// One a channel.
+    /// Repeats, one per channel.
     #[serde(default)]
     pub repeat: Repeat,
-    /// Word the device reports its state in.
+    /// Status word that reports the state.
     pub status: Masked,
-    /// Word that commands it.
+    /// Control word that commands the state.
     pub control: Masked,
-    /// States.
+    /// All states of the machine.
     pub states: Vec<State>,
-    /// How control bits move it.
+    /// Transitions caused by the control word.
     #[serde(default)]
     pub transitions: Vec<Transition>,
-    /// What else moves it.
+    /// A control word causes at most one transition.
     #[serde(default)]
-    pub forced: Vec<Forced>,
-    /// Variants it belongs to.
+    pub single_step: bool,
+    /// Transitions with other causes.
     #[serde(default)]
-    pub only: Only,
+    pub forced: Vec<ForcedTransition>,
+    /// Variants it applies to; all if empty.
+    #[serde(default)]
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
-    /// Number of the channel, where there are several.
+    /// Channel number; `None` without channels.
     #[serde(skip)]
     pub channel: Option<u8>,
 }
 
-/// A word of which some bits count.
+/// Selected bits of a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Masked {
-    /// The object.
+    /// Object that contains the word.
     pub object: Reference,
-    /// Bits that count.
+    /// Bits to compare.
     pub mask: u64,
 }
 
-/// A state.
+/// State of a machine.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
-    /// Name.
+    /// Name in output and in transitions.
     pub name: String,
-    /// Bits of the status word.
+    /// Value of the status word, reduced by the mask.
     pub value: u64,
-    /// Bits that count, where not those of the machine.
+    /// Bits to compare, if different from those of the machine.
     #[serde(default)]
     pub mask: Option<u64>,
-    /// A fault.
+    /// Whether it is a fault state.
     #[serde(default)]
     pub fault: bool,
-    /// Set points act.
+    /// Whether set points take effect in this state.
     #[serde(default)]
     pub active: bool,
 }
 
-/// How control bits move the machine.
+/// Transition caused by the control word.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transition {
-    /// From one of these.
-    pub from: Words,
-    /// To.
+    /// Possible start states.
+    pub from: TextList,
+    /// Target state.
     pub to: String,
-    /// Bits of the control word that count.
+    /// Bits of the control word to compare.
     pub mask: u64,
-    /// What they must be.
+    /// Required value of these bits.
     pub value: u64,
-    /// Bits that must go from 0 to 1.
+    /// Bits that need a 0→1 edge.
     #[serde(default)]
     pub edge: u64,
-    /// What to do, where that is not obvious.
+    /// The device may first slow down, so the transition has no time limit.
+    #[serde(default)]
+    pub slow: bool,
+    /// Instruction to the user, if not obvious.
     #[serde(default)]
     pub text: Option<String>,
 }
 
-/// What moves the machine besides the control word.
+/// Transition with a cause other than the control word.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Forced {
-    /// An NMT command.
+pub struct ForcedTransition {
+    /// NMT command that causes it.
     #[serde(default)]
     pub nmt: Option<String>,
-    /// An EMCY: `true` for any but 0000, or codes.
+    /// EMCY that causes it: `true` for any code except 0000, or codes.
     #[serde(default)]
     pub emcy: Option<EmcyCodes>,
-    /// `life-guard` or `boot-up`.
+    /// Other cause: `life-guard` or `boot-up`.
     #[serde(default)]
     pub event: Option<String>,
-    /// Only from these states.
+    /// Possible start states; any if empty.
     #[serde(default)]
-    pub from: Words,
-    /// To.
+    pub from: TextList,
+    /// Target state.
     pub to: String,
 }
 
-/// Which EMCY codes.
+/// Selection of EMCY codes.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "true, a code or a list of codes")]
+#[serde(untagged, expecting = "expected true, a code or a list of codes")]
 pub enum EmcyCodes {
-    /// Any but 0000.
+    /// Any code except 0000.
     Any(bool),
-    /// One.
+    /// A single code.
     One(u16),
-    /// These.
+    /// Several codes.
     List(Vec<u16>),
 }
 
 impl EmcyCodes {
-    /// Whether a code is meant.
+    /// Whether the selection contains a code.
     pub fn contains(&self, code: u16) -> bool {
         match self {
             Self::Any(any) => *any && code != 0,
@@ -134,7 +140,7 @@ impl EmcyCodes {
 }
 
 impl Machine {
-    /// The state a status word shows.
+    /// State that a status word reports.
     pub fn state(&self, status: u64) -> Option<&State> {
         self.states.iter().find(|state| {
             let mask = state.mask.unwrap_or(self.status.mask);
@@ -142,7 +148,7 @@ impl Machine {
         })
     }
 
-    /// The same for one channel.
+    /// Copy for repeat `nth`.
     pub(super) fn pinned(&self, nth: u16) -> Self {
         let mut machine = self.clone();
         let stride = self.repeat.stride;
@@ -155,7 +161,7 @@ impl Machine {
 }
 
 impl Repeat {
-    /// Number of a repeat's channel, where it counts channels.
+    /// Channel number of repeat `nth`; `None` if the repeats are not channels.
     pub fn number(&self, nth: u16) -> Option<u8> {
         self.channel.then(|| u8::try_from(self.first.saturating_add(nth)).ok()).flatten()
     }

@@ -1,6 +1,6 @@
-//! A device: everything its manual says that decides what its messages mean.
+//! A device: everything in its manual that defines the meaning of its messages.
 //!
-//! `profiles/README.md` shows the format by example.
+//! `profiles/README.md` describes the format with examples.
 
 mod condition;
 mod evaluate;
@@ -22,117 +22,119 @@ use std::ops::Range;
 use serde::Deserialize;
 
 pub use condition::{
-    Condition, Conditions, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers, Wanted,
+    Condition, Conditions, ExpectedValue, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers,
 };
 pub use evaluate::GateStatus;
 pub(crate) use evaluate::{
     DeviceFacts, LssEvent, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all,
 };
 pub use file::ProfileFile;
-pub use gate::{Gate, Otherwise};
+pub use gate::{Gate, GateFallback};
 pub use import::Import;
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
-pub use machine::{EmcyCodes, Forced, Machine, Masked, State, Transition};
+pub use machine::{EmcyCodes, ForcedTransition, Machine, Masked, State, Transition};
 pub use network::{
-    AbortText, Area, AtBoot, Boot, Cleared, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint, Identity,
-    IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, VendorField, Words,
+    AbortText, Area, AtBoot, Boot, ClearMeaning, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint,
+    Identity, IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, TextList, VendorField,
 };
 pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec};
-pub use procedure::{Fallback, Procedure, ProcedureStatus, StatusCode, StatusCodes, StatusSpec, Step};
-pub use rule::{DeviceRule, Per, RuleKind, Severity, Shape, Stretch, Waiver};
+pub use procedure::{
+    Fallback, Procedure, ProcedureStatus, ProcedureStep, StatusCode, StatusCodes, StatusSpec,
+};
+pub use rule::{CountWindow, DeviceRule, RuleKind, Severity, Shape, VariableWindow, Waiver};
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::dictionary::{Dictionary, Object};
-use super::lookup::emcy_codes;
+use super::error_texts::{self, ErrorTexts};
 use crate::wire::canopen::ObjectAddress;
 
-/// Products of one manual that differ.
+/// One of several products in the same manual.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Variant {
-    /// Behind the colon of an assignment.
+    /// Part after the colon of an assignment.
     pub id: String,
-    /// What output calls it.
+    /// Title in output.
     #[serde(default)]
     pub title: String,
-    /// For the reader.
+    /// Explanation for the user.
     #[serde(default)]
     pub text: String,
 }
 
-/// One device, one variant of it, with the standards it extends.
+/// One variant of a device, including the standards that it extends.
 #[derive(Debug, Clone, Default)]
 pub struct Device {
-    /// `rexroth-sydfec`.
+    /// Profile id, such as `rexroth-sydfec`.
     pub id: String,
-    /// `wandfluh-md2:controller`.
+    /// Profile id with variant, such as `wandfluh-md2:controller`.
     pub full_id: String,
-    /// Variant, if the manual describes several.
+    /// Id of the variant; `None` if the manual describes only one.
     pub variant: Option<String>,
-    /// What output calls it.
+    /// Title in output.
     pub title: String,
-    /// Maker.
+    /// Manufacturer.
     pub vendor: String,
-    /// What it is.
+    /// Kind of device.
     pub description: String,
-    /// The document.
+    /// Title and edition of the manual.
     pub source: String,
-    /// What holds for the device as a whole: an assumption or a defect of the manual.
+    /// Assumption or defect of the manual that concerns the whole device.
     pub note: String,
     /// Ids of the standards it extends.
     pub extends: Vec<String>,
-    /// All variants.
+    /// All variants in the profile.
     pub variants: Vec<Variant>,
-    /// What assigns it.
+    /// Identity data that assign the profile automatically.
     pub identities: Vec<Identity>,
-    /// What suggests it.
+    /// Behaviour that suggests the profile.
     pub hints: Vec<Hint>,
-    /// Objects.
+    /// Object dictionary.
     pub dictionary: Dictionary,
-    /// PDOs.
+    /// PDOs with their contents.
     pub pdos: Vec<PdoSpec>,
-    /// Areas of the maker's tool.
+    /// PDO areas that are configured in the manufacturer's tool.
     pub areas: Vec<Area>,
-    /// What holds on J1939.
+    /// Properties as a J1939 node.
     pub j1939: J1939Spec,
-    /// Messages of J1939.
+    /// J1939 messages.
     pub messages: Vec<MessageSpec>,
-    /// EMCY.
+    /// EMCY behaviour and codes.
     pub emcy: EmcySpec,
-    /// SDO aborts.
+    /// Device-specific SDO abort codes.
     pub aborts: Vec<AbortText>,
-    /// NMT.
+    /// NMT behaviour.
     pub nmt: NmtSpec,
-    /// Monitoring.
+    /// Guarding and heartbeat.
     pub monitoring: Monitoring,
-    /// Node-ID changes.
+    /// Effects of a node-ID change.
     pub identity_change: IdentityChange,
-    /// UDS.
+    /// UDS identifiers and negative responses.
     pub uds: UdsSpec,
-    /// State machines, one a channel.
+    /// State machines, one per channel.
     pub machines: Vec<Machine>,
-    /// Gates, one a channel.
+    /// Gates, one per channel.
     pub gates: Vec<Gate>,
-    /// Procedures.
+    /// Procedures with start and end.
     pub procedures: Vec<Procedure>,
-    /// What status numbers mean.
+    /// Tables `[codes.NAME]`: meanings of status numbers.
     pub codes: BTreeMap<String, StatusCodes>,
-    /// Statements a capture can violate.
+    /// Rules derived from the manual.
     pub rules: Vec<DeviceRule>,
-    /// General rules it need not obey.
+    /// General rules that do not apply to the device.
     pub waivers: Vec<Waiver>,
-    /// Objects whose value decides how others are read.
+    /// Objects that decide the meaning of other objects or PDOs.
     pub deciding: Vec<ObjectAddress>,
-    /// The device file it was made of, wholly or in part.
+    /// Device file that it originates from, completely or in part.
     pub file: Option<Import>,
-    /// Samples with their place in the file.
+    /// Samples with their position in the profile.
     pub samples: Vec<(Range<usize>, Sample)>,
-    /// PDOs, machines and gates with their places in the file, for checks.
+    /// Positions of PDOs, machines, gates and others in the profile, for checks.
     pub(super) places: Places,
 }
 
-/// Where in the file things stand.
+/// Positions of tables in the profile, in bytes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Places {
     pub(super) pdos: Vec<Range<usize>>,
@@ -144,7 +146,7 @@ pub(super) struct Places {
 }
 
 impl Device {
-    /// Objects that modes, scales and PDO layouts look at.
+    /// Objects that modes, scales and PDO layouts depend on.
     pub(super) fn deciding_objects(&self) -> Vec<ObjectAddress> {
         let mut all = Vec::new();
         for object in self.dictionary.layers.iter().flat_map(|layer| layer.iter()) {
@@ -156,7 +158,13 @@ impl Device {
         all
     }
 
-    /// Adds what a standard says where the device itself says nothing.
+    /// Makes the texts of the error codes available to the meanings of objects.
+    fn share_error_texts(&mut self) {
+        let codes = self.emcy.code.iter().map(|error| (error.code, error.text.clone()));
+        self.dictionary.errors = ErrorTexts::of(codes);
+    }
+
+    /// Adds the parts of a standard that the device does not define itself.
     fn extend(&mut self, standard: &Device) {
         self.dictionary.layers.extend(standard.dictionary.layers.iter().cloned());
         if self.machines.is_empty() {
@@ -173,25 +181,35 @@ impl Device {
         }
     }
 
-    /// The device's own entry of an error code.
+    /// Reference to a section of the manual: `RE 30027-Z/11.06 §9`; to the whole manual if it is empty.
+    pub(crate) fn cite(&self, section: &str) -> String {
+        let manual = if self.source.is_empty() { &self.title } else { &self.source };
+        match section.as_bytes().first() {
+            None => manual.clone(),
+            Some(first) if first.is_ascii_digit() => format!("{manual} §{section}"),
+            Some(_) => format!("{manual}, {section}"),
+        }
+    }
+
+    /// Device-specific entry for an error code.
     pub fn error(&self, code: u16) -> Option<&ErrorCode> {
         self.emcy.code.iter().find(|error| error.code == code)
     }
 
-    /// What an error code means: by the device's manual, else by CiA 301.
+    /// Meaning of an error code, from the manual, otherwise from CiA 301.
     pub fn error_text(&self, code: u16) -> &str {
         match self.error(code) {
             Some(error) => &error.text,
-            None => emcy_codes().find(u32::from(code)).map_or("no CiA 301 code", |known| &known.text),
+            None => error_texts::standard(code),
         }
     }
 
-    /// The device's own entry of a trouble code.
+    /// Device-specific entry for a trouble code.
     pub fn dtc(&self, spn: u32, fmi: u8) -> Option<&TroubleCode> {
         self.j1939.dtc.iter().find(|dtc| (dtc.spn, dtc.fmi) == (spn, fmi))
     }
 
-    /// The device's own text of an abort code, for an object where the text depends on it.
+    /// Device-specific meaning of an abort code; an entry for this object takes precedence.
     pub fn abort(&self, code: u32, object: Option<ObjectAddress>) -> Option<&AbortText> {
         let matching = || self.aborts.iter().filter(|abort| abort.code == code);
         let special = object.and_then(|object| {
@@ -200,7 +218,7 @@ impl Device {
         special.or_else(|| matching().find(|abort| abort.objects.is_empty()))
     }
 
-    /// Entries of its own file after repeats.
+    /// Number of entries in its own profile, including repeats.
     pub fn object_count(&self) -> usize {
         self.dictionary.own().iter().map(Object::count).sum()
     }

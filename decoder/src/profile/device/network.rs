@@ -1,32 +1,33 @@
-//! What a profile says of the device on the network: identity, EMCY, aborts, NMT, monitoring.
+//! Network properties of a device: identity, EMCY, aborts, NMT, monitoring.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use crate::profile::object::Only;
+use crate::profile::data_type::little_endian;
+use crate::profile::object::VariantFilter;
 use crate::profile::one_or_many::OneOrMany;
 use crate::profile::reference::{ObjectRange, Reference};
 use crate::wire::canopen::emcy::ByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// What assigns the profile by itself; every key given must fit.
+/// Identity data that assign the profile automatically; all keys must match.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Identity {
-    /// 1018:01.
+    /// Vendor-ID, object 1018:01.
     pub vendor_id: Option<u32>,
-    /// 1018:02.
+    /// Product code, object 1018:02.
     pub product_code: Option<u32>,
-    /// 1018:03.
+    /// Revision number, object 1018:03.
     pub revision: Option<u32>,
-    /// 1000:00.
+    /// Device type, object 1000:00.
     pub device_type: Option<u32>,
-    /// Lower half of 1000:00: the number of the device profile (CiA 301 §7.5.2.1).
+    /// Device profile number: lower half of 1000:00 (CiA 301 §7.5.2.1).
     pub profile_number: Option<u16>,
-    /// 1008:00 begins with it.
+    /// Prefix of the manufacturer device name, object 1008:00.
     pub device_name: Option<String>,
-    /// Variant it stands for.
+    /// Variant that these data identify.
     pub variant: Option<String>,
 }
 
@@ -34,67 +35,93 @@ pub struct Identity {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hint {
-    /// For the reader.
+    /// Explanation for the user.
     pub text: String,
-    /// What is looked for.
+    /// Kind of behaviour.
     pub sign: Sign,
-    /// Of sign `pdo`: which.
+    /// PDO for sign `pdo`.
     #[serde(default)]
     pub pdo: Option<String>,
-    /// Of sign `pdo`: its length in bytes.
+    /// PDO length in bytes for sign `pdo`.
     #[serde(default)]
     pub length: Option<u8>,
-    /// Variants it stands for.
+    /// Indexes of objects for signs `mapped`, all of which must be mapped, and `objects`.
     #[serde(default)]
-    pub only: Only,
+    pub objects: Vec<u16>,
+    /// Minimum number of these objects for sign `objects`.
+    #[serde(default)]
+    pub at_least: Option<usize>,
+    /// EMCY codes for sign `emcy`; one of them is enough.
+    #[serde(default)]
+    pub codes: Vec<u16>,
+    /// Counts only together with another hint: many other devices behave the same.
+    #[serde(default)]
+    pub not_alone: bool,
+    /// Variants that it suggests; all if empty.
+    #[serde(default)]
+    pub only: VariantFilter,
 }
 
-/// A sign of a device.
+/// Kind of behaviour that suggests a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sign {
-    /// An EMCY without data.
+    /// EMCY message without data.
     ReadyTelegram,
-    /// A PDO of a certain length.
+    /// PDO of a certain length.
     Pdo,
+    /// Objects mapped in PDOs.
+    Mapped,
+    /// Objects that the node has: read or written by SDO without abort, or mapped in PDOs.
+    Objects,
+    /// EMCY codes.
+    Emcy,
 }
 
-/// EMCY of a device.
+impl Sign {
+    /// Whether other devices may share the behaviour by chance, so that it suggests a device only together with another
+    /// hint, or in detailed output.
+    pub const fn is_weak(self) -> bool {
+        matches!(self, Self::Pdo | Self::Emcy)
+    }
+}
+
+/// EMCY behaviour of a device.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EmcySpec {
-    /// Byte order of the code.
+    /// Byte order of the error code; CiA 301 order if `None`.
     pub byte_order: Option<Order>,
-    /// What 0000 says.
-    pub cleared: Cleared,
-    /// What a node without error sends at its start.
+    /// Meaning of code 0000.
+    pub cleared: ClearMeaning,
+    /// EMCY that a node without error sends at start.
     pub at_boot: AtBoot,
-    /// Fields of bytes 3 to 7.
+    /// Fields in bytes 3 to 7.
     pub vendor: Vec<VendorField>,
-    /// Codes.
+    /// Error codes.
     pub code: Vec<ErrorCode>,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
 /// Byte order of the error code, fixed or by an object.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged, expecting = "\"lsb-first\", \"msb-first\" or { object, equals, default }")]
+#[serde(untagged, expecting = "expected \"lsb-first\", \"msb-first\" or { object, equals, default }")]
 pub enum Order {
-    /// Always the same.
+    /// Fixed order.
     Fixed(OrderName),
-    /// As an object says.
+    /// Order selected by an object.
     ByObject {
-        /// The object.
+        /// Object that selects the order.
         object: Reference,
-        /// Its raw values.
+        /// Orders by raw value of the object.
         equals: BTreeMap<String, OrderName>,
-        /// As delivered.
+        /// Factory default.
         default: OrderName,
     },
 }
 
-/// `lsb-first` or `msb-first`.
+/// Byte order as written in profiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrderName {
@@ -105,7 +132,7 @@ pub enum OrderName {
 }
 
 impl OrderName {
-    /// The order on the wire.
+    /// Corresponding byte order of the decoder.
     pub const fn order(self) -> ByteOrder {
         match self {
             Self::LsbFirst => ByteOrder::LsbFirst,
@@ -115,7 +142,7 @@ impl OrderName {
 }
 
 impl Order {
-    /// The object that decides, if one does.
+    /// Object that selects the order, if any.
     pub const fn object(&self) -> Option<ObjectAddress> {
         match self {
             Self::Fixed(_) => None,
@@ -123,7 +150,7 @@ impl Order {
         }
     }
 
-    /// The order with a known value of the object.
+    /// Order for a known value of the object; the default if `None`.
     pub fn of(&self, value: Option<i64>) -> ByteOrder {
         match self {
             Self::Fixed(order) => order.order(),
@@ -135,78 +162,89 @@ impl Order {
     }
 }
 
-/// What code 0000 says.
+/// Meaning of code 0000.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Cleared {
-    /// One error went (CiA 301: the register says whether any is left).
+pub enum ClearMeaning {
+    /// One error was removed (CiA 301: the error register shows whether others remain).
     #[default]
     Each,
-    /// All errors are gone.
+    /// All errors were removed.
     AllGone,
 }
 
-/// What a node without error sends at its start.
+/// EMCY that a node without error sends at start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AtBoot {
-    /// Nothing.
+    /// No EMCY.
     #[default]
     Nothing,
-    /// An EMCY without data (CiA 301 version 3).
+    /// EMCY without data (CiA 301 version 3).
     ReadyTelegram,
-    /// Code 0000.
+    /// EMCY with code 0000.
     NoError,
 }
 
-/// A field of the manufacturer's bytes.
+/// Field in the manufacturer-specific bytes of an EMCY.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VendorField {
-    /// First byte of the message, 3 to 7.
+    /// First byte in the message, 3 to 7.
     pub byte: u8,
-    /// How many.
+    /// Length in bytes.
     pub bytes: u8,
     /// Name in kebab-case.
     pub name: String,
 }
 
-/// An error code of a device.
+impl VendorField {
+    /// Number in the manufacturer-specific bytes; `None` if the message is too short.
+    pub fn value(&self, vendor: &[u8]) -> Option<u64> {
+        /// Bytes before the manufacturer-specific field (CiA 301 §7.2.7.1).
+        const BEFORE: usize = 3;
+        let first = usize::from(self.byte).checked_sub(BEFORE)?;
+        let end = first.checked_add(usize::from(self.bytes))?;
+        vendor.get(first..end).map(little_endian)
+    }
+}
+
+/// Error code of a device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorCode {
-    /// The code.
+    /// EMCY error code.
     pub code: u16,
     /// Bits expected in the error register.
     #[serde(default)]
     pub register: Option<u8>,
-    /// Meaning.
+    /// Meaning in the manual.
     pub text: String,
-    /// What the device does.
+    /// Reaction of the device.
     #[serde(default)]
     pub reaction: Option<String>,
-    /// Where NMT goes by itself.
+    /// NMT state that the device enters by itself.
     #[serde(default)]
     pub nmt: Option<NmtName>,
-    /// What to check, likeliest first.
+    /// Points to check, most likely first.
     #[serde(default)]
     pub causes: Vec<String>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// NMT states by name.
+/// NMT state as written in profiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NmtName {
-    /// Initialising.
+    /// Initialisation.
     Initialising,
     /// Pre-operational.
     PreOperational,
@@ -217,7 +255,7 @@ pub enum NmtName {
 }
 
 impl NmtName {
-    /// The state.
+    /// Corresponding NMT state of the decoder.
     pub const fn state(self) -> NmtState {
         match self {
             Self::Initialising => NmtState::Initialising,
@@ -228,139 +266,139 @@ impl NmtName {
     }
 }
 
-/// A device's own meaning of an SDO abort code.
+/// Device-specific meaning of an SDO abort code.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AbortText {
-    /// The code.
+    /// SDO abort code.
     pub code: u32,
-    /// Meaning.
+    /// Meaning in the manual.
     pub text: String,
-    /// Only for these objects, if any are named.
+    /// Objects it applies to; all if empty.
     #[serde(default)]
     pub objects: Vec<ObjectRange>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// NMT as the device has it.
+/// NMT behaviour of a device.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NmtSpec {
-    /// States it has; all if empty.
+    /// Supported NMT states; all if empty.
     pub states: Vec<NmtName>,
-    /// Commands it obeys; all if empty.
+    /// Supported NMT commands; all if empty.
     pub commands: Vec<String>,
-    /// How it announces itself.
+    /// Boot sign of the device.
     pub boot: Boot,
     /// Assumption or defect of the manual.
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
-/// How a device announces itself.
+/// Boot sign: boot-up message, or the message that the device sends in its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Boot {
     /// Boot-up message after every start (CiA 301).
     #[default]
     BootUp,
-    /// Boot-up message promised after power-on only.
+    /// Boot-up message guaranteed only after power-on.
     BootUpAfterPowerOn,
-    /// An EMCY without data, or an EMCY if an error is present.
+    /// EMCY without data, or EMCY with the error that is present.
     ReadyTelegram,
 }
 
-/// Monitoring as the device has it, and as delivered.
+/// NMT error control of a device, with factory settings.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Monitoring {
-    /// Node guarding.
+    /// Node guarding; `None` if not supported.
     pub guarding: Option<GuardingSpec>,
-    /// Heartbeat.
+    /// Heartbeat; `None` if not supported.
     pub heartbeat: Option<HeartbeatSpec>,
-    /// `heartbeat` or `guarding`, where both are on.
+    /// Service that takes precedence if both are enabled: `heartbeat` or `guarding`.
     pub wins: Option<String>,
-    /// Whether it watches others' heartbeats.
+    /// Whether the device is a heartbeat consumer.
     pub consumer: bool,
-    /// Code of life guarding's EMCY.
+    /// EMCY code of an expired life guarding.
     pub life_guard_emcy: Option<u16>,
     /// Assumption or defect of the manual.
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
-/// Guarding as delivered.
+/// Factory settings of node guarding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GuardingSpec {
-    /// Guard time in ms.
+    /// Guard time in ms, object 100C.
     #[serde(default)]
     pub time: u16,
-    /// Life time factor.
+    /// Life time factor, object 100D.
     #[serde(default)]
     pub factor: u8,
 }
 
-/// Heartbeat as delivered.
+/// Factory settings of the heartbeat producer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeartbeatSpec {
-    /// Producer time in ms.
+    /// Producer heartbeat time in ms, object 1017.
     #[serde(default)]
     pub default: u16,
-    /// Steps in ms.
+    /// Resolution of the time in ms.
     #[serde(default)]
     pub step: Option<u16>,
 }
 
-/// What a node-ID change does and leaves.
+/// Effects of a node-ID change.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct IdentityChange {
-    /// PDOs whose identifiers stay.
+    /// PDOs that keep their COB-ID.
     pub cob_ids_stay: Vec<String>,
-    /// Objects that fall back to their defaults.
+    /// Objects that are reset to their defaults.
     pub resets: Vec<ObjectRange>,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
-/// Where the tool of the maker puts what into PDOs.
+/// Area that the manufacturer's tool divides into PDOs.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Area {
     /// Key of the list in the bus file.
     pub name: String,
-    /// PDOs it is sliced into, in order.
+    /// PDOs that carry the area, in order.
     pub pdos: Vec<String>,
-    /// Bytes in all.
+    /// Total length in bytes.
     pub bytes: u16,
-    /// Widths an entry may have.
+    /// Permitted lengths of an entry, in bytes.
     pub entry_bytes: Vec<u8>,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// Strings, one or several.
+/// One string or a list of strings.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(from = "OneOrMany<String>")]
-pub struct Words(pub Vec<String>);
+pub struct TextList(pub Vec<String>);
 
-impl From<OneOrMany<String>> for Words {
+impl From<OneOrMany<String>> for TextList {
     fn from(list: OneOrMany<String>) -> Self {
         Self(list.into_vec())
     }

@@ -3,78 +3,78 @@
 use serde::Deserialize;
 
 use crate::profile::layout::PdoName;
-use crate::profile::object::{Only, When};
+use crate::profile::object::{ObjectCondition, VariantFilter};
 use crate::profile::reference::Reference;
 
-/// A PDO of the device.
+/// PDO of a device with its contents.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PdoSpec {
-    /// Which.
+    /// Name, such as TPDO1.
     pub pdo: PdoName,
-    /// What decides its contents.
+    /// Source of the mapping.
     pub mapping: Mapping,
-    /// What makes the device send it.
+    /// Trigger that makes the device send it.
     #[serde(default)]
     pub trigger: Option<String>,
-    /// When an RPDO acts.
+    /// Time at which an RPDO takes effect.
     #[serde(default)]
     pub effect: PdoEffect,
     /// Contents, from bit 0 of byte 0.
     #[serde(default)]
     pub fields: Vec<PdoField>,
-    /// Only with this value of an object.
+    /// Object value under which this entry applies.
     #[serde(default)]
-    pub when: Option<When>,
-    /// Identifier, where it is not that of the predefined connection set.
+    pub when: Option<ObjectCondition>,
+    /// Identifier, if different from the predefined connection set.
     #[serde(default)]
     pub cob_id: Option<String>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// What decides a PDO's contents.
+/// Source of a PDO mapping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mapping {
-    /// Never changes.
+    /// Fixed in the device.
     Fixed,
-    /// As delivered, until the bus shows another.
+    /// Factory default; replaced by a mapping seen on the bus.
     Default,
-    /// Set by the maker's tool: only the bus file can tell.
+    /// Configured in the manufacturer's tool; known from the bus file only.
     BusFile,
 }
 
-/// When an RPDO acts.
+/// Time at which an RPDO takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PdoEffect {
-    /// As its transmission type says (14xx:02), at once if that is not known.
+    /// According to the transmission type (14xx:02); immediately if unknown.
     #[default]
     ByType,
-    /// At the next SYNC with the node's own identifier.
+    /// At the next SYNC with the identifier configured in the node.
     AtSync,
-    /// At once.
+    /// Immediately.
     AtOnce,
 }
 
-/// A part of a PDO.
+/// Field of a PDO or message.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PdoField {
-    /// Object; none: room without meaning.
+    /// Mapped object; `None` for a gap.
     #[serde(default)]
     pub object: Option<Reference>,
-    /// Width.
+    /// Length in bits.
     pub bits: u16,
-    /// What room without meaning always holds.
+    /// Fixed content of a gap.
     #[serde(default)]
     pub constant: Option<u64>,
 }

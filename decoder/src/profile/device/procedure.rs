@@ -1,125 +1,125 @@
-//! Procedures: what a device does that begins and ends.
+//! Procedures: device functions with a start and an end, such as a calibration.
 
 use serde::Deserialize;
 
 use super::condition::{Condition, Trigger};
-use crate::profile::object::{ONCE, Only, Repeat};
+use crate::profile::object::{ONCE, Repeat, VariantFilter};
 use crate::profile::reference::{ObjectRange, Reference};
 
-/// Something with a begin and an end.
+/// Device function with a start and an end.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Procedure {
-    /// Name.
+    /// Name; `{n}` is replaced by the repeat number.
     pub name: String,
-    /// KIND of its lines.
+    /// KIND column of its event lines.
     #[serde(default)]
     pub word: Option<String>,
-    /// Several alike.
+    /// Repeats with consecutive objects.
     #[serde(default)]
     pub repeat: Repeat,
-    /// What starts it.
+    /// Trigger that starts it.
     pub start: Trigger,
-    /// Where its status can be read.
+    /// Source of its status.
     #[serde(default)]
     pub status: Option<StatusSpec>,
-    /// Where the outcome stands.
+    /// Object that contains the result.
     #[serde(default)]
     pub result: Option<Reference>,
-    /// Nominal duration.
+    /// Nominal duration in s.
     #[serde(default)]
     pub seconds: Option<f64>,
-    /// Set points of the bus are ignored meanwhile.
+    /// Whether the device ignores set points from the bus while it runs.
     #[serde(default)]
     pub takes_over: bool,
-    /// What stops it.
+    /// Trigger that stops it.
     #[serde(default)]
     pub stop: Option<Trigger>,
-    /// A sign that it ended, though not how.
+    /// Trigger that ends it with an unknown outcome.
     #[serde(default)]
     pub also_end: Option<Trigger>,
-    /// What ends it well.
+    /// Trigger that ends it with success.
     #[serde(default)]
     pub end: Option<Trigger>,
-    /// What happens on the way.
+    /// Intermediate steps.
     #[serde(default)]
-    pub steps: Vec<Step>,
-    /// The confirmation of the start is its end.
+    pub steps: Vec<ProcedureStep>,
+    /// Whether the confirmation of the start is also its end.
     #[serde(default)]
     pub instant: bool,
-    /// Objects it changes.
+    /// Objects whose values it changes.
     #[serde(default)]
     pub invalidates: Vec<ObjectRange>,
-    /// Values the device falls back to when it fails.
+    /// Values that the device restores after a failure.
     #[serde(default)]
     pub on_error: Vec<Fallback>,
-    /// Preconditions the bus can show.
+    /// Preconditions that are visible on the bus.
     #[serde(default)]
     pub needs: Vec<Condition>,
-    /// Preconditions it cannot.
+    /// Preconditions that are not visible on the bus.
     #[serde(default)]
     pub checks: Vec<String>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// Where a status can be read, and what its numbers mean.
+/// Object and code table of a status.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StatusSpec {
-    /// The object.
+    /// Status object.
     pub object: Reference,
     /// Name of a `[codes.NAME]` table.
     pub codes: String,
 }
 
-/// A step on the way.
+/// Intermediate step of a procedure.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Step {
-    /// When.
+pub struct ProcedureStep {
+    /// Trigger of the step.
     pub on: Trigger,
-    /// Name.
+    /// Name of the step in output.
     pub step: String,
 }
 
-/// A value an object falls back to.
+/// Value that an object is reset to.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fallback {
-    /// The object.
+    /// Object that changes.
     pub object: Reference,
-    /// Its raw value then.
+    /// New raw value.
     pub becomes: i64,
 }
 
-/// What numbers of a status mean.
+/// Table of status numbers.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StatusCodes {
-    /// First match wins.
+    /// Codes in order of precedence.
     pub list: Vec<StatusCode>,
 }
 
-/// One of them.
+/// Meaning of one status number.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StatusCode {
-    /// The number.
+    /// Status number.
     pub code: u64,
-    /// Bits that count.
+    /// Bits to compare.
     #[serde(default = "all")]
     pub mask: u64,
-    /// What it says of the procedure.
+    /// Status of the procedure.
     pub outcome: ProcedureStatus,
-    /// For the reader.
+    /// Explanation for the user.
     #[serde(default)]
     pub text: String,
 }
@@ -128,26 +128,26 @@ const fn all() -> u64 {
     u64::MAX
 }
 
-/// How a procedure stands.
+/// Status of a procedure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ProcedureStatus {
-    /// Goes on.
+    /// In progress.
     Running,
-    /// Finished well.
+    /// Finished with success.
     Ok,
-    /// Not begun: another one runs.
+    /// Not started: another procedure is running.
     Busy,
-    /// Stopped by the user.
+    /// Stopped on request.
     Stopped,
     /// Failed.
     Error,
-    /// Ended, but how was not seen.
+    /// Ended with an unknown outcome.
     Ended,
 }
 
 impl ProcedureStatus {
-    /// The name used in all output.
+    /// Name in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Running => "running",
@@ -161,14 +161,14 @@ impl ProcedureStatus {
 }
 
 impl StatusCodes {
-    /// What a number says.
+    /// First code that matches a status number.
     pub fn find(&self, number: u64) -> Option<&StatusCode> {
         self.list.iter().find(|code| number & code.mask == code.code & code.mask)
     }
 }
 
 impl Procedure {
-    /// All it waits for.
+    /// All triggers of the procedure.
     pub(crate) fn triggers(&self) -> impl Iterator<Item = &Trigger> {
         let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
         ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
@@ -192,7 +192,7 @@ impl Procedure {
             steps: self
                 .steps
                 .iter()
-                .map(|step| Step { on: step.on.pinned(nth, stride), step: step.step.clone() })
+                .map(|step| ProcedureStep { on: step.on.pinned(nth, stride), step: step.step.clone() })
                 .collect(),
             invalidates: self.invalidates.iter().map(|range| range.pinned(nth, stride)).collect(),
             on_error: self

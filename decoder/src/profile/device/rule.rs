@@ -1,121 +1,141 @@
-//! What a capture can violate of a manual, and which general rules a device need not obey.
+//! Rules from a device manual, and waivers of general rules.
 //!
-//! What holds for all kinds:
-//! - A rule is judged for each node with the profile by itself; with `repeat` for each channel by itself.
-//! - With `while` it is judged only while all of those conditions are proven. What is unknown proves nothing:
-//!   an object that was not seen, one known only as delivered, an NMT state that is only presumed, a state on its
-//!   way. An object of role `actual` counts for two seconds after the frame that brought it.
-//! - A list of triggers in `on` is judged one by one; of those in `before`, `since`, `after` and `then` one is enough.
-//! - In `on` a write by SDO happens at the server's answer, confirmed or refused: the attempt is what the manual
-//!   speaks of. In all other places only a confirmed one counts. A write without an answer counts nowhere.
-//! - Conditions are those just before `on` took effect; objects in the same PDO or message count as it brings them.
-//! - Times are compared with the granularity of the capture's stamps in the rule's favour, and not at all where
-//!   the capture's times are of no use. `limits` have a tolerance of a thousandth of their span, `range` has none.
-//! - A PDO comes with the identifier in force. While that is only assumed, absence of the PDO proves nothing.
-//! - What never started a rule, or never proved its `while`, leaves it *not exercised*.
+//! The following applies to all kinds:
+//! - A rule is checked per node with the profile; with `repeat`, per channel.
+//! - With `while` it is checked only while all these conditions are proven. Not proven are: an object without
+//!   a value on the bus, a factory default, a presumed NMT state, a state transition in progress. An object
+//!   with role `actual` is valid for two seconds after the frame that contains it.
+//! - Each trigger in `on` is checked separately; in `before`, `since`, `after` and `then` one is sufficient.
+//! - In `on` an SDO write occurs with the server's response, confirmed or aborted, since manuals refer to the
+//!   attempt. Elsewhere only a confirmed write counts. A write without a response never counts.
+//! - Conditions are evaluated just before `on` takes effect, but with the objects in the same PDO or message.
+//! - Time limits are relaxed by the granularity of the timestamps, and not checked without usable timestamps.
+//!   `limits` have a tolerance of a thousandth of their span, `range` has none.
+//! - A PDO is recognised by the identifier in force. If that is only assumed, a missing PDO proves nothing.
+//! - A rule that never started, or whose `while` was never proven, is *not exercised*.
 
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::condition::{Conditions, Triggers};
-use crate::profile::object::{Numbers, ONCE, Only, Repeat};
+use super::condition::{Conditions, Trigger, Triggers};
+use crate::profile::object::{Numbers, ONCE, Repeat, VariantFilter};
 use crate::profile::reference::{ObjectRange, Reference};
 
-/// A statement of the manual that a capture can violate.
+/// Requirement of the manual that a capture can violate.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceRule {
-    /// Name in kebab-case; printed behind the profile's id.
+    /// Name in kebab-case; printed after the profile id.
     pub name: String,
-    /// One a channel, or several alike; references move along. With `channel` a state is that of the channel.
+    /// Repeats, for example one per channel; references move along. With `channel` a state is that of the
+    /// channel.
     #[serde(default)]
     pub repeat: Repeat,
-    /// How bad.
+    /// Severity of its findings.
     pub severity: Severity,
-    /// What kind of statement; the keys below belong to some.
+    /// Kind of requirement; it determines the other keys.
     pub kind: RuleKind,
-    /// For the reader.
+    /// Requirement as text.
     pub text: String,
-    /// What it is about.
+    /// Next step for the user: an imperative without a full stop.
+    #[serde(default)]
+    pub next: String,
+    /// Triggers that start a check.
     #[serde(default)]
     pub on: Triggers,
-    /// What must follow.
+    /// Triggers that must follow.
     #[serde(default)]
     pub then: Triggers,
-    /// What must have been before.
+    /// Triggers that must have occurred before.
     #[serde(default)]
     pub before: Triggers,
-    /// What makes an earlier `before` void; the node's start if none is named.
+    /// Triggers that invalidate an earlier `before`; the start of the node if empty. For the kinds about
+    /// values and events: the rule applies only after one of them.
     #[serde(default)]
     pub since: Triggers,
-    /// What `ms` is counted from, where not from the `on` before.
+    /// Triggers after which the rule no longer applies.
+    #[serde(default)]
+    pub until: Triggers,
+    /// Triggers of the steps of a sequence, in their order.
+    #[serde(default)]
+    pub steps: Vec<Triggers>,
+    /// Start of `ms`, if different from the previous `on`.
     #[serde(default)]
     pub after: Triggers,
     /// Object of a limit.
     #[serde(default)]
     pub object: Option<Reference>,
-    /// Objects of a limit, or those whose values rise.
+    /// Objects of a limit, or with ascending values.
     #[serde(default)]
     pub objects: Vec<Reference>,
-    /// Permitted raw values.
+    /// Permitted raw values: minimum and maximum.
     #[serde(default)]
     pub range: Option<[i64; 2]>,
-    /// Permitted values in the object's unit.
+    /// Permitted values in the object's unit: minimum and maximum.
     #[serde(default)]
     pub limits: Option<[f64; 2]>,
-    /// Raw values that are forbidden or permitted.
+    /// Object whose scaled value is the maximum of the magnitude.
+    #[serde(default)]
+    pub within: Option<Reference>,
+    /// Forbidden or permitted raw values.
     #[serde(default)]
     pub values: Option<Numbers>,
-    /// Permitted raw values are multiples of it.
+    /// Permitted raw values are multiples of this step.
     #[serde(default)]
     pub step: Option<u32>,
-    /// Values of neighbours may be equal.
+    /// Whether consecutive values may be equal.
     #[serde(default)]
     pub or_equal: bool,
-    /// Milliseconds.
+    /// Time limit in ms.
     #[serde(default)]
     pub ms: Option<f64>,
-    /// Object whose scaled value is the milliseconds; unknown or 0: not judged.
+    /// Object whose scaled value is the limit in ms; not checked if 0 or unknown.
     #[serde(default)]
     pub ms_of: Option<Reference>,
-    /// So many times the value of `ms_of`.
+    /// Factor for the value of `ms_of`.
     #[serde(default = "one_time")]
     pub times: f64,
-    /// How many.
+    /// Max number of occurrences.
     #[serde(default)]
     pub count: Option<u32>,
-    /// `sync`, `while` or seconds.
+    /// Interval of `count`: `sync`, `while` or seconds.
     #[serde(default)]
-    pub per: Option<Per>,
-    /// What must hold.
+    pub per: Option<CountWindow>,
+    /// Conditions that must hold.
     #[serde(default)]
     pub needs: Conditions,
-    /// Only while this holds.
+    /// Conditions under which the rule applies (`while`).
     #[serde(default, rename = "while")]
     pub during: Conditions,
-    /// First and last identifier.
+    /// Length of a message in bytes.
+    #[serde(default)]
+    pub bytes: Option<u8>,
+    /// J1939 parameter groups.
+    #[serde(default)]
+    pub groups: Vec<u32>,
+    /// First and last CAN identifier.
     #[serde(default)]
     pub ids: Option<[u32; 2]>,
-    /// What frames on `ids` may be.
+    /// Permitted form of frames on `ids`.
     #[serde(default)]
     pub shape: Option<Shape>,
-    /// Objects the statement does not hold for.
+    /// Objects that are exempt.
     #[serde(default)]
     pub except: Vec<ObjectRange>,
-    /// Rules of this profile, or else general ones, whose findings of the same node have the same cause and belong
-    /// under a finding of this one.
+    /// Rules of this profile, otherwise general rules, whose findings on the same node have the same cause
+    /// and are listed under a finding of this rule.
     #[serde(default)]
     pub takes_in: Vec<String>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
-    /// Number of the channel, where there are several.
+    /// Channel number; `None` without channels.
     #[serde(skip)]
     pub channel: Option<u8>,
 }
@@ -124,20 +144,20 @@ const fn one_time() -> f64 {
     1.0
 }
 
-/// How bad.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// For information.
+    /// Information only.
     Note,
-    /// Should be looked at.
+    /// Should be checked.
     Warning,
-    /// Wrong.
+    /// Violation with effect on the machine.
     Error,
 }
 
 impl Severity {
-    /// One step less.
+    /// Next lower severity.
     #[must_use]
     pub(crate) const fn lowered(self) -> Self {
         match self {
@@ -146,7 +166,7 @@ impl Severity {
         }
     }
 
-    /// The name used in all output.
+    /// Name in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Note => "note",
@@ -156,88 +176,119 @@ impl Severity {
     }
 }
 
-/// Kinds of statement.
+/// Kind of requirement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RuleKind {
-    /// The objects stay inside `range` or `limits`: each value that comes by PDO, message, upload or download (also
-    /// a refused one) is judged, special values (`special`) apart. A scale that is only assumed leaves `limits`
-    /// unjudged.
+    /// The objects stay within `range` or `limits`, or their magnitude is at most `within`. Checks each value in a PDO, message, upload or download
+    /// (also an aborted one), except special values (`special`). `limits` are not checked with an assumed
+    /// scale.
     Limit,
-    /// None of `values` comes to the objects: each download, also a refused one, and each PDO or message that carries
-    /// them to the device is judged. Uploads are not.
+    /// The objects never receive one of `values`. Checks each download, also an aborted one, and each PDO or
+    /// message that carries them to the device, but not uploads.
     Forbidden,
-    /// Nothing but `values`, or multiples of `step`, comes to the objects; as `Forbidden` otherwise.
+    /// The objects receive only `values`, or multiples of `step`; otherwise like `Forbidden`.
     Permitted,
-    /// `on` does not happen. Without `while` it is exercised by the device's presence.
+    /// `on` does not occur. Without `while` it counts as exercised if the device is present.
     Never,
-    /// `on` comes at least `ms` after the `on` before, or, with `after`, after the latest of those. The first `on` of
-    /// a node's life, and the first since the bus was silent, are not judged.
+    /// `on` occurs at least `ms` after the previous `on`, or after the last `after`. Not checked for the
+    /// first `on` after the start of the node or after a silent bus.
     MinInterval,
-    /// `on` comes at most `ms` after the `on` before. The wait begins with the first `on`; where there is a `while`,
-    /// already when that comes to hold, and it ends when that ceases. One finding a gap, at its end.
+    /// `on` occurs at most `ms` after the previous `on`. The interval starts with the first `on`, or as soon
+    /// as `while` holds, and ends when `while` ceases to hold. One finding per gap, at its end.
     MaxInterval,
-    /// At most `count` of `on` between two SYNCs with the node's own identifier (`per = "sync"`), in one stretch of
-    /// `while` that nothing interrupts (`"while"`), or in any so many seconds.
+    /// At most `count` of `on` between two SYNCs with the identifier configured in the node (`per = "sync"`),
+    /// in one uninterrupted period of `while` (`"while"`), or within a number of seconds.
     MaxCount,
-    /// When `on` happens, all of `needs` hold. Fires only where one of them is proven not to.
+    /// All `needs` hold when `on` occurs. Reports only conditions that are proven not to hold; with `ms`, only
+    /// if they did not hold at any `on` during this time.
     Precondition,
-    /// After `on`, `then` comes within `ms`. A further `on` before that begins anew; a `while` that ceases, a restart
-    /// of the node and the end of the capture withdraw it.
+    /// `then` occurs within `ms` after `on`. Another `on` restarts the time; the end of `while`, a restart of
+    /// the node and the end of the capture cancel the check.
     Follow,
-    /// `on` comes only after `before`. `since` makes an earlier `before` void. Judged from the first `since` in the
-    /// capture on: what was before that is not known.
+    /// `on` occurs only after `before`. `since` invalidates an earlier `before`. Checked only after the first
+    /// `since` in the capture, because earlier events are unknown; with `ms`, not until that time
+    /// after it, unless it is the start of the node.
     Order,
-    /// The values of `objects` rise from each to the next. Judged when `on` happens; without `on` one second after the
-    /// last write to one of them. Fires where two neighbours that were both seen do not rise.
+    /// The first occurrences of `steps` since the start of the node have this order. Steps may be missing.
+    /// Checked only after a start in the capture.
+    Sequence,
+    /// The values of `objects` ascend. Checked when `on` occurs; without `on`, one second after the last
+    /// write to one of them. Reports two consecutive known values that do not ascend.
     Ascending,
-    /// Identifiers `ids` belong to the device and its tools. Fires on each bus with such a device for an owner of
-    /// another kind (identifier learnt on the wire, bus file, device file), and for a data frame that has not `shape`.
+    /// The identifiers `ids` are reserved for the device and its tools. Reports, on each bus with such a
+    /// device, an owner of another kind (seen in SDO traffic, bus file, device file) and a data frame without
+    /// `shape`.
     ReservedId,
-    /// SDO transfers are expedited, apart from those of `except`: segmented and block transfers of other objects, also
-    /// refused ones, are findings.
+    /// SDO transfers are expedited except for the objects in `except`. Reports segmented and block transfers
+    /// of other objects, also aborted ones.
     Expedited,
-    /// A remote frame that asks for a TPDO of the device carries the length of that PDO.
+    /// A remote frame that requests a TPDO of the device has the length of that PDO.
     RemoteLength,
+    /// An EMCY has eight bytes. An empty one is permitted if the device sends it at its start
+    /// (`at_boot = "ready-telegram"`).
+    EmcyLength,
+    /// The code of an EMCY is in the list `[[emcy.code]]`.
+    EmcyCode,
+    /// The error register of an EMCY has the bits that `[[emcy.code]]` gives for its code. More bits may belong
+    /// to other errors. With `cleared = "all-gone"` it is 0 for code 0000.
+    EmcyRegister,
+    /// The device refuses SDO requests only with codes of the list `[[abort]]`.
+    AbortCode,
+    /// The node-ID is within `range`. Checked once, at the first frame of the node under this node-ID.
+    NodeId,
+    /// The J1939 source address is within `range`. Checked like `NodeId`.
+    SourceAddress,
+    /// The J1939 messages in `on` have `bytes` bytes.
+    MessageLength,
+    /// The device sends the parameter groups `groups` only within `ms` after a request for them. Not checked in
+    /// the first `ms` after its first frame.
+    OnRequest,
+    /// UDS requests to the device have one of the services in `values`.
+    UdsServices,
+    /// The PDOs in `on` have the fixed content (`constant`) that the profile gives for a part of them.
+    Constant,
 }
 
-/// What `count` counts in.
+/// Interval in which `count` counts.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(untagged, expecting = "\"sync\", \"while\" or seconds")]
-pub enum Per {
-    /// A number of seconds.
+#[serde(untagged, expecting = "expected \"sync\", \"while\" or a number of seconds")]
+pub enum CountWindow {
+    /// Fixed time in seconds.
     Seconds(f64),
-    /// A stretch.
-    Stretch(Stretch),
+    /// Interval without a fixed length.
+    Variable(VariableWindow),
 }
 
-/// Stretches of time without a fixed length.
+/// Interval without a fixed length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Stretch {
+pub enum VariableWindow {
     /// Between two SYNCs.
     Sync,
-    /// While the conditions of `while` hold without a break.
+    /// Uninterrupted period in which the conditions of `while` hold.
     While,
 }
 
-/// What a frame may be.
+/// Permitted form of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Shape {
-    /// Eight bytes, the first a command specifier of SDO.
+    /// Eight bytes that start with an SDO command specifier.
     Sdo,
 }
 
 impl DeviceRule {
-    /// A key its kind needs and does not have.
+    /// Keys that the kind of rule requires and that are missing.
     pub fn missing(&self) -> Option<&'static str> {
         let on = !self.on.0.is_empty();
         let object = self.subjects().next().is_some();
         let time = self.ms.is_some() != self.ms_of.is_some();
         let (there, what) = match self.kind {
             RuleKind::Limit => {
-                (object && self.range.is_some() != self.limits.is_some(), "object, and range or limits")
+                let given = [self.range.is_some(), self.limits.is_some(), self.within.is_some()];
+                let is_one = given.into_iter().filter(|is_given| *is_given).count() == 1;
+                (object && is_one, "object, and range, limits or within")
             }
             RuleKind::Forbidden => (object && self.values.is_some(), "object and values"),
             RuleKind::Permitted => {
@@ -246,30 +297,53 @@ impl DeviceRule {
             RuleKind::Never => (on, "on"),
             RuleKind::MinInterval | RuleKind::MaxInterval => (on && time, "on, and ms or ms_of"),
             RuleKind::MaxCount => {
-                let stretch = self.per == Some(Per::Stretch(Stretch::While));
+                let stretch = self.per == Some(CountWindow::Variable(VariableWindow::While));
                 let bounded = !stretch || !self.during.0.is_empty();
-                (on && self.count.is_some() && self.per.is_some() && bounded, "on, count, per and its while")
+                (
+                    on && self.count.is_some() && self.per.is_some() && bounded,
+                    "on, count and per, and while with per = \"while\"",
+                )
             }
             RuleKind::Precondition => (on && !self.needs.0.is_empty(), "on and needs"),
             RuleKind::Follow => (on && !self.then.0.is_empty() && time, "on, then, and ms or ms_of"),
-            RuleKind::Order => (on && !self.before.0.is_empty(), "on and before"),
-            RuleKind::Ascending => (self.objects.len() > 1, "two objects or more"),
+            RuleKind::Order => (on && !self.before.0.is_empty() && self.ms_of.is_none(), "on and before"),
+            RuleKind::Sequence => (self.steps.len() > 1, "at least two steps"),
+            RuleKind::Ascending => (self.objects.len() > 1, "at least two objects"),
             RuleKind::ReservedId => {
-                (self.ids.is_some_and(|[first, last]| first <= last), "ids, first to last")
+                (self.ids.is_some_and(|[first, last]| first <= last), "ids in ascending order")
             }
-            RuleKind::Expedited | RuleKind::RemoteLength => (true, ""),
+            _ => self.required_of_lists(),
         };
         (!there).then_some(what)
     }
 
-    /// What the user may set, by the name of its key: what the rule itself has.
+    /// Whether a rule about a list, range or content has its keys, and these keys.
+    fn required_of_lists(&self) -> (bool, &'static str) {
+        let on = |is_right: fn(&Trigger) -> bool| !self.on.0.is_empty() && self.on.0.iter().all(is_right);
+        match self.kind {
+            RuleKind::NodeId | RuleKind::SourceAddress => (self.range.is_some(), "range"),
+            RuleKind::UdsServices => (self.values.is_some(), "values"),
+            RuleKind::OnRequest => {
+                let has_time = self.ms.is_some() != self.ms_of.is_some();
+                (!self.groups.is_empty() && has_time, "groups, and ms or ms_of")
+            }
+            RuleKind::Constant => (on(|it| matches!(it, Trigger::Pdo(_))), "on with PDOs only"),
+            RuleKind::MessageLength => {
+                let are_messages = on(|it| matches!(it, Trigger::Message(_)));
+                (are_messages && self.bytes.is_some(), "on with messages only, and bytes")
+            }
+            _ => (true, ""),
+        }
+    }
+
+    /// Keys of the rule that the user can override.
     pub fn tolerances(&self) -> impl Iterator<Item = &'static str> {
         let all =
             [("ms", self.ms.is_some()), ("times", self.ms_of.is_some()), ("count", self.count.is_some())];
         all.into_iter().filter(|(_, is_there)| *is_there).map(|(key, _)| key)
     }
 
-    /// Sets one of them.
+    /// Overrides one of the tolerances.
     pub(in crate::profile) fn set_tolerance(&mut self, key: &str, value: f64) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let count = value as u32;
@@ -281,12 +355,25 @@ impl DeviceRule {
         }
     }
 
-    /// `object` and `objects`.
+    /// Whether the rule applies only after `since`, until `until` or a restart of the node.
+    pub(crate) const fn is_scoped(&self) -> bool {
+        let has_scope = matches!(
+            self.kind,
+            RuleKind::Limit
+                | RuleKind::Forbidden
+                | RuleKind::Permitted
+                | RuleKind::Never
+                | RuleKind::Precondition
+        );
+        has_scope && !self.since.0.is_empty()
+    }
+
+    /// Objects in `object` and `objects`.
     pub(crate) fn subjects(&self) -> impl Iterator<Item = Reference> {
         self.object.iter().chain(&self.objects).copied()
     }
 
-    /// The same for one channel.
+    /// Copy for repeat `nth`.
     pub(super) fn pinned(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
         Self {
@@ -294,9 +381,12 @@ impl DeviceRule {
             then: self.then.pinned(nth, stride),
             before: self.before.pinned(nth, stride),
             since: self.since.pinned(nth, stride),
+            until: self.until.pinned(nth, stride),
+            steps: self.steps.iter().map(|step| step.pinned(nth, stride)).collect(),
             after: self.after.pinned(nth, stride),
             object: self.object.map(|it| it.pinned(nth, stride)),
             objects: self.objects.iter().map(|it| it.pinned(nth, stride)).collect(),
+            within: self.within.map(|it| it.pinned(nth, stride)),
             ms_of: self.ms_of.map(|it| it.pinned(nth, stride)),
             needs: self.needs.pinned(nth, stride),
             during: self.during.pinned(nth, stride),
@@ -308,21 +398,21 @@ impl DeviceRule {
     }
 }
 
-/// A general rule the device need not obey.
+/// General rule that does not apply to the device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Waiver {
-    /// Name of the rule.
+    /// Rule slug, with its position in the profile.
     pub rule: Spanned<String>,
-    /// Why.
+    /// Reason of the waiver.
     pub text: String,
-    /// Only findings about these objects, if any are named.
+    /// Objects it applies to; all if empty.
     #[serde(default)]
     pub objects: Vec<ObjectRange>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
-    /// Section.
+    pub only: VariantFilter,
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }

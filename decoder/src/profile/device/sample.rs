@@ -1,4 +1,4 @@
-//! Samples: what proves a profile.
+//! Samples: test cases of a profile.
 
 use std::collections::BTreeMap;
 
@@ -7,29 +7,29 @@ use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
 use crate::profile::layout::PdoName;
-use crate::profile::object::{Given, Only};
+use crate::profile::object::{DefaultValue, VariantFilter};
 use crate::wire::NodeId;
 
-/// Frames, and what the device means by the last of them.
+/// Frames, and the expected result of the last one.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
-    /// What it shows.
+    /// Purpose of the sample.
     #[serde(default)]
     pub about: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
-    /// The node: `32`, `"sa:0x80"`.
+    /// Node of the device: `32`, `"sa:0x80"`.
     #[serde(default = "first", deserialize_with = "node")]
     pub node: NodeId,
-    /// Variants it holds for.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
-    /// Raw values known before, by object.
+    pub only: VariantFilter,
+    /// Known raw values before the first frame, by object.
     #[serde(default)]
-    pub given: BTreeMap<String, Given>,
-    /// What fills areas of the maker's tool, as the bus file tells: `tx_area = ["2F10/4"]`.
+    pub given: BTreeMap<String, DefaultValue>,
+    /// Areas of the manufacturer's tool, as in the bus file: `tx_area = ["2F10/4"]`.
     #[serde(default)]
     pub areas: BTreeMap<String, Vec<String>>,
     /// Frames in candump's notation, 10 ms apart.
@@ -37,16 +37,16 @@ pub struct Sample {
     /// The last frame is this PDO.
     #[serde(default)]
     pub pdo: Option<PdoName>,
-    /// The last frame is this message of J1939, by its name in the profile.
+    /// The last frame is this J1939 message, by its name in the profile.
     #[serde(default)]
     pub message: Option<String>,
-    /// The last frame reports this fault, as "298985/19": SPN and FMI.
+    /// The last frame reports this fault, such as "298985/19": SPN and FMI.
     #[serde(default)]
     pub dtc: Option<String>,
-    /// Scaled values of the PDO or message by object.
+    /// Expected scaled values in the PDO or message, by object.
     #[serde(default)]
     pub signals: BTreeMap<String, Spanned<f64>>,
-    /// Its names of values and bits by object.
+    /// Expected names of values and bits, by object.
     #[serde(default)]
     pub texts: BTreeMap<String, String>,
     /// The last frame is an EMCY with this code.
@@ -55,40 +55,40 @@ pub struct Sample {
     /// The last frame ends an SDO transfer of this object.
     #[serde(default)]
     pub object: Option<String>,
-    /// Its scaled value.
+    /// Expected scaled value of the object.
     #[serde(default)]
     pub value: Option<Spanned<f64>>,
-    /// Its unit.
+    /// Expected unit of the value.
     #[serde(default)]
     pub unit: Option<String>,
     /// The last frame is an SDO abort with this code.
     #[serde(default)]
     pub abort: Option<u32>,
-    /// The last frame answers a UDS request for this identifier.
+    /// The last frame completes the response to a UDS request for this identifier.
     #[serde(default)]
     pub uds: Option<u16>,
-    /// With this negative response code.
+    /// Expected negative response code.
     #[serde(default)]
     pub nrc: Option<u8>,
-    /// Text of the EMCY, of the fault, of the abort as the device means it, or of the object's value.
+    /// Expected text of the EMCY, fault, abort or value.
     #[serde(default)]
     pub text: Option<String>,
-    /// The state machine is in this state.
+    /// Expected state of the state machine.
     #[serde(default)]
     pub state: Option<String>,
-    /// The last frame reports it, for this cause.
+    /// Expected cause of the state, reported by the last frame.
     #[serde(default)]
     pub cause: Option<String>,
-    /// Of this channel.
+    /// Channel of the state machine.
     #[serde(default)]
     pub channel: Option<u8>,
-    /// The last frame makes an event of this procedure.
+    /// The last frame causes an event of this procedure.
     #[serde(default)]
     pub procedure: Option<String>,
-    /// With this status, or this step.
+    /// Expected status or step of the procedure.
     #[serde(default)]
     pub status: Option<String>,
-    /// The set point of the last frame is closed by this gate.
+    /// This gate closes the set point in the last frame.
     #[serde(default)]
     pub gate: Option<String>,
 }
@@ -98,7 +98,7 @@ const fn first() -> NodeId {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "a node-ID, or a J1939 address as \"sa:0x80\"")]
+#[serde(untagged, expecting = "expected a node-ID, or a J1939 address such as \"sa:0x80\"")]
 enum Number {
     Id(u8),
     Text(String),

@@ -1,4 +1,4 @@
-//! UDS as a device has it: its own identifiers and its own words for negative responses.
+//! UDS properties of a device: its own identifiers and negative responses.
 
 use std::sync::Arc;
 
@@ -9,22 +9,22 @@ use super::network::OrderName;
 use crate::profile::data_type::DataType;
 use crate::profile::meaning::Meaning;
 use crate::profile::names::Names;
-use crate::profile::object::{Access, Effect, Only, Role};
+use crate::profile::object::{Access, Effect, Role, VariantFilter};
 use crate::wire::canopen::emcy::ByteOrder;
 
-/// UDS of a device.
+/// UDS properties of a device.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct UdsSpec {
-    /// Byte order of identifiers and numbers; ISO 14229-1 sends the high byte first.
+    /// Byte order of identifiers and numbers; high byte first (ISO 14229-1) if `None`.
     pub identifier_order: Option<OrderName>,
-    /// Identifiers of its own.
+    /// Device-specific data and routine identifiers.
     pub identifier: Vec<Spanned<UdsIdentifier>>,
-    /// Negative responses with a meaning of their own.
+    /// Device-specific negative responses.
     pub nrc: Vec<UdsNrc>,
     /// Assumption or defect of the manual.
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     pub source: String,
 }
 
@@ -32,66 +32,66 @@ pub struct UdsSpec {
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UdsIdentifier {
-    /// The identifier.
+    /// Identifier number.
     pub id: u16,
-    /// Name.
+    /// Name in output.
     pub name: String,
-    /// Who may do what.
+    /// Access rights.
     #[serde(default)]
     pub access: Option<Access>,
-    /// Type; bytes where it is not said.
+    /// Data type; raw bytes if `None`.
     #[serde(default, rename = "type")]
     pub data_type: Option<DataType>,
-    /// Unit.
+    /// Unit of the value.
     #[serde(default)]
     pub unit: String,
     /// Permitted raw values.
     #[serde(default)]
     pub range: Option<[i64; 2]>,
-    /// As delivered.
+    /// Factory default.
     #[serde(default)]
     pub default: Option<i64>,
-    /// Enumeration.
+    /// Names of values.
     #[serde(default)]
     pub values: Option<Names>,
-    /// What it is for the device.
+    /// Function of the value in the device.
     #[serde(default)]
     pub role: Option<Role>,
-    /// When a write acts.
+    /// Time at which a write takes effect.
     #[serde(default)]
     pub effect: Effect,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
 
-/// A negative response code with a meaning of the device's own.
+/// Device-specific meaning of a negative response code.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UdsNrc {
-    /// The code.
+    /// Negative response code.
     pub code: u8,
-    /// Meaning.
+    /// Meaning in the manual.
     pub text: String,
-    /// Only for these services, if any are named.
+    /// Services it applies to; all if empty.
     #[serde(default)]
     pub services: Vec<u8>,
-    /// Only for these identifiers, if any are named.
+    /// Identifiers it applies to; all if empty.
     #[serde(default)]
     pub identifiers: Vec<u16>,
-    /// Variants it belongs to.
+    /// Variants it applies to; all if empty.
     #[serde(default)]
-    pub only: Only,
+    pub only: VariantFilter,
     /// Assumption or defect of the manual.
     #[serde(default)]
     pub note: String,
-    /// Section.
+    /// Section of the manual.
     #[serde(default)]
     pub source: String,
 }
@@ -102,12 +102,12 @@ impl UdsSpec {
         self.identifier_order.map_or(ByteOrder::MsbFirst, OrderName::order)
     }
 
-    /// An identifier of its own.
+    /// Device-specific identifier.
     pub fn identifier(&self, id: u16) -> Option<&UdsIdentifier> {
         self.identifier.iter().map(Spanned::get_ref).find(|entry| entry.id == id)
     }
 
-    /// Its own entry of a negative response; one for the service or identifier goes before one for all.
+    /// Device-specific negative response; the most specific entry takes precedence.
     pub fn nrc(&self, code: u8, service: u8, identifier: Option<u16>) -> Option<&UdsNrc> {
         let fits = |entry: &&UdsNrc| {
             entry.code == code
@@ -121,12 +121,12 @@ impl UdsSpec {
         self.nrc.iter().rev().filter(fits).max_by_key(narrow)
     }
 
-    /// Whether the device says anything of UDS.
+    /// Whether the profile contains no UDS properties.
     pub fn is_empty(&self) -> bool {
         self.identifier_order.is_none() && self.identifier.is_empty() && self.nrc.is_empty()
     }
 
-    /// What one variant has of it.
+    /// UDS properties of one variant.
     pub(super) fn of_variant(&self, variant: &str) -> Self {
         let mut own = self.clone();
         own.identifier.retain(|entry| entry.get_ref().only.allows(variant));
@@ -136,7 +136,7 @@ impl UdsSpec {
 }
 
 impl UdsIdentifier {
-    /// How its value is read.
+    /// Decoding of the identifier's value.
     pub fn meaning(&self) -> Meaning {
         Meaning {
             name: self.name.clone(),
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_narrowest_text_of_a_code_is_told() {
+    fn the_most_specific_text_of_a_code_is_used() {
         let spec: UdsSpec = toml::from_str(TEXT).unwrap();
         let text = |service, identifier| spec.nrc(0x31, service, identifier).map(|nrc| nrc.text.as_str());
         assert_eq!(text(0x2E, Some(0x1001)), Some("outside 1 to 127"));

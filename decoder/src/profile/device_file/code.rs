@@ -1,8 +1,8 @@
-//! Codes of the files to what they mean: data types, access, object types.
+//! Codes in device files: data types, access types, object types.
 
 use crate::profile::DataType;
 
-/// Who may read and write an entry (CiA 306-1 §4.6.3, CiA 301 table 43).
+/// Access type of an entry (CiA 306-1 §4.6.3, CiA 301 table 43).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Access {
     /// `ro`: read only.
@@ -11,16 +11,16 @@ pub enum Access {
     Wo,
     /// `rw`: read and write.
     Rw,
-    /// `rwr`: read and write, as a process input, which a TPDO carries.
+    /// `rwr`: read and write, as a process input that a TPDO can carry.
     Rwr,
-    /// `rww`: read and write, as a process output, which an RPDO carries.
+    /// `rww`: read and write, as a process output that an RPDO can carry.
     Rww,
-    /// `const`: read only, and always the same.
+    /// `const`: read only, with a constant value.
     Const,
 }
 
 impl Access {
-    /// The word of an EDS: `ro`, `rww`, `const`.
+    /// Keyword in an EDS: `ro`, `rww`, `const`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ro => "ro",
@@ -32,13 +32,13 @@ impl Access {
         }
     }
 
-    /// The access of a word in any letter case.
+    /// Parses a keyword in any letter case.
     pub(super) fn of(word: &str) -> Option<Self> {
         let all = [Self::Ro, Self::Wo, Self::Rw, Self::Rwr, Self::Rww, Self::Const];
         all.into_iter().find(|access| access.name().eq_ignore_ascii_case(word))
     }
 
-    /// The access of a `parameter` in an XDD (CiA 311): seen from the network, as in an EDS.
+    /// Parses the access of a `parameter` in an XDD (CiA 311): as seen from the network, like in an EDS.
     pub(super) fn of_parameter(word: &str) -> Option<Self> {
         Some(match word {
             "const" => Self::Const,
@@ -52,10 +52,10 @@ impl Access {
     }
 }
 
-/// What an object is (CiA 301 table 42).
+/// Object type (CiA 301 table 42).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ObjectType {
-    /// NULL: a place without an object.
+    /// NULL: placeholder without an object.
     Null,
     /// DOMAIN: one entry of any length.
     Domain,
@@ -87,7 +87,7 @@ impl ObjectType {
     }
 }
 
-/// The data type of an index of CiA 301 table 44.
+/// Data type with this index in CiA 301 table 44.
 pub(super) const fn data_type(code: i128) -> Option<DataType> {
     Some(match code {
         0x01 => DataType::Boolean,
@@ -119,8 +119,8 @@ pub(super) const fn data_type(code: i128) -> Option<DataType> {
     })
 }
 
-/// The data type of an element of an XDD (CiA 311, after IEC 61131-3). BITSTRING stands for all that has
-/// no type there: octets, times, domains.
+/// Data type of an XDD element (CiA 311, after IEC 61131-3). BITSTRING is used for all types without an
+/// equivalent: octets, times, domains.
 pub(super) fn element_type(name: &str) -> Option<DataType> {
     Some(match name {
         "BOOL" => DataType::Boolean,

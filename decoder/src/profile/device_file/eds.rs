@@ -1,4 +1,4 @@
-//! EDS and DCF (CiA 306-1): the device, the lists of its objects, and the objects.
+//! EDS and DCF (CiA 306-1): device information, lists of objects, objects.
 
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};
@@ -9,20 +9,20 @@ use super::object::{Context, Sections};
 use super::problem::Problems;
 use super::section::SectionName;
 use super::value::uncommented;
-use super::{DeviceFile, DeviceFileError, DeviceObject, Kind, MOST_ENTRIES};
+use super::{DeviceDescriptionError, DeviceFile, DeviceObject, Kind, MOST_ENTRIES};
 use crate::profile::quoted::quote;
 
 /// Sections that list the objects (CiA 306-1 §4.6.2).
 const LISTS: [&str; 3] = ["mandatoryobjects", "optionalobjects", "manufacturerobjects"];
 
-/// Sections a DCF adds (CiA 306-1 §4.7): the standard's spelling and the right one.
+/// Additional section of a DCF (CiA 306-1 §4.7), in the standard's spelling and the correct one.
 const COMMISSIONING: [&str; 2] = ["devicecomissioning", "devicecommissioning"];
 
-/// Bit rates that have a keyword, in kbit/s.
+/// Bit rates with a keyword of their own, in kbit/s.
 const BIT_RATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
 
-/// Reads the file.
-pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
+/// Parses an EDS or DCF.
+pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
     let mut problems = Problems::default();
     let ini = Ini::parse(text, &mut problems);
     let mut context = Context { ini: &ini, problems: &mut problems };
@@ -30,7 +30,7 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
     let is_known =
         ["deviceinfo", "fileinfo"].iter().chain(&COMMISSIONING).any(|key| ini.section(key).is_some());
     if objects.is_empty() && !is_known {
-        return Err(DeviceFileError::NoSection);
+        return Err(DeviceDescriptionError::NoSection);
     }
     let mut file = DeviceFile::new(kind(&ini));
     device_info(&mut context, &mut file);
@@ -43,7 +43,7 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
             let line = entries.get(room).map_or(0, |entry| entry.line);
             context
                 .problems
-                .add(line, format!("not read from {index:04X} on: more than {MOST_ENTRIES} entries"));
+                .add(line, format!("objects from {index:04X} on skipped (max {MOST_ENTRIES} entries)"));
             entries.truncate(room);
             file.objects.extend(entries);
             break;
@@ -56,8 +56,8 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
     Ok(file)
 }
 
-/// Sections by index. Of two that are about the same the first counts, as for Windows, whose functions
-/// these files were made for.
+/// Sections by index. The first of duplicate sections is used, like in the Windows functions for which this
+/// file format was designed.
 fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
     let mut objects = BTreeMap::<u16, Sections>::new();
     let mut of_modules = Vec::new();
@@ -78,12 +78,15 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
             SectionName::ModuleExtension => {
                 context.problems.add(
                     section.line,
-                    format!("[{}] not read: its sub-indices depend on the modules plugged in", section.name),
+                    format!("[{}] skipped: its sub-indices depend on the installed modules", section.name),
                 );
                 true
             }
             SectionName::Strange => {
-                context.problems.add(section.line, format!("[{}] is no section of an object", section.name));
+                context.problems.add(
+                    section.line,
+                    format!("[{}] skipped: not a valid section name of an object", section.name),
+                );
                 true
             }
             SectionName::Other => context.ini.is_first(at),
@@ -91,15 +94,15 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
         if !is_new {
             context
                 .problems
-                .add(section.line, format!("[{}] is there before; that one counts", section.name));
+                .add(section.line, format!("duplicate section [{}]; the first one is used", section.name));
         }
     }
     place_modules(context, &of_modules, &mut objects);
     objects
 }
 
-/// An object of a module is at the same address wherever the module is. What the device itself says of that
-/// address counts, and of several modules the first.
+/// Adds the objects of modules, whose addresses do not depend on the slot. Objects of the device itself take
+/// precedence, then those of the first module.
 fn place_modules(
     context: &mut Context<'_, '_>,
     of_modules: &[(usize, u16, Option<u8>)],
@@ -114,7 +117,7 @@ fn place_modules(
         if let (false, Some(section), Some(first)) =
             (first == at, context.ini.sections.get(at), context.ini.sections.get(first))
         {
-            let reason = format!("[{}] not read: [{}] is about the same address", section.name, first.name);
+            let reason = format!("[{}] skipped: same address as [{}]", section.name, first.name);
             context.problems.add(section.line, reason);
         }
     }
@@ -124,7 +127,7 @@ fn take(place: &mut Option<usize>, at: usize) -> bool {
     *place.get_or_insert(at) == at
 }
 
-/// A DCF has what an EDS has, and what one device is configured to.
+/// DCF if the file contains configured values of a device, otherwise EDS.
 fn kind(ini: &Ini<'_>) -> Kind {
     let is_dcf = COMMISSIONING.iter().any(|key| ini.section(key).is_some())
         || ini.section("connectedmodules").is_some()
@@ -135,7 +138,9 @@ fn kind(ini: &Ini<'_>) -> Kind {
 /// `[DeviceInfo]` (CiA 306-1 §4.5).
 fn device_info(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
     let Some(section) = context.ini.section("deviceinfo") else {
-        context.problems.add(0, "no section [DeviceInfo]: vendor and product are those of object 1018");
+        context
+            .problems
+            .add(0, "section [DeviceInfo] is missing; vendor and product are taken from object 1018");
         return;
     };
     let text = |context: &mut Context<'_, '_>, key| section.entry(key).and_then(|entry| context.text(entry));
@@ -161,12 +166,12 @@ fn commissioning(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
         let line = section.entry("nodeid").map_or(section.line, |entry| entry.line);
         context.problems.add(line, format!("NodeID {id}: expected 1 to 127"));
     }
-    // In kbit/s; 0 is none.
+    // In kbit/s; 0 means unknown.
     let rate: Option<u32> = ranged(context, section, "baudrate");
     file.bit_rate = rate.and_then(|rate| rate.checked_mul(1000)).filter(|rate| *rate != 0);
 }
 
-/// A number of 32 bits.
+/// Parses a 32-bit number; reports an invalid one.
 fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Option<u32> {
     let entry = section.entry(key)?;
     let found = integer(uncommented(entry.value));
@@ -174,7 +179,7 @@ fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Op
     let doubt = match found {
         _ if uncommented(entry.value).is_empty() => return None,
         Some(found) if number.is_some() => found.doubt,
-        _ => Some("expected a number of 32 bits"),
+        _ => Some("expected a 32-bit number"),
     };
     if let Some(doubt) = doubt {
         context.problems.add(entry.line, format!("{} {}: {doubt}", entry.name, quote(entry.value)));
@@ -182,11 +187,11 @@ fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Op
     number
 }
 
-/// Every object from 1000 on has a place in a list.
+/// Checks that every object from 1000 on is in a list.
 fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>) {
     let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.section(key)).collect();
     if lists.is_empty() {
-        context.problems.add(0, "no section lists the objects: expected [MandatoryObjects]");
+        context.problems.add(0, "no list of objects; expected [MandatoryObjects]");
         return;
     }
     let mut listed = BTreeSet::new();
@@ -195,15 +200,15 @@ fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>)
     }
     for (_, sections) in objects.range(0x1000..).filter(|(index, _)| !listed.contains(*index)) {
         let section = sections.main.and_then(|at| context.ini.sections.get(at));
-        // Objects of modules have lists of their own.
+        // Objects of modules have separate lists.
         if let Some(section) = section.filter(|section| !section.key.starts_with('m')) {
-            let reason = format!("[{}] is in no list of objects; read all the same", section.name);
+            let reason = format!("[{}] is not in a list of objects; used anyway", section.name);
             context.problems.add(section.line, reason);
         }
     }
 }
 
-/// Every object of a list needs a section.
+/// Checks that every listed object has a section.
 fn check_list<'a>(
     context: &mut Context<'a, '_>,
     section: &Section<'a>,
@@ -220,18 +225,18 @@ fn check_list<'a>(
         };
         listed.insert(index);
         if objects.get(&index).is_none_or(|sections| sections.main.is_none()) {
-            let reason = format!("{index:04X} is listed, but there is no section [{index:04X}]");
+            let reason = format!("{index:04X} is listed, but section [{index:04X}] is missing");
             context.problems.add(entry.line, reason);
         }
     }
     let announced = context.number(section, "supportedobjects");
     if let Some(announced) = announced.filter(|announced| *announced != count) {
-        let reason = format!("SupportedObjects {announced} of [{}], but {count} are listed", section.name);
+        let reason = format!("SupportedObjects {announced} in [{}], but {count} listed", section.name);
         context.problems.add(section.line, reason);
     }
 }
 
-/// Limits that no value is within.
+/// Reports limits that exclude all values.
 fn check_limits(context: &mut Context<'_, '_>, entries: &[DeviceObject]) {
     for entry in entries {
         let limits = (
@@ -241,9 +246,7 @@ fn check_limits(context: &mut Context<'_, '_>, entries: &[DeviceObject]) {
         if let (Some(low), Some(high)) = limits
             && low > high
         {
-            context
-                .problems
-                .add(entry.line, format!("{}: LowLimit {low} is above HighLimit {high}", entry.address));
+            context.problems.add(entry.line, format!("{}: LowLimit {low} > HighLimit {high}", entry.address));
         }
     }
 }
@@ -277,9 +280,9 @@ mod tests {
         assert_eq!(
             problems,
             [
-                "line 2: SupportedObjects 2 of [MandatoryObjects], but 1 are listed",
-                "line 4: 1000 is listed, but there is no section [1000]",
-                "line 7: [1001] is in no list of objects; read all the same",
+                "line 2: SupportedObjects 2 in [MandatoryObjects], but 1 listed",
+                "line 4: 1000 is listed, but section [1000] is missing",
+                "line 7: [1001] is not in a list of objects; used anyway",
             ]
         );
     }
@@ -291,7 +294,7 @@ mod tests {
         );
         assert_eq!(file.objects[0].entry_name.as_deref(), Some("A"));
         let twice: Vec<_> =
-            file.problems.iter().filter(|problem| problem.reason.contains("there before")).collect();
+            file.problems.iter().filter(|problem| problem.reason.contains("duplicate section")).collect();
         assert_eq!(twice.iter().map(|problem| problem.line).collect::<Vec<_>>(), [4, 6]);
     }
 }

@@ -1,100 +1,100 @@
-//! What a device file says: a device type or a device, and its objects.
+//! Contents of a device file: a device type or a configured device, with its objects.
 
 use super::code::Access;
 use super::problem::{Problem, Problems};
-use super::value::Given;
+use super::value::EntryValue;
 use crate::profile::data_type::DataType;
 use crate::wire::canopen::ObjectAddress;
 
-/// What the content says a file is. Its name is not asked.
+/// Kind of device file by content, independent of the file name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// Electronic data sheet (CiA 306-1): a device type.
     Eds,
-    /// Device configuration file (CiA 306-1): one device in a network, known by `[DeviceComissioning]`,
+    /// Device configuration file (CiA 306-1): one device in a network, recognised by `[DeviceComissioning]`,
     /// `[ConnectedModules]` or a `ParameterValue`.
     Dcf,
     /// XML device description (CiA 311).
     Xdd,
-    /// XML device configuration (CiA 311), known by `deviceCommissioning` or an `actualValue`.
+    /// XML device configuration (CiA 311), recognised by `deviceCommissioning` or an `actualValue`.
     Xdc,
 }
 
-/// A device type, or a device, and its objects.
+/// A device type or a configured device, with its objects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceFile {
-    /// EDS, DCF, XDD or XDC.
+    /// Kind of file, determined by its content.
     pub kind: Kind,
-    /// `VendorName`; empty if it is not given.
+    /// `VendorName`; empty if missing.
     pub vendor_name: String,
-    /// `VendorNumber`, else the default value of 1018:01. 0 is none: it names nobody.
+    /// `VendorNumber`, otherwise the default of 1018:01; `None` if both are 0 or missing.
     pub vendor_id: Option<u32>,
-    /// `ProductName`; empty if it is not given.
+    /// `ProductName`; empty if missing.
     pub product_name: String,
-    /// `ProductNumber`, else the default value of 1018:02. 0 is none.
+    /// `ProductNumber`, otherwise the default of 1018:02; `None` if both are 0 or missing.
     pub product_code: Option<u32>,
-    /// `RevisionNumber`, else the default value of 1018:03. 0 is none.
+    /// `RevisionNumber`, otherwise the default of 1018:03; `None` if both are 0 or missing.
     pub revision: Option<u32>,
     /// Node-ID of a DCF or XDC, 1..=127.
     pub node_id: Option<u8>,
-    /// Node name of a DCF or XDC; empty if it is not given.
+    /// Node name of a DCF or XDC; empty if missing.
     pub node_name: String,
     /// Bit rate of a DCF or XDC in bit/s.
     pub bit_rate: Option<u32>,
-    /// Bit rates the device can be set to in bit/s, ascending.
+    /// Supported bit rates in bit/s, ascending.
     pub bit_rates: Vec<u32>,
-    /// Entries by address, ascending, each address once.
+    /// Entries in ascending order of their unique addresses.
     pub objects: Vec<DeviceObject>,
-    /// What could not be read, or only by a guess, by line.
+    /// Problems by line: skipped parts and assumptions.
     pub problems: Vec<Problem>,
 }
 
-/// An entry that has a value: a variable, or a sub-index of an array or record.
+/// Entry with a value: a variable, or a sub-index of an array or record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceObject {
     /// Index and sub-index.
     pub address: ObjectAddress,
-    /// `ParameterName` of the object; empty if it is not given.
+    /// `ParameterName` of the object; empty if missing.
     pub object_name: String,
-    /// `ParameterName` of the sub-index; none for a variable.
+    /// `ParameterName` of the sub-index; `None` for a variable.
     pub entry_name: Option<String>,
-    /// What whoever configured the device calls the entry (DCF, XDC).
+    /// `Denotation`: user-defined name of the entry (DCF, XDC).
     pub denotation: Option<String>,
-    /// Data type, if it is one of CiA 301 table 44.
+    /// Data type, if defined in CiA 301 table 44.
     pub data_type: Option<DataType>,
-    /// Access, if the file says one.
+    /// Access type, if stated.
     pub access: Option<Access>,
-    /// `DefaultValue`: after "restore default parameters".
-    pub default: Option<Given>,
-    /// `LowLimit`: smallest value.
-    pub low: Option<Given>,
-    /// `HighLimit`: largest value.
-    pub high: Option<Given>,
-    /// `ParameterValue` of a DCF, `actualValue` of an XDC: what the device is configured to.
-    pub value: Option<Given>,
-    /// `PDOMapping`: whether a PDO may carry it.
+    /// `DefaultValue`: value after "restore default parameters".
+    pub default: Option<EntryValue>,
+    /// `LowLimit`: minimum.
+    pub low: Option<EntryValue>,
+    /// `HighLimit`: maximum.
+    pub high: Option<EntryValue>,
+    /// `ParameterValue` of a DCF, `actualValue` of an XDC: configured value.
+    pub value: Option<EntryValue>,
+    /// `PDOMapping`: whether a PDO can carry the entry.
     pub mappable: Option<bool>,
-    /// Line the entry begins at, from 1; of a compact array the object's.
+    /// First line of the entry, from 1; for a compact array, that of the object.
     pub line: usize,
 }
 
-/// Why a file is no device description at all.
+/// Reason why a file is not a device description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum DeviceFileError {
-    /// Nothing but white space.
+pub enum DeviceDescriptionError {
+    /// The file contains only white space.
     #[error("the file is empty")]
     Empty,
-    /// Text without any section of CiA 306.
-    #[error("no EDS, DCF or XDD: neither a section like [DeviceInfo] or [1000] nor XML")]
+    /// The text contains no section of CiA 306.
+    #[error("not an EDS, DCF or XDD; expected a section such as [DeviceInfo] or [1000], or XML")]
     NoSection,
-    /// XML without any object of CiA 311.
-    #[error("no XDD: XML without a CANopenObject")]
+    /// The XML contains no object of CiA 311.
+    #[error("not an XDD; expected XML with a CANopenObject")]
     NoObject,
 }
 
 impl DeviceFile {
-    /// A file of which nothing is read yet.
+    /// Empty file of a kind.
     pub(super) fn new(kind: Kind) -> Self {
         Self {
             kind,
@@ -112,14 +112,14 @@ impl DeviceFile {
         }
     }
 
-    /// The entry at an address.
+    /// Entry at an address.
     pub fn find(&self, address: ObjectAddress) -> Option<&DeviceObject> {
         let at = self.objects.binary_search_by_key(&address, |object| object.address).ok()?;
         self.objects.get(at)
     }
 
-    /// Completes the identity from the defaults of object 1018 (CiA 301 §7.5.2.21), which a device answers
-    /// with. Where both say something else, the device description's own numbers count.
+    /// Completes the identity from the defaults of object 1018 (CiA 301 §7.5.2.21), which the device responds
+    /// with. If they differ, the numbers of the device description take precedence.
     pub(super) fn complete_identity(&mut self, problems: &mut Problems) {
         let default = |sub| {
             let entry = self.find(ObjectAddress::new(0x1018, sub))?;
@@ -138,9 +138,7 @@ impl DeviceFile {
                 None => *number = Some(default),
                 Some(other) if other != default => problems.add(
                     line,
-                    format!(
-                        "{name} {default:#X} in object 1018 but {other:#X} in the description of the device"
-                    ),
+                    format!("{name} {default:#X} in object 1018, but {other:#X} in the description (used)"),
                 ),
                 Some(_) => {}
             }

@@ -1,4 +1,4 @@
-//! Lines to sections and keywords (CiA 306-1 §4), whatever the lines end with.
+//! Splits an EDS into sections and keywords (CiA 306-1 §4), with any kind of line ends.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,42 +9,42 @@ use super::LONGEST_VALUE;
 use super::problem::Problems;
 use crate::profile::quoted::quote;
 
-/// A file, section by section, in its order.
+/// Sections of a file in their order.
 #[derive(Debug, Default)]
 pub(super) struct Ini<'a> {
-    /// All sections, also those whose name came before.
+    /// All sections, including those with a duplicate name.
     pub(super) sections: Vec<Section<'a>>,
     by_name: HashMap<String, usize, RandomState>,
 }
 
-/// `[name]` and what follows.
+/// Section `[name]` with its keywords.
 #[derive(Debug)]
 pub(super) struct Section<'a> {
-    /// As it is written.
+    /// Name as written.
     pub(super) name: &'a str,
-    /// In lower case, without spaces.
+    /// Name in lower case without spaces.
     pub(super) key: String,
     /// Line, from 1.
     pub(super) line: usize,
-    /// Keywords in their order; each key once.
+    /// Keywords in file order; keys are unique.
     pub(super) entries: Vec<Entry<'a>>,
 }
 
-/// `keyword=value`
+/// Entry `keyword=value`.
 #[derive(Debug)]
 pub(super) struct Entry<'a> {
-    /// The keyword as it is written.
+    /// Keyword as written.
     pub(super) name: &'a str,
-    /// In lower case, without spaces: editors write `Supported Objects`.
+    /// Keyword in lower case without spaces, because some editors write `Supported Objects`.
     pub(super) key: String,
-    /// Trimmed; may have a comment behind it and be empty.
+    /// Trimmed value; can be empty or end with a comment.
     pub(super) value: &'a str,
     /// Line, from 1.
     pub(super) line: usize,
 }
 
 impl<'a> Ini<'a> {
-    /// Reads all lines. What is neither section nor keyword nor comment is a problem.
+    /// Parses all lines; reports those that are neither section, keyword nor comment.
     pub(super) fn parse(text: &'a str, problems: &mut Problems) -> Self {
         let mut ini = Self::default();
         let mut keys = HashSet::<String, RandomState>::default();
@@ -55,7 +55,7 @@ impl<'a> Ini<'a> {
             }
             if let Some(name) = text.strip_prefix('[') {
                 ini.sections.push(section(name, line, problems));
-                // A new set: emptying one costs what it once held.
+                // A new set, because clearing a large one takes time in proportion to its capacity.
                 keys = HashSet::default();
                 continue;
             }
@@ -64,7 +64,7 @@ impl<'a> Ini<'a> {
                 continue;
             };
             let Some(section) = ini.sections.last_mut() else {
-                problems.add(line, format!("{}: before the first section", quote(text)));
+                problems.add(line, format!("{} precedes the first section; skipped", quote(text)));
                 continue;
             };
             let (key, name, value) = (normalised(name), name.trim(), value.trim());
@@ -73,7 +73,7 @@ impl<'a> Ini<'a> {
             } else {
                 problems.add(
                     line,
-                    format!("{}: the keyword is in this section before; that one counts", quote(text)),
+                    format!("{}: duplicate keyword in this section; the first one is used", quote(text)),
                 );
             }
         }
@@ -83,35 +83,35 @@ impl<'a> Ini<'a> {
         ini
     }
 
-    /// The first section of a name, given in lower case.
+    /// First section with a name, given in lower case.
     pub(super) fn section(&self, key: &str) -> Option<&Section<'a>> {
         self.sections.get(*self.by_name.get(key)?)
     }
 
-    /// Whether the section at a position is the first of its name.
+    /// Whether the section at this index is the first with its name.
     pub(super) fn is_first(&self, at: usize) -> bool {
         self.sections.get(at).and_then(|section| self.by_name.get(&section.key)) == Some(&at)
     }
 }
 
 impl<'a> Section<'a> {
-    /// The entry of a keyword, given in lower case.
+    /// Entry with a keyword, given in lower case.
     pub(super) fn entry(&self, key: &str) -> Option<&Entry<'a>> {
         self.entries.iter().find(|entry| entry.key == key)
     }
 
-    /// Its value; none if there is no such keyword or nothing behind it.
+    /// Value of a keyword; `None` if missing or empty.
     pub(super) fn value(&self, key: &str) -> Option<&'a str> {
         self.entry(key).map(|entry| entry.value).filter(|value| !value.is_empty())
     }
 
-    /// Entries whose keyword is a number, as lists have them.
+    /// Entries with a number as keyword, as in lists.
     pub(super) fn numbered(&self) -> impl Iterator<Item = (u64, &Entry<'a>)> {
         self.entries.iter().filter_map(|entry| Some((entry.key.parse().ok()?, entry)))
     }
 }
 
-/// Lines with their numbers, ended by LF, CR LF or CR.
+/// Lines with their numbers; line ends are LF, CR LF or CR.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut rest = Some(text);
     let mut number = 0_usize;
@@ -128,16 +128,15 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
-/// What stands behind `[`. Without the bracket that ends it the name is what there is.
+/// Parses the text after `[`. Without a closing bracket, the name extends to the end of the line.
 fn section<'a>(text: &'a str, line: usize, problems: &mut Problems) -> Section<'a> {
     let (name, rest) = text.split_once(']').unwrap_or_else(|| {
-        problems.add(line, format!("{}: expected ] behind the name of the section", quote(text)));
+        problems.add(line, format!("{}: expected ] after the section name", quote(text)));
         (text, "")
     });
     let rest = rest.trim();
     if !rest.is_empty() && !rest.starts_with([';', '#']) {
-        problems
-            .add(line, format!("{}: not read, expected nothing behind the name of a section", quote(rest)));
+        problems.add(line, format!("{} after the section name; ignored", quote(rest)));
     }
     let name = name.trim();
     let name = name.char_indices().nth(LONGEST_VALUE).map_or(name, |(at, _)| name.split_at(at).0);
@@ -177,16 +176,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_line_of_an_eds_is_said_and_skipped() {
+    fn an_invalid_line_of_an_eds_is_reported_and_skipped() {
         let (ini, problems) = parse("lost=1\n[a\nx=1\nno equals sign\nX = 2\n[b] what\n[a]\ny=1");
         assert_eq!(
             problems,
             [
-                "line 1: \"lost=1\": before the first section",
-                "line 2: \"a\": expected ] behind the name of the section",
+                "line 1: \"lost=1\" precedes the first section; skipped",
+                "line 2: \"a\": expected ] after the section name",
                 "line 4: \"no equals sign\": expected keyword=value",
-                "line 5: \"X = 2\": the keyword is in this section before; that one counts",
-                "line 6: \"what\": not read, expected nothing behind the name of a section",
+                "line 5: \"X = 2\": duplicate keyword in this section; the first one is used",
+                "line 6: \"what\" after the section name; ignored",
             ]
         );
         assert_eq!(ini.section("a").unwrap().value("x"), Some("1"));

@@ -1,11 +1,11 @@
-//! Limits on what is read of a device file.
+//! Limits for device files.
 
-/// Entries that are read of one file. The largest of real devices has some 1,200; `CompactSubObj=254`
-/// under every index would ask for 16 million.
+/// Max entries per file. Large real devices have about 1,200; `CompactSubObj=254` in every object would
+/// define 16 million.
 pub const MOST_ENTRIES: usize = 1 << 16;
 
-/// Bytes of one name or value. CiA 306-1 ends a line at 255 characters.
+/// Max length of a name or value, in bytes. CiA 306-1 limits a line to 255 characters.
 pub(crate) const LONGEST_VALUE: usize = 1024;
 
-/// Problems that are told apart; one more line says how many others there are.
+/// Max problems listed; one more states the number of the others.
 pub const MOST_PROBLEMS: usize = 1000;

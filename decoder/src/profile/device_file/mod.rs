@@ -1,9 +1,9 @@
-//! Device descriptions: EDS and DCF (CiA 306-1), XDD and XDC (CiA 311), to objects.
+//! Parses device descriptions: EDS and DCF (CiA 306-1), XDD and XDC (CiA 311).
 //!
-//! What can be read is read. What cannot is a [`Problem`] with its line, and nothing else is lost to it;
-//! what was read by a guess (a leading zero, a section that is there twice) is a problem as well. What is
-//! against the standard but has one meaning only is none: comments behind values, spaces in keywords,
-//! empty values, missing `ObjectType`, any letter case, any line end.
+//! A part that cannot be parsed is reported as a [`Problem`] with its line; all other parts are used.
+//! Assumptions (about a leading zero, a duplicate section) are also reported. Unambiguous deviations from the
+//! standard are accepted: comments after values, spaces in keywords, empty values, missing `ObjectType`, any
+//! letter case and line end.
 //!
 //! ```text
 //! bytes ─text─▶ str ─┬─ini─▶ sections ─eds, object─▶ DeviceFile
@@ -27,22 +27,22 @@ mod xdd_object;
 mod xml;
 
 pub use code::Access;
-pub use file::{DeviceFile, DeviceFileError, DeviceObject, Kind};
+pub use file::{DeviceDescriptionError, DeviceFile, DeviceObject, Kind};
 pub(crate) use limits::LONGEST_VALUE;
 pub use limits::{MOST_ENTRIES, MOST_PROBLEMS};
 pub use problem::Problem;
 pub(super) use text::decode;
-pub use value::Given;
+pub use value::EntryValue;
 
-/// Reads an EDS, DCF, XDD or XDC, recognised by its content: XML begins with `<`. Text is UTF-8 or UTF-16
-/// if it says or can be so, else Windows-1252. Time and memory are linear in the length of `bytes`.
+/// Parses an EDS, DCF, XDD or XDC; XML starts with `<`. The text is UTF-16 with a byte order mark, UTF-8 if
+/// valid, otherwise Windows-1252. Time and memory are linear in the length of `bytes`.
 ///
 /// # Errors
-/// If there is nothing of a device description in it.
-pub fn parse(bytes: &[u8]) -> Result<DeviceFile, DeviceFileError> {
+/// The file contains no part of a device description.
+pub fn parse(bytes: &[u8]) -> Result<DeviceFile, DeviceDescriptionError> {
     let text = decode(bytes);
     match text.trim_start().chars().next() {
-        None => Err(DeviceFileError::Empty),
+        None => Err(DeviceDescriptionError::Empty),
         Some('<') => xdd::parse(&text),
         Some(_) => eds::parse(&text),
     }
@@ -64,10 +64,10 @@ mod tests {
         assert_eq!(kind(b"[DeviceCommissioning]"), Ok(Kind::Dcf));
         assert_eq!(kind(b"\xEF\xBB\xBF <x><CANopenObject index='1000'/></x>"), Ok(Kind::Xdd));
         assert_eq!(kind(b"<CANopenObject index='1000' dataType='7' actualValue='1'/>"), Ok(Kind::Xdc));
-        assert_eq!(kind(b" \r\n"), Err(DeviceFileError::Empty));
-        assert_eq!(kind(b"(1.0) can0 123#00"), Err(DeviceFileError::NoSection));
-        assert_eq!(kind(b"[section]\nkey=value"), Err(DeviceFileError::NoSection));
-        assert_eq!(kind(b"<html/>"), Err(DeviceFileError::NoObject));
+        assert_eq!(kind(b" \r\n"), Err(DeviceDescriptionError::Empty));
+        assert_eq!(kind(b"(1.0) can0 123#00"), Err(DeviceDescriptionError::NoSection));
+        assert_eq!(kind(b"[section]\nkey=value"), Err(DeviceDescriptionError::NoSection));
+        assert_eq!(kind(b"<html/>"), Err(DeviceDescriptionError::NoObject));
     }
 
     #[test]
@@ -96,7 +96,7 @@ mod tests {
         assert!(
             file.problems
                 .iter()
-                .any(|problem| problem.reason == "not read from 2101 on: more than 65536 entries")
+                .any(|problem| problem.reason == "objects from 2101 on skipped (max 65536 entries)")
         );
         assert!(file.find(ObjectAddress::new(0x2101, 0)).is_some());
         assert!(file.find(ObjectAddress::new(0x2101, 1)).is_none());

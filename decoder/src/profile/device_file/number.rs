@@ -1,21 +1,21 @@
-//! Numbers as device files write them.
+//! Parses numbers in device files.
 //!
-//! CiA 306-1 §4 has decimal, hexadecimal (`0x1F`) and octal (`017`) numbers. No file met so far is
-//! octal: leading zeros are padding (`FileRevision=08`, `VendorNumber=001`). So they are decimal here,
-//! and a problem where the octal reading would be another number.
+//! CiA 306-1 §4 defines decimal, hexadecimal (`0x1F`) and octal (`017`) numbers. No known file uses octal:
+//! leading zeros are padding (`FileRevision=08`, `VendorNumber=001`). They are therefore read as decimal, and
+//! reported if the octal value differs.
 
-/// A number and how it was written.
+/// A number with its notation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Integer {
-    /// -(2^64 - 1) ..= 2^64 - 1.
+    /// Value from -(2^64 - 1) to 2^64 - 1.
     pub(super) value: i128,
-    /// Hexadecimal: of a signed type it may be the bits of a negative number.
+    /// Whether it is hexadecimal; with a signed type it can be the bits of a negative number.
     pub(super) is_hex: bool,
-    /// Why it might be meant otherwise.
+    /// Note about an ambiguous notation.
     pub(super) doubt: Option<&'static str>,
 }
 
-/// Reads a number; none if the text is anything else, or more than 64 bits.
+/// Parses a number; `None` for other text or more than 64 bits.
 pub(super) fn integer(text: &str) -> Option<Integer> {
     let text = text.trim();
     let (is_negative, unsigned) = match text.strip_prefix('-') {
@@ -37,16 +37,16 @@ fn notation(text: &str) -> (u32, &str, Option<&'static str>) {
     if let Some(digits) = text.strip_suffix(['h', 'H'])
         && digits.starts_with(|first: char| first.is_ascii_digit())
     {
-        return (16, digits, Some("read as hexadecimal, which is written 0x"));
+        return (16, digits, Some("read as hexadecimal; expected the prefix 0x"));
     }
     let is_octal_too = text.starts_with('0')
         && text.trim_start_matches('0').len() > 1
         && text.chars().all(|digit| digit.is_digit(8));
-    (10, text, is_octal_too.then_some("read as decimal; with a leading zero it can be meant octal"))
+    (10, text, is_octal_too.then_some("read as decimal, although a leading zero can mean octal"))
 }
 
-/// What a `$NODEID` formula adds to the node-ID; none if the text has another form. One `$NODEID` in any
-/// letter case and any number of summands, in any order.
+/// Offset of a `$NODEID` formula; `None` for other text. Accepts one `$NODEID` in any letter case and any
+/// number of summands, in any order.
 pub(super) fn formula(text: &str) -> Option<u64> {
     let mut offset = 0_u64;
     let mut node_ids = 0_usize;

@@ -1,4 +1,4 @@
-//! An object's sections to its entries (CiA 306-1 §4.6.3, §4.7).
+//! Converts the sections of an object to entries (CiA 306-1 §4.6.3, §4.7).
 
 use std::collections::BTreeMap;
 
@@ -6,38 +6,38 @@ use super::code::{Access, ObjectType, data_type};
 use super::ini::{Entry, Ini, Section};
 use super::number::integer;
 use super::problem::Problems;
-use super::value::{Given, Reading, uncommented, uncommented_text};
+use super::value::{EntryValue, Reading, uncommented, uncommented_text};
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
 use crate::profile::quoted::quote;
 use crate::wire::canopen::ObjectAddress;
 
-/// Positions of the sections of one index.
+/// Positions of the sections of one index in the list of sections.
 #[derive(Debug, Default)]
 pub(super) struct Sections {
-    /// `[1003]`
+    /// Section `[1003]`.
     pub(super) main: Option<usize>,
-    /// `[1003sub1]` by sub-index.
+    /// Sections `[1003sub1]` by sub-index.
     pub(super) subs: BTreeMap<u8, usize>,
-    /// `[1003Name]`
+    /// Section `[1003Name]`.
     pub(super) names: Option<usize>,
-    /// `[1003Value]`
+    /// Section `[1003Value]`.
     pub(super) values: Option<usize>,
-    /// `[1003Denotation]`
+    /// Section `[1003Denotation]`.
     pub(super) denotations: Option<usize>,
 }
 
-/// The file an object stands in, and what is wrong with it so far.
+/// File that contains the objects, and the problems found so far.
 pub(super) struct Context<'a, 'p> {
     pub(super) ini: &'a Ini<'a>,
     pub(super) problems: &'p mut Problems,
 }
 
-/// Keywords of one compact list by sub-index.
+/// Keywords of a compact list by sub-index.
 type List<'a> = BTreeMap<u8, &'a Entry<'a>>;
 
 impl<'a> Context<'a, '_> {
-    /// All entries of an index, by sub-index.
+    /// Entries of an index in order of their sub-indices.
     pub(super) fn object(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
         let main = sections.main.and_then(|at| self.ini.sections.get(at));
         let Some(main) = main else {
@@ -56,14 +56,18 @@ impl<'a> Context<'a, '_> {
             if !object_type.has_entries() {
                 return vec![self.entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
             }
-            let reason =
-                format!("[{}] has entries by its ObjectType, but there is no section of one", main.name);
+            let reason = format!(
+                "[{}] skipped: its ObjectType requires entries, but no section defines one",
+                main.name
+            );
             self.problems.add(main.line, reason);
             return Vec::new();
         }
         if !object_type.has_entries() {
-            let reason =
-                format!("[{}] is a variable by its ObjectType, but has entries; read as record", main.name);
+            let reason = format!(
+                "[{}] has the ObjectType of a variable, but has entries; treated as a record",
+                main.name
+            );
             self.problems.add(main.line, reason);
         }
         let mut found = self.subs(index, sections, &entries);
@@ -76,7 +80,7 @@ impl<'a> Context<'a, '_> {
         found.into_values().collect()
     }
 
-    /// What the entries of an object take from it.
+    /// Properties that the entries of an object inherit.
     fn common(&mut self, main: &Section<'a>, object_type: ObjectType) -> Entries {
         let written = main.value("datatype").filter(|_| object_type == ObjectType::Array);
         Entries {
@@ -85,7 +89,7 @@ impl<'a> Context<'a, '_> {
         }
     }
 
-    /// Sections of an index that has no section itself.
+    /// Entries of an index without a main section.
     fn orphans(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
         if let Some(section) = sections.subs.values().next().and_then(|at| self.ini.sections.get(*at)) {
             self.problems.add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
@@ -94,11 +98,11 @@ impl<'a> Context<'a, '_> {
         self.subs(index, sections, &Entries::default()).into_values().collect()
     }
 
-    /// `[1003Name]` and its like of an object that is not compact.
+    /// Reports `[1003Name]` and similar sections of an object without `CompactSubObj`.
     fn lists_without_use(&mut self, index: u16, sections: &Sections) {
         for at in [sections.names, sections.values, sections.denotations].into_iter().flatten() {
             if let Some(section) = self.ini.sections.get(at) {
-                let reason = format!("[{}] not read: [{index:04X}] has no CompactSubObj", section.name);
+                let reason = format!("[{}] skipped: [{index:04X}] has no CompactSubObj", section.name);
                 self.problems.add(section.line, reason);
             }
         }
@@ -115,7 +119,7 @@ impl<'a> Context<'a, '_> {
         found
     }
 
-    /// One section with a value.
+    /// Entry from one section.
     fn entry(
         &mut self,
         address: ObjectAddress,
@@ -135,17 +139,17 @@ impl<'a> Context<'a, '_> {
             denotation: section.value("denotation").and_then(|_| self.name(section, "denotation")),
             data_type,
             access: self.access(section),
-            default: self.given(section, "defaultvalue", data_type, Given::read),
-            low: self.given(section, "lowlimit", data_type, Given::read_limit),
-            high: self.given(section, "highlimit", data_type, Given::read_limit),
-            value: self.given(section, "parametervalue", data_type, Given::read),
+            default: self.given(section, "defaultvalue", data_type, EntryValue::read),
+            low: self.given(section, "lowlimit", data_type, EntryValue::read_limit),
+            high: self.given(section, "highlimit", data_type, EntryValue::read_limit),
+            value: self.given(section, "parametervalue", data_type, EntryValue::read),
             mappable: self.number(section, "pdomapping").map(|number| number != 0),
             line: section.line,
         }
     }
 
-    /// The entries `CompactSubObj` stands for: sub-index 0 and as many others, alike but for the names and
-    /// values that have a section of their own (CiA 306-1 §4.6.3, §4.7.2).
+    /// Entries defined by `CompactSubObj`: sub-index 0 and equal entries, whose names and values can be in
+    /// separate sections (CiA 306-1 §4.6.3, §4.7.2).
     fn compact_entries(
         &mut self,
         index: u16,
@@ -168,14 +172,14 @@ impl<'a> Context<'a, '_> {
             entry.denotation = denotations.get(&sub).and_then(|name| self.text(name));
             if let Some(value) = values.get(&sub) {
                 entry.value =
-                    self.reading(value, Given::read(uncommented_text(value.value), model.data_type));
+                    self.reading(value, EntryValue::read(uncommented_text(value.value), model.data_type));
             }
             found.push(entry);
         }
         found
     }
 
-    /// The entries of `[1003Name]` and its like up to `last`.
+    /// Keywords of `[1003Name]` or a similar section, up to sub-index `last`.
     fn list(&mut self, at: Option<usize>, last: u8) -> List<'a> {
         let mut found = List::new();
         let Some(section) = at.and_then(|at| self.ini.sections.get(at)) else { return found };
@@ -184,19 +188,19 @@ impl<'a> Context<'a, '_> {
                 Ok(sub) if (1..=last).contains(&sub) => _ = found.insert(sub, entry),
                 _ => self
                     .problems
-                    .add(entry.line, format!("sub-index {number} not read: CompactSubObj is {last}")),
+                    .add(entry.line, format!("sub-index {number} skipped: CompactSubObj is {last}")),
             }
         }
         found
     }
 
-    /// `SubNumber` counts the sub-indices (CiA 306-1 §4.6.3).
+    /// Compares `SubNumber` with the number of sub-indices (CiA 306-1 §4.6.3).
     fn check_count(&mut self, main: &Section<'a>, compact: u8, found: &BTreeMap<u8, DeviceObject>) {
         let Some(entry) = main.entry("subnumber").filter(|_| compact == 0) else { return };
         let announced = self.number(main, "subnumber");
         if announced.is_some_and(|announced| i128::try_from(found.len()) != Ok(announced)) {
             let reason = format!(
-                "SubNumber {} of [{}], but {} sections of sub-indices",
+                "SubNumber {} in [{}], but {} sub-index sections",
                 entry.value,
                 main.name,
                 found.len()
@@ -205,17 +209,18 @@ impl<'a> Context<'a, '_> {
         }
     }
 
-    /// A missing `ObjectType` is 7, VAR (CiA 306-1 §4.6.3.2).
+    /// Object type; 7 (VAR) if `ObjectType` is missing (CiA 306-1 §4.6.3.2).
     fn object_type(&mut self, section: &Section<'a>) -> ObjectType {
         let Some(code) = self.number(section, "objecttype") else { return ObjectType::Var };
         ObjectType::of(code).unwrap_or_else(|| {
             let line = section.entry("objecttype").map_or(section.line, |entry| entry.line);
-            self.problems.add(line, format!("ObjectType {code} is none of CiA 301; read as variable"));
+            self.problems
+                .add(line, format!("ObjectType {code} is undefined in CiA 301; treated as a variable"));
             ObjectType::Var
         })
     }
 
-    /// `CompactSubObj`: the last sub-index. 255 would be the structure of the object itself.
+    /// `CompactSubObj`: the last sub-index. 255 is reserved for the structure of the object.
     fn compact(&mut self, section: &Section<'a>) -> u8 {
         let Some(number) = self.number(section, "compactsubobj") else { return 0 };
         u8::try_from(number).ok().filter(|last| *last < u8::MAX).unwrap_or_else(|| {
@@ -236,13 +241,13 @@ impl<'a> Context<'a, '_> {
         let found = data_type(code).or_else(|| self.defined_type(code));
         if found.is_none() {
             let line = section.entry("datatype").map_or(section.line, |entry| entry.line);
-            self.problems.add(line, format!("DataType {code:#X} is no data type of CiA 301"));
+            self.problems.add(line, format!("DataType {code:#X} is undefined in CiA 301"));
         }
         found
     }
 
-    /// A type the device defines: CANFestival gives an entry with limits a type `[A0]` of its own, whose
-    /// sub-index 1 holds the type it is made of.
+    /// Data type that the device defines itself: for an entry with limits, CANFestival writes a type `[A0]`
+    /// whose sub-index 1 contains the base type.
     fn defined_type(&self, code: i128) -> Option<DataType> {
         let section = self
             .ini
@@ -276,7 +281,7 @@ impl<'a> Context<'a, '_> {
         name
     }
 
-    /// Text of a keyword that is not empty.
+    /// Text of a keyword; `None` if empty.
     pub(super) fn text(&mut self, entry: &Entry<'_>) -> Option<String> {
         let text = uncommented_text(entry.value);
         let shown = text.char_indices().nth(LONGEST_VALUE).map_or(text, |(at, _)| text.split_at(at).0);
@@ -287,7 +292,7 @@ impl<'a> Context<'a, '_> {
         (!shown.is_empty()).then(|| shown.to_owned())
     }
 
-    /// The number of a keyword; none if there is no such keyword, nothing behind it, or no number.
+    /// Number of a keyword; `None` if missing, empty or invalid.
     pub(super) fn number(&mut self, section: &Section<'a>, key: &str) -> Option<i128> {
         let entry = section.entry(key)?;
         let text = uncommented(entry.value);
@@ -309,12 +314,12 @@ impl<'a> Context<'a, '_> {
         key: &str,
         data_type: Option<DataType>,
         read: fn(&str, Option<DataType>) -> Reading,
-    ) -> Option<Given> {
+    ) -> Option<EntryValue> {
         let entry = section.entry(key)?;
         self.reading(entry, read(uncommented_text(entry.value), data_type))
     }
 
-    fn reading(&mut self, entry: &Entry<'_>, (given, complaint): Reading) -> Option<Given> {
+    fn reading(&mut self, entry: &Entry<'_>, (given, complaint): Reading) -> Option<EntryValue> {
         if let Some(complaint) = complaint {
             self.problems.add(entry.line, format!("{} {complaint}", entry.name));
         }
@@ -322,14 +327,14 @@ impl<'a> Context<'a, '_> {
     }
 }
 
-/// What the entries of an object have in common.
+/// Properties common to the entries of an object.
 #[derive(Debug, Default)]
 struct Entries {
     object_name: String,
     data_type: Option<DataType>,
 }
 
-/// Sub-index 0 of a compact object, in the words of CiA 306-1 §4.6.3.
+/// Sub-index 0 of a compact object, with the name from CiA 306-1 §4.6.3.
 fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
     DeviceObject {
         address: ObjectAddress::new(model.address.index, 0),
@@ -338,7 +343,7 @@ fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
         denotation: None,
         data_type: Some(DataType::Unsigned8),
         access: Some(Access::Ro),
-        default: Some(Given::Number(i128::from(last))),
+        default: Some(EntryValue::Number(i128::from(last))),
         low: None,
         high: None,
         value: None,
@@ -388,7 +393,7 @@ mod tests {
         assert_eq!(file.objects.len(), 255);
         assert_eq!(file.objects[254].entry_name.as_deref(), Some("Last"));
         assert_eq!(file.objects[253].entry_name.as_deref(), Some("A253"));
-        assert_eq!(problems, ["line 13: sub-index 255 not read: CompactSubObj is 254"]);
+        assert_eq!(problems, ["line 13: sub-index 255 skipped: CompactSubObj is 254"]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What could not be read, with its line, and no more of it than people can use.
+//! Problems in a device file with their lines: skipped parts and assumptions, limited in number.
 
 use std::fmt;
 
@@ -6,19 +6,19 @@ use super::MOST_PROBLEMS;
 use crate::profile::quoted::printable;
 use crate::words::plural;
 
-/// Characters of a reason.
+/// Max length of a reason, in characters.
 const LONGEST_REASON: usize = 300;
 
-/// Something in the file that could not be read, or only by a guess.
+/// A skipped part of a file, or an assumption about one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// Line, from 1; 0 if the whole file is meant.
+    /// Line, from 1; 0 for the whole file.
     pub line: usize,
-    /// What was found and what was expected or made of it. No control characters.
+    /// Problem, and the expected form or the effect; without control characters.
     pub reason: String,
 }
 
-/// `line 3: reason`
+/// Prints `line 3: reason`.
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.line {
@@ -28,7 +28,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Problems in the order they were found.
+/// Collects the problems of one file.
 #[derive(Debug, Default)]
 pub(super) struct Problems {
     list: Vec<Problem>,
@@ -36,7 +36,7 @@ pub(super) struct Problems {
 }
 
 impl Problems {
-    /// One more. Its reason may hold what stands in the file.
+    /// Adds a problem. The reason may contain text from the file.
     pub(super) fn add(&mut self, line: usize, reason: impl Into<String>) {
         if self.list.len() < MOST_PROBLEMS {
             let reason = reason.into().chars().take(LONGEST_REASON).map(printable).collect();
@@ -46,7 +46,7 @@ impl Problems {
         }
     }
 
-    /// All by line; the last one says how many were left out.
+    /// All problems by line; the last one states the number of omitted ones.
     pub(super) fn finish(mut self) -> Vec<Problem> {
         self.list.sort_by_key(|problem| problem.line);
         if self.others > 0 {
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_many_problems_the_first_are_told_and_the_rest_counted() {
+    fn the_first_problems_are_listed_and_all_are_counted() {
         let mut problems = Problems::default();
         for line in 1..=MOST_PROBLEMS + 5 {
             problems.add(line, "x");

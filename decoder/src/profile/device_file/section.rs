@@ -1,30 +1,30 @@
 //! Names of the sections that describe objects (CiA 306-1 §4.6 to §4.8).
 
-/// What a section is about.
+/// Section name by its meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SectionName {
-    /// `[1003]`
+    /// `[1003]`: an object.
     Object(u16),
     /// `[1003sub1]`; the sub-index is hexadecimal.
     Sub(u16, u8),
-    /// `[1003Name]`: names of a compact array's entries.
+    /// `[1003Name]`: names of the entries of a compact array.
     Names(u16),
-    /// `[1003Value]`: their values in a DCF.
+    /// `[1003Value]`: values of these entries in a DCF.
     Values(u16),
-    /// `[1003Denotation]`: what a DCF calls them.
+    /// `[1003Denotation]`: user-defined names of these entries in a DCF.
     Denotations(u16),
-    /// `[M1Fixed6000]` and `[M1Fixed6000sub1]`: what a module adds wherever it is plugged in.
+    /// `[M1Fixed6000]`, `[M1Fixed6000sub1]`: objects of a module, independent of its slot.
     ModuleFixed(u16, Option<u8>),
-    /// `[M1SubExt6000]`: what a module adds behind what others have added.
+    /// `[M1SubExt6000]`: entries of a module, appended to those of previous modules.
     ModuleExtension,
-    /// Something else the standard has, or a maker added.
+    /// Any other section of the standard or the manufacturer.
     Other,
-    /// Looks like an object's, but is none.
+    /// Invalid name that resembles a section of an object.
     Strange,
 }
 
 impl SectionName {
-    /// The meaning of a name in lower case, without spaces.
+    /// Parses a name in lower case without spaces.
     pub(super) fn of(key: &str) -> Self {
         match key
             .strip_prefix('m')
@@ -46,7 +46,7 @@ impl SectionName {
         }
     }
 
-    /// Indices have four digits; the type definitions of CANFestival have fewer: `[A0]`.
+    /// Parses an index of four digits; CANFestival writes type definitions with fewer: `[A0]`.
     fn of_object(key: &str) -> Self {
         let key = key.strip_prefix("0x").unwrap_or(key);
         let digits = key.bytes().take_while(u8::is_ascii_hexdigit).count();

@@ -1,14 +1,14 @@
-//! Bytes of a file to text. CiA 306-1 §4 asks for ASCII; what is on disk is what the maker's editor wrote.
+//! Decodes the bytes of a file. CiA 306-1 §4 requires ASCII, but editors also write other encodings.
 
 use std::borrow::Cow;
 
-/// Windows-1252 0x80..=0x9F; the rest of it is Latin-1. The five bytes without a character are themselves.
+/// Windows-1252 0x80..=0x9F; all others equal Latin-1. The five unassigned bytes map to themselves.
 const WINDOWS_1252: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8D}', 'Ž', '\u{8F}', '\u{90}',
     '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9D}', 'ž', 'Ÿ',
 ];
 
-/// Text by its byte order mark, else UTF-8 if all of it can be that, else Windows-1252.
+/// Text encoded as indicated by its byte order mark, otherwise UTF-8 if valid, otherwise Windows-1252.
 pub(in crate::profile) fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match bytes {
         [0xEF, 0xBB, 0xBF, rest @ ..] => utf8_or_windows(rest),

@@ -1,40 +1,40 @@
-//! Values as device files give them, read by the data type of their entry.
+//! Parses values in device files by the data type of their entry.
 
 use super::LONGEST_VALUE;
 use super::number::{formula, integer};
 use crate::profile::DataType;
 use crate::profile::quoted::quote;
 
-/// A value in a device file.
+/// Value in a device file.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Given {
-    /// A whole number, -2^63 ..= 2^64 - 1. Hexadecimal of a signed type is two's complement: `0xFD` as
+pub enum EntryValue {
+    /// Integer, -2^63 ..= 2^64 - 1. Hexadecimal numbers of a signed type are in two's complement: `0xFD` as
     /// INTEGER8 is -3.
     Number(i128),
     /// `$NODEID` plus an offset (CiA 306-1 §4.6.3).
     Formula {
-        /// What is added to the node-ID.
+        /// Summand added to the node-ID.
         offset: u64,
     },
-    /// REAL32 and REAL64; finite.
+    /// REAL32 or REAL64; finite.
     Real(f64),
-    /// Strings, and what is no number where the type is unknown. May hold control characters.
+    /// String, or text other than a number if the type is unknown. May contain control characters.
     Text(String),
-    /// OCTET_STRING and DOMAIN.
+    /// OCTET_STRING or DOMAIN.
     Bytes(Vec<u8>),
 }
 
-/// What was read, and what is wrong with it.
-pub(super) type Reading = (Option<Given>, Option<String>);
+/// Parsed value and problem, if any.
+pub(super) type Reading = (Option<EntryValue>, Option<String>);
 
-impl Given {
-    /// The value for a node: a formula becomes its number.
+impl EntryValue {
+    /// Value for a node; replaces a formula by its number.
     #[must_use]
     pub fn resolve(&self, node_id: u8) -> Self {
         self.number(node_id).map_or_else(|| self.clone(), Self::Number)
     }
 
-    /// The number for a node, if it is one.
+    /// Number for a node; `None` for other kinds of values.
     pub fn number(&self, node_id: u8) -> Option<i128> {
         match self {
             Self::Number(number) => Some(*number),
@@ -43,10 +43,10 @@ impl Given {
         }
     }
 
-    /// The value in `text`. An empty one is no value: CiA 306-1 allows the keyword to stand alone.
+    /// Parses `text`. Empty text is valid: CiA 306-1 permits a keyword without a value.
     pub(super) fn read(text: &str, data_type: Option<DataType>) -> Reading {
         if text.len() > LONGEST_VALUE {
-            return (None, Some(format!("{} bytes; at most {LONGEST_VALUE} are read", text.len())));
+            return (None, Some(format!("{} bytes (max {LONGEST_VALUE}); ignored", text.len())));
         }
         match data_type {
             Some(DataType::VisibleString | DataType::UnicodeString) => {
@@ -60,7 +60,7 @@ impl Given {
         }
     }
 
-    /// A limit: a number, also of strings, whose limits some editors fill in.
+    /// Parses a limit: a number even for string types, because some editors write limits for them.
     pub(super) fn read_limit(text: &str, data_type: Option<DataType>) -> Reading {
         match data_type {
             Some(data_type) if data_type.bits().is_none() => match Self::read(text, None) {
@@ -72,13 +72,13 @@ impl Given {
     }
 }
 
-/// A number, word or name of a type without the comment behind it: neither holds `#` or `;`.
+/// Number, keyword or type name without the comment after it; none of these contains `#` or `;`.
 pub(super) fn uncommented(text: &str) -> &str {
     text.split(['#', ';']).next().unwrap_or_default().trim()
 }
 
-/// Text without the comment behind it: white space and a semicolon begin one. `#` does not, because
-/// names have it: `Consumer Heartbeat Time #1`.
+/// Text without the comment after it, which starts with white space and a semicolon. `#` can be part of a
+/// name: `Consumer Heartbeat Time #1`.
 pub(super) fn uncommented_text(text: &str) -> &str {
     let text = text.trim();
     let comment = text
@@ -94,14 +94,14 @@ fn number(text: &str, data_type: DataType) -> Reading {
     }
     if text.contains('$') {
         return match formula(text) {
-            Some(offset) => (Some(Given::Formula { offset }), None),
+            Some(offset) => (Some(EntryValue::Formula { offset }), None),
             None => (None, Some(format!("{}: expected $NODEID plus a number", quote(text)))),
         };
     }
     if data_type == DataType::Boolean
         && (text.eq_ignore_ascii_case("true") || text.eq_ignore_ascii_case("false"))
     {
-        return (Some(Given::Number(i128::from(text.eq_ignore_ascii_case("true")))), None);
+        return (Some(EntryValue::Number(i128::from(text.eq_ignore_ascii_case("true")))), None);
     }
     let Some(found) = integer(text) else {
         return (None, Some(format!("{}: expected a number for {}", quote(text), data_type.name())));
@@ -120,26 +120,26 @@ fn number(text: &str, data_type: DataType) -> Reading {
     } else {
         Some(format!("{} does not fit {}", quote(text), data_type.name()))
     };
-    (Some(Given::Number(value)), complaint)
+    (Some(EntryValue::Number(value)), complaint)
 }
 
 fn real(text: &str) -> Reading {
     if text.is_empty() {
         return (None, None);
     }
-    // Some editors write the zero of every type as hexadecimal; any other such number could be meant as
-    // a value or as the bits of one.
+    // Some editors write the zero of every type in hexadecimal. Any other hexadecimal number is ambiguous: a
+    // value or its bits.
     let value = match integer(text) {
         Some(found) if found.is_hex => (found.value == 0).then_some(0.0),
         _ => text.parse().ok().filter(|value: &f64| value.is_finite()),
     };
     match value {
-        Some(value) => (Some(Given::Real(value)), None),
+        Some(value) => (Some(EntryValue::Real(value)), None),
         None => (None, Some(format!("{}: expected a decimal fraction", quote(text)))),
     }
 }
 
-/// Hexadecimal digits, with or without spaces. What is none is taken as text.
+/// Parses hexadecimal digits, with or without spaces; other characters make it text.
 fn octets(text: &str) -> Reading {
     let digits: Vec<_> = text.chars().filter(|digit| !digit.is_whitespace()).collect();
     if digits.is_empty() {
@@ -151,57 +151,57 @@ fn octets(text: &str) -> Reading {
     };
     let (pairs, rest) = digits.as_chunks();
     match pairs.iter().map(octet).collect() {
-        Some(bytes) if rest.is_empty() => (Some(Given::Bytes(bytes)), None),
+        Some(bytes) if rest.is_empty() => (Some(EntryValue::Bytes(bytes)), None),
         _ => {
             let complaint = format!("{}: read as text, expected pairs of hexadecimal digits", quote(text));
-            (Some(Given::Text(text.to_owned())), Some(complaint))
+            (Some(EntryValue::Text(text.to_owned())), Some(complaint))
         }
     }
 }
 
-/// Whatever it looks like.
+/// Parses a value without a data type by its form.
 fn untyped(text: &str) -> Reading {
     let word = uncommented(text);
     if let Some(offset) = formula(word) {
-        return (Some(Given::Formula { offset }), None);
+        return (Some(EntryValue::Formula { offset }), None);
     }
     if let Some(found) = integer(word) {
         return (
-            Some(Given::Number(found.value)),
+            Some(EntryValue::Number(found.value)),
             found.doubt.map(|doubt| format!("{}: {doubt}", quote(word))),
         );
     }
     let text = text.trim();
-    ((!text.is_empty()).then(|| Given::Text(text.to_owned())), None)
+    ((!text.is_empty()).then(|| EntryValue::Text(text.to_owned())), None)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn given(text: &str, data_type: DataType) -> Option<Given> {
-        let (given, complaint) = Given::read(text, Some(data_type));
+    fn given(text: &str, data_type: DataType) -> Option<EntryValue> {
+        let (given, complaint) = EntryValue::read(text, Some(data_type));
         assert_eq!(complaint, None, "{text}");
         given
     }
 
-    fn complaint(text: &str, data_type: DataType) -> (Option<Given>, String) {
-        let (given, complaint) = Given::read(text, Some(data_type));
+    fn complaint(text: &str, data_type: DataType) -> (Option<EntryValue>, String) {
+        let (given, complaint) = EntryValue::read(text, Some(data_type));
         (given, complaint.unwrap())
     }
 
     #[test]
     fn values_by_type() {
-        assert_eq!(given("0x07 # VAR", DataType::Unsigned8), Some(Given::Number(7)));
-        assert_eq!(given("5 ; seconds", DataType::Unsigned8), Some(Given::Number(5)));
+        assert_eq!(given("0x07 # VAR", DataType::Unsigned8), Some(EntryValue::Number(7)));
+        assert_eq!(given("5 ; seconds", DataType::Unsigned8), Some(EntryValue::Number(5)));
         assert_eq!(given("", DataType::Unsigned32), None);
         assert_eq!(given("# nothing", DataType::Unsigned32), None);
-        assert_eq!(given("5.2", DataType::Real32), Some(Given::Real(5.2)));
-        assert_eq!(given("0x00", DataType::Real64), Some(Given::Real(0.0)));
-        assert_eq!(given(" a ; b", DataType::VisibleString), Some(Given::Text("a ; b".into())));
-        assert_eq!(given("C8 3D BB", DataType::OctetString), Some(Given::Bytes(vec![0xC8, 0x3D, 0xBB])));
-        assert_eq!(given("true", DataType::Boolean), Some(Given::Number(1)));
-        assert_eq!(given("0x80+$NODEID", DataType::Unsigned32), Some(Given::Formula { offset: 0x80 }));
+        assert_eq!(given("5.2", DataType::Real32), Some(EntryValue::Real(5.2)));
+        assert_eq!(given("0x00", DataType::Real64), Some(EntryValue::Real(0.0)));
+        assert_eq!(given(" a ; b", DataType::VisibleString), Some(EntryValue::Text("a ; b".into())));
+        assert_eq!(given("C8 3D BB", DataType::OctetString), Some(EntryValue::Bytes(vec![0xC8, 0x3D, 0xBB])));
+        assert_eq!(given("true", DataType::Boolean), Some(EntryValue::Number(1)));
+        assert_eq!(given("0x80+$NODEID", DataType::Unsigned32), Some(EntryValue::Formula { offset: 0x80 }));
     }
 
     #[test]
@@ -213,22 +213,22 @@ mod tests {
 
     #[test]
     fn hexadecimal_of_a_signed_type_is_two_s_complement() {
-        assert_eq!(given("0xFD", DataType::Integer8), Some(Given::Number(-3)));
-        assert_eq!(given("0x7F", DataType::Integer8), Some(Given::Number(127)));
-        assert_eq!(given("0xFFFFFF", DataType::Integer24), Some(Given::Number(-1)));
+        assert_eq!(given("0xFD", DataType::Integer8), Some(EntryValue::Number(-3)));
+        assert_eq!(given("0x7F", DataType::Integer8), Some(EntryValue::Number(127)));
+        assert_eq!(given("0xFFFFFF", DataType::Integer24), Some(EntryValue::Number(-1)));
         assert_eq!(
             given("0x8000000000000000", DataType::Integer64),
-            Some(Given::Number(i128::from(i64::MIN)))
+            Some(EntryValue::Number(i128::from(i64::MIN)))
         );
-        assert_eq!(given("-0x80000000", DataType::Integer32), Some(Given::Number(-0x8000_0000)));
+        assert_eq!(given("-0x80000000", DataType::Integer32), Some(EntryValue::Number(-0x8000_0000)));
         assert_eq!(
             complaint("200", DataType::Integer8),
-            (Some(Given::Number(200)), "\"200\" does not fit INTEGER8".into())
+            (Some(EntryValue::Number(200)), "\"200\" does not fit INTEGER8".into())
         );
     }
 
     #[test]
-    fn what_is_no_value_is_said() {
+    fn an_invalid_value_is_reported() {
         assert_eq!(
             complaint("Manufacturer-specific", DataType::Unsigned32),
             (None, "\"Manufacturer-specific\": expected a number for UNSIGNED32".into())
@@ -236,24 +236,27 @@ mod tests {
         assert_eq!(complaint("$NODEID*2", DataType::Unsigned32).0, None);
         assert_eq!(complaint("0x3F800000", DataType::Real32).0, None);
         assert_eq!(complaint("inf", DataType::Real32).0, None);
-        assert_eq!(complaint("@ABCD", DataType::Domain).0, Some(Given::Text("@ABCD".into())));
-        assert_eq!(complaint("010", DataType::Unsigned8).0, Some(Given::Number(10)));
-        assert_eq!(complaint("-1", DataType::Unsigned8).0, Some(Given::Number(-1)));
+        assert_eq!(complaint("@ABCD", DataType::Domain).0, Some(EntryValue::Text("@ABCD".into())));
+        assert_eq!(complaint("010", DataType::Unsigned8).0, Some(EntryValue::Number(10)));
+        assert_eq!(complaint("-1", DataType::Unsigned8).0, Some(EntryValue::Number(-1)));
         assert_eq!(complaint(&"1".repeat(2000), DataType::VisibleString).0, None);
     }
 
     #[test]
     fn limits_of_strings_are_numbers_and_unknown_types_are_what_they_look_like() {
-        assert_eq!(Given::read_limit("0", Some(DataType::VisibleString)), (Some(Given::Number(0)), None));
-        assert!(Given::read_limit("many", Some(DataType::Domain)).1.is_some());
-        assert_eq!(Given::read("$NODEID", None).0, Some(Given::Formula { offset: 0 }));
-        assert_eq!(Given::read("No", None).0, Some(Given::Text("No".into())));
+        assert_eq!(
+            EntryValue::read_limit("0", Some(DataType::VisibleString)),
+            (Some(EntryValue::Number(0)), None)
+        );
+        assert!(EntryValue::read_limit("many", Some(DataType::Domain)).1.is_some());
+        assert_eq!(EntryValue::read("$NODEID", None).0, Some(EntryValue::Formula { offset: 0 }));
+        assert_eq!(EntryValue::read("No", None).0, Some(EntryValue::Text("No".into())));
     }
 
     #[test]
     fn formulas_are_numbers_of_a_node() {
-        let formula = Given::Formula { offset: 0x180 };
-        assert_eq!(formula.resolve(5), Given::Number(0x185));
-        assert_eq!(Given::Real(1.5).resolve(5), Given::Real(1.5));
+        let formula = EntryValue::Formula { offset: 0x180 };
+        assert_eq!(formula.resolve(5), EntryValue::Number(0x185));
+        assert_eq!(EntryValue::Real(1.5).resolve(5), EntryValue::Real(1.5));
     }
 }

@@ -1,28 +1,29 @@
 //! XDD and XDC (CiA 311).
 //!
-//! A `CANopenObject` says what an entry of an EDS says, itself or through `uniqueIDRef`: a `parameter` of
-//! the application process, which may stand behind it. So all is collected first and put together then.
+//! A `CANopenObject` has the properties of an EDS entry, either itself or by a `uniqueIDRef` to a `parameter`
+//! of the application process. The `parameter` can follow later, so all elements are collected before they
+//! are combined.
 
 use super::code::element_type;
 use super::problem::Problems;
 use super::xdd_object::{self, Described, Descriptions, RawObject};
 use super::xml::{Element, Token, Xml};
-use super::{DeviceFile, DeviceFileError, Kind, LONGEST_VALUE, MOST_ENTRIES};
+use super::{DeviceDescriptionError, DeviceFile, Kind, LONGEST_VALUE, MOST_ENTRIES};
 use crate::profile::quoted::quote;
 
-/// What has been read so far.
+/// Elements collected so far.
 struct Content {
     file: DeviceFile,
     problems: Problems,
     objects: Vec<RawObject>,
     descriptions: Descriptions,
-    /// Elements open.
+    /// Nesting depth.
     depth: usize,
-    /// The description that is open: its depth and `uniqueID`.
+    /// Description in progress: its depth and `uniqueID`.
     open: Option<(usize, String, Described)>,
-    /// The element of the identity whose text is read, and its line.
+    /// Identity element in progress, and its line.
     identity: Option<(Identity, usize)>,
-    /// Text of it so far.
+    /// Text of the identity element so far.
     text: String,
 }
 
@@ -34,8 +35,8 @@ enum Identity {
     ProductId,
 }
 
-/// Reads the file.
-pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
+/// Parses an XDD or XDC.
+pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
     let mut content = Content {
         file: DeviceFile::new(Kind::Xdd),
         problems: Problems::default(),
@@ -57,7 +58,7 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceFileError> {
     }
     let Content { mut file, mut problems, objects, descriptions, .. } = content;
     if objects.is_empty() {
-        return Err(DeviceFileError::NoObject);
+        return Err(DeviceDescriptionError::NoObject);
     }
     file.objects = xdd_object::entries(&objects, &descriptions, &mut problems);
     if file.objects.iter().any(|object| object.value.is_some()) {
@@ -108,15 +109,13 @@ impl Content {
             let attributes = element.attributes(&mut self.problems);
             self.objects.push(RawObject { is_sub, attributes, line: element.line });
             if self.objects.len() == MOST_ENTRIES {
-                self.problems.add(
-                    element.line,
-                    format!("objects not read behind this one: at most {MOST_ENTRIES} are"),
-                );
+                self.problems
+                    .add(element.line, format!("objects after this one skipped (max {MOST_ENTRIES})"));
             }
         }
     }
 
-    /// An element within a description: of those directly in it the type, of all others the values.
+    /// Adds an element inside a description: data types from direct children, values from any depth.
     fn describe(&mut self, element: &Element<'_>) {
         let Some((depth, _, described)) = &mut self.open else { return };
         let is_child = depth.checked_add(1) == Some(self.depth);
@@ -157,7 +156,7 @@ impl Content {
         }
     }
 
-    /// `deviceCommissioning` of an XDC.
+    /// Parses `deviceCommissioning` of an XDC.
     fn commissioning(&mut self, element: &Element<'_>) {
         self.file.kind = Kind::Xdc;
         let attributes = element.attributes(&mut self.problems);
@@ -174,20 +173,20 @@ impl Content {
     fn number(&mut self, line: usize, name: &str, text: &str) -> Option<u32> {
         let number = super::number::integer(text).and_then(|found| u32::try_from(found.value).ok());
         if number.is_none() {
-            self.problems.add(line, format!("{name} {}: expected a number of 32 bits", quote(text)));
+            self.problems.add(line, format!("{name} {}: expected a 32-bit number", quote(text)));
         }
         number
     }
 }
 
-/// The first name that is not empty, as far as one is read.
+/// Stores the first non-empty name, limited in length.
 fn set_name(place: &mut String, text: &str) {
     if place.is_empty() {
         *place = text.chars().take(LONGEST_VALUE).collect();
     }
 }
 
-/// `250 Kbps` in bit/s.
+/// Converts a bit rate such as `250 Kbps` to bit/s.
 fn bit_rate(text: &str) -> Option<u32> {
     let digits = text.trim_end_matches(|letter: char| !letter.is_ascii_digit());
     let unit = text.strip_prefix(digits)?.trim();

@@ -1,4 +1,4 @@
-//! Objects of an XDD, with what their parameters say of them, to entries.
+//! Converts objects of an XDD and their parameters to entries.
 
 use std::collections::HashMap;
 
@@ -7,14 +7,14 @@ use foldhash::fast::RandomState;
 use super::code::{Access, ObjectType, data_type};
 use super::number::integer;
 use super::problem::Problems;
-use super::value::{Given, Reading};
+use super::value::{EntryValue, Reading};
 use super::xml::Attributes;
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
 use crate::profile::quoted::quote;
 use crate::wire::canopen::ObjectAddress;
 
-/// A `CANopenObject` or `CANopenSubObject`.
+/// `CANopenObject` or `CANopenSubObject` as parsed.
 #[derive(Debug)]
 pub(super) struct RawObject {
     pub(super) is_sub: bool,
@@ -22,12 +22,12 @@ pub(super) struct RawObject {
     pub(super) line: usize,
 }
 
-/// A `parameter`, or another element with a `uniqueID` that says what a value is.
+/// A `parameter`, or another element with a `uniqueID` that describes a value.
 #[derive(Debug, Default)]
 pub(super) struct Described {
     pub(super) access: Option<String>,
     pub(super) data_type: Option<DataType>,
-    /// `dataTypeIDRef` or `templateIDRef`: where the rest is said.
+    /// `dataTypeIDRef` or `templateIDRef`: element with the other properties.
     pub(super) reference: Option<String>,
     pub(super) default: Option<String>,
     pub(super) actual: Option<String>,
@@ -35,10 +35,10 @@ pub(super) struct Described {
     pub(super) high: Option<String>,
 }
 
-/// By `uniqueID`.
+/// Descriptions by `uniqueID`.
 pub(super) type Descriptions = HashMap<String, Described, RandomState>;
 
-/// The `CANopenObject` whose `CANopenSubObject`s come.
+/// `CANopenObject` whose `CANopenSubObject`s follow.
 struct Parent<'a> {
     raw: &'a RawObject,
     index: u16,
@@ -47,7 +47,7 @@ struct Parent<'a> {
     has_entries: bool,
 }
 
-/// Entries by address, each once.
+/// Entries in order of their unique addresses.
 pub(super) fn entries(
     raws: &[RawObject],
     descriptions: &Descriptions,
@@ -73,7 +73,10 @@ pub(super) fn entries(
         if is_same {
             problems.add(
                 second.line,
-                format!("{} is there before, in line {}; that one counts", second.address, first.line),
+                format!(
+                    "duplicate entry for {}; the first one, in line {}, is used",
+                    second.address, first.line
+                ),
             );
         }
         is_same
@@ -81,14 +84,14 @@ pub(super) fn entries(
     found
 }
 
-/// An object without sub-objects is an entry itself.
+/// Adds an object without sub-objects as an entry.
 fn finish<'a>(parent: Option<Parent<'a>>, found: &mut Vec<DeviceObject>, reader: &mut Reader<'a, '_>) {
     let Some(parent) = parent.filter(|parent| !parent.has_entries) else { return };
     match parent.object_type {
         ObjectType::Null | ObjectType::Type => {}
         ObjectType::Array | ObjectType::Record => {
             let reason = format!(
-                "{:04X} has entries by its objectType, but there is no CANopenSubObject",
+                "{:04X} skipped: its objectType requires entries, but no CANopenSubObject defines one",
                 parent.index
             );
             reader.problems.add(parent.raw.line, reason);
@@ -112,11 +115,11 @@ impl<'a> Reader<'a, '_> {
     fn object(&mut self) -> Option<Parent<'a>> {
         let index = self.hexadecimal("index").and_then(|number| u16::try_from(number).ok());
         if index.is_none() {
-            self.complain("CANopenObject not read: expected an index of four hexadecimal digits");
+            self.complain("CANopenObject skipped: expected an index of four hexadecimal digits");
         }
         let code = self.raw.attributes.get("objectType").map_or(Some(7), |text| Some(integer(text)?.value));
         let object_type = code.and_then(ObjectType::of).unwrap_or_else(|| {
-            self.complain("objectType is none of CiA 301; read as variable");
+            self.complain("objectType is undefined in CiA 301; treated as a variable");
             ObjectType::Var
         });
         let name = self.text("name").unwrap_or_default();
@@ -125,12 +128,12 @@ impl<'a> Reader<'a, '_> {
 
     fn sub_object(&mut self, parent: Option<&mut Parent<'_>>) -> Option<DeviceObject> {
         let Some(parent) = parent else {
-            self.complain("CANopenSubObject not read: it is in no object");
+            self.complain("CANopenSubObject skipped: not inside an object");
             return None;
         };
         parent.has_entries = true;
         let Some(sub) = self.hexadecimal("subIndex").and_then(|number| u8::try_from(number).ok()) else {
-            self.complain("CANopenSubObject not read: expected a subIndex of two hexadecimal digits");
+            self.complain("CANopenSubObject skipped: expected a subIndex of two hexadecimal digits");
             return None;
         };
         let mut entry = self.entry(ObjectAddress::new(parent.index, sub), parent.name.clone(), None);
@@ -164,26 +167,26 @@ impl<'a> Reader<'a, '_> {
             denotation: self.raw.attributes.get("denotation").and_then(|_| self.text("denotation")),
             data_type,
             access: self.access(described),
-            default: self.given("defaultValue", default, data_type, Given::read),
-            low: self.given("lowLimit", low, data_type, Given::read_limit),
-            high: self.given("highLimit", high, data_type, Given::read_limit),
-            value: self.given("actualValue", value, data_type, Given::read),
+            default: self.given("defaultValue", default, data_type, EntryValue::read),
+            low: self.given("lowLimit", low, data_type, EntryValue::read_limit),
+            high: self.given("highLimit", high, data_type, EntryValue::read_limit),
+            value: self.given("actualValue", value, data_type, EntryValue::read),
             mappable: self.mappable(),
             line: self.raw.line,
         }
     }
 
-    /// The `parameter` the object refers to.
+    /// The `parameter` that the object refers to.
     fn described(&mut self) -> Option<&'a Described> {
         let id = self.raw.attributes.get("uniqueIDRef")?;
         let found = self.descriptions.get(id);
         if found.is_none() {
-            self.complain(format!("uniqueIDRef {}: there is no parameter of this uniqueID", quote(id)));
+            self.complain(format!("uniqueIDRef {}: no parameter has this uniqueID", quote(id)));
         }
         found
     }
 
-    /// What a parameter says, or else what its template or its type says.
+    /// Property of a parameter, otherwise that of its template or type.
     fn inherited<T>(
         &self,
         described: Option<&'a Described>,
@@ -198,12 +201,12 @@ impl<'a> Reader<'a, '_> {
             if let Some(found) = data_type(i128::from(code)) {
                 return Some(found);
             }
-            self.complain(format!("dataType {code:#X} is no data type of CiA 301"));
+            self.complain(format!("dataType {code:#X} is undefined in CiA 301"));
         }
         self.inherited(described, |described| described.data_type)
     }
 
-    /// `accessType` of the object, else `access` of the parameter, which is "read" if it says none.
+    /// `accessType` of the object, otherwise `access` of the parameter, whose default is "read".
     fn access(&mut self, described: Option<&'a Described>) -> Option<Access> {
         if let Some(word) = self.raw.attributes.get("accessType") {
             let access = Access::of(word);
@@ -245,7 +248,7 @@ impl<'a> Reader<'a, '_> {
         text: Option<&str>,
         data_type: Option<DataType>,
         read: fn(&str, Option<DataType>) -> Reading,
-    ) -> Option<Given> {
+    ) -> Option<EntryValue> {
         let (given, complaint) = read(text?, data_type);
         if let Some(complaint) = complaint {
             self.complain(format!("{key} {complaint}"));
@@ -253,7 +256,7 @@ impl<'a> Reader<'a, '_> {
         given
     }
 
-    /// A number whose type is hexBinary: without 0x, which some editors write all the same.
+    /// Parses a number of type hexBinary; accepts the prefix 0x that some editors write.
     fn hexadecimal(&self, name: &str) -> Option<u64> {
         let text = self.raw.attributes.get(name)?;
         let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")).unwrap_or(text);
@@ -291,7 +294,10 @@ mod tests {
         );
         let [entry] = &file.objects[..] else { panic!("{file:?}") };
         assert_eq!((entry.data_type, entry.access), (Some(DataType::Integer16), Some(Access::Const)));
-        assert_eq!((&entry.default, &entry.low), (&Some(Given::Number(1)), &Some(Given::Number(-5))));
+        assert_eq!(
+            (&entry.default, &entry.low),
+            (&Some(EntryValue::Number(1)), &Some(EntryValue::Number(-5)))
+        );
         assert!(file.problems.is_empty(), "{:?}", file.problems);
     }
 

@@ -1,7 +1,7 @@
-//! XML as a sequence of elements and text, up to the first place that is none.
+//! Parses XML into elements and text, up to the first syntax error.
 //!
-//! No document type is looked at, so there are no entities but the five of XML itself and characters by
-//! number: nothing grows and nothing outside is read.
+//! The document type is ignored: only the five entities of XML itself and character references are resolved,
+//! so that no entity can expand without limit or load another file.
 
 use memchr::memchr_iter;
 use quick_xml::XmlVersion;
@@ -12,30 +12,30 @@ use quick_xml::reader::Reader;
 use super::problem::Problems;
 use crate::profile::quoted::quote;
 
-/// What comes next.
+/// Token of an XML document.
 #[derive(Debug)]
 pub(super) enum Token<'a> {
-    /// An element begins; one without content ends at once.
+    /// Start of an element; an empty element is followed by `Close`.
     Open(Element<'a>),
-    /// The element that began last ends.
+    /// End of the innermost open element.
     Close,
-    /// A piece of text.
+    /// Part of the text.
     Text(String),
 }
 
-/// The start tag of an element.
+/// Start tag of an element.
 #[derive(Debug)]
 pub(super) struct Element<'a> {
     tag: BytesStart<'a>,
-    /// Line its tag begins in, from 1.
+    /// Line of the tag, from 1.
     pub(super) line: usize,
 }
 
-/// Attributes by name without prefix, in their order.
+/// Attributes in document order, names without prefix.
 #[derive(Debug, Default)]
 pub(super) struct Attributes(Vec<(String, String)>);
 
-/// The document from where it is read to.
+/// Parser with the current position and line.
 pub(super) struct Xml<'a> {
     text: &'a str,
     reader: Reader<&'a [u8]>,
@@ -48,14 +48,14 @@ impl<'a> Xml<'a> {
         let mut reader = Reader::from_str(text);
         let config = reader.config_mut();
         config.expand_empty_elements = true;
-        // Ends are counted, not compared: a wrong one costs no more than itself.
+        // End tags are counted, not compared, so that a wrong name has no further effect.
         config.check_end_names = false;
         config.allow_unmatched_ends = true;
         config.allow_dangling_amp = true;
         Self { text, reader, counted: 0, line: 1 }
     }
 
-    /// The next token; none at the end, and where the XML is broken, which is a problem.
+    /// Next token; `None` at the end, or at a syntax error, which is reported.
     pub(super) fn next(&mut self, problems: &mut Problems) -> Option<Token<'a>> {
         loop {
             let start = self.reader.buffer_position();
@@ -72,21 +72,20 @@ impl<'a> Xml<'a> {
                 }
                 Ok(Event::DocType(_)) => {
                     let line = self.line_at(start);
-                    problems
-                        .add(line, "document type not read: entities it declares stay as they are written");
+                    problems.add(line, "document type ignored: its entities are not resolved");
                 }
                 Ok(Event::Comment(_) | Event::Decl(_) | Event::PI(_)) => {}
                 Ok(Event::Eof) => return None,
                 Err(error) => {
                     let line = self.line_at(self.reader.error_position());
-                    problems.add(line, format!("not read from here on: {error}"));
+                    problems.add(line, format!("rest of the file skipped: {error}"));
                     return None;
                 }
             }
         }
     }
 
-    /// Line of a byte, from 1. Positions only grow, so every byte is counted once.
+    /// Line of a byte, from 1. Positions only increase, so each byte is examined once.
     fn line_at(&mut self, position: u64) -> usize {
         let position = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
         if let Some(passed) = self.text.as_bytes().get(self.counted..position) {
@@ -103,7 +102,7 @@ impl<'a> Xml<'a> {
         resolve_xml_entity(reference).map_or_else(
             || {
                 let line = self.line_at(self.reader.buffer_position());
-                problems.add(line, format!("{}: no entity of XML; left as it is", quote(reference)));
+                problems.add(line, format!("{}: unknown XML entity; not resolved", quote(reference)));
                 format!("&{};", &**reference)
             },
             str::to_owned,
@@ -112,15 +111,15 @@ impl<'a> Xml<'a> {
 }
 
 impl Element<'_> {
-    /// Name without prefix.
+    /// Name without namespace prefix.
     pub(super) fn name(&self) -> &str {
         self.tag.local_name().into_inner()
     }
 
-    /// All attributes; what is none is a problem.
+    /// All attributes; reports invalid ones.
     pub(super) fn attributes(&self, problems: &mut Problems) -> Attributes {
         let mut found = Vec::new();
-        // Looking for duplicates would compare each with each.
+        // A check for duplicates would take quadratic time.
         for attribute in self.tag.attributes().with_checks(false) {
             let attribute = match attribute {
                 Ok(attribute) => attribute,
@@ -140,7 +139,7 @@ impl Element<'_> {
 }
 
 impl Attributes {
-    /// Trimmed value of an attribute, in any letter case of its name; none if it is empty.
+    /// Trimmed value of an attribute, with its name in any letter case; `None` if empty.
     pub(super) fn get(&self, name: &str) -> Option<&str> {
         let (_, value) = self.0.iter().find(|(key, _)| key.eq_ignore_ascii_case(name))?;
         Some(value.trim()).filter(|value| !value.is_empty())
@@ -185,7 +184,7 @@ mod tests {
         );
         assert_eq!(shown, "\n<p:2 Some(\"&f;\")>&e;</>");
         assert_eq!(problems.len(), 3, "{problems:?}");
-        assert!(problems[0].starts_with("line 1: document type not read"), "{problems:?}");
+        assert!(problems[0].starts_with("line 1: document type ignored"), "{problems:?}");
     }
 
     #[test]
@@ -193,6 +192,6 @@ mod tests {
         let (shown, problems) = read("<p>\n<e a='1'></x></p></p>\n<f a=1 b");
         assert_eq!(shown, "<p:1 None>\n<e:2 Some(\"1\")></></></>\n");
         assert_eq!(problems.len(), 1, "{problems:?}");
-        assert!(problems[0].starts_with("line 3: not read from here on"), "{problems:?}");
+        assert!(problems[0].starts_with("line 3: rest of the file skipped"), "{problems:?}");
     }
 }

@@ -1,12 +1,12 @@
-//! Device files as devices, and as profiles: what an EDS, DCF or XDD says in the words of a profile.
+//! Converts EDS, DCF and XDD files to devices and to profiles.
 //!
 //! ```text
-//! DeviceFile ─objects─▶ Object ─┬─▶ Device: the file's objects before those of CiA 301
+//! DeviceFile ─objects─▶ Object ─┬─▶ Device: the objects of the file override those of CiA 301
 //!                               └─repeat, text─▶ a profile in TOML
 //! ```
 //!
-//! A device file knows no units, scales or names of values. Where a standard describes the same entry with the
-//! same type, it is the standard's, with the access, default and limits of the file.
+//! A device file contains no units, scales or names of values. If a standard defines the same entry with the
+//! same type, the entry of the standard is used, with the access, default and limits of the file.
 
 mod objects;
 mod pdos;
@@ -26,10 +26,10 @@ use crate::wire::canopen::ObjectAddress;
 pub use super::device::Import;
 pub use text::toml;
 
-/// Longest id made of names.
+/// Max length of an id that is derived from names.
 const LONGEST_ID: usize = 60;
 
-/// The device of a file; `name` is that of the file without its folder.
+/// Device described by a file; `name` is the file name without its folder.
 pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
     let standard = plain_device();
     let mut device = Device { file: None, ..(**standard).clone() };
@@ -47,23 +47,24 @@ pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
 }
 
 impl Device {
-    /// Whether a device file is all that describes it.
+    /// Whether only a device file describes the device.
     pub(crate) fn is_file_alone(&self) -> bool {
         self.file.as_ref().is_some_and(|import| import.layer == 0)
     }
 
-    /// Who says how an object is delivered: `profile`, or the kind of the device file.
+    /// Source of an object's default: `profile`, or the kind of the device file.
     pub(crate) fn default_origin(&self, object: ObjectAddress) -> &'static str {
         let layer = self.dictionary.layer_of(object);
         let import = self.file.as_ref().filter(|import| layer == Some(import.layer));
         import.map_or("profile", |import| import.file.kind.name())
     }
 
-    /// The same device, with a device file that fills in what its profile leaves out.
+    /// Copy of the device in which a device file adds the objects that its profile lacks.
     #[must_use]
     pub fn filled(&self, file: &Arc<DeviceFile>) -> Self {
         let layers = &self.dictionary.layers;
-        let standards = Dictionary { layers: layers.iter().skip(1).cloned().collect() };
+        let standards =
+            Dictionary { layers: layers.iter().skip(1).cloned().collect(), ..Dictionary::default() };
         let says = |address| self.dictionary.is_own(address) || self.says_of_pdo(address);
         let objects = objects::objects(file, &standards, |address| !says(address)).list;
         let layer = layers.len().min(1);
@@ -74,7 +75,7 @@ impl Device {
         device
     }
 
-    /// Whether its profile says in its own way what this PDO parameter would.
+    /// Whether the profile defines this PDO parameter in another way.
     fn says_of_pdo(&self, address: ObjectAddress) -> bool {
         self.pdos.iter().any(|spec| {
             address.index == spec.pdo.mapping_index()
@@ -84,7 +85,7 @@ impl Device {
 }
 
 impl Kind {
-    /// The word in output.
+    /// Name in output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Eds => "eds",
@@ -95,14 +96,14 @@ impl Kind {
     }
 }
 
-/// Vendor-ID and product code: an identity that asks for less would fit other devices, and the revision
-/// differs from device to device.
+/// Vendor-ID and product code: fewer numbers would match other devices, and the revision differs between
+/// devices of the same type.
 fn identity(file: &DeviceFile) -> Option<Identity> {
     let (vendor_id, product_code) = (file.vendor_id?, file.product_code?);
     Some(Identity { vendor_id: Some(vendor_id), product_code: Some(product_code), ..Identity::default() })
 }
 
-/// `vendor-product` of their names, else the name of the file.
+/// `vendor-product` from their names, otherwise derived from the file name.
 fn id(file: &DeviceFile, name: &str) -> String {
     let (vendor, product) = (kebab(&file.vendor_name), kebab(&file.product_name));
     if vendor.is_empty() || product.is_empty() {
@@ -112,7 +113,7 @@ fn id(file: &DeviceFile, name: &str) -> String {
     }
 }
 
-/// An id of the name of a file.
+/// Id derived from a file name.
 pub fn id_of_name(name: &str) -> String {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     match kebab(stem) {
@@ -126,7 +127,7 @@ fn title(file: &DeviceFile, name: &str) -> String {
     if product.is_empty() { id_of_name(name) } else { printable(product) }
 }
 
-/// Letters and digits of ASCII in small letters, a hyphen for all between.
+/// ASCII letters and digits in lower case; all other characters become hyphens.
 fn kebab(text: &str) -> String {
     let lower = text.to_lowercase();
     let spelled = [('ä', "ae"), ('ö', "oe"), ('ü', "ue"), ('ß', "ss")];

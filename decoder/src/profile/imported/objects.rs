@@ -1,22 +1,25 @@
-//! Entries of a device file to objects of a dictionary.
+//! Converts entries of a device file to objects of a dictionary.
 
 use super::printable::printable;
 use crate::profile::DataType;
 use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
 use crate::profile::dictionary::{Dictionary, Entry, Object};
-use crate::profile::object::{Access, Effect, Format, Given, Look, ONCE, Only, Storage};
+use crate::profile::object::{
+    Access, DefaultValue, Effect, Format, Interpretation, ONCE, Storage, VariantFilter,
+};
 use crate::wire::canopen::ObjectAddress;
 
-/// The largest node-ID.
+/// Largest node-ID.
 const LAST_NODE: i128 = 127;
 
-/// Objects, and what of the file is not in them.
+/// Converted objects, and problems with omitted parts.
 pub(super) struct Objects {
     pub(super) list: Vec<Object>,
     pub(super) problems: Vec<Problem>,
 }
 
-/// The entries that are `wanted`; what the standards say of them counts, but for access, default and limits.
+/// Converts the entries that are `wanted`. Definitions of the standards take precedence, except for access,
+/// default and limits.
 pub(super) fn objects(
     file: &DeviceFile,
     standards: &Dictionary,
@@ -33,7 +36,7 @@ pub(super) fn objects(
             name: object_name(first, standards),
             is_record: entries.len() > 1 || first.address.sub != 0,
             entries,
-            only: Only::default(),
+            only: VariantFilter::default(),
             source: String::new(),
             span: 0..0,
         });
@@ -49,7 +52,7 @@ fn object_name(object: &DeviceObject, standards: &Dictionary) -> String {
     }
 }
 
-/// A name in which nothing stands for the number of a repeat, and nothing steers a terminal.
+/// Name without the placeholder of repeat numbers and without terminal control characters.
 fn unnumbered(name: &str) -> String {
     printable(name).replace("{n}", "(n)")
 }
@@ -69,20 +72,17 @@ impl Objects {
         if let Some(given) = &object.default {
             entry.default = default(given, data_type);
             if entry.default.is_none() {
-                let reason = format!(
-                    "{}: the default is no value of {}, and is left out",
-                    object.address,
-                    data_type.name()
-                );
+                let reason =
+                    format!("{}: default is not a valid {}; ignored", object.address, data_type.name());
                 self.problems.push(Problem { line: object.line, reason });
             }
         }
         entry.look.range = limits(object, data_type).or(entry.look.range);
-        if let (Some([least, most]), Some(Given::Number(default))) = (entry.look.range, &entry.default)
+        if let (Some([least, most]), Some(DefaultValue::Number(default))) = (entry.look.range, &entry.default)
             && !(least..=most).contains(default)
         {
             let reason = format!(
-                "{}: default {default} lies outside its limits {least} to {most}, which are left out",
+                "{}: default {default} is outside its limits {least} to {most}; limits ignored",
                 object.address
             );
             self.problems.push(Problem { line: object.line, reason });
@@ -92,7 +92,7 @@ impl Objects {
     }
 }
 
-/// An entry no standard describes.
+/// Entry without a definition in a standard.
 fn plain(object: &DeviceObject) -> Entry {
     let name = object.entry_name.as_deref().filter(|name| !name.is_empty()).map(unnumbered);
     Entry {
@@ -101,7 +101,7 @@ fn plain(object: &DeviceObject) -> Entry {
         data_type: object.data_type,
         access: None,
         format: Format::Decimal,
-        look: Look { name, ..Look::default() },
+        look: Interpretation { name, ..Interpretation::default() },
         modes: Vec::new(),
         default: None,
         storage: Storage::Unknown,
@@ -110,14 +110,14 @@ fn plain(object: &DeviceObject) -> Entry {
         invalidates: Vec::new(),
         channel: None,
         open_loop: Vec::new(),
-        only: Only::default(),
+        only: VariantFilter::default(),
         source: String::new(),
         note: String::new(),
         span: 0..0,
     }
 }
 
-/// Process inputs and outputs are read and written like others.
+/// Access in a profile; process inputs and outputs are read-write.
 const fn access(access: device_file::Access) -> Access {
     match access {
         device_file::Access::Ro => Access::Ro,
@@ -127,34 +127,38 @@ const fn access(access: device_file::Access) -> Access {
     }
 }
 
-/// A default in the words of a profile; `None` where it is no value of its type.
-fn default(given: &device_file::Given, data_type: DataType) -> Option<Given> {
+/// Default as written in a profile; `None` if it is invalid for its type.
+fn default(given: &device_file::EntryValue, data_type: DataType) -> Option<DefaultValue> {
     let holds =
         |number: i128| bounds(data_type).is_some_and(|[least, most]| (least..=most).contains(&number));
     let is_number = data_type.bits().is_some();
     Some(match given {
-        device_file::Given::Number(number) if holds(*number) => match i64::try_from(*number) {
-            Ok(number) => Given::Number(number),
-            Err(_) => Given::Text(format!("{number:#X}")),
+        device_file::EntryValue::Number(number) if holds(*number) => match i64::try_from(*number) {
+            Ok(number) => DefaultValue::Number(number),
+            Err(_) => DefaultValue::Text(format!("{number:#X}")),
         },
-        device_file::Given::Formula { offset }
+        device_file::EntryValue::Formula { offset }
             if data_type.is_integer() && holds(i128::from(*offset) + LAST_NODE) =>
         {
-            Given::Text(if *offset == 0 { "$NODEID".to_owned() } else { format!("$NODEID+{offset:#X}") })
+            DefaultValue::Text(if *offset == 0 {
+                "$NODEID".to_owned()
+            } else {
+                format!("$NODEID+{offset:#X}")
+            })
         }
-        device_file::Given::Real(number) if matches!(data_type, DataType::Real32 | DataType::Real64) => {
-            Given::Real(*number)
+        device_file::EntryValue::Real(number) if matches!(data_type, DataType::Real32 | DataType::Real64) => {
+            DefaultValue::Real(*number)
         }
-        device_file::Given::Text(text) if !is_number => Given::Text(text.clone()),
-        device_file::Given::Bytes(bytes) if !is_number => {
+        device_file::EntryValue::Text(text) if !is_number => DefaultValue::Text(text.clone()),
+        device_file::EntryValue::Bytes(bytes) if !is_number => {
             let pairs: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-            Given::Text(pairs.join(" "))
+            DefaultValue::Text(pairs.join(" "))
         }
         _ => return None,
     })
 }
 
-/// Numbers a type holds; `None` if it holds none.
+/// Range of an integer type; `None` for other types.
 fn bounds(data_type: DataType) -> Option<[i128; 2]> {
     let bits = u32::from(data_type.bits()?);
     match data_type {
@@ -167,12 +171,12 @@ fn bounds(data_type: DataType) -> Option<[i128; 2]> {
     }
 }
 
-/// Limits of an integer, where they say more than its type.
+/// Limits of an integer, if narrower than its type.
 fn limits(object: &DeviceObject, data_type: DataType) -> Option<[i64; 2]> {
     let [least, most] = bounds(data_type).filter(|_| data_type.is_integer())?;
-    let limit = |given: &Option<device_file::Given>, fallback| match given {
+    let limit = |given: &Option<device_file::EntryValue>, fallback| match given {
         None => Some(fallback),
-        Some(device_file::Given::Number(number)) => Some(*number),
+        Some(device_file::EntryValue::Number(number)) => Some(*number),
         Some(_) => None,
     };
     let (low, high) = (limit(&object.low, least)?, limit(&object.high, most)?);
@@ -200,7 +204,7 @@ mod tests {
             (heartbeat.name.as_str(), heartbeat.entries[0].effect),
             ("Producer heartbeat time", Effect::AtOnce)
         );
-        assert_eq!(heartbeat.entries[0].default, Some(Given::Number(500)));
+        assert_eq!(heartbeat.entries[0].default, Some(DefaultValue::Number(500)));
         assert_eq!((mapping.name.as_str(), mapping.is_record), ("TPDO mapping parameter", true));
         let entry = &mapping.entries[0];
         assert_eq!(
@@ -236,12 +240,12 @@ mod tests {
                 format!("[2000]\nParameterName=a\nAccessType=rw\nDataType={data_type}\nDefaultValue={value}");
             of(&text).list[0].entries[0].default.clone()
         };
-        let text = |text: &str| Some(Given::Text(text.to_owned()));
-        assert_eq!(of(3, "0xFFB2"), Some(Given::Number(-78)));
+        let text = |text: &str| Some(DefaultValue::Text(text.to_owned()));
+        assert_eq!(of(3, "0xFFB2"), Some(DefaultValue::Number(-78)));
         assert_eq!(of(7, "$NODEID + 0x80000200"), text("$NODEID+0x80000200"));
         assert_eq!(of(5, "$NODEID"), text("$NODEID"));
         assert_eq!(of(0x1B, "0xFFFFFFFFFFFFFFFF"), text("0xFFFFFFFFFFFFFFFF"));
-        assert_eq!(of(8, "1.5"), Some(Given::Real(1.5)));
+        assert_eq!(of(8, "1.5"), Some(DefaultValue::Real(1.5)));
         assert_eq!(of(9, "abc"), text("abc"));
         assert_eq!(of(10, "c83d"), text("C8 3D"));
         assert_eq!(of(5, "256"), None);
@@ -252,7 +256,7 @@ mod tests {
     fn what_is_no_value_of_the_standard_s_type_is_left_out() {
         let objects = of("[1000]\nParameterName=a\nAccessType=ro\nDefaultValue=by the maker\n");
         let reasons: Vec<_> = objects.problems.iter().map(|problem| problem.reason.as_str()).collect();
-        assert_eq!(reasons, ["1000:00: the default is no value of UNSIGNED32, and is left out"]);
+        assert_eq!(reasons, ["1000:00: default is not a valid UNSIGNED32; ignored"]);
         assert_eq!(objects.list[0].entries[0].default, None);
     }
 }

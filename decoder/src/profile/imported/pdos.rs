@@ -1,23 +1,23 @@
-//! PDO mappings as delivered, where the file says all of them and knows every object in them.
+//! Default PDO mappings, if the file defines them completely and all mapped objects are known.
 
 use crate::profile::dictionary::{Dictionary, Object};
 use crate::profile::{DataType, PdoName};
 use crate::wire::canopen::ObjectAddress;
 
-/// Indexes up to 0x1F are data types: they only take room (CiA 301 §7.4.7.1).
+/// Last index of the data types, which serve as gaps in a mapping (CiA 301 §7.4.7.1).
 const LAST_DUMMY: u16 = 0x1F;
 
-/// Entries of a mapping, and bits of a frame (CiA 301 §7.5.2.36).
+/// Max entries of a mapping, and max bits of a frame (CiA 301 §7.5.2.36).
 const MOST_ENTRIES: i64 = 64;
 const FRAME_BITS: u16 = 64;
 
-/// Contents of a PDO: objects with their bits; none for room.
+/// Contents of a PDO: objects with their length in bits; `None` for a gap.
 pub(super) struct Pdo {
     pub(super) name: PdoName,
     pub(super) fields: Vec<(Option<ObjectAddress>, u16)>,
 }
 
-/// The PDOs that are mapped as delivered, and why others are not among them.
+/// PDOs with a default mapping, and reasons why others are omitted.
 pub(super) fn pdos(objects: &[Object], dictionary: &Dictionary) -> (Vec<Pdo>, Vec<String>) {
     let (mut pdos, mut left_out) = (Vec::new(), Vec::new());
     for object in objects {
@@ -26,13 +26,13 @@ pub(super) fn pdos(objects: &[Object], dictionary: &Dictionary) -> (Vec<Pdo>, Ve
         match fields(name, dictionary) {
             Ok(fields) if fields.is_empty() => {}
             Ok(fields) => pdos.push(Pdo { name, fields }),
-            Err(reason) => left_out.push(format!("{name} is not described: {reason}")),
+            Err(reason) => left_out.push(format!("{name} omitted: {reason}")),
         }
     }
     (pdos, left_out)
 }
 
-/// None where nothing is mapped.
+/// Fields of a PDO; empty if nothing is mapped.
 fn fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAddress>, u16)>, String> {
     let default = |sub| {
         let address = ObjectAddress::new(name.mapping_index(), sub);
@@ -51,19 +51,19 @@ fn fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAd
         let width = u16::from(width);
         bits = bits.saturating_add(width);
         if width == 0 {
-            return Err(format!("entry {place} of {count} maps no bits"));
+            return Err(format!("entry {place} of {count} has a length of 0 bits"));
         }
         if bits > FRAME_BITS {
-            return Err(format!("{object} makes it {bits} bits long"));
+            return Err(format!("length {bits} bits with {object} (max {FRAME_BITS})"));
         }
         if object.index <= LAST_DUMMY {
             fields.push((None, width));
             continue;
         }
         let entry = dictionary.find(object).and_then(|found| found.entry);
-        let Some(entry) = entry else { return Err(format!("{object} is no object of this file")) };
+        let Some(entry) = entry else { return Err(format!("unknown object {object}")) };
         if entry.data_type.and_then(DataType::bits).is_some_and(|known| known < width) {
-            return Err(format!("{object} has fewer than {width} bits"));
+            return Err(format!("{object}: field of {width} bits does not fit the object"));
         }
         fields.push((Some(object), width));
     }
@@ -105,13 +105,16 @@ mod tests {
     }
 
     #[test]
-    fn others_are_said() {
+    fn other_pdos_are_reported() {
         let reason = |mapping: &[&str]| of(mapping).1.join("");
-        assert_eq!(reason(&["0x60420010"]), "TPDO3 is not described: 6042:00 is no object of this file");
-        assert_eq!(reason(&["0x60410020"]), "TPDO3 is not described: 6041:00 has fewer than 32 bits");
-        assert_eq!(reason(&[""]), "TPDO3 is not described: entry 1 of 1 has no default");
+        assert_eq!(reason(&["0x60420010"]), "TPDO3 omitted: unknown object 6042:00");
+        assert_eq!(
+            reason(&["0x60410020"]),
+            "TPDO3 omitted: 6041:00: field of 32 bits does not fit the object"
+        );
+        assert_eq!(reason(&[""]), "TPDO3 omitted: entry 1 of 1 has no default");
         let five = ["0x60410010"; 5];
-        assert_eq!(reason(&five), "TPDO3 is not described: 6041:00 makes it 80 bits long");
-        assert_eq!(reason(&["0"]), "TPDO3 is not described: entry 1 of 1 maps no bits");
+        assert_eq!(reason(&five), "TPDO3 omitted: length 80 bits with 6041:00 (max 64)");
+        assert_eq!(reason(&["0"]), "TPDO3 omitted: entry 1 of 1 has a length of 0 bits");
     }
 }

@@ -1,11 +1,11 @@
-//! Texts of device files without what a terminal would obey.
+//! Removes terminal control characters from texts of device files.
 
-/// Text without characters that steer a terminal or reorder text.
+/// Replaces characters that control a terminal or reorder text.
 pub(super) fn printable(text: &str) -> String {
-    text.chars().map(|c| if steers(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
+    text.chars().map(|c| if is_terminal_control(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
-/// Control characters, and the marks that reorder text (Unicode's bidirectional formatting).
-pub(super) fn steers(c: char) -> bool {
+/// Whether it is a control character or reorders text (Unicode bidirectional formatting).
+pub(super) fn is_terminal_control(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }

@@ -1,13 +1,13 @@
-//! Equal objects one behind the other as one object that repeats.
+//! Combines equal consecutive objects to one repeated object.
 
 use crate::profile::dictionary::Object;
 use crate::profile::object::{ONCE, Repeat};
 
-/// Numbers of a name that are tried.
+/// Max numbers in a name that are tried as repeat number.
 const MOST_NUMBERS: usize = 4;
 
-/// Objects whose indexes follow each other and that say the same, together. `says` is what an object says
-/// but for its index; a number in their names that counts them becomes `{n}`.
+/// Combines equal objects with consecutive indexes. The closure returns all properties of an object but its
+/// index; a number in their names that increases with the index becomes `{n}`.
 pub(super) fn together(objects: &[Object], says: impl Fn(&Object) -> String) -> Vec<Object> {
     let mut all = Vec::new();
     let mut rest = objects;
@@ -19,7 +19,7 @@ pub(super) fn together(objects: &[Object], says: impl Fn(&Object) -> String) -> 
     all
 }
 
-/// How many objects from the first on are one that repeats, and that one.
+/// Number of objects at the start that can be combined, and the combined object.
 fn longest(objects: &[Object], says: &impl Fn(&Object) -> String) -> (usize, Option<Object>) {
     let Some(first) = objects.first() else { return (0, None) };
     let mut best = (run(objects, says, |object, _| object.clone()), None);
@@ -36,7 +36,7 @@ fn longest(objects: &[Object], says: &impl Fn(&Object) -> String) -> (usize, Opt
     (length, Some(Object { repeat, ..object }))
 }
 
-/// Length of the run of objects that say the same in the form `as_nth` gives them.
+/// Number of objects at the start that are equal after conversion with `as_nth`.
 fn run(
     objects: &[Object],
     says: &impl Fn(&Object) -> String,
@@ -50,14 +50,14 @@ fn run(
     (0..).zip(objects).take_while(follows).count()
 }
 
-/// Decimal numbers in a name that can count.
+/// Decimal numbers in a name that can be a repeat number.
 fn numbers(name: &str) -> Vec<u16> {
     let digits = name.split(|c: char| !c.is_ascii_digit());
     let counting = digits.filter(|digits| !digits.starts_with('0')).filter_map(|digits| digits.parse().ok());
     counting.take(MOST_NUMBERS).collect()
 }
 
-/// The object with `{n}` for a number in its names.
+/// Copy of the object with a number in its names replaced by `{n}`.
 fn numbered(object: &Object, number: u16) -> Object {
     let mut object = object.clone();
     object.name = replaced(&object.name, number);
@@ -69,7 +69,7 @@ fn numbered(object: &Object, number: u16) -> Object {
     object
 }
 
-/// Whole numbers only: the 1 in 12 does not count.
+/// Replaces whole numbers only, not the 1 in 12.
 fn replaced(name: &str, number: u16) -> String {
     let number = number.to_string();
     let mut text = String::new();
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn a_number_that_counts_is_the_number_of_the_repeat() {
         let found = together_of(&[(1, "RPDO 9 of 10"), (2, "RPDO 10 of 10"), (3, "RPDO 11 of 10")]);
-        // The second has two numbers 10, so it is not known which one counts.
+        // The second name contains 10 twice, so its repeat number is ambiguous.
         assert_eq!(found[0], (1, "RPDO 9 of 10".to_owned(), repeat(1, 1)));
         let found = together_of(&[(1, "Input 3 of 8"), (2, "Input 4 of 8"), (3, "Input 6 of 8")]);
         assert_eq!(found[0], (1, "Input {n} of 8".to_owned(), repeat(2, 3)));

@@ -1,18 +1,18 @@
-//! A device file as the text of a profile, to go on from.
+//! Writes a device file as the text of a profile that a user can extend.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use super::printable::steers;
+use super::printable::is_terminal_control;
 use super::{pdos, repeat};
 use crate::profile::Device;
 use crate::profile::device_file::{DeviceFile, Problem};
 use crate::profile::dictionary::{Entry, Object};
-use crate::profile::object::{Effect, Format, Given, ONCE, Scale};
+use crate::profile::object::{DefaultValue, Effect, Format, ONCE, Scale};
 use crate::profile::plain_device;
 
-/// The profile of a file; `name` is that of the file without its folder. What could not be read, or not be
-/// said in a profile, stands in comments at the top.
+/// Profile of a file; `name` is the file name without its folder. Comments at the top list the problems and
+/// the parts that a profile cannot express.
 pub fn toml(file: &Arc<DeviceFile>, name: &str) -> String {
     let device = super::device(file, name);
     let standard = &plain_device().dictionary;
@@ -22,7 +22,8 @@ pub fn toml(file: &Arc<DeviceFile>, name: &str) -> String {
     let objects = device.dictionary.own();
     let (pdos, left_out) = pdos::pdos(objects, &device.dictionary);
     let values = file.objects.iter().filter(|object| object.value.is_some()).count();
-    let values = (values > 0).then(|| format!("{values} configured values: they are those of one device"));
+    let values =
+        (values > 0).then(|| format!("{values} configured values omitted: they belong to one device"));
     problems.extend(left_out.into_iter().chain(values).map(|reason| Problem { line: 0, reason }));
     let mut text = head(&device, name, &problems);
     for object in repeat::together(objects, says) {
@@ -40,10 +41,10 @@ pub fn toml(file: &Arc<DeviceFile>, name: &str) -> String {
 }
 
 fn head(device: &Device, name: &str, problems: &[Problem]) -> String {
-    let mut text = format!("# Made of {}.", escaped(name));
+    let mut text = format!("# Generated from {}.", escaped(name));
     match problems.len() {
         0 => text.push('\n'),
-        count => _ = writeln!(text, " What could not be read or said ({count}):"),
+        count => _ = writeln!(text, " Omitted or uncertain ({count}):"),
     }
     for problem in problems {
         let _ = writeln!(text, "# {}", escaped(&problem.to_string()));
@@ -75,7 +76,7 @@ fn push_object(object: &Object, text: &mut String) {
     text.push_str(&says(object));
 }
 
-/// What an object says but for its index.
+/// Properties of an object other than its index.
 fn says(object: &Object) -> String {
     let mut text = format!("name = {}\n", quoted(&object.name));
     if let ([entry], false) = (&object.entries[..], object.is_record) {
@@ -99,14 +100,14 @@ fn says(object: &Object) -> String {
     text + "]\n"
 }
 
-/// `, name = "…", type = "…"`
+/// Keys of an entry in the form `, name = "…", type = "…"`.
 fn inline(entry: &Entry) -> String {
     let name = entry.look.name.iter().map(|name| ("name", quoted(name)));
     let all = name.chain(keys(entry)).map(|(key, value)| format!(", {key} = {value}"));
     all.collect()
 }
 
-/// All an entry of a device file can have but its name: units and the like are those of CiA 301.
+/// Keys of an entry other than its name; units and similar properties originate from CiA 301.
 fn keys(entry: &Entry) -> Vec<(&'static str, String)> {
     let look = &entry.look;
     let format = match entry.format {
@@ -114,9 +115,12 @@ fn keys(entry: &Entry) -> Vec<(&'static str, String)> {
         Format::Hex => Some("hex"),
         Format::Mapping => Some("mapping"),
         Format::Ascii => Some("ascii"),
+        Format::Emcy => Some("emcy"),
+        Format::HeartbeatConsumer => Some("heartbeat-consumer"),
     };
     let scale = match look.scale {
         Some(Scale::Factor(factor)) => Some(format!("{factor}")),
+        Some(Scale::Reciprocal { reciprocal }) => Some(format!("{{ reciprocal = {reciprocal} }}")),
         _ => None,
     };
     let effect = Some(entry.effect).filter(|effect| *effect != Effect::Unknown);
@@ -134,28 +138,28 @@ fn keys(entry: &Entry) -> Vec<(&'static str, String)> {
     all.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
 }
 
-fn given(given: &Given, format: Format) -> String {
+fn given(given: &DefaultValue, format: Format) -> String {
     match given {
-        Given::Number(number @ 0..) if matches!(format, Format::Hex | Format::Mapping) => {
+        DefaultValue::Number(number @ 0..) if !matches!(format, Format::Decimal | Format::Ascii) => {
             format!("{number:#X}")
         }
-        Given::Number(number) => number.to_string(),
-        Given::Real(number) => format!("{number:?}"),
-        Given::Text(text) => quoted(text),
+        DefaultValue::Number(number) => number.to_string(),
+        DefaultValue::Real(number) => format!("{number:?}"),
+        DefaultValue::Text(text) => quoted(text),
     }
 }
 
-/// A text as TOML has it.
+/// Quotes text for TOML.
 fn quoted(text: &str) -> String {
     let quotes = text.replace('\\', "\\\\").replace('"', "\\\"");
     format!("\"{}\"", escaped(&quotes))
 }
 
-/// Control characters, and the marks that reorder text, as `\u001B`.
+/// Escapes control characters and characters that reorder text as `\u001B`.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
-        if steers(c) {
+        if is_terminal_control(c) {
             let _ = write!(escaped, "\\u{:04X}", u32::from(c));
         } else {
             escaped.push(c);

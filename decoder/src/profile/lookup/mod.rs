@@ -1,5 +1,6 @@
-//! Codes and bits with their texts.
+//! Lookup tables for codes and bits.
 
+mod groups;
 mod uds;
 
 use std::sync::OnceLock;
@@ -7,24 +8,29 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 
 use super::embedded::parse;
-use crate::wire::j1939::{Lamps, Lit, Pgn};
+use crate::wire::j1939::{FlashRate, Lamps};
 
+pub use groups::pgn_name;
+pub(crate) use groups::{is_fast_packet, is_nmea2000_group, is_public_group};
 pub(crate) use uds::ValueIn;
 pub use uds::{UdsCode, UdsNames, UdsService, uds};
 
-/// One code of a table.
+/// Entry of a code table.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Code {
-    /// The code.
+    /// Code number.
     #[serde(rename = "code")]
     pub number: u32,
-    /// Bits of a code that must agree; all where the table does not say.
+    /// Bits of the code to compare; all by default.
     #[serde(default = "all_bits")]
     pub mask: u32,
-    /// What it means.
+    /// Meaning of the code.
     pub text: String,
-    /// What usually causes it.
+    /// Short name in the standard; empty if the table has none.
+    #[serde(default)]
+    pub standard: String,
+    /// Most common cause.
     #[serde(default)]
     pub hint: String,
 }
@@ -33,7 +39,7 @@ const fn all_bits() -> u32 {
     u32::MAX
 }
 
-/// A table of codes.
+/// Table of codes.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Codes {
@@ -41,19 +47,19 @@ pub struct Codes {
 }
 
 impl Codes {
-    /// The entry that matches `code` most specifically.
+    /// Most specific entry that matches `code`.
     pub fn find(&self, code: u32) -> Option<&Code> {
         let matching = self.code.iter().filter(|entry| code & entry.mask == entry.number & entry.mask);
         matching.max_by_key(|entry| entry.mask.count_ones())
     }
 
-    /// Text of `code`; a plain statement where the table has none.
+    /// Text of `code`; "unknown code" without an entry.
     pub fn text(&self, code: u32) -> &str {
         self.find(code).map_or("unknown code", |entry| &entry.text)
     }
 }
 
-/// One bit or one value of a byte.
+/// A named bit or value of a byte.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Bit {
@@ -64,17 +70,17 @@ struct Bit {
     text: String,
 }
 
-/// Named bits, or named values, of a byte.
+/// Named bits or values of a byte.
 #[derive(Debug, Default)]
 pub struct Bits(Vec<Bit>);
 
 impl Bits {
-    /// Names of the bits set in `value`, low to high.
+    /// Names of the bits set in `value`, in ascending order.
     pub fn names(&self, value: u32) -> impl Iterator<Item = &str> {
         self.0.iter().filter(move |entry| value & entry.mask != 0).map(|entry| entry.name.as_str())
     }
 
-    /// Plain texts of the bits set in `value`, low to high.
+    /// Texts of the bits set in `value`, in ascending order.
     pub fn texts(&self, value: u32) -> impl Iterator<Item = &str> {
         self.0
             .iter()
@@ -82,21 +88,21 @@ impl Bits {
             .map(|entry| if entry.text.is_empty() { entry.name.as_str() } else { entry.text.as_str() })
     }
 
-    /// Plain text of the entry that equals `value`.
+    /// Text of the entry that equals `value`.
     pub fn text_of(&self, value: u32) -> Option<&str> {
         self.0.iter().find(|entry| entry.mask == value).map(|entry| entry.text.as_str())
     }
 }
 
-/// Units a profile may use.
+/// Units that a profile can use.
 pub(super) fn units() -> &'static Vec<String> {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         unit: Vec<String>,
     }
     static TABLE: OnceLock<Vec<String>> = OnceLock::new();
-    TABLE.get_or_init(|| parse::<File>("lookups/units.toml").unit)
+    TABLE.get_or_init(|| parse::<LookupFile>("lookups/units.toml").unit)
 }
 
 /// SDO abort codes (CiA 301 §7.2.4.3.17).
@@ -121,14 +127,14 @@ pub fn failure_modes() -> &'static Codes {
 pub fn industry_groups() -> &'static Bits {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         class: Vec<Bit>,
     }
     static TABLE: OnceLock<Bits> = OnceLock::new();
-    TABLE.get_or_init(|| Bits(parse::<File>("lookups/industry_groups.toml").class))
+    TABLE.get_or_init(|| Bits(parse::<LookupFile>("lookups/industry_groups.toml").class))
 }
 
-/// Names of the lamps that are lit, with how they flash (J1939-73 §5.7.1).
+/// Names of the lamps that are on, including the flash rate (J1939-73 §5.7.1).
 pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -140,39 +146,18 @@ pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         lamp: Vec<Lamp>,
     }
     static TABLE: OnceLock<Vec<Lamp>> = OnceLock::new();
-    let table = TABLE.get_or_init(|| parse::<File>("lookups/lamps.toml").lamp);
+    let table = TABLE.get_or_init(|| parse::<LookupFile>("lookups/lamps.toml").lamp);
     table.iter().filter_map(move |lamp| {
         Some(match lamps.lit(lamp.shift)? {
-            Lit::Steady => lamp.name.as_str(),
-            Lit::Slow => &lamp.slow,
-            Lit::Fast => &lamp.fast,
+            FlashRate::Steady => lamp.name.as_str(),
+            FlashRate::Slow => &lamp.slow,
+            FlashRate::Fast => &lamp.fast,
         })
     })
-}
-
-/// Name of a parameter group that belongs to the protocols themselves.
-pub fn pgn_name(pgn: Pgn) -> Option<String> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Group {
-        number: u32,
-        to: Option<u32>,
-        name: String,
-    }
-    #[derive(Default, Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct File {
-        pgn: Vec<Group>,
-    }
-    static TABLE: OnceLock<Vec<Group>> = OnceLock::new();
-    let groups = TABLE.get_or_init(|| parse::<File>("lookups/pgns.toml").pgn);
-    let number = pgn.number();
-    let group = groups.iter().find(|it| (it.number..=it.to.unwrap_or(it.number)).contains(&number))?;
-    Some(group.name.replace("{n}", &number.saturating_sub(group.number).to_string()))
 }
 
 /// EMCY error codes and classes (CiA 301 §7.2.7.1).
@@ -181,7 +166,7 @@ pub fn emcy_codes() -> &'static Codes {
     TABLE.get_or_init(|| parse("lookups/emcy_codes.toml"))
 }
 
-/// What to look at after a fault of a kind, likeliest first; empty for an unknown one.
+/// Points to check after a kind of fault, most likely first; empty for an unknown kind.
 pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -191,10 +176,10 @@ pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         hint: Vec<Hint>,
     }
-    static TABLE: OnceLock<File> = OnceLock::new();
+    static TABLE: OnceLock<LookupFile> = OnceLock::new();
     let file = TABLE.get_or_init(|| parse("lookups/fault_hints.toml"));
     file.hint.iter().find(|hint| hint.fault == fault).map_or(&[], |hint| &hint.texts)
 }
@@ -203,25 +188,25 @@ pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
 pub fn error_register() -> &'static Bits {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         bit: Vec<Bit>,
     }
     static TABLE: OnceLock<Bits> = OnceLock::new();
     TABLE.get_or_init(|| {
-        // This table counts bits, the others give masks.
-        let file: File = parse("lookups/error_register.toml");
+        // This table contains bit numbers, the others contain masks.
+        let file: LookupFile = parse("lookups/error_register.toml");
         Bits(file.bit.into_iter().map(|entry| Bit { mask: 1 << (entry.mask & 31), ..entry }).collect())
     })
 }
 
-/// Names in SocketCAN error frames.
+/// Lookup tables for SocketCAN error frames.
 #[derive(Debug, Default)]
 pub(crate) struct CanErrors {
-    /// Class bits of the identifier.
+    /// Error classes in the identifier, bits.
     pub classes: Bits,
-    /// Controller byte.
+    /// Controller byte, bits.
     pub controller: Bits,
-    /// Protocol byte.
+    /// Protocol byte, bits.
     pub protocol: Bits,
     /// Location byte, values.
     pub location: Bits,
@@ -229,11 +214,11 @@ pub(crate) struct CanErrors {
     pub transceiver: Bits,
 }
 
-/// SocketCAN's error classes and details (linux/can/error.h).
+/// Error classes and details of SocketCAN (linux/can/error.h).
 pub(crate) fn can_errors() -> &'static CanErrors {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct File {
+    struct LookupFile {
         class: Vec<Bit>,
         controller: Vec<Bit>,
         protocol: Vec<Bit>,
@@ -242,7 +227,7 @@ pub(crate) fn can_errors() -> &'static CanErrors {
     }
     static TABLE: OnceLock<CanErrors> = OnceLock::new();
     TABLE.get_or_init(|| {
-        let file: File = parse("lookups/can_error_classes.toml");
+        let file: LookupFile = parse("lookups/can_error_classes.toml");
         CanErrors {
             classes: Bits(file.class),
             controller: Bits(file.controller),
@@ -287,23 +272,23 @@ pub struct LssNames {
 }
 
 impl LssNames {
-    /// Name of a command specifier as output writes it.
+    /// Name of a command specifier in output.
     pub fn service(&self, code: u8) -> &str {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown", |entry| &entry.name)
     }
 
-    /// Whether there is a service of that name.
+    /// Whether a service has this name.
     pub fn has(&self, name: &str) -> bool {
         self.service.iter().any(|entry| entry.name == name)
     }
 
-    /// Key of the number a command specifier carries.
+    /// Output key of the number in messages with this command specifier.
     pub(crate) fn number_key(&self, code: u8) -> &str {
         let service = self.service.iter().find(|entry| entry.code == code);
         service.and_then(|entry| entry.field.as_deref()).unwrap_or("number")
     }
 
-    /// Readable title of a command specifier.
+    /// Title of a command specifier.
     pub fn title(&self, code: u8) -> &str {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown service", |entry| &entry.title)
     }
@@ -314,13 +299,13 @@ impl LssNames {
         found.map_or("unknown result", |entry| &entry.text)
     }
 
-    /// Bit rate of an entry of table 0, in kbit/s.
+    /// Bit rate of an entry in bit timing table 0, in kbit/s.
     pub fn bit_rate(&self, entry: u8) -> Option<u32> {
         self.bit_rate.iter().find(|rate| rate.index == entry && !rate.auto).and_then(|rate| rate.kbit)
     }
 }
 
-/// Names of CiA 305.
+/// Names defined in CiA 305.
 pub fn lss() -> &'static LssNames {
     static TABLE: OnceLock<LssNames> = OnceLock::new();
     TABLE.get_or_init(|| parse("standard/cia305.toml"))
@@ -340,6 +325,18 @@ mod tests {
     fn the_most_specific_emcy_entry_wins() {
         assert_eq!(emcy_codes().text(0x8130), "heartbeat or life-guard error");
         assert_eq!(emcy_codes().text(0x8199), "communication");
+    }
+
+    #[test]
+    fn codes_have_the_short_names_of_cia_301() {
+        for entry in emcy_codes().code.iter().chain(&abort_codes().code) {
+            assert!(!entry.standard.is_empty() && !entry.standard.ends_with('.'), "{entry:?}");
+        }
+        let emcy = |code| emcy_codes().find(code).unwrap().standard.as_str();
+        assert_eq!(emcy(0x8130), "Life guard error or heartbeat error");
+        assert_eq!(emcy(0x8199), "Communication");
+        let abort = abort_codes().find(0x0602_0000).unwrap();
+        assert_eq!(abort.standard, "Object does not exist in the object dictionary");
     }
 
     #[test]

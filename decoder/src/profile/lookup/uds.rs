@@ -5,17 +5,17 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 
 use crate::profile::embedded::parse;
-use crate::wire::uds::{Place, Shape};
+use crate::wire::uds::{IdentifierPlace, ServiceLayout};
 
-/// A service.
+/// UDS service.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UdsService {
     /// Service identifier of the request.
     pub code: u8,
-    /// Name as output writes it.
+    /// Name in output.
     pub name: String,
-    /// Readable title.
+    /// Title for display.
     pub title: String,
     #[serde(default)]
     sub_function: bool,
@@ -29,13 +29,13 @@ pub struct UdsService {
     value: Option<ValueIn>,
 }
 
-/// Which message of a service carries the value of its identifier.
+/// Message of a service that contains the value of its identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ValueIn {
-    /// The request: it is written.
+    /// The request: the service writes the value.
     Request,
-    /// The positive response: it is read.
+    /// The positive response: the service reads the value.
     Response,
 }
 
@@ -44,34 +44,41 @@ const fn yes() -> bool {
 }
 
 impl UdsService {
-    /// What stands where in a request.
-    pub fn request(&self) -> Shape {
-        let place = |offset| Place { offset, high: self.high };
-        Shape { sub_function: self.sub_function, identifier: self.identifier.map(place) }
+    /// Layout of a request.
+    pub fn request(&self) -> ServiceLayout {
+        let place = |offset| IdentifierPlace { offset, high: self.high };
+        ServiceLayout { sub_function: self.sub_function, identifier: self.identifier.map(place) }
     }
 
-    /// Which message carries the value of the identifier.
+    /// Whether SAE J1979 defines the service, not ISO 14229-1. Small numbers are also common data bytes, so
+    /// that alone they are no evidence for UDS.
+    pub(crate) const fn is_obd(&self) -> bool {
+        const FIRST_OF_UDS: u8 = 0x10;
+        self.code < FIRST_OF_UDS
+    }
+
+    /// Message that contains the value of the identifier.
     pub(crate) const fn value_in(&self) -> Option<ValueIn> {
         self.value
     }
 
-    /// What stands where in a positive response.
-    pub fn response(&self) -> Shape {
-        if self.response { self.request() } else { Shape::default() }
+    /// Layout of a positive response.
+    pub fn response(&self) -> ServiceLayout {
+        if self.response { self.request() } else { ServiceLayout::default() }
     }
 }
 
-/// A negative response code.
+/// Negative response code.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UdsCode {
-    /// The code.
+    /// Code number.
     pub code: u8,
-    /// Name as output writes it.
+    /// Name in output.
     pub name: String,
-    /// What it means.
+    /// Meaning of the code.
     pub text: String,
-    /// What usually causes it.
+    /// Most common cause.
     #[serde(default)]
     pub hint: String,
 }
@@ -97,7 +104,7 @@ struct Identifier {
     name: String,
 }
 
-/// All names of UDS.
+/// All UDS lookup tables.
 #[derive(Debug, Default)]
 pub struct UdsNames {
     service: Vec<UdsService>,
@@ -107,30 +114,30 @@ pub struct UdsNames {
 }
 
 impl UdsNames {
-    /// A service by the identifier of its request.
+    /// Service by the identifier of its request.
     pub fn service(&self, code: u8) -> Option<&UdsService> {
         self.service.iter().find(|entry| entry.code == code)
     }
 
-    /// Name of a sub-function, bit 7 taken off.
+    /// Name of a sub-function, without bit 7.
     pub fn sub_function(&self, service: u8, value: u8) -> Option<&str> {
         let is_it =
             |entry: &&SubFunction| entry.service == service && value & entry.mask == entry.code & entry.mask;
         self.subfunction.iter().find(is_it).map(|entry| entry.name.as_str())
     }
 
-    /// Name of a data identifier all devices share.
+    /// Name of a standardised data identifier.
     pub fn identifier(&self, code: u16) -> Option<&str> {
         self.identifier.iter().find(|entry| entry.code == code).map(|entry| entry.name.as_str())
     }
 
-    /// A negative response code.
+    /// Entry of a negative response code.
     pub fn code(&self, code: u8) -> Option<&UdsCode> {
         self.code.iter().find(|entry| entry.code == code)
     }
 }
 
-/// Names of ISO 14229-1.
+/// Names defined in ISO 14229-1.
 pub fn uds() -> &'static UdsNames {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -168,15 +175,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn services_say_where_their_identifier_stands() {
+    fn services_state_the_position_of_their_identifier() {
         let read = uds().service(0x22).unwrap();
         assert_eq!(read.name, "read-data-by-identifier");
-        assert_eq!(read.request().identifier, Some(Place { offset: 0, high: None }));
+        assert_eq!(read.request().identifier, Some(IdentifierPlace { offset: 0, high: None }));
         let routine = uds().service(0x31).unwrap().response();
         assert_eq!((routine.sub_function, routine.identifier.map(|place| place.offset)), (true, Some(1)));
         let periodic = uds().service(0x2A).unwrap();
-        assert_eq!(periodic.request().identifier, Some(Place { offset: 1, high: Some(0xF2) }));
-        assert_eq!(periodic.response(), Shape::default());
+        assert_eq!(periodic.request().identifier, Some(IdentifierPlace { offset: 1, high: Some(0xF2) }));
+        assert_eq!(periodic.response(), ServiceLayout::default());
         assert!(uds().service(0x21).is_none());
     }
 
@@ -184,14 +191,14 @@ mod tests {
     fn codes_and_sub_functions() {
         assert_eq!(uds().code(0x31).map(|code| code.name.as_str()), Some("request-out-of-range"));
         assert_eq!(uds().sub_function(0x10, 3), Some("extended-session"));
-        // Security levels: odd ones ask for the seed, even ones send the key.
+        // Security levels: odd ones request the seed, even ones send the key.
         assert_eq!(uds().sub_function(0x27, 0x11), Some("request-seed"));
         assert_eq!(uds().sub_function(0x27, 0x12), Some("send-key"));
         assert_eq!(uds().sub_function(0x22, 1), None);
         assert_eq!(uds().identifier(0xF190), Some("VIN"));
     }
 
-    /// Bit 6 of a service identifier marks responses, so no request has it; no code stands twice.
+    /// Bit 6 of a service identifier marks responses, so no request has it; codes are unique.
     #[test]
     fn the_tables_are_consistent() {
         assert!(uds().service.iter().all(|service| service.code & 0x40 == 0));
@@ -209,7 +216,8 @@ mod tests {
         let codes: BTreeSet<_> = uds().code.iter().map(|code| code.code).collect();
         assert_eq!(codes.len(), uds().code.len());
         let services: BTreeSet<_> = uds().service.iter().map(|service| service.code).collect();
-        assert_eq!(services.len(), 27);
+        // 27 of ISO 14229-1 and the ten of SAE J1979.
+        assert_eq!(services.len(), 37);
         assert!(
             uds()
                 .subfunction

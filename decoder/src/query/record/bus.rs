@@ -1,4 +1,4 @@
-//! Fields of what is about the bus and the capture, and their words.
+//! Fields and texts of events about the bus and the capture.
 
 use super::{FieldValue, Fields, number_or_null, signals};
 use crate::event::Undecoded;
@@ -61,7 +61,16 @@ pub(super) fn link(state: LinkState, bit_rate: Option<u32>, fields: &mut dyn Fie
     fields.field("bit_rate", bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())));
 }
 
-pub(super) fn unreadable(line: Option<u64>, offset: Option<u64>, reason: &str, fields: &mut dyn Fields) {
+pub(super) fn unreadable(
+    file: Option<&str>,
+    line: Option<u64>,
+    offset: Option<u64>,
+    reason: &str,
+    fields: &mut dyn Fields,
+) {
+    if let Some(file) = file {
+        fields.field("file", FieldValue::Text(file));
+    }
     if let Some(line) = line {
         fields.field("line", FieldValue::Unsigned(line));
     }
@@ -92,7 +101,7 @@ pub(super) fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
     }
 }
 
-/// What an error frame says, in words.
+/// Text of an error frame: error classes with their details.
 pub fn can_error_text(error: ErrorFrame) -> String {
     let names = profile::can_errors();
     let mut parts: Vec<String> = Vec::new();
@@ -128,7 +137,7 @@ fn class_bit(name: &str) -> u32 {
     (0..29).map(|bit| 1 << bit).find(|bit| names.names(*bit).any(|found| found == name)).unwrap_or(0)
 }
 
-/// A TIME message's content as a date (CiA 301 §7.1.6.5: days since 1984-01-01).
+/// Converts a TIME message to a date (CiA 301 §7.1.6.5: days since 1984-01-01).
 pub fn time_of_day(milliseconds: u32, days: u16) -> String {
     let midnight = jiff::civil::date(1984, 1, 1).saturating_add(jiff::Span::new().days(i64::from(days)));
     let time = midnight.at(0, 0, 0, 0).checked_add(jiff::Span::new().milliseconds(i64::from(milliseconds)));

@@ -1,4 +1,4 @@
-//! Fields of a device's events.
+//! Fields of device events.
 
 use super::transfer::rounded;
 use super::{FieldValue, Fields};
@@ -65,6 +65,7 @@ pub(super) fn bits_changed(bits: &BitsChanged, fields: &mut dyn Fields) {
     channel(bits.channel, fields);
     texts("set", &bits.set, fields);
     texts("cleared", &bits.cleared, fields);
+    texts("texts", &bits.words, fields);
 }
 
 pub(super) fn set_point(point: &SetPoint, fields: &mut dyn Fields) {
@@ -105,6 +106,9 @@ pub(super) fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
     channel(mode.channel, fields);
     fields.field("from", mode.from.as_deref().map_or(FieldValue::Null, FieldValue::Text));
     fields.field("to", FieldValue::Text(&mode.to));
+    if !mode.consequence.is_empty() {
+        fields.field("consequence", FieldValue::Text(&mode.consequence));
+    }
 }
 
 pub(super) fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {

@@ -1,48 +1,48 @@
-//! One field of an event, and what takes them.
+//! Value of an event field, and the trait of field consumers.
 
 use crate::frame::CanId;
 use crate::wire::canopen::ObjectAddress;
 
-/// One field's value.
+/// Value of one event field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldValue<'a> {
-    /// Known to be unknown.
+    /// Unknown value, written as null.
     Null,
-    /// True or false.
+    /// `true` or `false`.
     Bool(bool),
-    /// Counts, node-IDs, raw numbers.
+    /// Count, node-ID or raw number.
     Unsigned(u64),
-    /// Signed numbers.
+    /// Signed integer.
     Integer(i64),
-    /// Scaled numbers; not finite ones are written as null.
+    /// Scaled number; written as null if not finite.
     Real(f64),
-    /// Names and texts.
+    /// Name or other text.
     Text(&'a str),
     /// Nanoseconds, written as seconds.
     Seconds(i64),
-    /// A code, written `"0x…"` with this many digits.
+    /// Code, written `"0x…"` with this number of digits.
     Code(u64, u8),
-    /// An identifier, written in hex without 0x.
+    /// CAN identifier, written in hex without 0x.
     Id(CanId),
-    /// An object, written `"0x1018:01"`.
+    /// Object, written `"0x1018:01"`.
     Object(ObjectAddress),
-    /// Data, written as hex pairs.
+    /// Bytes, written as hex pairs.
     Bytes(&'a [u8]),
 }
 
-/// Takes fields as they come.
+/// Consumer of event fields, called in output order.
 pub trait Fields {
-    /// A field of the present object, or of the present list's item if `key` is empty.
+    /// Adds a field to the open group; an empty `key` adds an item to the open list.
     fn field(&mut self, key: &'static str, value: FieldValue<'_>);
-    /// A nested object begins; an item of a list if `key` is empty.
+    /// Opens a nested group; an empty `key` opens an item of the open list.
     fn open(&mut self, key: &'static str);
-    /// It ends.
+    /// Closes the innermost group.
     fn close(&mut self);
-    /// A list begins.
+    /// Opens a list.
     fn open_list(&mut self, key: &'static str);
-    /// It ends.
+    /// Closes the innermost list.
     fn close_list(&mut self);
-    /// Whether signals are worth computing.
+    /// Whether the consumer uses signals; otherwise they are not computed.
     fn wants_signals(&self) -> bool {
         true
     }

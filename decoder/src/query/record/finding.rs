@@ -1,9 +1,8 @@
-//! Fields of news of findings.
+//! Fields of finding events.
 
 use super::{FieldValue, Fields};
 use crate::event::FindingNews;
 
-/// What a finding says.
 pub(super) fn finding(news: &FindingNews, fields: &mut dyn Fields) {
     fields.field("finding", FieldValue::Unsigned(news.id));
     fields.field("rule", FieldValue::Text(&news.rule));

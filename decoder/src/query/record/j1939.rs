@@ -1,4 +1,4 @@
-//! Fields of J1939 events and of irregular transport sessions.
+//! Fields of J1939 events and of transport irregularities.
 
 use super::transfer::signals;
 use super::{FieldValue, Fields, device};

@@ -1,7 +1,7 @@
 //! The fields of an event, in output order.
 //!
-//! A sink writes what [`visit`] tells it; a filter looks for the one it wants. `fields.toml` above this
-//! file describes every key; a test holds both to each other.
+//! [`visit`] passes all fields to a sink or a filter. `fields.toml` in the parent folder describes every
+//! key; a test compares both.
 
 mod bus;
 mod device;
@@ -23,13 +23,13 @@ use crate::frame::Timestamp;
 use crate::profile::{Device, plain_device};
 use crate::session::Bus;
 
-/// Tells `fields` everything about an event.
+/// Passes all fields of an event to `fields`.
 pub fn visit(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     envelope(event, bus, capture, fields);
     details(event, bus, fields);
 }
 
-/// Tells `fields` what depends on the kind.
+/// Passes the fields specific to the event kind to `fields`.
 pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
     match &event.kind {
         EventKind::NmtCommand { service, target, from, to } => {
@@ -81,12 +81,14 @@ pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
         EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
         EventKind::LostFrames { count } => bus::lost_frames(*count, fields),
         EventKind::Link { state, bit_rate } => bus::link(*state, *bit_rate, fields),
-        EventKind::Unreadable { line, offset, reason, .. } => bus::unreadable(*line, *offset, reason, fields),
+        EventKind::Unreadable { file, line, offset, reason, .. } => {
+            bus::unreadable(file.as_deref(), *line, *offset, reason, fields);
+        }
         EventKind::Note { text } => fields.field("text", FieldValue::Text(text)),
     }
 }
 
-/// What the event's node is.
+/// Device of the event's node; the generic device if unknown.
 pub(crate) fn device<'a>(event: &Event, bus: &'a Bus) -> &'a Device {
     match event.node.and_then(|node| bus.node(node)) {
         Some(node) => node.device(),
@@ -94,7 +96,7 @@ pub(crate) fn device<'a>(event: &Event, bus: &'a Bus) -> &'a Device {
     }
 }
 
-/// Tells `fields` only what every kind of event has.
+/// Passes the fields common to all event kinds to `fields`.
 pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dyn Fields) {
     fields.field("t", event.time.map_or(FieldValue::Null, |Timestamp(time)| FieldValue::Seconds(time)));
     if let Some(capture) = capture {
@@ -122,7 +124,7 @@ pub fn envelope(event: &Event, bus: &Bus, capture: Option<&str>, fields: &mut dy
     }
 }
 
-/// The name used in all output.
+/// Name of the protocol in all output.
 pub const fn protocol(protocol: Protocol) -> &'static str {
     match protocol {
         Protocol::Can => "can",

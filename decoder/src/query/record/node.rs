@@ -1,4 +1,4 @@
-//! Fields of a node's life: states, boot-up, silence, errors, LSS.
+//! Fields of node events: NMT state, boot-up, loss, EMCY, LSS.
 
 use super::{FieldValue, Fields, number_or_null};
 use crate::event::{BootCause, Certainty, Emergency, Silence, StateChange};
@@ -7,7 +7,7 @@ use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
-/// `states`: presumed before the command, and presumed after it.
+/// `states`: presumed state before and after the command.
 pub(super) fn nmt_command(
     service: NmtService,
     target: u8,
@@ -111,10 +111,15 @@ pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fiel
     }
     if let Some(register) = emergency.register {
         fields.field("register", FieldValue::Code(u64::from(register), 2));
+        fields.open_list("register_bits");
+        for name in profile::error_register().names(u32::from(register)) {
+            fields.field("", FieldValue::Text(name));
+        }
+        fields.close_list();
     }
-    if emergency.vendor_length > 0 {
-        let vendor = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
-        fields.field("vendor_data", FieldValue::Bytes(vendor));
+    vendor(emergency, device, fields);
+    if let Some(reaction) = emergency.code.and_then(|code| device.error(code)?.reaction.as_deref()) {
+        fields.field("reaction", FieldValue::Text(reaction));
     }
     fields.field("action", FieldValue::Text(emergency.action.name()));
     fields.field("active", FieldValue::Unsigned(u64::from(emergency.active)));
@@ -127,7 +132,30 @@ pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fiel
     }
     if let Some(code) = emergency.alternative {
         fields.field("alternative", FieldValue::Code(u64::from(code), 4));
+        fields.field("alternative_text", FieldValue::Text(device.error_text(code)));
     }
+}
+
+/// Manufacturer-specific bytes, and the values in them that the profile defines.
+fn vendor(emergency: &Emergency, device: &Device, fields: &mut dyn Fields) {
+    if emergency.vendor_length == 0 {
+        return;
+    }
+    let data = emergency.vendor.get(..usize::from(emergency.vendor_length)).unwrap_or_default();
+    fields.field("vendor_data", FieldValue::Bytes(data));
+    let mut values =
+        device.emcy.vendor.iter().filter_map(|field| Some((field, field.value(data)?))).peekable();
+    if values.peek().is_none() {
+        return;
+    }
+    fields.open_list("vendor");
+    for (field, value) in values {
+        fields.open("");
+        fields.field("name", FieldValue::Text(&field.name));
+        fields.field("value", FieldValue::Unsigned(value));
+        fields.close();
+    }
+    fields.close_list();
 }
 
 pub(super) fn lss(command: u8, from_master: bool, content: &Content, fields: &mut dyn Fields) {

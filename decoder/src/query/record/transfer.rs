@@ -19,7 +19,7 @@ pub(super) fn process_data(pdo: &Pdo, fields: &mut dyn Fields) {
     }
 }
 
-/// The values of a payload whose layout is known: the last of its fields, behind `data`.
+/// Signals of a payload with a known layout; added after `data`.
 pub(crate) fn signals(layout: &Layout, payload: &[u8], fields: &mut dyn Fields) {
     fields.open_list("signals");
     for Signal { field, raw, value } in layout.signals(payload) {
@@ -35,7 +35,7 @@ pub(crate) fn signals(layout: &Layout, payload: &[u8], fields: &mut dyn Fields) 
     }
 }
 
-/// One of them: its field, the bits of its value, and the value.
+/// One signal: its field, raw bits and value.
 pub(crate) fn signal(layout: &Layout, (field, raw, value): (&Field, u64, &Value), fields: &mut dyn Fields) {
     fields.open("");
     signal_id(field.id, fields);
@@ -52,7 +52,7 @@ pub(crate) fn signal(layout: &Layout, (field, raw, value): (&Field, u64, &Value)
     fields.close();
 }
 
-/// The object, or the SPN.
+/// Object address or SPN of a signal.
 fn signal_id(id: SignalId, fields: &mut dyn Fields) {
     match id {
         SignalId::Object(object) => fields.field("id", FieldValue::Object(object)),
@@ -64,15 +64,15 @@ fn signal_id(id: SignalId, fields: &mut dyn Fields) {
     }
 }
 
-/// The value in engineering units, with unit and name; `null` where it is no quantity but a special value.
+/// Value in engineering units, with unit and label; null for a special value. The label of a bit field is the
+/// text of its bits.
 pub(super) fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
-    let (told, label) = quantity(Some(meaning), value);
-    fields.field("value", told);
+    fields.field("value", quantity(Some(meaning), value));
     if !meaning.unit.is_empty() {
         fields.field("unit", FieldValue::Text(&meaning.unit));
     }
-    if let Some(label) = label {
-        fields.field("label", FieldValue::Text(label));
+    if let Some(label) = meaning.description(value) {
+        fields.field("label", FieldValue::Text(&label));
     }
     if let (Some(bits), Some(word)) = (meaning.bits.as_deref(), profile::word(value)) {
         fields.open_list("bits");
@@ -86,42 +86,39 @@ pub(super) fn meant(meaning: &Meaning, value: &Value, fields: &mut dyn Fields) {
     }
 }
 
-/// A value in its unit, and the name it has; null where it is no quantity but a special value.
-pub(crate) fn quantity<'a>(
-    meaning: Option<&'a Meaning>,
-    value: &'a Value,
-) -> (FieldValue<'a>, Option<&'a str>) {
-    let Some(meaning) = meaning else { return (plain(value), None) };
-    let label = meaning.label(value);
-    let told = match meaning.scaled(value) {
+/// Value in its unit; null for a special value, and for a quantity that is not available.
+pub(crate) fn quantity<'a>(meaning: Option<&Meaning>, value: &'a Value) -> FieldValue<'a> {
+    let Some(meaning) = meaning else { return plain(value) };
+    match meaning.scaled(value) {
         Some(quantity) => FieldValue::Real(rounded_to(quantity, digits(meaning))),
-        None if meaning.scale.is_some() && label.is_some() => FieldValue::Null,
+        None if meaning.scale.is_some() && meaning.label(value).is_some() => FieldValue::Null,
+        None if meaning.scale.is_some_and(|scale| scale.is_reciprocal) => FieldValue::Null,
+        None if !meaning.unit.is_empty() && meaning.has_no_value(value) => FieldValue::Null,
         None => plain(value),
-    };
-    (told, label)
+    }
 }
 
-/// Without the digits that scaling makes: a millionth is finer than any device resolves.
+/// Removes the rounding errors of scaling; no device resolves less than a millionth.
 pub(super) fn rounded(quantity: f64) -> f64 {
     rounded_to(quantity, DIGITS)
 }
 
-/// Digits behind the point that quantities are rounded to.
+/// Decimals of rounded quantities.
 const DIGITS: u8 = 6;
 
-/// The same of a meaning whose values may have more.
+/// Decimals of a meaning; more than [`DIGITS`] if its profile requires them.
 pub(crate) fn digits(meaning: &Meaning) -> u8 {
     meaning.digits.max(DIGITS)
 }
 
-/// From here on a quantity has no digits behind the point that could be trusted.
+/// Scaled quantities from this value on are not rounded: `f64` has no decimals left.
 pub(crate) const UNROUNDED: f64 = 1e15;
 
-/// With so many digits after the point, unless those before it leave no room for as many.
+/// Rounds to `digits` decimals, if the precision of `f64` allows it.
 fn rounded_to(quantity: f64, digits: u8) -> f64 {
     let unit = 10_f64.powi(i32::from(digits));
     let shifted = quantity * unit;
-    // Less than half a unit below zero is no "-0".
+    // Adding 0.0 turns -0.0 into 0.0.
     if shifted.abs() < UNROUNDED { shifted.round() / unit + 0.0 } else { quantity }
 }
 
@@ -158,7 +155,7 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut
     if let Some(announced) = transfer.announced {
         fields.field("announced", FieldValue::Unsigned(u64::from(announced)));
     }
-    fields.field("data", FieldValue::Bytes(&transfer.data));
+    sdo_data(transfer, fields);
     fields.field("duration", transfer.duration.map_or(FieldValue::Null, FieldValue::Seconds));
     fields.field("outcome", FieldValue::Text(transfer.outcome.name()));
     if let Some(effect) = transfer.effect {
@@ -187,13 +184,51 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut
         fields.field("frame", FieldValue::Unsigned(irregularity.frame));
         fields.close();
     }
+    exchange_order(transfer, fields);
     cut(transfer.cut_start, transfer.cut_end, fields);
     if transfer.truncated {
         fields.field("truncated", FieldValue::Bool(true));
     }
 }
 
-/// Which end of a transfer the capture lacks.
+/// Properties of requests and responses that do not alternate.
+fn exchange_order(transfer: &SdoTransfer, fields: &mut dyn Fields) {
+    if let Some(overlap) = transfer.overlap {
+        fields.field("next_request", FieldValue::Seconds(overlap));
+    }
+    if transfer.retries > 0 {
+        fields.field("retries", FieldValue::Unsigned(u64::from(transfer.retries)));
+    }
+    for (key, is_set) in [("ambiguous", transfer.is_ambiguous), ("unrequested", transfer.is_unrequested)] {
+        if is_set {
+            fields.field(key, FieldValue::Bool(true));
+        }
+    }
+}
+
+/// Data of a transfer; with its positions if the capture lacks some.
+fn sdo_data(transfer: &SdoTransfer, fields: &mut dyn Fields) {
+    fields.field("data", FieldValue::Bytes(&transfer.data));
+    if transfer.unseen > 0 {
+        fields.field("seen", FieldValue::Unsigned(transfer.seen()));
+        fields.open_list("data_ranges");
+        for (offset, data) in transfer.ranges() {
+            fields.open("");
+            fields.field("offset", FieldValue::Unsigned(offset));
+            fields.field("data", FieldValue::Bytes(data));
+            fields.close();
+        }
+        fields.close_list();
+    }
+    if transfer.missing_segments > 0 {
+        fields.field("missing_segments", FieldValue::Unsigned(transfer.missing_segments));
+    }
+    if transfer.losses > 0 {
+        fields.field("lost_blocks", FieldValue::Unsigned(transfer.losses));
+    }
+}
+
+/// Missing part of a transfer that the capture cuts off.
 pub(super) fn cut(start: bool, end: bool, fields: &mut dyn Fields) {
     match (start, end) {
         (true, true) => fields.field("cut", FieldValue::Text("both")),
@@ -203,7 +238,7 @@ pub(super) fn cut(start: bool, end: bool, fields: &mut dyn Fields) {
     }
 }
 
-/// Name and value of the object, where it is known and the data is whole.
+/// Name and value of the object, if it is known and the data is complete.
 fn sdo_object(transfer: &SdoTransfer, object: ObjectAddress, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(object));
     let Some(meaning) = &transfer.meaning else { return };
@@ -217,7 +252,7 @@ fn sdo_object(transfer: &SdoTransfer, object: ObjectAddress, fields: &mut dyn Fi
     }
 }
 
-/// The name used in all output.
+/// Name of the direction in all output.
 pub const fn direction(direction: Direction) -> &'static str {
     match direction {
         Direction::Upload => "upload",
@@ -225,7 +260,7 @@ pub const fn direction(direction: Direction) -> &'static str {
     }
 }
 
-/// The name used in all output.
+/// Name of the transfer mode in all output.
 pub const fn mode(mode: Mode) -> &'static str {
     match mode {
         Mode::Expedited => "expedited",

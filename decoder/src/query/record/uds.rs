@@ -2,11 +2,11 @@
 
 use super::transfer::{meant, value_field};
 use super::{FieldValue, Fields};
-use crate::event::{Ends, IsoTpTransfer, Message, UdsExchange};
+use crate::event::{Endpoints, IsoTpTransfer, Message, UdsExchange};
 use crate::profile::{Device, Value, uds};
 
-/// Addresses, node and net apart; the net is told where it is not the own one.
-fn ends(ends: &Ends, fields: &mut dyn Fields) {
+/// Addresses, split into node and network; network 0 (local) is omitted.
+fn ends(ends: &Endpoints, fields: &mut dyn Fields) {
     let addresses = [
         ("source_address", "source_net", ends.source),
         ("destination_address", "destination_net", ends.target),
@@ -111,7 +111,7 @@ fn value(exchange: &UdsExchange, fields: &mut dyn Fields) {
     }
 }
 
-/// The bytes of a request or response, with their number where they are not all.
+/// Bytes of a request or response; the size too if the bytes are truncated.
 fn message(key: &'static str, size_key: &'static str, message: Option<&Message>, fields: &mut dyn Fields) {
     let Some(message) = message else { return };
     fields.field(key, FieldValue::Bytes(&message.data));

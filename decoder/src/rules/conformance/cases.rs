@@ -4,38 +4,38 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-/// What a case needs to be judged from a capture.
+/// Requirements for a verdict on a case from a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum Class {
-    /// Any capture shows it.
+    /// Any capture is sufficient.
     P,
-    /// Judged whenever its stimulus occurs.
+    /// The stimulus must occur in the capture.
     S,
-    /// The same, and the device's dictionary must be known.
+    /// The stimulus must occur, and the object dictionary of the device must be known.
     E,
-    /// Needs a stimulus hardly ever seen outside a test bench.
+    /// The stimulus hardly ever occurs outside a test bench.
     A,
 }
 
-/// One case.
+/// One test case.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
     group: u8,
     #[serde(rename = "case")]
     number: u8,
-    /// `7.101`.
+    /// Number in the test plan, such as `7.101`.
     pub id: String,
-    /// Its subject, in our words.
+    /// Subject, in our own words.
     pub name: String,
-    /// What it needs.
+    /// Requirements for a verdict.
     pub class: Class,
     #[serde(default)]
     stimulus: Option<Stimulus>,
-    /// Its verdict needs real times.
+    /// The verdict requires usable timestamps.
     #[serde(default)]
     pub timing: bool,
-    /// Rules that judge it.
+    /// Rules that check the case.
     pub rules: Vec<String>,
 }
 
@@ -46,13 +46,13 @@ enum Stimulus {
 }
 
 impl Case {
-    /// Whether it provokes aborts, emergencies or silence on purpose.
+    /// Whether the case provokes aborts, emergencies or silence on purpose.
     pub(crate) fn is_negative(&self) -> bool {
         self.stimulus == Some(Stimulus::Negative)
     }
 }
 
-/// All cases.
+/// All test cases.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cases {
@@ -60,26 +60,26 @@ pub struct Cases {
 }
 
 impl Cases {
-    /// A case by the numbers of its mark.
+    /// Looks up a case by the numbers in its marker.
     pub fn find(&self, group: u8, case: u8) -> Option<&Case> {
         self.case.iter().find(|known| (known.group, known.number) == (group, case))
     }
 
-    /// A case by its name in reports.
+    /// Looks up a case by its number in the test plan.
     pub fn by_id(&self, id: &str) -> Option<&Case> {
         self.case.iter().find(|known| known.id == id)
     }
 
-    /// All of them, in the plan's order.
+    /// Iterates in the order of the test plan.
     pub fn iter(&self) -> impl Iterator<Item = &Case> {
         self.case.iter()
     }
 }
 
-/// The table.
+/// Table of cases, parsed once.
 pub fn cases() -> &'static Cases {
     static CASES: OnceLock<Cases> = OnceLock::new();
-    // A test holds the file to be well-formed; a broken one has no cases.
+    // A unit test checks that the file is valid; an invalid file would yield an empty table.
     CASES.get_or_init(|| toml::from_str(include_str!("cases.toml")).unwrap_or_default())
 }
 

@@ -1,7 +1,8 @@
-//! A run of CiA's conformance test tool: each case it marks is judged by our rules too, beside its own verdict.
+//! Runs of CiA's conformance test tool: for each marked case, the verdict of our rules is shown next to the
+//! tool's own.
 //!
-//! Within a case the rules it names judge as ever. What others find there the test provoked: in a case whose
-//! stimulus is negative it is a fact and no finding, elsewhere a note.
+//! Within a case, the rules listed for it apply as usual. The test provokes the findings of all other rules:
+//! they are dropped in a case with a negative stimulus, and reduced to notes in the other cases.
 
 mod cases;
 
@@ -13,10 +14,10 @@ use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, RuleInfo, Tally, Verdict};
 use crate::wire::canopen::test_marker::{TestMarker, TestResult};
 
-/// Cases of one capture that are kept; a run has 127.
+/// Maximum number of cases of one capture; a full run has 127.
 const CASE_LIMIT: usize = 4096;
 
-/// The segment that is open.
+/// The open test case.
 #[derive(Debug)]
 struct Segment {
     marker: TestMarker,
@@ -25,28 +26,28 @@ struct Segment {
     before: Vec<Tally>,
 }
 
-/// What a finding is within a case.
+/// Treatment of a finding within a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// Nothing special: the rule judges the case, or there is none.
+    /// Normal finding: the rule is listed for the case, or no case is open.
     Judged,
-    /// Provoked by a negative test.
+    /// Provoked by a negative test: dropped.
     Fact,
-    /// Beside what the case is about.
+    /// The case is not about this rule: a note.
     Beside,
 }
 
-/// Cases so far.
+/// Verdicts so far and the open case.
 #[derive(Debug, Default)]
 pub(super) struct Run {
     open: Option<Segment>,
-    /// Frame of the last mark and the tallies then: where a begin was not seen, its case begins there.
+    /// Frame and verdict counts at the last marker; a case without a start marker starts there.
     last: Option<(u64, Vec<Tally>)>,
     pub(super) verdicts: Vec<CaseVerdict>,
 }
 
 impl Run {
-    /// The tool marks a case.
+    /// Handles a marker of the test tool.
     pub(super) fn mark(&mut self, marker: TestMarker, frame: u64, rules: &[RuleInfo], tallies: &[Tally]) {
         match marker.result {
             None => {
@@ -95,7 +96,7 @@ impl Run {
         });
     }
 
-    /// What a finding of this rule is now.
+    /// Treatment of findings of this rule in the open case.
     pub(super) fn standing(&self, rule: &str) -> Standing {
         match &self.open {
             None => Standing::Judged,
@@ -107,12 +108,12 @@ impl Run {
         }
     }
 
-    /// Number of the case that is open.
+    /// Number of the open case.
     pub(super) fn case(&self) -> Option<String> {
         self.open.as_ref().map(|open| format!("{}.{}", open.marker.group, open.marker.case))
     }
 
-    /// All verdicts; those of rules about times do not count where times say nothing.
+    /// All verdicts. Without usable timestamps, timing rules are left out.
     pub(super) fn into_verdicts(mut self, is_timed: bool, rules: &[RuleInfo]) -> Vec<CaseVerdict> {
         if !is_timed {
             let judges_time = |name: &str| rules.iter().any(|rule| rule.is_timing && *rule.name == *name);
@@ -125,7 +126,7 @@ impl Run {
 }
 
 impl CaseVerdict {
-    /// What our rules come to.
+    /// Combined verdict of our rules.
     pub fn ours(&self) -> Verdict {
         let mut all = Tally::default();
         for (_, tally) in &self.judged {
@@ -134,11 +135,11 @@ impl CaseVerdict {
         all.verdict()
     }
 
-    /// Whether both have a verdict and they differ.
+    /// Whether the verdict of the tool and ours contradict each other.
     pub fn disagrees(&self) -> bool {
         match (self.tool, self.ours()) {
             (TestResult::Passed, ours) => ours == Verdict::Fail,
-            // A warning or failure nobody here could judge is worth a line too.
+            // Also listed: a warning or failure of the tool that no rule of ours could check.
             (TestResult::Failed | TestResult::Warning, ours) => ours != Verdict::Fail,
             (TestResult::Skipped, ours) => ours != Verdict::NotExercised,
             (TestResult::Other(_), _) => false,

@@ -1,56 +1,56 @@
-//! Frames of a bus second by second: how many, how many of them report errors, how much of the bit rate they take.
+//! Frame statistics of a bus per second: frames, error frames and bits for the bus load.
 //!
-//! How long a frame is with its stuff bits takes long to find out, so it is counted only while the bus may be busy:
-//! otherwise the length without any and with as many as there can be tell enough.
+//! The exact length of a frame with stuff bits is slow to compute. It is counted only if the bus may be busy;
+//! otherwise the minimum and maximum lengths are sufficient.
 
 use crate::event::FrameRange;
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::statistics::frame_bits;
 
-/// A second in nanoseconds.
+/// One second in ns.
 const SECOND: i64 = 1_000_000_000;
 
-/// Classes of SocketCAN's error frames that report a disturbed frame: protocol, no acknowledgement, bus error. The
-/// others report states, or what is no error (lost arbitration).
+/// SocketCAN error classes for a disturbed frame: protocol, no acknowledgement, bus error. The other classes
+/// report states, or no error (lost arbitration).
 const DISTURBED: u32 = 0x008 | 0x020 | 0x080;
 
-/// A second of a bus.
+/// Statistics of one second of bus time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Second {
-    /// Which one, from 1; 0 before the first is over.
+    /// Sequence number, from 1; 0 before the end of the first second.
     pub number: u64,
-    /// Its first and last frame.
+    /// First and last frame.
     pub frames: FrameRange,
-    /// Frames.
+    /// Number of frames, including error frames.
     pub count: u64,
-    /// Frames that report a disturbed one.
+    /// Error frames for a disturbed frame.
     pub errors: u64,
     /// Bits without stuff bits.
     pub least: u64,
-    /// Bits with as many stuff bits as there can be.
+    /// Bits with the maximum number of stuff bits.
     pub most: u64,
-    /// Bits, if they were counted.
+    /// Exact number of bits; None if it was not counted.
     pub bits: Option<u64>,
 }
 
-/// What is known of the frames of a bus.
+/// Frame statistics of a bus.
 #[derive(Debug, Clone, Default)]
 pub struct Meter {
-    /// Bits a second, where the user said it.
+    /// Bit rate in bit/s, if known.
     pub bit_rate: Option<u32>,
-    /// Frames, error frames among them.
+    /// Number of frames, including error frames.
     pub frames: u64,
-    /// Frames that report a disturbed one.
+    /// Error frames for a disturbed frame.
     pub errors: u64,
-    /// Two intervals between stamps differed: they are not made up.
+    /// Two intervals between timestamps differed, so the timestamps are real.
     pub has_varied: bool,
-    /// The last second that is over.
+    /// Last complete second.
     pub last: Second,
     current: Second,
     began: i64,
     time: Option<i64>,
     interval: Option<i64>,
-    /// A second is over since it was asked.
+    /// A second ended since the last call of `take_over`.
     is_over: bool,
 }
 
@@ -59,7 +59,7 @@ impl Meter {
         Self { bit_rate: bit_rate.filter(|rate| *rate > 0), ..Self::default() }
     }
 
-    /// Whether a second is over since the last question.
+    /// Whether a second ended since the last call.
     #[inline]
     pub(in crate::rules) fn take_over(&mut self) -> bool {
         std::mem::take(&mut self.is_over)
@@ -101,7 +101,7 @@ impl Meter {
     #[cold]
     fn next_second(&mut self, time: i64, frame: u64, is_anew: bool) {
         let mut is_busy = false;
-        // A second in which the clock was set back is none.
+        // A second in which the clock was set back is dropped.
         if !is_anew {
             let number = self.last.number + 1;
             self.last = Second { number, ..self.current };
@@ -117,7 +117,8 @@ impl Meter {
         if frame.flags.contains(FrameFlags::FD) {
             return;
         }
-        // ISO 11898-1 §10.4, §10.5: fixed fields, the payload, and a stuff bit behind each four at most.
+        // ISO 11898-1 §10.4, §10.5: fixed fields, the payload, and at most one stuff bit after every four
+        // bits.
         let payload = 8 * frame.data().len().min(8) as u64;
         let (fixed, stuffed) = match frame.id {
             CanId::Standard(_) => (47, 34),
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn seconds_are_counted_exactly_while_the_bus_may_be_busy() {
-        // 47 bits without stuff bits, 48 as they are, 47 + 33 / 4 = 55 at most.
+        // 47 bits without stuff bits, 48 actual, 47 + 33 / 4 = 55 at most.
         let second = metered(Some(10_000), (0..11).map(|n| n * 100_000_000)).last;
         assert_eq!((second.number, second.count, second.least, second.most), (1, 10, 470, 550));
         assert_eq!((second.bits, second.frames), (None, FrameRange { first: 1, last: 10 }));
@@ -158,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_clock_set_back_ends_no_second() {
-        // A second begins anew at 0.5 s: two frames until 1.5 s.
+        // A new second starts at 0.5 s: two frames until 1.5 s.
         let stamps = [1_000_000_000, 1_400_000_000, 500_000_000, 1_200_000_000, 1_500_000_000];
         let meter = metered(None, stamps.into_iter());
         assert_eq!((meter.last.number, meter.last.count, meter.frames), (1, 2, 5));

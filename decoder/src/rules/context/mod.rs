@@ -1,4 +1,4 @@
-//! What a rule sees while it judges, and how it says what it found.
+//! View of a rule on the bus, and its interface to report findings.
 
 pub(super) mod meter;
 pub(super) mod nodes;
@@ -13,35 +13,39 @@ use self::traffic::Traffic;
 use super::ledger::{Claim, Ledger, occurrence};
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
+use crate::frame::Timestamp;
 use crate::profile::device::Waiver;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
-/// A time at which something wants to look again: time, place of the rule, what it is told then.
+/// A requested wake-up: time, index of the rule, token.
 pub(super) type Wake = Reverse<(i64, u16, u64)>;
 
-/// Place of the ledger itself among those that are woken.
+/// Index of the ledger for wake-ups.
 pub(super) const LEDGER: u16 = u16::MAX;
 
-/// What a rule sees while it judges.
+/// View of a rule on the bus.
 pub struct Context<'a> {
-    /// The bus behind the event.
+    /// The bus in the state after the event.
     pub bus: &'a Bus,
-    /// Monotonic nanoseconds of the event; silences of the whole bus are left out, so that no deadline lies in one.
+    /// Monotonic time of the event in ns. Silences of the whole bus are subtracted, so that no deadline
+    /// expires in one.
     pub now: i64,
-    /// Whether the capture has times.
+    /// Whether the capture has timestamps.
     pub has_time: bool,
-    /// Step of the capture's stamps, in nanoseconds, as far as they tell.
+    /// Timestamp resolution in ns; 0 if unknown.
     pub granularity: i64,
-    /// PDOs by identifier.
+    /// PDO statistics by identifier.
     pub traffic: &'a Traffic,
-    /// Frames in all.
+    /// Frame statistics of the bus.
     pub meter: &'a Meter,
-    /// A conformance test marks its cases on this bus: what it asks for that must be refused is deliberate.
+    /// A conformance test marks its cases on this bus, so requests that must be refused are deliberate.
     pub is_tested: bool,
-    /// Silences left out so far, in nanoseconds.
+    /// Sum of silences subtracted from `now`, in ns.
     pub(super) silence: i64,
+    /// First frame after the last silence; 0 for none.
+    pub(super) resumed: u64,
     pub(super) bus_name: &'a Arc<str>,
     pub(super) rule: u16,
     pub(super) place: u16,
@@ -50,96 +54,109 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// The rule had something to judge, and nothing was wrong.
+    /// Counts a check without a defect.
     #[inline]
     pub fn pass(&mut self) {
         self.ledger.pass(self.rule);
     }
 
-    /// The same, and for one case of the test plan.
+    /// Counts a check without a defect, also for one case of the test plan.
     pub(crate) fn pass_case(&mut self, case: &'static str) {
         self.pass();
         self.ledger.judge_case(case, false);
     }
 
-    /// Counts a failure for one case of the test plan; the finding itself is told by [`Context::fail`].
+    /// Counts a failure for one case of the test plan; [`Context::fail`] reports the finding itself.
     pub(crate) fn fail_case(&mut self, case: &'static str) {
         self.ledger.judge_case(case, true);
     }
 
-    /// An event shows something wrong: the finding is told once [`Alarm::say`] is called.
+    /// Starts a finding shown by an event; [`Alarm::report`] reports it.
     pub fn fail<'b>(&'b mut self, event: &Event) -> Alarm<'b, 'a> {
         let at = occurrence(event.time, event.frames);
         let (node, is_presumed) = (event.node, event.presumed);
         Alarm::new(self, node, at, is_presumed)
     }
 
-    /// A time that passed shows something wrong: `at` in the clock of [`Context::now`].
+    /// Timestamp of a time in the clock of [`Context::now`].
+    pub(crate) fn timestamp_of(&self, time: i64) -> Option<Timestamp> {
+        self.bus.stamp_of(time.saturating_add(self.silence))
+    }
+
+    /// Whether the whole bus was silent after the frame `from`: what follows it may not be its successor.
+    pub(crate) fn is_across_hole(&self, from: u64) -> bool {
+        from < self.resumed
+    }
+
+    /// Starts a finding at an expired deadline `at`, in the clock of [`Context::now`].
     pub(crate) fn fail_at<'b>(
         &'b mut self,
         at: i64,
         node: Option<NodeId>,
         frames: FrameRange,
     ) -> Alarm<'b, 'a> {
-        let time = self.bus.stamp_of(at.saturating_add(self.silence));
-        let is_presumed = match node {
-            Some(NodeId::J1939(_)) => !self.bus.is_j1939(),
-            _ => !self.bus.is_canopen(),
-        };
+        let time = self.timestamp_of(at);
+        let is_presumed = !self.bus.is_settled(node);
         Alarm::new(self, node, occurrence(time, frames), is_presumed)
     }
 
-    /// Why a rule had nothing to judge: said at the end where it had nothing on any bus.
+    /// Frame before a gap in the traffic of the bus that may be a hole in the capture as well as the absence of the few
+    /// nodes on the bus, if the rule checks a time.
+    fn ambiguous_gap(&self, at: &Occurrence) -> Option<u64> {
+        let is_timing = self.ledger.rules.get(usize::from(self.rule)).is_some_and(|rule| rule.is_timing);
+        is_timing.then(|| self.bus.ambiguous_gap(at.time, at.frames))?
+    }
+
+    /// Records why the rule was not exercised; reported if it applies to all buses.
     pub(super) fn unexercised(&mut self, why: String) {
         self.ledger.unexercised(self.rule, why);
     }
 
-    /// An ongoing finding is over.
+    /// Ends a condition reported as ongoing.
     pub fn close(&mut self, node: Option<NodeId>, about: About) {
         let key = Key { rule: self.rule, bus: self.bus.index(), node, about };
         let time = self.bus.stamp_of(self.now.saturating_add(self.silence));
         self.ledger.close_key(&key, occurrence(time, FrameRange::one(self.bus.last_frame())));
     }
 
-    /// Asks to be woken when time has passed `time`, in the clock of [`Context::now`].
-    /// Nobody is woken for what began before the first time was known: how long ago that is, nobody knows.
+    /// Requests a wake-up after `time`, in the clock of [`Context::now`]. Ignored before the first timestamp,
+    /// since the elapsed time is unknown.
     pub(crate) fn wake_at(&mut self, time: i64, token: u64) {
         if self.has_time {
             self.wakes.push(Reverse((time, self.place, token)));
         }
     }
 
-    /// The event's node.
+    /// Node of the event.
     pub fn node(&self, event: &Event) -> Option<&'a Node> {
         self.bus.node(event.node?)
     }
 
-    /// The NMT state of a node where it is sure and not only just commanded or changed: within 20 ms frames may
-    /// still be queued.
+    /// NMT state of a node, if confirmed and not just changed: frames may still be queued for 20 ms.
     pub(crate) fn confirmed_state(&self, node: NodeId) -> Option<NmtState> {
         confirmed_state(self.bus, node)
     }
 }
 
-/// The NMT state of a node where it is sure and not only just commanded or changed.
+/// See [`Context::confirmed_state`].
 pub(super) fn confirmed_state(bus: &Bus, node: NodeId) -> Option<NmtState> {
     let status = bus.node(node)?.nmt()?;
     let settled = bus.now().saturating_sub(status.since()) > SETTLING;
     (status.certainty == Certainty::Confirmed && settled).then_some(status.state)
 }
 
-/// Whether a device need not obey a rule where it is about this.
+/// Whether the waiver exempts the device from a rule for this subject.
 fn waives(waiver: &Waiver, rule: &str, about: &About) -> bool {
     let covers = |object| waiver.objects.iter().any(|range| range.covers(object, 0, 0));
     waiver.rule.get_ref() == rule
         && (waiver.objects.is_empty() || matches!(about, About::Object(object) if covers(*object)))
 }
 
-/// Frames that were queued when a state changed come within this time, in nanoseconds.
+/// Frames queued before a state change may arrive within this time after it, in ns.
 pub(super) const SETTLING: i64 = 20_000_000;
 
-/// A finding that is about to be told.
-#[must_use = "nothing is told before say"]
+/// A finding under construction.
+#[must_use = "a finding is reported by `report` only"]
 pub struct Alarm<'b, 'a> {
     context: &'b mut Context<'a>,
     node: Option<NodeId>,
@@ -149,7 +166,10 @@ pub struct Alarm<'b, 'a> {
     word: Option<&'static str>,
     is_ongoing: bool,
     is_presumed: bool,
+    is_reported: bool,
+    assumed: Option<&'static str>,
     at: Occurrence,
+    since: Option<Timestamp>,
 }
 
 impl<'b, 'a> Alarm<'b, 'a> {
@@ -163,68 +183,109 @@ impl<'b, 'a> Alarm<'b, 'a> {
             word: None,
             is_ongoing: false,
             is_presumed,
+            is_reported: false,
+            assumed: None,
             at,
+            since: None,
         }
     }
 
-    /// Of another node than the event's.
+    /// Sets the node (default: the node of the event).
     pub fn node(mut self, node: Option<NodeId>) -> Self {
         self.node = node;
         self
     }
 
-    /// What of the node.
+    /// Sets the subject within the node.
     pub fn about(mut self, about: About) -> Self {
         self.about = about;
         self
     }
 
-    /// Other than the rule's own.
+    /// Overrides the severity of the rule.
     pub fn severity(mut self, severity: Severity) -> Self {
         self.severity = Some(severity);
         self
     }
 
-    /// How far it is off, so that the worst can be told.
+    /// Sets the size of the deviation; the largest one is reported as the worst.
     pub(crate) fn measure(mut self, measure: f64) -> Self {
         self.measure = Some(measure);
         self
     }
 
-    /// Other than the rule's own word, where a group says something else than the rule's others do.
+    /// Overrides the event word of the rule.
     pub fn word(mut self, word: &'static str) -> Self {
         self.word = Some(word);
         self
     }
 
-    /// Other frames than the event's.
+    /// Sets the frames (default: the frames of the event).
     pub fn frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
         self
     }
 
-    /// Its protocol is presumed only, or is not: as it was when what shows it came.
+    /// Sets whether the protocol was only presumed at the time of the defect.
     pub fn presumed(mut self, is_presumed: bool) -> Self {
         self.is_presumed = is_presumed;
         self
     }
 
-    /// It is about the bus itself, whatever its protocol.
+    /// Lowers the severity by one step if the check depends on an assumed value; `None` if it does not.
+    pub(crate) fn assumed(mut self, reason: Option<&'static str>) -> Self {
+        self.assumed = reason;
+        self
+    }
+
+    /// Marks a finding about the bus itself, independent of its protocol.
     pub(crate) fn certain(mut self) -> Self {
         self.is_presumed = false;
         self
     }
 
-    /// It goes on until [`Context::close`].
+    /// Marks a time-out that a device itself reports: no hole in the capture can be its cause.
+    pub(crate) fn reported_by_device(mut self) -> Self {
+        self.is_reported = true;
+        self
+    }
+
+    /// Marks a condition that lasts until [`Context::close`].
     pub(crate) fn ongoing(mut self) -> Self {
         self.is_ongoing = true;
         self
     }
 
-    /// Tells it. The text is made only where it is kept: of the first, and of each that is worse.
-    pub fn say(self, text: impl FnOnce() -> String) {
-        let Self { context, node, about, severity, measure, word, is_ongoing, is_presumed, at } = self;
+    /// Marks a condition that started before the event.
+    pub(crate) fn since(mut self, time: Option<Timestamp>) -> Self {
+        self.since = time;
+        self.ongoing()
+    }
+
+    /// Reports the finding. `text` is called only for the first occurrence and for each worse one.
+    pub fn report(self, text: impl FnOnce() -> String) {
+        let Self {
+            context,
+            node,
+            about,
+            severity,
+            measure,
+            word,
+            is_ongoing,
+            is_presumed,
+            is_reported,
+            assumed,
+            at,
+            since,
+        } = self;
         let (rule, bus) = (context.rule, context.bus);
+        let gap = if is_reported { None } else { context.ambiguous_gap(&at) };
+        let text = || match gap {
+            Some(gap) => {
+                format!("{}; or a hole in the capture: no frame of any node after {{{gap}}}", text())
+            }
+            None => text(),
+        };
         let known = node.and_then(|node| bus.node(node));
         if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
             && node.device().waivers.iter().any(|waiver| waives(waiver, &info.name, &about))
@@ -238,11 +299,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
             word,
             is_ongoing,
             is_presumed,
+            assumed,
             now: context.now,
             at,
+            since: since.or(at.time),
         };
-        let names = (context.bus_name, known.and_then(Node::name));
-        if let Some(place) = context.ledger.fail(&claim, names, text) {
+        if let Some(place) = context.ledger.fail(&claim, (context.bus_name, known), text) {
             let quiet = context.now.saturating_add(super::ledger::QUIET);
             context.wakes.push(Reverse((quiet, LEDGER, place as u64)));
         }

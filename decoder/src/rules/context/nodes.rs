@@ -1,8 +1,8 @@
-//! What rules remember by node: small tables, an entry a number a node can have.
+//! Tables of rules by node, with one entry per node-ID.
 
 use crate::wire::{NODE_PLACES, NodeId};
 
-/// A set of nodes.
+/// Set of nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct NodeSet {
     places: [bool; NODE_PLACES],
@@ -16,32 +16,32 @@ impl Default for NodeSet {
 }
 
 impl NodeSet {
-    /// Adds a node; whether it is new.
+    /// Adds a node; returns whether it is new.
     pub fn insert(&mut self, node: NodeId) -> bool {
         let is_new = self.places.get_mut(node.place()).is_some_and(|known| !std::mem::replace(known, true));
         self.count += usize::from(is_new);
         is_new
     }
 
-    /// Takes a node out; whether it was in.
+    /// Removes a node; returns whether it was in the set.
     pub fn remove(&mut self, node: NodeId) -> bool {
         let was_in = self.places.get_mut(node.place()).is_some_and(std::mem::take);
         self.count -= usize::from(was_in);
         was_in
     }
 
-    /// Whether none is in.
+    /// Whether the set is empty.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Whether a node is in.
+    /// Whether the set contains a node.
     pub fn contains(&self, node: NodeId) -> bool {
         self.places.get(node.place()).copied().unwrap_or(false)
     }
 }
 
-/// Something of each node that was looked at.
+/// Map by node.
 #[derive(Debug, Clone)]
 pub(crate) struct NodeMap<T>(Vec<Option<T>>);
 
@@ -52,7 +52,7 @@ impl<T> Default for NodeMap<T> {
 }
 
 impl<T: Default> NodeMap<T> {
-    /// What is remembered of a node, made if new; `None` for a number no node can have.
+    /// Entry of a node, created if missing; None for an invalid node-ID.
     pub fn entry(&mut self, node: NodeId) -> Option<&mut T> {
         let place = Some(node.place()).filter(|place| *place < NODE_PLACES)?;
         if self.0.len() <= place {
@@ -63,12 +63,12 @@ impl<T: Default> NodeMap<T> {
 }
 
 impl<T> NodeMap<T> {
-    /// What is remembered of a node.
+    /// Entry of a node.
     pub fn get(&self, node: NodeId) -> Option<&T> {
         self.0.get(node.place())?.as_ref()
     }
 
-    /// Remembers something of a node instead of what was known.
+    /// Sets the entry of a node.
     pub fn insert(&mut self, node: NodeId, value: T) {
         let place = node.place();
         if place < NODE_PLACES {
@@ -81,17 +81,17 @@ impl<T> NodeMap<T> {
         }
     }
 
-    /// The same, to change it.
+    /// Mutable entry of a node.
     pub fn get_mut(&mut self, node: NodeId) -> Option<&mut T> {
         self.0.get_mut(node.place())?.as_mut()
     }
 
-    /// Forgets a node; gives what was known.
+    /// Removes and returns the entry of a node.
     pub fn remove(&mut self, node: NodeId) -> Option<T> {
         self.0.get_mut(node.place())?.take()
     }
 
-    /// All that are known.
+    /// All entries.
     pub fn iter(&self) -> impl Iterator<Item = (NodeId, &T)> {
         NodeId::all().filter_map(|node| Some((node, self.get(node)?)))
     }

@@ -1,5 +1,6 @@
-//! What rules know of PDOs by identifier: updated once a PDO, looked at by every rule that judges it.
+//! PDO statistics by identifier, updated once per PDO and shared by all rules.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
@@ -7,48 +8,102 @@ use foldhash::fast::FixedState;
 use crate::event::{FrameRange, Pdo};
 use crate::frame::CanId;
 
-/// Intervals the median is taken of.
+/// Number of intervals for one median.
 const INTERVALS: usize = 15;
 
-/// Identifiers of 11 bits.
+/// Number of 11-bit identifiers.
 const STANDARD_IDS: usize = 2048;
 
-/// PDOs between two medians: the usual interval hardly ever changes.
+/// PDOs skipped between two medians, since the usual interval rarely changes.
 const PAUSE: u8 = 45;
 
-/// Identifiers kept apart on a bus.
+/// Maximum number of identifiers per bus.
 const SLOT_LIMIT: usize = 4096;
 
-/// PDOs of one identifier.
-#[derive(Debug, Clone, Default)]
+/// Statistics of the PDOs with one identifier.
+#[derive(Debug, Clone)]
 pub struct PdoSlot {
-    /// Its place: small, and the same for the identifier throughout.
+    /// Small index that stays the same for the identifier.
     pub place: usize,
-    /// PDOs seen, requests apart.
+    /// Number of PDOs, without requests.
     pub count: u64,
-    /// Nanoseconds since the one before; `None` for the first.
+    /// Time since the previous PDO, in ns; None for the first one.
     pub interval: Option<i64>,
-    /// Time of this one in nanoseconds.
+    /// Time of the last PDO, in ns.
     pub last: i64,
-    /// Frame of this one, and of the one before.
+    /// Frame of the last PDO and of the previous one.
     pub frames: (u64, u64),
-    /// How many came since the last SYNC, this one among them.
+    /// Frame of the PDO before these two.
+    pub earlier: u64,
+    /// Number of PDOs since the last SYNC, including the last one.
     pub since_sync: u32,
-    /// Median interval, once fifteen were seen.
+    /// Median interval in ns; None before 15 intervals.
     pub median: Option<i64>,
+    /// Identifier.
+    pub id: CanId,
+    /// Number of SYNCs between the last PDO and the previous one.
+    pub sync_step: u64,
+    /// A remote frame requested the PDO.
+    pub is_requested: bool,
+    /// Usual interval of PDOs with unchanged content; None if they are irregular or rare.
+    period: Option<Period>,
     sync: u64,
     intervals: [i64; INTERVALS],
+    /// Bit n is set if the content was unchanged after interval n.
+    unchanged: u16,
+    began: i64,
     filled: usize,
     pause: u8,
 }
 
+/// Interval at which a PDO is also sent with unchanged content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Period {
+    /// Interval in ns.
+    pub time: i64,
+    /// Start of the measurement, in ns.
+    pub from: i64,
+}
+
+/// Minimum silence of a stream that ended, in ns. Shorter gaps may come from the capturing interface.
+const ENDED: i64 = 50_000_000;
+
+/// Minimum number of unchanged PDOs for a period.
+const UNCHANGED: usize = 5;
+
 impl PdoSlot {
-    fn take(&mut self, now: i64, frame: u64, sync: u64) {
-        self.interval = (self.count > 0).then(|| now.saturating_sub(self.last));
+    const fn new(place: usize, id: CanId) -> Self {
+        Self {
+            place,
+            count: 0,
+            interval: None,
+            last: 0,
+            frames: (0, 0),
+            earlier: 0,
+            since_sync: 0,
+            median: None,
+            id,
+            sync_step: 0,
+            is_requested: false,
+            period: None,
+            sync: 0,
+            intervals: [0; INTERVALS],
+            unchanged: 0,
+            began: 0,
+            filled: 0,
+            pause: 0,
+        }
+    }
+
+    fn take(&mut self, now: i64, frame: u64, (sync, resumed): (u64, u64), is_unchanged: bool) {
+        let is_successor = self.count > 0 && self.frames.0 >= resumed;
+        self.interval = is_successor.then(|| now.saturating_sub(self.last));
         self.count += 1;
         self.last = now;
+        self.earlier = self.frames.1;
         self.frames = (frame, self.frames.0);
         self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
+        self.sync_step = sync.wrapping_sub(self.sync);
         self.sync = sync;
         if self.pause > 0 {
             self.pause -= 1;
@@ -57,6 +112,10 @@ impl PdoSlot {
         let Some(interval) = self.interval else { return };
         if let Some(place) = self.intervals.get_mut(self.filled) {
             *place = interval;
+            if self.filled == 0 {
+                (self.unchanged, self.began) = (0, now.saturating_sub(interval));
+            }
+            self.unchanged |= u16::from(is_unchanged) << self.filled;
             self.filled += 1;
         }
         if self.filled == INTERVALS {
@@ -68,21 +127,50 @@ impl PdoSlot {
 impl PdoSlot {
     #[cold]
     fn learn(&mut self) {
+        if self.unchanged != 0 {
+            self.period = self.unchanged_period().map(|time| Period { time, from: self.began });
+        }
         self.intervals.sort_unstable();
         self.median = self.intervals.get(INTERVALS / 2).copied();
         self.filled = 0;
         self.pause = PAUSE;
     }
-}
 
-impl PdoSlot {
-    /// From the one before to this one.
+    /// Longest usual interval before an unchanged PDO. A change can precede the timer of the device, so
+    /// intervals before changed content are not counted. `None` if fewer than three of five are near it; one
+    /// of five may be a pause.
+    fn unchanged_period(&self) -> Option<i64> {
+        let numbered = self.intervals.iter().enumerate();
+        let mut all: Vec<i64> = numbered
+            .filter(|(place, _)| self.unchanged >> place & 1 == 1)
+            .map(|(_, interval)| *interval)
+            .collect();
+        all.sort_unstable_by_key(|interval| Reverse(*interval));
+        let is_usual = |longest: &i64| {
+            let near = all.iter().filter(|interval| (longest / 4 * 3..=*longest).contains(*interval)).count();
+            near >= UNCHANGED && near * 5 >= all.len() * 3
+        };
+        all.iter().take(all.len() / 5 + 1).find(|longest| is_usual(longest)).copied()
+    }
+
+    /// Interval at which the PDO is also sent with unchanged content, measured after a time; `None` for PDOs
+    /// sent on change or on request.
+    pub fn period_since(&self, time: i64) -> Option<i64> {
+        self.period.filter(|period| period.from >= time && !self.is_requested).map(|period| period.time)
+    }
+
+    /// Whether a stream with this interval ended: no PDO for three intervals.
+    pub fn has_ended(&self, interval: i64, now: i64) -> bool {
+        now.saturating_sub(self.last) > interval.saturating_mul(3).max(ENDED)
+    }
+
+    /// Frames from the previous PDO to the last one.
     pub fn between(&self) -> FrameRange {
         FrameRange { first: self.frames.1, last: self.frames.0 }
     }
 }
 
-/// What a rule keeps of each identifier's PDOs.
+/// Table of a rule by PDO identifier.
 #[derive(Debug, Clone)]
 pub(crate) struct BySlot<T>(Vec<T>);
 
@@ -93,7 +181,7 @@ impl<T> Default for BySlot<T> {
 }
 
 impl<T: Default> BySlot<T> {
-    /// What is kept of these PDOs; never `None`.
+    /// Entry of an identifier, created if missing; never None.
     #[inline]
     pub fn of(&mut self, slot: &PdoSlot) -> Option<&mut T> {
         if self.0.len() <= slot.place {
@@ -109,52 +197,62 @@ impl<T: Default> BySlot<T> {
 }
 
 impl<T> BySlot<T> {
-    /// What was kept so far, by place.
+    /// Entry by index of the identifier.
     pub fn get(&self, place: usize) -> Option<&T> {
         self.0.get(place)
     }
 
-    /// The same, to be changed.
+    /// Mutable entry by index of the identifier.
     pub fn get_mut(&mut self, place: usize) -> Option<&mut T> {
         self.0.get_mut(place)
     }
 
-    /// All that is kept.
+    /// All entries.
     pub fn iter(&self) -> impl Iterator<Item = &T> {
         self.0.iter()
     }
 
-    /// Nothing is kept any more.
+    /// Removes all entries.
     pub fn clear(&mut self) {
         self.0.clear();
     }
 }
 
-/// All of them on one bus.
+/// PDO statistics of one bus.
 #[derive(Debug, Clone, Default)]
 pub struct Traffic {
     slots: Vec<PdoSlot>,
-    /// Places of 11-bit identifiers + 1, 0 = none; those of 29 bits.
+    /// Index + 1 by 11-bit identifier, 0 = none. `extended` is the same for 29-bit identifiers.
     standard: Vec<u16>,
     extended: HashMap<u32, u16, FixedState>,
-    /// SYNC messages seen.
+    /// Number of SYNC messages.
     syncs: u64,
-    /// Place of the PDO that is being judged.
+    /// First frame after the last hole.
+    resumed: u64,
+    /// Index of the current PDO.
     current: Option<usize>,
 }
 
 impl Traffic {
+    /// Registers a hole in the capture that ended with the frame `resumed`: PDOs on both sides of it do not follow each
+    /// other.
+    pub(in crate::rules) fn saw_hole(&mut self, resumed: u64) {
+        self.resumed = resumed;
+    }
+
     pub(in crate::rules) fn saw_sync(&mut self) {
         self.syncs += 1;
     }
 
-    /// Takes a PDO; requests are looked up only.
+    /// Counts a PDO; for a request only the current index is set.
     #[inline]
-    pub(in crate::rules) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64) {
+    pub(in crate::rules) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) {
         self.current = self.place(pdo.cob_id).or_else(|| self.add(pdo.cob_id));
-        let Some(place) = self.current.filter(|_| !pdo.is_request) else { return };
-        if let Some(slot) = self.slots.get_mut(place) {
-            slot.take(now, frame, self.syncs);
+        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return };
+        if pdo.is_request {
+            slot.is_requested = true;
+        } else {
+            slot.take(now, frame, (self.syncs, self.resumed), is_unchanged);
         }
     }
 
@@ -180,23 +278,33 @@ impl Traffic {
                 self.extended.insert(id, number);
             }
         }
-        self.slots.push(PdoSlot { place, ..PdoSlot::default() });
+        self.slots.push(PdoSlot::new(place, id));
         Some(place)
     }
 
-    /// The identifier of the PDO that is being judged.
+    /// Statistics for the identifier of the current PDO.
     pub fn current(&self) -> Option<&PdoSlot> {
         self.slots.get(self.current?)
     }
 
-    /// What is known of an identifier.
+    /// Statistics of an identifier.
     pub fn of(&self, id: CanId) -> Option<&PdoSlot> {
         self.slots.get(self.place(id)?)
     }
 
-    /// SYNC messages seen.
+    /// Statistics of all identifiers.
+    pub fn slots(&self) -> &[PdoSlot] {
+        &self.slots
+    }
+
+    /// Number of SYNC messages.
     pub fn syncs(&self) -> u64 {
         self.syncs
+    }
+
+    /// Number of SYNC messages since the last PDO with an identifier.
+    pub fn syncs_since(&self, slot: &PdoSlot) -> u64 {
+        self.syncs.saturating_sub(slot.sync)
     }
 }
 
@@ -206,11 +314,40 @@ mod tests {
 
     #[test]
     fn intervals_counts_and_the_median() {
-        let mut slot = PdoSlot::default();
+        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16_u64 {
-            slot.take(i64::try_from(number).unwrap() * 10 + i64::from(number == 7), number, number / 4);
+            slot.take(
+                i64::try_from(number).unwrap() * 10 + i64::from(number == 7),
+                number,
+                (number / 4, 0),
+                false,
+            );
         }
         assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
-        assert_eq!((slot.interval, slot.frames), (Some(10), (15, 14)));
+        assert_eq!((slot.interval, slot.frames, slot.period_since(0)), (Some(10), (15, 14), None));
+    }
+
+    /// Period after 16 PDOs, each with its time and whether its content is unchanged.
+    fn period_of(pdo: impl Fn(i64) -> (i64, bool)) -> Option<i64> {
+        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        for number in 0..16 {
+            let (time, is_unchanged) = pdo(number);
+            slot.take(time, number.unsigned_abs(), (0, 0), is_unchanged);
+        }
+        slot.period_since(i64::MIN)
+    }
+
+    #[test]
+    fn only_unchanged_content_proves_a_period() {
+        assert_eq!(period_of(|n| (n * 50, true)), Some(50));
+        assert_eq!(period_of(|n| (n * 50, false)), None);
+        // Event timer 100, and a change 30 after each expiry: the next expiry follows 100 after the change.
+        assert_eq!(period_of(|n| (n / 2 * 130 + n % 2 * 30, n % 2 == 0)), Some(100));
+        // A pause, then a period.
+        assert_eq!(period_of(|n| (if n == 0 { -300 } else { n * 50 }, true)), Some(50));
+        // Repetitions at irregular times.
+        assert_eq!(period_of(|n| (n * n * 10, true)), None);
+        // Too few of them.
+        assert_eq!(period_of(|n| (n * 50, n < 5)), None);
     }
 }

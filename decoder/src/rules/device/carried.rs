@@ -1,9 +1,9 @@
-//! Judges PDOs and J1939 messages at one node: only the rules that look at their values.
+//! PDOs and J1939 messages at one node: calls only the rules that use their values.
 
 use std::sync::Arc;
 
 use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
-use super::kinds::{self, frames};
+use super::kinds::{self, frames, messages};
 use super::node::LastValue;
 use super::node_judge::{NodeJudge, Occasion};
 use super::pdo_targets::PdoTarget;
@@ -29,12 +29,35 @@ impl NodeJudge<'_> {
         }
         let payload = CarrierPayload::new(pdo.layout.as_ref(), pdo.payload(), &pdo.bytes);
         self.on_values(&TriggerEvent::Pdo(target.name), &target.plan, &payload, event, context);
+        if !target.plan.constants.is_empty() {
+            self.on_fixed_bits(target, &payload, occasion, context);
+        }
         if target.is_own && target.plan.source == UpdateSource::Sent {
             self.own.record.heard = Some(context.now);
         }
     }
 
-    /// A message that this node sends or receives by its profile.
+    /// Runs the rules about bits with a fixed content: at the first frame, and at each with another content.
+    fn on_fixed_bits(
+        &mut self,
+        target: &PdoTarget,
+        payload: &CarrierPayload<'_>,
+        occasion: Occasion<'_>,
+        context: &mut Context<'_>,
+    ) {
+        let differing = target.plan.fixed.differing(payload.word, payload.bytes.len());
+        for number in target.plan.constants.iter().copied() {
+            let is_new = self.own.progress.get(number).is_some_and(|progress| !progress.is_counting);
+            if differing != 0 || is_new {
+                self.judge_one(number, occasion, context, |case, progress, context| {
+                    progress.is_counting = true;
+                    messages::judge_fixed_bits(case, target.name, differing, context);
+                });
+            }
+        }
+    }
+
+    /// Handles a message that this node sends or receives according to its profile.
     pub(super) fn on_message(
         &mut self,
         address: u8,
@@ -44,6 +67,10 @@ impl NodeJudge<'_> {
     ) {
         let is_sender = message.id.source == address;
         let is_receiver = message.id.destination == ALL || message.id.destination == address;
+        if is_sender && self.own.record.plan.requested.iter().any(|(pgn, _)| *pgn == message.id.pgn.number())
+        {
+            self.on_group(message.id.pgn, Occasion::of(event), context);
+        }
         let device = Arc::clone(&self.own.record.plan.device);
         let spec = device.messages.iter().find(|spec| {
             let is_meant = match spec.direction {
@@ -70,15 +97,15 @@ impl NodeJudge<'_> {
         let plan = self.own.carriers.take(message, source).unwrap_or_else(|| {
             let waits = |trigger: &Trigger| matches!(trigger, Trigger::Message(of) if of.name == name);
             let rules = self.numbers(|rule| triggers(rule).any(waits));
-            CarrierPlan::new(message.layout.as_deref(), source, rules, &self.own.record.plan)
+            CarrierPlan::new(message.layout.as_deref(), &|_| true, source, rules, &self.own.record.plan)
         });
         let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
         self.on_values(&TriggerEvent::Message(name), &plan, &payload, event, context);
         self.own.carriers.put(message, plan);
-        self.note_heard(context);
+        self.note_last_frame(context);
     }
 
-    /// Takes all values of a PDO or message before the rules judge it, since conditions see them together.
+    /// Stores all values of a PDO or message before the rules run, since conditions see them together.
     fn on_values(
         &mut self,
         carrier: &TriggerEvent<'_>,
@@ -124,7 +151,7 @@ impl NodeJudge<'_> {
         self.own.scratch = numbers;
     }
 
-    /// One value of a PDO or message, judged by one rule.
+    /// Runs one rule on one value of a PDO or message.
     fn judge_value(
         &mut self,
         watched: &WatchedField,
@@ -151,7 +178,7 @@ impl NodeJudge<'_> {
         });
     }
 
-    /// Values changed with which `while` of a rule may begin or end.
+    /// Updates the rules whose `while` depends on a changed value.
     #[cold]
     fn follow_values(
         &mut self,

@@ -1,45 +1,51 @@
-//! Which rules look at which values of a PDO or message, computed once per layout, so that a value that can change
-//! nothing costs next to nothing.
+//! Dispatch table from the fields of a PDO or message to rules, computed once per layout. Values that no rule
+//! uses cost almost no time.
 
 use std::sync::Arc;
 
 use super::plan::{RulePlan, triggers};
 use crate::profile::device::{DeviceRule, RuleKind, Trigger, UpdateSource};
-use crate::profile::{Cut, Field, Layout, integer};
+use crate::profile::object::Numbers;
+use crate::profile::{Field, FixedBits, IntegerPosition, Layout, integer};
 use crate::wire::canopen::ObjectAddress;
 
-/// What the rules of a node look at in a PDO or message.
+/// Fields and rules that matter for a PDO or message.
 #[derive(Debug)]
 pub(super) struct CarrierPlan {
     pub(super) source: UpdateSource,
     pub(super) fields: Vec<WatchedField>,
-    /// Rules that wait for the PDO or message itself.
+    /// Rules that trigger on the PDO or message itself.
     pub(super) rules: Vec<usize>,
+    /// Bits with a fixed content, and the rules about them.
+    pub(super) fixed: FixedBits,
+    pub(super) constants: Vec<usize>,
 }
 
-/// A field whose value counts.
+/// A field that at least one rule uses.
 #[derive(Debug)]
 pub(super) struct WatchedField {
-    /// Its place in the layout.
+    /// Index of the field in the layout.
     pub(super) field: usize,
-    /// The place of its object in the plan.
+    /// Index of the object in the rule plan.
     pub(super) place: usize,
-    /// How it lies in eight bytes, where it does.
-    cut: Option<Cut>,
-    /// Conditions look at its values, which do not grow old.
+    /// Fast extraction from the first eight bytes, if possible.
+    cut: Option<IntegerPosition>,
+    /// Conditions use the value, and it never expires.
     pub(super) decides: bool,
-    /// Rules that judge its values.
+    /// Rules that check the value.
     pub(super) clauses: Vec<Clause>,
-    /// Rules whose `while` may hold or not hold from another value on.
+    /// Rules whose `while` depends on the value.
     pub(super) stretches: Vec<usize>,
 }
 
-/// A rule that judges the values of a field.
+/// Use of a field value by a rule.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Clause {
     pub(super) number: usize,
-    /// It judges only where one of these bits changed; of none, each value.
+    /// Bits that must change for a check; None: every value is checked.
     changed: Option<u64>,
+    /// Bits of which one must be set for a check; 0: no condition.
+    set: u64,
 }
 
 /// A payload, and its first eight bytes as a number.
@@ -47,11 +53,11 @@ pub(super) struct Clause {
 pub(super) struct CarrierPayload<'a> {
     pub(super) layout: Option<&'a Layout>,
     pub(super) bytes: &'a [u8],
-    word: u64,
+    pub(super) word: u64,
 }
 
 impl<'a> CarrierPayload<'a> {
-    /// Of the bytes of a message `length` count.
+    /// `payload` is the part of `all` that belongs to the message.
     #[inline]
     pub(super) fn new(layout: Option<&'a Arc<Layout>>, payload: &'a [u8], all: &[u8]) -> Self {
         let word = all.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
@@ -60,22 +66,32 @@ impl<'a> CarrierPayload<'a> {
 }
 
 impl CarrierPlan {
-    /// What rules look at of the values of a layout, and those that wait for what brings it.
+    /// Builds the table for the certain fields of a layout; `rules` trigger on the PDO or message itself.
     #[cold]
     pub(super) fn new(
         layout: Option<&Layout>,
+        is_certain: &dyn Fn(&Field) -> bool,
         source: UpdateSource,
         rules: Vec<usize>,
         plan: &RulePlan,
     ) -> Self {
         let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
+        let fields = fields.filter(|(_, of)| is_certain(of));
         let fields = fields.filter_map(|(field, of)| WatchedField::new(field, of, source, plan)).collect();
-        Self { source, fields, rules }
+        Self { source, fields, rules, fixed: FixedBits::default(), constants: Vec::new() }
     }
 
-    /// Whether there is nothing to look at.
+    /// Adds the rules about bits with a fixed content.
+    pub(super) fn with_constants(mut self, layout: Option<&Layout>, rules: Vec<usize>) -> Self {
+        if let Some(layout) = layout.filter(|layout| layout.fixed.mask != 0 && !rules.is_empty()) {
+            (self.fixed, self.constants) = (layout.fixed, rules);
+        }
+        self
+    }
+
+    /// Whether no rule uses the PDO or message.
     pub(super) fn is_empty(&self) -> bool {
-        self.fields.is_empty() && self.rules.is_empty()
+        self.fields.is_empty() && self.rules.is_empty() && self.constants.is_empty()
     }
 }
 
@@ -92,14 +108,14 @@ impl WatchedField {
         Some(Self {
             field,
             place,
-            cut: Cut::of(of),
+            cut: IntegerPosition::of(of),
             decides: watched.is_condition && !watched.is_measured,
             clauses: clauses.collect(),
             stretches: plan.stretches.iter().filter(is_followed).copied().collect(),
         })
     }
 
-    /// The number in a payload, where it is one.
+    /// Value of the field if it is numeric.
     #[inline]
     pub(super) fn number(&self, payload: &CarrierPayload<'_>) -> Option<i64> {
         match &self.cut {
@@ -116,7 +132,7 @@ impl WatchedField {
 }
 
 impl Clause {
-    /// How a rule looks at values of an object from this source; `None` if it does not.
+    /// Use of an object by a rule, for values from this source; None if the rule ignores them.
     fn new(number: usize, rule: &DeviceRule, object: ObjectAddress, source: UpdateSource) -> Option<Self> {
         let is_subject = rule.subjects().any(|of| of.object == object);
         let judges_all = match rule.kind {
@@ -125,30 +141,57 @@ impl Clause {
             _ => false,
         };
         if judges_all {
-            return Some(Self { number, changed: None });
+            return Some(Self { number, changed: None, set: 0 });
+        }
+        if let Some(set) = valued(rule, object, source) {
+            return Some(Self { number, changed: None, set });
         }
         let mut changed = 0;
         for trigger in triggers(rule) {
             match trigger {
                 Trigger::Bit(bit, _) if bit.object.object == object => changed |= 1 << bit.bit,
                 Trigger::Set(set) if set.object.object == object && source == UpdateSource::Received => {
-                    if !set.changed {
-                        return Some(Self { number, changed: None });
-                    }
                     changed |= set.mask;
                 }
                 _ => {}
             }
         }
-        (changed != 0).then_some(Self { number, changed: Some(changed) })
+        (changed != 0).then_some(Self { number, changed: Some(changed), set: 0 })
     }
 
-    /// Whether the rule has something to judge of a value.
+    /// Whether the rule must check a value.
     #[inline]
     pub(super) fn judges(self, before: Option<i64>, raw: i64) -> bool {
+        if self.set != 0 {
+            return raw.cast_unsigned() & self.set != 0;
+        }
         match (self.changed, before) {
             (Some(bits), Some(before)) => (before ^ raw).cast_unsigned() & bits != 0,
             _ => true,
         }
+    }
+}
+
+/// Bits of which one must be set in a value that a rule checks, changed or not; 0 if it checks all values. None if
+/// it checks changes only.
+///
+/// Bits are known if the only trigger on the object excludes 0.
+fn valued(rule: &DeviceRule, object: ObjectAddress, source: UpdateSource) -> Option<u64> {
+    let of_object = |trigger: &&Trigger| match trigger {
+        Trigger::Set(set) => source == UpdateSource::Received && set.object.object == object,
+        Trigger::Shows(set) => source == UpdateSource::Sent && set.object.object == object,
+        Trigger::Bit(bit, _) => bit.object.object == object,
+        _ => false,
+    };
+    let mut matching = triggers(rule).filter(of_object);
+    let (first, is_only) = (matching.next()?, matching.next().is_none());
+    let is_each =
+        |trigger: &Trigger| matches!(trigger, Trigger::Set(set) | Trigger::Shows(set) if !set.changed);
+    match first {
+        Trigger::Set(set) | Trigger::Shows(set) if is_only && !set.changed => {
+            let is_nonzero = set.negated && set.values == Some(Numbers::One(0));
+            Some(if is_nonzero { set.mask } else { 0 })
+        }
+        _ => triggers(rule).filter(of_object).any(is_each).then_some(0),
     }
 }

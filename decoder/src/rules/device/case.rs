@@ -1,4 +1,4 @@
-//! One rule at one node, and what all kinds of rules do with it.
+//! One rule at one node, with functions shared by all kinds of rules.
 
 use super::describe::about_event;
 use super::facts::ProvenFacts;
@@ -9,30 +9,30 @@ use crate::rules::Context;
 use crate::rules::context::Alarm;
 use crate::wire::canopen::ObjectAddress;
 
-/// One rule at one node, and the event that is judged.
+/// One rule at one node with the event to check.
 #[derive(Clone, Copy)]
 pub(super) struct RuleCase<'a> {
     pub(super) facts: ProvenFacts<'a>,
     pub(super) rule: &'a DeviceRule,
-    /// Its place among the rules of the device.
+    /// Index of the rule in the device profile.
     pub(super) number: usize,
-    /// The event that is judged; `None` if time has passed.
+    /// Event to check; None at a deadline.
     pub(super) event: Option<&'a Event>,
     pub(super) frames: FrameRange,
 }
 
 impl RuleCase<'_> {
-    /// Whether it is judged now: `while` is proven.
+    /// Whether the rule applies now: `while` is proven.
     pub(super) fn is_due(&self) -> bool {
         self.facts.holds_while(self.rule, self.number)
     }
 
-    /// The trigger of `on` that an event meets.
+    /// Trigger of `on` that the event matches.
     pub(super) fn on(&self, event: &TriggerEvent<'_>) -> Option<&Trigger> {
         self.rule.on.0.iter().find(|trigger| trigger.is_attempted_by(event))
     }
 
-    /// Time in the rule, in nanoseconds; `None` if it is unknown or 0.
+    /// Time limit of the rule in ns; None if it is unknown or 0.
     pub(super) fn limit(&self) -> Option<i64> {
         let milliseconds = match self.rule.ms_of {
             None => self.rule.ms?,
@@ -56,7 +56,7 @@ impl RuleCase<'_> {
         Some(scaled.unwrap_or(plain))
     }
 
-    /// The event shows a violation at this node.
+    /// Starts a finding about the event at this node.
     pub(super) fn fail<'b, 'c>(
         &self,
         event: &TriggerEvent<'_>,
@@ -70,7 +70,7 @@ impl RuleCase<'_> {
         alarm.about(about_event(event, self.event))
     }
 
-    /// Requests another look at a deadline.
+    /// Sets the deadline and requests a wake-up.
     pub(super) fn wait(&self, progress: &mut RuleProgress, deadline: i64, context: &mut Context<'_>) {
         progress.deadline = Some(deadline);
         if progress.wake.is_none_or(|wake| deadline < wake) {
@@ -81,7 +81,7 @@ impl RuleCase<'_> {
     }
 }
 
-/// The object by which an event is counted, if the trigger is about several objects.
+/// Object with its own count, if the trigger covers several objects.
 pub(super) fn counted_object(event: &TriggerEvent<'_>, trigger: &Trigger) -> Option<ObjectAddress> {
     match (event, trigger) {
         (TriggerEvent::Value(update), Trigger::Writes(_)) => Some(update.object),
@@ -89,7 +89,7 @@ pub(super) fn counted_object(event: &TriggerEvent<'_>, trigger: &Trigger) -> Opt
     }
 }
 
-/// Whether one of the triggers is a PDO: its absence is proven only while the node sends PDOs.
+/// Whether a trigger is a PDO; its absence is proven only while the node sends PDOs.
 pub(super) fn waits_for_pdo(triggers: &[Trigger]) -> bool {
     triggers.iter().any(|trigger| matches!(trigger, Trigger::Pdo(_)))
 }

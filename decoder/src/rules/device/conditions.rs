@@ -1,4 +1,4 @@
-//! Whether conditions of a rule are proven, or proven not to hold.
+//! Evaluation of the conditions of rules.
 
 use super::facts::ProvenFacts;
 use super::proofs::{LastingConditions, ProofAge, RuleProof};
@@ -6,7 +6,7 @@ use crate::profile::device::{Condition, DeviceRule, GateStatus, evaluate_all};
 use crate::wire::canopen::ObjectAddress;
 
 impl ProvenFacts<'_> {
-    /// Whether all of `needs` hold.
+    /// Status of `needs`.
     pub(super) fn needs(&self, rule: &DeviceRule, number: usize) -> GateStatus {
         match self.own.proofs.get(number) {
             Some(RuleProof { needs, .. }) if needs.are_all => {
@@ -27,7 +27,7 @@ impl ProvenFacts<'_> {
             && (during.are_all || evaluate_all(conditions, self, rule.channel) == GateStatus::Open)
     }
 
-    /// Whether a rule ignores a value or PDO, because its conditions do not hold.
+    /// Whether a rule can skip a value or PDO, because its conditions do not hold.
     #[inline]
     pub(super) fn rests(&self, number: usize) -> bool {
         self.own.proofs.get(number).is_some_and(|proof| proof.may_rest && self.is_at_rest(proof, number))
@@ -50,7 +50,7 @@ impl ProvenFacts<'_> {
         (self.own.last.changes, self.node.store().changes())
     }
 
-    /// Whether the lasting ones of some conditions hold.
+    /// Status of the conditions on lasting values, cached.
     fn lasting(&self, part: &LastingConditions, conditions: &[Condition], channel: Option<u8>) -> GateStatus {
         if let Some(known) = part.known(self.age()) {
             return known;
@@ -60,7 +60,7 @@ impl ProvenFacts<'_> {
         status
     }
 
-    /// A condition that is proven not to hold: its object, and the present fact as text.
+    /// First condition that is proven not to hold: its object, and the actual fact as text.
     pub(super) fn unmet(
         &self,
         conditions: &[Condition],
@@ -71,7 +71,7 @@ impl ProvenFacts<'_> {
         Some((unmet.object(), self.fact(unmet, channel)))
     }
 
-    /// The present fact instead of a condition that does not hold.
+    /// Actual fact for a condition that does not hold.
     fn fact(&self, condition: &Condition, channel: Option<u8>) -> String {
         if let Some(object) = condition.object() {
             return self.shown(object);
@@ -91,10 +91,10 @@ impl ProvenFacts<'_> {
             }
             Condition::NoProcedure => {
                 let names: Vec<_> = self.node.procedures().map(|it| it.name.as_str()).collect();
-                format!("{} runs", names.join(", "))
+                format!("procedure running: {}", names.join(", "))
             }
-            Condition::Other(_) => "no other one is ready".to_owned(),
-            Condition::Alone => "there are other nodes".to_owned(),
+            Condition::Other(_) => "no other device is ready".to_owned(),
+            Condition::Alone => "other nodes on the bus".to_owned(),
             _ => String::new(),
         }
     }

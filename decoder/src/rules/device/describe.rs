@@ -1,4 +1,4 @@
-//! Events and values as findings name them.
+//! Events and values as text for findings.
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
@@ -8,7 +8,16 @@ use crate::profile::{DataType, Meaning};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::Pgn;
 
-/// A value as text.
+/// Text of a rule with details in parentheses; parentheses at the end of the text are continued.
+pub(super) fn with_details(text: &str, details: &str) -> String {
+    match text.strip_suffix(')') {
+        _ if details.is_empty() => text.to_owned(),
+        Some(open) => format!("{open}, {details})"),
+        None => format!("{text} ({details})"),
+    }
+}
+
+/// Value of an update as text.
 pub(super) fn show_update(update: &ValueUpdate<'_>) -> String {
     match (update.raw, update.meaning) {
         (Some(raw), Some(meaning)) => show(meaning, raw),
@@ -17,21 +26,24 @@ pub(super) fn show_update(update: &ValueUpdate<'_>) -> String {
     }
 }
 
-/// A number by its meaning; of bits only the word, as their names would fill the line.
+/// Number with its meaning; a bit field is printed as hexadecimal only, since the names of its bits are too
+/// long.
 pub(super) fn show(meaning: &Meaning, raw: i64) -> String {
     let digits = meaning.data_type.and_then(DataType::bits).map_or(0, |bits| usize::from(bits.div_ceil(4)));
     match (&meaning.bits, meaning.format) {
-        (Some(_), _) => format!("{:0digits$X}h", raw.cast_unsigned()),
         // A signature: the first character is in the least significant byte.
-        (None, Format::Ascii) => {
-            let bytes = raw.to_le_bytes().into_iter().take(digits / 2);
+        (_, Format::Ascii) => {
+            let all = raw.to_le_bytes();
+            let length = all.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+            let bytes = all.into_iter().take(if digits == 0 { length } else { digits / 2 });
             format!("'{}'", bytes.map(char::from).collect::<String>().escape_default())
         }
+        (Some(_), _) => format!("{:0digits$X}h", raw.cast_unsigned()),
         (None, _) => meaning.show(&meaning.number(raw)),
     }
 }
 
-/// What happened, in words.
+/// Event as text.
 pub(super) fn show_event(event: &TriggerEvent<'_>) -> String {
     match event {
         TriggerEvent::Pdo(name) => name.to_string(),
@@ -42,13 +54,14 @@ pub(super) fn show_event(event: &TriggerEvent<'_>) -> String {
         TriggerEvent::Sync => "SYNC".to_owned(),
         TriggerEvent::Emcy(code) => format!("EMCY {code:04X}"),
         TriggerEvent::Dtc(spn, fmi) => format!("SPN {spn} FMI {fmi}"),
-        TriggerEvent::Boot => "start".to_owned(),
+        TriggerEvent::Boot { .. } => "boot-up".to_owned(),
         TriggerEvent::Guard => "guarding request".to_owned(),
+        TriggerEvent::Reports(state) => format!("{state} reported"),
         TriggerEvent::Lss(lss) => format!("LSS {}", lss.service),
     }
 }
 
-/// What of the node a finding about an event is about; `cause` is the event of the bus.
+/// Subject of a finding about an event; `cause` is the event on the bus.
 pub(super) fn about_event(event: &TriggerEvent<'_>, cause: Option<&Event>) -> About {
     match event {
         TriggerEvent::Value(update) => About::Object(update.object),
@@ -56,6 +69,7 @@ pub(super) fn about_event(event: &TriggerEvent<'_>, cause: Option<&Event>) -> Ab
         TriggerEvent::Emcy(code) => About::Code(*code),
         TriggerEvent::Dtc(spn, fmi) => About::Fault(*spn, *fmi),
         TriggerEvent::Pdo(name) => About::Name(name.to_string().into()),
+        TriggerEvent::Reports(state) => About::Name((*state).into()),
         TriggerEvent::State(Some(channel), _) => About::Name(format!("channel {channel}").into()),
         _ => About::Whole,
     }
@@ -69,13 +83,13 @@ fn pgn(event: &Event) -> Option<Pgn> {
     }
 }
 
-/// What a finding is about if no event shows it: the first of the triggers that are waited for.
+/// Subject of a finding without an event: the first awaited trigger.
 pub(super) fn about_first(triggers: &[Trigger]) -> About {
     match triggers.first() {
         Some(Trigger::Pdo(name)) => About::Name(name.to_string().into()),
         Some(Trigger::Write(of, _) | Trigger::Read(of, _)) => About::Object(of.object),
         Some(Trigger::Bit(bit, _)) => About::Object(bit.object.object),
-        Some(Trigger::Set(set)) => About::Object(set.object.object),
+        Some(Trigger::Set(set) | Trigger::Shows(set)) => About::Object(set.object.object),
         Some(Trigger::Message(message)) => About::Name(message.name.as_str().into()),
         _ => About::Whole,
     }
@@ -84,4 +98,17 @@ pub(super) fn about_first(triggers: &[Trigger]) -> About {
 /// Whether an event is a value of this object.
 pub(super) fn is_value_of(event: &TriggerEvent<'_>, object: Option<ObjectAddress>) -> bool {
     matches!(event, TriggerEvent::Value(update) if Some(update.object) == object)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn details_follow_the_text_in_one_pair_of_parentheses() {
+        assert_eq!(with_details("AVC interval above 250 ms", "312 ms"), "AVC interval above 250 ms (312 ms)");
+        let signature = with_details("wrong store signature (expected 'save')", "'SAVE' written");
+        assert_eq!(signature, "wrong store signature (expected 'save', 'SAVE' written)");
+        assert_eq!(with_details("no response", ""), "no response");
+    }
 }

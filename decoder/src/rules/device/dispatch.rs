@@ -1,4 +1,4 @@
-//! From events of a bus to the nodes they concern.
+//! Dispatch of bus events to nodes with device rules.
 
 use super::case::RuleCase;
 use super::kinds::{self, frames};
@@ -13,22 +13,23 @@ use crate::rules::ledger::Ledger;
 use crate::rules::{Context, Rule};
 use crate::session::Bus;
 use crate::wire::NodeId;
+use crate::wire::j1939::ALL;
 
-/// The rules of all devices of a bus.
+/// Rules of all devices on a bus.
 pub(in crate::rules) struct DeviceRules {
     roster: Roster,
     targets: PdoTargets,
 }
 
 impl DeviceRules {
-    /// The rules of the devices that are known on a bus.
+    /// Creates the rules for the devices already identified on a bus.
     pub(in crate::rules) fn new(bus: &Bus, ledger: &mut Ledger) -> Self {
         let mut roster = Roster::default();
         roster.attach(bus, ledger);
         Self { roster, targets: PdoTargets::default() }
     }
 
-    /// Kinds of events they look at.
+    /// Event kinds that the rules need.
     pub(in crate::rules) fn wanted(&self) -> KindSet {
         self.roster.kinds()
     }
@@ -60,7 +61,7 @@ impl DeviceRules {
         }
     }
 
-    /// All events but PDOs, messages and frames.
+    /// Handles all events other than PDOs, messages and frames.
     fn on_other(&mut self, event: &Event, context: &mut Context<'_>) {
         let bus = context.bus;
         match &event.kind {
@@ -76,6 +77,14 @@ impl DeviceRules {
             EventKind::BusSilent { .. } | EventKind::LostFrames { .. } | EventKind::Link { .. } => {
                 for id in self.roster.ids.clone() {
                     self.roster.judge_at(id, bus, |judge| judge.own.interrupt());
+                }
+            }
+            EventKind::J1939Request(request) => {
+                for id in self.roster.ids.clone() {
+                    let is_asked = id.j1939().is_some_and(|own| [own, ALL].contains(&request.destination));
+                    if is_asked {
+                        self.roster.judge_at(id, bus, |judge| judge.on_request(request.pgn, event, context));
+                    }
                 }
             }
             EventKind::SdoTransfer(transfer) => {
@@ -101,7 +110,7 @@ impl DeviceRules {
         }
     }
 
-    /// After a restart identifiers fall back to those the node stored.
+    /// After a restart, identifiers fall back to the stored ones.
     fn forget_identifiers(&mut self, event: &Event) {
         if event.node.is_some_and(|id| self.roster.nodes.get(id).is_some()) {
             self.targets.clear();
@@ -115,7 +124,8 @@ impl DeviceRules {
         }
     }
 
-    /// Judges identifiers that the first such device reserves; with an identifier only the rules about it.
+    /// Runs `reserved-id` rules at the first device that has one; with `can_id`, only the rules that reserve
+    /// it.
     fn judge_reserved(
         &mut self,
         can_id: Option<CanId>,
@@ -140,7 +150,7 @@ impl DeviceRules {
     }
 }
 
-/// Whether an object may hold an identifier.
+/// Whether an object may contain an identifier.
 const fn holds_id(index: u16) -> bool {
     matches!(index, 0x1005 | 0x1012 | 0x1014 | 0x1400..=0x1BFF)
 }
@@ -183,7 +193,7 @@ impl Rule for DeviceRules {
         let bus = context.bus;
         for id in self.roster.ids.clone() {
             self.roster.judge_at(id, bus, |judge| {
-                judge.note_heard(context);
+                judge.note_last_frame(context);
                 for number in judge.numbers(|_| true) {
                     judge.judge_one(number, Occasion::of_time(bus), context, kinds::on_end);
                 }

@@ -1,4 +1,4 @@
-//! Proven facts about a node: values of a PDO as it brings them, all others as they were before.
+//! Proven facts about a node: values from the current PDO, and older values of all other objects.
 
 use super::describe::show;
 use super::node::{NodeRecord, NodeRules};
@@ -10,13 +10,13 @@ use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// Age up to which a measured value is proven, in nanoseconds.
+/// Maximum age of a proven measured value, in ns.
 const MEASURED: i64 = 2_000_000_000;
 
-/// Silence after which a node is absent, in nanoseconds.
+/// Silence after which a node counts as absent, in ns.
 const ALONE: i64 = 10_000_000_000;
 
-/// A node with the record of its rules, and the other nodes of its bus.
+/// A node with the shared state of its rules, and the other nodes of the bus.
 #[derive(Clone, Copy)]
 pub(super) struct ProvenFacts<'a> {
     pub(super) bus: &'a Bus,
@@ -24,18 +24,18 @@ pub(super) struct ProvenFacts<'a> {
     pub(super) node: &'a Node,
     pub(super) own: &'a NodeRecord,
     pub(super) others: &'a NodeMap<Box<NodeRules>>,
-    /// Time in the clock of the rules.
+    /// Monotonic time, as in [`crate::rules::Context::now`].
     pub(super) now: i64,
 }
 
 impl ProvenFacts<'_> {
-    /// Proven number of an object: the last one that the bus showed.
+    /// Proven value of an object: the last one seen on the bus.
     pub(super) fn value(&self, object: ObjectAddress) -> Option<i64> {
         let watched = self.own.plan.watched(object);
         let is_measured = watched.is_some_and(|(_, watched)| watched.is_measured);
         let sent = watched.and_then(|(place, _)| self.own.last.get(place));
         let sent = sent.filter(|sent| !is_measured || self.now.saturating_sub(sent.time) <= MEASURED);
-        // What the node holds may have come by other ways, and later.
+        // The store of the node may contain a later value from another service.
         let is_later = |frame| self.node.store().seen(object).is_some_and(|entry| entry.origin.frame > frame);
         if let Some(sent) = sent.filter(|sent| !is_later(sent.frame)) {
             return Some(sent.raw);
@@ -51,13 +51,13 @@ impl ProvenFacts<'_> {
         }
     }
 
-    /// Whether the node is sure to send and receive PDOs.
+    /// Whether the node is confirmed to send and receive PDOs.
     pub(super) fn is_operational(&self) -> bool {
         let confirmed = confirmed_state(self.bus, self.id) == Some(NmtState::Operational);
         confirmed && !self.node.is_lost()
     }
 
-    /// An object with its value: `5208:01 = 1`.
+    /// Object with its value: `5208:01 is 1`.
     pub(super) fn shown(&self, object: ObjectAddress) -> String {
         let value = self.value(object);
         let raw = value.unwrap_or_default();
@@ -77,7 +77,7 @@ impl DeviceFacts for ProvenFacts<'_> {
         self.value(object).map(|raw| Number { raw, assumed: false })
     }
 
-    /// Shortly after a change a PDO may still contain the state before.
+    /// None shortly after a change: a PDO may still contain the previous state.
     fn reported_state(&self, channel: Option<u8>) -> Option<&str> {
         if self.own.is_settling(channel, self.now, SETTLING) {
             return None;
@@ -101,7 +101,7 @@ impl DeviceFacts for ProvenFacts<'_> {
         self.node.facts(self.bus.now()).is_taken_over()
     }
 
-    /// Rules judge PDOs and messages when they arrive.
+    /// Always false: rules check PDOs and messages when they arrive.
     fn is_overdue(&self) -> bool {
         false
     }

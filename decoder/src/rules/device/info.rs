@@ -1,4 +1,4 @@
-//! What output says of a device's rule.
+//! Description of a device rule for output.
 
 use std::sync::Arc;
 
@@ -6,24 +6,29 @@ use crate::finding::{RuleInfo, RuleOrigin};
 use crate::profile::Device;
 use crate::profile::device::{DeviceRule, RuleKind};
 
-/// Name of a device's rule as output writes it: `rexroth-sydfec:mapping-is-static`.
+/// Name of a device rule in output: `rexroth-sydfec:mapping-is-static`.
 fn name(device: &Device, rule: &str) -> Arc<str> {
     format!("{}:{rule}", device.id).into()
 }
 
-/// Names of the rules whose findings have the same cause: of the same profile, else general ones.
+/// Full names of the rules in `takes_in`: of the same profile, else general rules.
 pub(super) fn takes_in(device: &Device, rule: &DeviceRule) -> Vec<Arc<str>> {
     let is_own = |wanted: &str| device.rules.iter().any(|own| own.name == wanted);
     let full = |wanted: &String| if is_own(wanted) { name(device, wanted) } else { wanted.as_str().into() };
     rule.takes_in.iter().map(full).collect()
 }
 
-/// What is known of a device's rule.
+/// Description of a device rule.
 pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
-    let source = source(device, &rule.source);
+    let source = device.cite(&rule.source);
     let note = if rule.note.is_empty() { String::new() } else { format!("\n# Assumption\n{}\n", rule.note) };
-    let explanation =
-        format!("# What it checks\n{}. {}\n{note}\n# Source\n{source}\n", rule.text, kind(rule.kind));
+    let next = if rule.next.is_empty() {
+        String::new()
+    } else {
+        format!("\n# What to look at first\n{}.\n", rule.next)
+    };
+    let (text, kind) = (&rule.text, kind(rule.kind));
+    let explanation = format!("# What it checks\n{text}. {kind}\n{note}\n# Source\n{source}\n{next}");
     RuleInfo {
         name: name(device, &rule.name),
         severity: rule.severity,
@@ -36,20 +41,11 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         is_on: true,
         word: word(rule.kind),
         source: Some(source.into()),
+        next_step: (!rule.next.is_empty()).then(|| rule.next.as_str().into()),
     }
 }
 
-/// Where the manual says it: `RE 30027-Z/11.06 §9`.
-fn source(device: &Device, section: &str) -> String {
-    let manual = if device.source.is_empty() { &device.title } else { &device.source };
-    match section.as_bytes().first() {
-        None => manual.clone(),
-        Some(first) if first.is_ascii_digit() => format!("{manual} §{section}"),
-        Some(_) => format!("{manual}, {section}"),
-    }
-}
-
-/// KIND of its line in text.
+/// KIND column of findings of a rule kind.
 const fn word(kind: RuleKind) -> &'static str {
     match kind {
         RuleKind::Limit | RuleKind::Forbidden | RuleKind::Permitted | RuleKind::Ascending => "VALUE",
@@ -58,35 +54,59 @@ const fn word(kind: RuleKind) -> &'static str {
         RuleKind::MaxInterval => "GAP",
         RuleKind::MaxCount => "COUNT",
         RuleKind::Follow => "ANSWER",
-        RuleKind::Order => "ORDER",
-        RuleKind::ReservedId => "ID",
-        RuleKind::Expedited => "SDO",
+        RuleKind::Order | RuleKind::Sequence => "ORDER",
+        RuleKind::ReservedId | RuleKind::NodeId | RuleKind::SourceAddress => "ID",
+        RuleKind::Expedited | RuleKind::AbortCode => "SDO",
         RuleKind::RemoteLength => "PDO",
+        RuleKind::EmcyLength | RuleKind::EmcyCode | RuleKind::EmcyRegister => "EMCY",
+        RuleKind::MessageLength | RuleKind::Constant => "BYTES",
+        RuleKind::OnRequest => "PGN",
+        RuleKind::UdsServices => "UDS",
     }
 }
 
-/// What a kind of statement comes to.
+/// Explanation of a rule kind, added to the text of the rule.
 const fn kind(kind: RuleKind) -> &'static str {
     match kind {
-        RuleKind::Limit => "Each value that comes is compared with the limits of the manual.",
+        RuleKind::Limit => "Every transferred value is compared with the limits in the manual.",
         RuleKind::Forbidden => {
-            "Each value that is sent to the device is compared with those the manual excludes."
+            "Every value sent to the device is compared with the values that the manual excludes."
         }
         RuleKind::Permitted => {
-            "Each value that is sent to the device is compared with those the manual permits."
+            "Every value sent to the device is compared with the values that the manual permits."
         }
-        RuleKind::Never => "It does not happen.",
-        RuleKind::MinInterval => "The time between two of them is not shorter than the manual says.",
-        RuleKind::MaxInterval => "The time between two of them is not longer than the manual says.",
-        RuleKind::MaxCount => "They are counted.",
-        RuleKind::Precondition => "When it happens, what the manual demands is not proven to be missing.",
-        RuleKind::Follow => "What must follow does so within the time.",
-        RuleKind::Order => "What must come first was seen before.",
-        RuleKind::Ascending => "Each value that was seen is compared with its neighbour.",
+        RuleKind::Never => "Every occurrence is a finding.",
+        RuleKind::MinInterval => "The time between two events is compared with the minimum in the manual.",
+        RuleKind::MaxInterval => "The time between two events is compared with the maximum in the manual.",
+        RuleKind::MaxCount => "The number of events is compared with the limit.",
+        RuleKind::Precondition => {
+            "A finding opens if a condition of the manual is proven false at the event."
+        }
+        RuleKind::Follow => "The required reaction must follow within the time limit.",
+        RuleKind::Order => "The required earlier event must have occurred before.",
+        RuleKind::Sequence => {
+            "The first occurrence of each step since the start of the node must precede those of later steps."
+        }
+        RuleKind::Ascending => "Every known value is compared with its neighbour.",
         RuleKind::ReservedId => {
-            "The identifiers have no other owner, and frames on them have the right shape."
+            "The identifiers must have no other owner, and their frames must have the required format."
         }
-        RuleKind::Expedited => "Each transfer of another object is expedited.",
-        RuleKind::RemoteLength => "The length a remote frame asks for is that of the PDO.",
+        RuleKind::Expedited => "Every transfer of another object must be expedited.",
+        RuleKind::RemoteLength => "The length of a remote frame must be that of the PDO.",
+        RuleKind::EmcyLength => "The length of every EMCY is compared with 8 bytes.",
+        RuleKind::EmcyCode => "The code of every EMCY is compared with the list in the manual.",
+        RuleKind::EmcyRegister => {
+            "The error register of every EMCY is compared with the bits that the manual gives for its code."
+        }
+        RuleKind::AbortCode => {
+            "The code of every SDO abort of the device is compared with the list in the manual."
+        }
+        RuleKind::NodeId | RuleKind::SourceAddress => {
+            "The number of the device is compared with the range in the manual, once."
+        }
+        RuleKind::MessageLength => "The length of every message is compared with that in the manual.",
+        RuleKind::Constant => "The fixed bits of every PDO are compared with those in the manual.",
+        RuleKind::OnRequest => "Every message of these groups must follow a request.",
+        RuleKind::UdsServices => "The service of every UDS request is compared with the list in the manual.",
     }
 }

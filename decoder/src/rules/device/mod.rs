@@ -1,27 +1,28 @@
-//! The rules devices bring: `[[rule]]` of their profiles.
+//! Rules of devices: `[[rule]]` in their profiles.
 //!
 //! ```text
 //! Event ─DeviceRules─▶ nodes it concerns ─NodeJudge─▶ TriggerEvent ─kinds─▶ one file per family of kinds ─▶ Context
 //! ```
 //!
-//! The rules of a device begin to act when a node is known to be that device. `profile/device/rule.rs` defines the
-//! kinds of rules, `profile/device/evaluate/` the operators of triggers and conditions; nothing here knows a device.
+//! The rules of a device apply from the moment a node is identified as that device. `profile/device/rule.rs`
+//! defines the kinds of rules, `profile/device/evaluate/` the operators of triggers and conditions. Nothing
+//! in this folder depends on a particular device.
 //!
-//! A file imports only from files above it:
+//! A file imports only from files in rows above its own:
 //!
-//! | file | holds |
+//! | file | content |
 //! | --- | --- |
 //! | `info` | name, severity and documentation of a rule |
-//! | `plan` | what the rules of a device look at |
-//! | `carrier` | what they look at in a PDO or message of one layout |
+//! | `plan` | objects, PDOs and event kinds that the rules of a device use |
+//! | `carrier` | fields that the rules use in a PDO or message of one layout |
 //! | `proofs` | cached results of conditions |
-//! | `progress`, `node` | what is remembered of a rule, of a node |
+//! | `progress`, `node` | state of a rule, state of a node |
 //! | `describe`, `transfer` | events and values as text; transfers as updates |
 //! | `facts`, `conditions` | proven facts, and conditions on them |
-//! | `case`, `kinds/` | a rule at a node, and how each kind of rule is judged |
+//! | `case`, `kinds/` | a rule at a node; the checks of each kind of rule |
 //! | `node_judge` | an event at a node |
 //! | `pdo_targets`, `carried` | a PDO or message at a node |
-//! | `roster`, `dispatch` | the nodes of a bus, and which of them an event concerns |
+//! | `roster`, `dispatch` | the nodes of a bus; dispatch of events to nodes |
 
 mod carried;
 mod carrier;

@@ -1,4 +1,4 @@
-//! What is remembered of one node for the rules of its device.
+//! State of the device rules at one node.
 
 use std::sync::Arc;
 
@@ -11,45 +11,47 @@ use crate::profile::device::{RuleKind, UpdateSource};
 use crate::profile::{Layout, PdoName};
 use crate::wire::j1939::Pgn;
 
-/// A node whose device has rules.
+/// State of a node with device rules.
 pub(super) struct NodeRules {
     pub(super) record: NodeRecord,
-    /// State of each rule, in the order of the device.
+    /// State of each rule, in the order of the profile.
     pub(super) progress: Vec<RuleProgress>,
-    /// The node sent a frame.
+    /// Whether the node has sent a frame.
     pub(super) is_present: bool,
-    /// Room for the values of one PDO: before, and now.
+    /// Buffer for the values of one PDO: previous and current.
     pub(super) scratch: Vec<(Option<i64>, Option<i64>)>,
     pub(super) carriers: CarrierPlans,
 }
 
-/// Plans of the last messages.
+/// Cached dispatch tables of recent messages.
 #[derive(Debug, Default)]
 pub(super) struct CarrierPlans(Vec<(Pgn, Option<Arc<Layout>>, CarrierPlan)>);
 
-/// Messages whose plans are kept.
+/// Maximum number of cached dispatch tables.
 const CARRIER_LIMIT: usize = 64;
 
-/// Facts of a node that all its rules share.
+/// State of a node shared by all its rules.
 pub(super) struct NodeRecord {
     pub(super) plan: Arc<RulePlan>,
     pub(super) last: LastValues,
     pub(super) proofs: RuleProofs,
-    /// Last change of state, by output of the device.
+    /// Time of the last state change, by output of the device.
     changes: Vec<(Option<u8>, i64)>,
-    /// Time of the node's last frame before the present event.
+    /// Time of the node's last frame before the current event.
     pub(super) heard: Option<i64>,
+    /// Time of the node's first frame.
+    pub(super) present: Option<i64>,
 }
 
-/// Last values in PDOs and messages of the objects that count, by their places in the plan.
+/// Last values in PDOs and messages, by object index in the plan.
 #[derive(Debug, Default)]
 pub(super) struct LastValues {
     values: Vec<Option<LastValue>>,
-    /// The node's start was seen: bits not written since are clear.
+    /// The boot-up was seen: bits not written since then are 0.
     pub(super) is_fresh: bool,
-    /// Number of changes of values that conditions look at.
+    /// Number of value changes that conditions use.
     pub(super) changes: u64,
-    /// Changes of the node's store at the last such value.
+    /// Change count of the node's store at the last such value.
     stored: u64,
 }
 
@@ -59,7 +61,7 @@ pub(super) struct LastValue {
     pub(super) raw: i64,
     pub(super) time: i64,
     pub(super) frame: u64,
-    /// The device itself sent it.
+    /// The device itself sent the value.
     pub(super) is_sent: bool,
 }
 
@@ -71,6 +73,7 @@ impl NodeRules {
             proofs: RuleProofs::new(plan),
             changes: Vec::new(),
             heard: None,
+            present: None,
         };
         Self {
             record,
@@ -81,23 +84,27 @@ impl NodeRules {
         }
     }
 
-    /// The node restarts, or has another number: all that was measured and counted is void.
+    /// Clears all measurements and counts after a restart or a change of the node-ID.
     pub(super) fn reset(&mut self) {
         self.carriers = CarrierPlans::default();
         self.record.last.count_change();
         self.progress.iter_mut().for_each(RuleProgress::reset);
     }
 
-    /// All traffic stopped, or frames were lost: no interval and no count continues.
+    /// Interrupts all intervals, counts and orders after a silence or lost frames.
     pub(super) fn interrupt(&mut self) {
         for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
             if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
                 progress.interrupt();
             }
+            // The event that must come first may be in the gap.
+            if rule.kind == RuleKind::Order && progress.is_prepared == Some(false) {
+                progress.is_prepared = None;
+            }
         }
     }
 
-    /// A PDO is configured again: its absence proves nothing until it occurs.
+    /// Handles the reconfiguration of a PDO: its absence proves nothing until it occurs again.
     pub(super) fn reconfigure(&mut self, name: PdoName) {
         for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
             if matches!(rule.kind, RuleKind::MaxInterval | RuleKind::Follow) && waits_for(rule, name) {
@@ -108,7 +115,7 @@ impl NodeRules {
 }
 
 impl CarrierPlans {
-    /// Removes the plan of a message; `None` if there is none yet.
+    /// Removes and returns the dispatch table of a message.
     pub(super) fn take(&mut self, message: &J1939Message, source: UpdateSource) -> Option<CarrierPlan> {
         let is_same = |known: &Option<Arc<Layout>>| match (known, &message.layout) {
             (Some(known), Some(layout)) => Arc::ptr_eq(known, layout),
@@ -130,7 +137,7 @@ impl CarrierPlans {
 }
 
 impl NodeRecord {
-    /// An output of the device changed its state.
+    /// Records a state change of an output.
     pub(super) fn note_change(&mut self, channel: Option<u8>, now: i64) {
         match self.changes.iter_mut().find(|(known, _)| *known == channel) {
             Some((_, time)) => *time = now,
@@ -138,7 +145,7 @@ impl NodeRecord {
         }
     }
 
-    /// Whether an output, or any if none is named, changed its state within `settling`.
+    /// Whether an output (any output if None) changed its state within `settling`.
     pub(super) fn is_settling(&self, channel: Option<u8>, now: i64, settling: i64) -> bool {
         self.changes.iter().any(|(of, time)| {
             (channel.is_none() || of.is_none() || *of == channel) && now.saturating_sub(*time) <= settling
@@ -147,19 +154,19 @@ impl NodeRecord {
 }
 
 impl LastValues {
-    /// The value at a place of the plan.
+    /// Last value by object index in the plan.
     pub(super) fn get(&self, place: usize) -> Option<LastValue> {
         self.values.get(place).copied().flatten()
     }
 
-    /// Its number.
+    /// Last raw value by object index in the plan.
     #[inline]
     pub(super) fn raw(&self, place: usize) -> Option<i64> {
         self.values.get(place)?.map(|value| value.raw)
     }
 
-    /// Counts a value that conditions look at, if it is another one. After a change of the node's store an equal value
-    /// counts too, since it is the later one again.
+    /// Counts a value change that conditions use. After a change of the node's store, an equal value counts
+    /// too, since it is newer than the stored one.
     #[inline]
     pub(super) fn count_value(&mut self, is_other: bool, stored: u64) {
         if is_other || self.stored != stored {
@@ -185,7 +192,7 @@ impl LastValues {
         self.is_fresh = false;
     }
 
-    /// Forgets the values that the device itself sent.
+    /// Removes values sent by the device itself.
     pub(super) fn forget_sent(&mut self) {
         self.count_change();
         for value in &mut self.values {

@@ -1,16 +1,18 @@
-//! Judges an event of the bus at one node by the rules of its device.
+//! Runs the device rules of one node on an event.
 
 use std::sync::Arc;
 
 use super::case::RuleCase;
 use super::facts::ProvenFacts;
-use super::kinds::{self, frames};
+use super::kinds::{self, address, frames, messages, reports};
 use super::node::NodeRules;
 use super::plan::concerns;
-use super::progress::RuleProgress;
+use super::progress::{FrameTime, RuleProgress};
 use super::transfer::update_of;
-use crate::event::{DtcAction, Event, EventKind, FrameRange, MessageGap, Outcome, SdoTransfer};
-use crate::profile::device::{DeviceRule, LssEvent, RuleKind, TriggerEvent};
+use crate::event::{
+    BootCause, DtcAction, Emergency, Event, EventKind, FrameRange, MessageGap, Outcome, SdoTransfer,
+};
+use crate::profile::device::{DeviceRule, LssEvent, RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
 use crate::profile::{PdoName, integer, lss};
 use crate::rules::{Context, NodeMap};
 use crate::session::{Bus, Node};
@@ -18,8 +20,12 @@ use crate::wire::NodeId;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::j1939::Pgn;
 
-/// A node, and the other nodes with rules.
+/// Error register.
+const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);
+
+/// A node with its rules, and the other nodes with rules.
 pub(super) struct NodeJudge<'a> {
     pub(super) bus: &'a Bus,
     pub(super) id: NodeId,
@@ -28,7 +34,7 @@ pub(super) struct NodeJudge<'a> {
     pub(super) others: &'a NodeMap<Box<NodeRules>>,
 }
 
-/// The event that is judged and its frames; without event a time that passed.
+/// The event to check with its frames; without an event at a deadline.
 #[derive(Clone, Copy)]
 pub(super) struct Occasion<'a> {
     pub(super) event: Option<&'a Event>,
@@ -40,26 +46,26 @@ impl<'a> Occasion<'a> {
         Self { event: Some(event), frames: event.frames }
     }
 
-    /// A time that passed.
+    /// Occasion of an expired deadline.
     pub(super) fn of_time(bus: &Bus) -> Self {
         Self { event: None, frames: FrameRange::one(bus.last_frame()) }
     }
 }
 
 impl NodeJudge<'_> {
-    /// Numbers of the rules that are picked, without those that are switched off.
+    /// Indices of the active rules that `picks` selects.
     pub(super) fn numbers(&self, picks: impl Fn(&DeviceRule) -> bool) -> Vec<usize> {
         self.own.record.plan.rules().filter(|(_, rule)| picks(rule)).map(|(number, _)| number).collect()
     }
 
-    /// Facts at a time in the clock of the rules.
+    /// Facts at a monotonic time.
     #[inline]
     pub(super) fn facts(&self, now: i64) -> ProvenFacts<'_> {
         let Self { bus, id, node, ref own, others } = *self;
         ProvenFacts { bus, id, node, own: &own.record, others, now }
     }
 
-    /// Runs a task with one rule.
+    /// Calls a task with one rule.
     #[inline]
     pub(super) fn judge_one(
         &mut self,
@@ -82,7 +88,7 @@ impl NodeJudge<'_> {
         context.rule = before;
     }
 
-    /// The first frame of the node: an event that must never occur could do so from now on.
+    /// At the first frame of the node: passes the rules that the presence of the device alone exercises.
     #[inline]
     pub(super) fn note_presence(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
         if !self.own.is_present && self.node.last_seen().0 != 0 {
@@ -93,25 +99,29 @@ impl NodeJudge<'_> {
     #[cold]
     fn pass_by_presence(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
         self.own.is_present = true;
+        self.own.record.present = Some(context.now);
         let by_presence = |rule: &DeviceRule| match rule.kind {
-            RuleKind::Never => rule.during.0.is_empty(),
+            RuleKind::Never => rule.during.0.is_empty() && !rule.is_scoped(),
             RuleKind::ReservedId => true,
             _ => false,
         };
         for number in self.numbers(by_presence) {
             self.judge_one(number, occasion, context, |_, _, context| context.pass());
         }
+        for number in self.numbers(|rule| matches!(rule.kind, RuleKind::NodeId | RuleKind::SourceAddress)) {
+            self.judge_one(number, occasion, context, |case, _, context| address::judge(case, context));
+        }
     }
 
-    /// Notes when the node sent its last frame.
-    pub(super) fn note_heard(&mut self, context: &Context<'_>) {
+    /// Records the time of the node's last frame.
+    pub(super) fn note_last_frame(&mut self, context: &Context<'_>) {
         let (frame, stamp) = self.node.last_seen();
         if let Some(stamp) = stamp.filter(|_| frame != 0) {
             self.own.record.heard = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
         }
     }
 
-    /// Each rule that waits for an event judges it.
+    /// Runs all rules that the event concerns.
     fn judge(&mut self, event: &TriggerEvent<'_>, occasion: Occasion<'_>, context: &mut Context<'_>) {
         for number in self.numbers(|rule| concerns(rule, event)) {
             self.judge_one(number, occasion, context, |case, progress, context| {
@@ -120,7 +130,7 @@ impl NodeJudge<'_> {
         }
     }
 
-    /// SYNC is too frequent to look through all rules.
+    /// Uses a precomputed list, since SYNC is frequent.
     fn on_sync(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
         if self.own.record.plan.syncs.is_empty() || self.bus.last_sync() != Some(self.node.sync()) {
             return;
@@ -134,7 +144,7 @@ impl NodeJudge<'_> {
         }
     }
 
-    /// `while` of any rule may begin or end.
+    /// Updates all rules whose `while` may begin or end.
     fn follow_while(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
         let mut place = 0;
         while let Some(number) = self.own.record.plan.stretches.get(place).copied() {
@@ -143,7 +153,7 @@ impl NodeJudge<'_> {
         }
     }
 
-    /// Any event but a PDO, a message or a frame.
+    /// Handles any event other than a PDO, a message or a frame.
     pub(super) fn on_event(&mut self, event: &Event, context: &mut Context<'_>) {
         let occasion = Occasion::of(event);
         self.note_presence(occasion, context);
@@ -158,24 +168,39 @@ impl NodeJudge<'_> {
                 return self.judge(&TriggerEvent::Lss(lss), occasion, context);
             }
             EventKind::GuardRequest => return self.judge(&TriggerEvent::Guard, occasion, context),
+            EventKind::Heartbeat { state, .. } | EventKind::GuardReply { state, .. } => {
+                let state = state.map_or("undefined", NmtState::name);
+                return self.judge(&TriggerEvent::Reports(state), occasion, context);
+            }
             EventKind::SdoTransfer(transfer) => self.on_transfer(transfer, occasion, context),
             EventKind::NmtCommand { service, .. } => self.on_command(*service, occasion, context),
             EventKind::NmtState(change) if change.to != NmtState::Operational => {
                 self.own.record.last.forget_sent();
             }
             EventKind::NodeLost(_) => self.own.record.last.forget_sent(),
-            EventKind::BootUp { .. } | EventKind::AddressClaim(_) => self.on_start(occasion, context),
+            EventKind::BootUp { cause, .. } => self.on_start(Some(*cause), occasion, context),
+            EventKind::AddressClaim(_) => self.on_start(None, occasion, context),
             EventKind::Emcy(emergency) => {
                 if emergency.boot.is_some() {
-                    self.on_start(occasion, context);
+                    self.on_start(emergency.boot, occasion, context);
                 }
-                if let Some(code) = emergency.code.filter(|code| *code != 0) {
-                    self.judge(&TriggerEvent::Emcy(code), occasion, context);
-                }
+                self.on_emcy(emergency, occasion, context);
             }
             EventKind::DeviceState(state) => {
                 self.own.record.note_change(state.channel, context.now);
                 self.judge(&TriggerEvent::State(state.channel, &state.to), occasion, context);
+            }
+            EventKind::UdsExchange(exchange) => {
+                for number in self.numbers(|rule| rule.kind == RuleKind::UdsServices) {
+                    self.judge_one(number, occasion, context, |case, _, context| {
+                        messages::judge_service(case, exchange, context);
+                    });
+                }
+            }
+            EventKind::J1939Transfer(transfer) => {
+                if let Some(pgn) = transfer.pgn {
+                    self.on_group(pgn, occasion, context);
+                }
             }
             EventKind::MessageGap(gap) if gap.came_again => self.on_gap_end(gap, occasion, context),
             EventKind::Dtc(dtc) if matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred) => {
@@ -184,10 +209,34 @@ impl NodeJudge<'_> {
             _ => {}
         }
         self.follow_while(occasion, context);
-        self.note_heard(context);
+        self.note_last_frame(context);
     }
 
-    /// The event of the message itself follows, but the rules about its interval judge the gap now.
+    /// Rules about a group that is sent on request only; none for most groups.
+    fn requested(&self, pgn: Pgn) -> Vec<usize> {
+        let of_group = self.own.record.plan.requested.iter().filter(|(group, _)| *group == pgn.number());
+        of_group.map(|(_, number)| *number).collect()
+    }
+
+    /// Handles a request for a group of this node.
+    pub(super) fn on_request(&mut self, pgn: Pgn, event: &Event, context: &mut Context<'_>) {
+        for number in self.requested(pgn) {
+            self.judge_one(number, Occasion::of(event), context, |_, progress, context| {
+                progress.last = Some(FrameTime { time: context.now, frame: event.frames.last });
+            });
+        }
+    }
+
+    /// Runs the rules about groups that are sent on request only.
+    pub(super) fn on_group(&mut self, pgn: Pgn, occasion: Occasion<'_>, context: &mut Context<'_>) {
+        for number in self.requested(pgn) {
+            self.judge_one(number, occasion, context, |case, progress, context| {
+                messages::judge_group(case, progress, pgn, context);
+            });
+        }
+    }
+
+    /// Runs the interval rules at the end of a gap, before the event of the message itself.
     fn on_gap_end(&mut self, gap: &MessageGap, occasion: Occasion<'_>, context: &mut Context<'_>) {
         let device = Arc::clone(&self.own.record.plan.device);
         let address = self.id.number();
@@ -200,7 +249,7 @@ impl NodeJudge<'_> {
         }
     }
 
-    /// A reset ends all measurements; whether a boot-up follows depends on the device.
+    /// A reset command ends all measurements; not every device sends a boot-up after it.
     fn on_command(&mut self, service: NmtService, occasion: Occasion<'_>, context: &mut Context<'_>) {
         self.judge(&TriggerEvent::Nmt(service.name()), occasion, context);
         if matches!(service, NmtService::ResetNode | NmtService::ResetCommunication) {
@@ -209,14 +258,50 @@ impl NodeJudge<'_> {
         }
     }
 
-    fn on_start(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        self.judge(&TriggerEvent::Boot, occasion, context);
+    fn on_emcy(&mut self, emergency: &Emergency, occasion: Occasion<'_>, context: &mut Context<'_>) {
+        if let Some(code) = emergency.code.filter(|code| *code != 0) {
+            self.judge(&TriggerEvent::Emcy(code), occasion, context);
+        }
+        let is_about =
+            |kind| matches!(kind, RuleKind::EmcyLength | RuleKind::EmcyCode | RuleKind::EmcyRegister);
+        for number in self.numbers(|rule| is_about(rule.kind)) {
+            self.judge_one(number, occasion, context, |case, _, context| {
+                reports::judge_emcy(case, emergency, context);
+            });
+        }
+        // An EMCY contains the value of 1001 (CiA 301 §7.2.7.1).
+        let Some(register) = emergency.register.filter(|_| self.own.record.plan.watched(REGISTER).is_some())
+        else {
+            return;
+        };
+        let (node, raw) = (self.node, Some(i64::from(register)));
+        let meaning = node.meaning(REGISTER);
+        let update = ValueUpdate {
+            object: REGISTER,
+            source: UpdateSource::Sent,
+            raw,
+            before: None,
+            bytes: &[],
+            meaning: meaning.as_ref(),
+            is_fresh: false,
+        };
+        self.judge(&TriggerEvent::Value(update), occasion, context);
+    }
+
+    fn on_start(&mut self, cause: Option<BootCause>, occasion: Occasion<'_>, context: &mut Context<'_>) {
+        let is_commanded = matches!(cause, Some(BootCause::Commanded { .. }));
+        self.judge(&TriggerEvent::Boot { is_commanded }, occasion, context);
         self.own.reset();
         self.own.record.last.clear();
         self.own.record.last.is_fresh = true;
     }
 
     fn on_transfer(&mut self, transfer: &SdoTransfer, occasion: Occasion<'_>, context: &mut Context<'_>) {
+        for number in self.numbers(|rule| rule.kind == RuleKind::AbortCode) {
+            self.judge_one(number, occasion, context, |case, _, context| {
+                reports::judge_abort(case, transfer, context);
+            });
+        }
         for number in self.numbers(|rule| rule.kind == RuleKind::Expedited) {
             self.judge_one(number, occasion, context, |case, _, context| {
                 frames::judge_transfer(case, transfer, context);
@@ -234,7 +319,7 @@ impl NodeJudge<'_> {
         }
     }
 
-    /// The last number written to an object, also if it waits for a restart.
+    /// Last value of an object, also if it was written but takes effect only after a restart.
     fn last_number(&self, object: ObjectAddress) -> Option<i64> {
         if let Some(waiting) = self.node.store().waiting(object) {
             let meaning = self.node.meaning(object)?;
@@ -249,7 +334,7 @@ impl NodeJudge<'_> {
     }
 }
 
-/// The byte after the command specifier, if it has a meaning of its own.
+/// Parameter byte after the LSS command specifier.
 const fn parameter(content: &Content) -> Option<u8> {
     match content {
         Content::Mode(value) | Content::NodeId(value) | Content::Result { code: value, .. } => Some(*value),

@@ -1,4 +1,4 @@
-//! Which rules of which nodes look at a PDO, computed once per identifier.
+//! Dispatch table from PDOs to the rules of nodes, computed once per identifier.
 
 use std::sync::Arc;
 
@@ -7,13 +7,13 @@ use super::kinds::frames;
 use super::node::NodeRules;
 use super::plan::{RulePlan, waits_for};
 use crate::event::{Event, Pdo};
-use crate::profile::device::{DeviceRule, Mapping, RuleKind, UpdateSource};
-use crate::profile::{Device, Layout, PdoDirection, PdoName};
+use crate::profile::device::{DeviceRule, Mapping, PdoSpec, RuleKind, Trigger, UpdateSource};
+use crate::profile::{Device, Field, Layout, PdoDirection, PdoName};
 use crate::rules::NodeMap;
 use crate::session::Bus;
 use crate::wire::NodeId;
 
-/// Targets by the place of their identifier.
+/// Targets by index of the identifier.
 #[derive(Debug, Default)]
 pub(super) struct PdoTargets(Vec<Option<IdentifierTargets>>);
 
@@ -26,25 +26,25 @@ pub(super) struct IdentifierTargets {
     pub(super) is_reserved: bool,
 }
 
-/// A node that produces a PDO, or consumes it.
+/// A producer or consumer of a PDO.
 #[derive(Debug)]
 pub(super) struct PdoTarget {
     pub(super) id: NodeId,
     pub(super) name: PdoName,
-    /// A PDO of the node, not of another node whose PDO it consumes.
+    /// The PDO belongs to this node; false if the node consumes the PDO of another node.
     pub(super) is_own: bool,
     pub(super) plan: CarrierPlan,
-    /// Rules about requests for it.
+    /// Rules about remote requests for the PDO.
     pub(super) requests: Vec<usize>,
 }
 
 impl PdoTargets {
-    /// Identifiers or rules may be others now.
+    /// Clears the table after a change of identifiers or rules.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }
 
-    /// Targets at a place; `None` if there are none for this layout yet.
+    /// Targets by index of the identifier; None if not yet computed for this layout.
     #[inline]
     pub(super) fn get(&self, place: usize, pdo: &Pdo) -> Option<&IdentifierTargets> {
         let known = self.0.get(place)?.as_ref()?;
@@ -67,7 +67,7 @@ impl PdoTargets {
 }
 
 impl IdentifierTargets {
-    /// Targets of the identifier of a PDO.
+    /// Computes the targets for the identifier of a PDO.
     #[cold]
     pub(super) fn new(pdo: &Pdo, event: &Event, nodes: &NodeMap<Box<NodeRules>>, bus: &Bus) -> Self {
         let mut all = Self { layout: pdo.layout.clone(), ..Self::default() };
@@ -85,23 +85,47 @@ impl IdentifierTargets {
     }
 }
 
-/// A node's rules about a PDO; `None` if there are none.
+/// Rules of a node about a PDO; None if there are none.
 fn target(id: NodeId, plan: &RulePlan, name: PdoName, is_own: bool, pdo: &Pdo) -> Option<PdoTarget> {
-    let layout = pdo.layout.as_deref().filter(|layout| is_own && is_trusted(layout, &plan.device, pdo));
+    let layout = pdo.layout.as_deref().filter(|_| is_own);
+    let device = &plan.device;
+    let is_whole = layout.is_some_and(|layout| is_trusted(layout, device, pdo));
     let numbers = |picks: &dyn Fn(&DeviceRule) -> bool| {
         let picked = plan.rules().filter(|(_, rule)| picks(rule));
         picked.map(|(number, _)| number).collect::<Vec<_>>()
     };
     let is_received = name.direction == PdoDirection::Receive;
     let source = if is_received { UpdateSource::Received } else { UpdateSource::Sent };
-    let plan = CarrierPlan::new(layout, source, numbers(&|rule| waits_for(rule, name)), plan);
+    let constants =
+        numbers(&|rule| rule.kind == RuleKind::Constant && rule.on.0.contains(&Trigger::Pdo(name)));
+    let is_certain = |field: &Field| is_whole || is_in_all_layouts(field, device, name);
+    let plan = CarrierPlan::new(layout, &is_certain, source, numbers(&|rule| waits_for(rule, name)), plan)
+        .with_constants(layout.filter(|_| is_whole), constants);
     let requests = numbers(&|rule| is_own && rule.kind == RuleKind::RemoteLength);
     let is_empty = plan.is_empty() && requests.is_empty();
     (!is_empty).then_some(PdoTarget { id, name, is_own, plan, requests })
 }
 
-/// Whether the fields of a PDO are known: from the wire, the user or a fixed mapping, or as delivered if the length fits
-/// and no mode decides.
+/// Whether a field is at the same place in all layouts of a PDO that the profile defines as fixed, so that its value is
+/// certain in an unknown mode.
+fn is_in_all_layouts(field: &Field, device: &Device, name: PdoName) -> bool {
+    let Some(object) = field.object() else { return false };
+    let has_field = |spec: &PdoSpec| {
+        let mut bit: u16 = 0;
+        spec.mapping == Mapping::Fixed
+            && spec.fields.iter().any(|own| {
+                let start = bit;
+                bit = bit.saturating_add(own.bits);
+                own.object.is_some_and(|of| of.object == object)
+                    && (start, own.bits) == (field.bit, field.bits)
+            })
+    };
+    let mut specs = device.pdos.iter().filter(|spec| spec.pdo == name).peekable();
+    specs.peek().is_some() && specs.all(has_field)
+}
+
+/// Whether the fields of a PDO are reliable: the mapping was seen on the wire, set by the user or is fixed. A
+/// default mapping is reliable if the length matches and no mode selects the mapping.
 fn is_trusted(layout: &Layout, device: &Device, pdo: &Pdo) -> bool {
     let mut specs = device.pdos.iter().filter(|spec| spec.pdo == pdo.name);
     !layout.assumed

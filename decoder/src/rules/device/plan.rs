@@ -1,48 +1,50 @@
-//! What the rules of a device look at: worked out once a device, so that most events cost nothing.
+//! Index of the objects, PDOs and events that the rules of a device use, computed once per device.
 
 use std::sync::Arc;
 
 use super::info;
 use crate::profile::device::{
-    Condition, Conditions, DeviceRule, Per, RuleKind, Stretch, Trigger, TriggerEvent, Triggers,
+    Condition, Conditions, CountWindow, DeviceRule, RuleKind, Trigger, TriggerEvent, Triggers, VariableWindow,
 };
 use crate::profile::{Device, PdoName, Role};
 use crate::query::KindSet;
 use crate::rules::ledger::Ledger;
 use crate::wire::canopen::ObjectAddress;
 
-/// The rules of a device.
+/// Rules of a device with their index.
 #[derive(Debug)]
 pub(super) struct RulePlan {
     pub(super) device: Arc<Device>,
-    /// Places in the ledger of the device's rules, in their order; none of those that are switched off.
+    /// Ledger index of each rule, in profile order; None for a rule that is switched off.
     pub(super) places: Vec<Option<u16>>,
-    /// Objects whose values count, in order.
+    /// Objects that rules use, sorted.
     watched: Vec<WatchedObject>,
-    /// PDOs that rules wait for.
+    /// PDOs that rules use as triggers.
     pub(super) pdos: Vec<PdoName>,
-    /// Rules that SYNC concerns.
+    /// Rules about SYNC.
     pub(super) syncs: Vec<usize>,
-    /// Rules whose `while` is followed from event to event.
+    /// Rules that need an update of `while` after every event.
     pub(super) stretches: Vec<usize>,
-    /// Kinds of events the rules look at, on CANopen and on J1939.
+    /// Groups sent on request only, and their rules.
+    pub(super) requested: Vec<(u32, usize)>,
+    /// Event kinds that the rules need, for CANopen and for J1939 nodes.
     pub(super) kinds: (KindSet, KindSet),
 }
 
-/// An object whose values count.
+/// An object that at least one rule uses.
 #[derive(Debug)]
 pub(super) struct WatchedObject {
     pub(super) object: ObjectAddress,
-    /// Rules that judge each value of it.
+    /// Rules that check each value of the object.
     pub(super) rules: Vec<usize>,
-    /// It is measured, so its value grows old.
+    /// Measured value, which expires.
     pub(super) is_measured: bool,
-    /// Conditions look at it.
+    /// Conditions use the object.
     pub(super) is_condition: bool,
 }
 
 impl RulePlan {
-    /// The plan of a device, whose rules are known to the ledger from now on.
+    /// Creates the plan of a device and registers its rules in the ledger.
     pub(super) fn new(device: &Arc<Device>, ledger: &mut Ledger) -> Self {
         let mut plan = Self {
             device: Arc::clone(device),
@@ -51,6 +53,7 @@ impl RulePlan {
             pdos: Vec::new(),
             syncs: Vec::new(),
             stretches: Vec::new(),
+            requested: Vec::new(),
             kinds: (KindSet::NONE, KindSet::NONE),
         };
         let mut names: Vec<&str> = vec![
@@ -75,42 +78,55 @@ impl RulePlan {
         plan.pdos.dedup();
         let on =
             |is_needed: fn(&str) -> bool| KindSet::by_name(|name| names.contains(&name) && is_needed(name));
-        let is_of_canopen = |name: &str| !matches!(name, "j1939-message" | "message-gap" | "dtc");
+        let is_of_canopen = |name: &str| {
+            let other = ["j1939-message", "j1939-request", "j1939-transfer", "message-gap", "dtc"];
+            !other.contains(&name)
+        };
         let is_of_j1939 = |name: &str| {
-            let own =
-                ["j1939-message", "message-gap", "dtc", "bus-silent", "device-state", "lost-frames", "link"];
+            let own = [
+                "j1939-message",
+                "j1939-request",
+                "j1939-transfer",
+                "message-gap",
+                "dtc",
+                "bus-silent",
+                "device-state",
+                "lost-frames",
+                "link",
+                "uds-exchange",
+            ];
             own.contains(&name)
         };
         plan.kinds = (on(is_of_canopen), on(is_of_j1939));
         plan
     }
 
-    /// An object whose values count, and its place.
+    /// Entry of an object with its index.
     pub(super) fn watched(&self, object: ObjectAddress) -> Option<(usize, &WatchedObject)> {
         let place = self.watched.binary_search_by_key(&object, |watched| watched.object).ok()?;
         Some((place, self.watched.get(place)?))
     }
 
-    /// How many objects there are whose values count.
+    /// Number of entries.
     pub(super) fn watched_count(&self) -> usize {
         self.watched.len()
     }
 
-    /// A rule and its place in the ledger; `None` of one that is switched off.
+    /// A rule and its ledger index; None if it is switched off.
     #[inline]
     pub(super) fn rule(&self, number: usize) -> Option<(&DeviceRule, u16)> {
         let place = self.places.get(number).copied().flatten()?;
         Some((self.device.rules.get(number)?, place))
     }
 
-    /// The rules with their numbers, those that are switched off apart.
+    /// Active rules with their indices.
     pub(super) fn rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
         let on = self.device.rules.iter().zip(&self.places).enumerate();
         on.filter(|(_, (_, place))| place.is_some()).map(|(number, (rule, _))| (number, rule))
     }
 
-    /// Whether another value of an object may begin or end what a rule calls `while`: where that is nothing but values
-    /// that do not grow old, only theirs do.
+    /// Whether a new value of an object may change the `while` of a rule. If all conditions are on lasting
+    /// values, only these values can change it.
     pub(super) fn may_begin_or_end(&self, rule: &DeviceRule, object: ObjectAddress) -> bool {
         let concerns = |condition: &Condition| {
             condition.object().is_none_or(|of| of == object || !self.is_lasting(condition))
@@ -118,7 +134,7 @@ impl RulePlan {
         rule.during.0.iter().any(concerns)
     }
 
-    /// Whether a condition is about a value that does not grow old.
+    /// Whether a condition is on a value that never expires.
     pub(super) fn is_lasting(&self, condition: &Condition) -> bool {
         let watched = condition.object().and_then(|object| self.watched(object));
         watched.is_some_and(|(_, watched)| !watched.is_measured)
@@ -129,7 +145,7 @@ impl RulePlan {
             names.extend(kinds_of(trigger));
             match trigger {
                 Trigger::Bit(bit, _) => self.watch(bit.object.object, Some(number)),
-                Trigger::Set(set) => self.watch(set.object.object, Some(number)),
+                Trigger::Set(set) | Trigger::Shows(set) => self.watch(set.object.object, Some(number)),
                 Trigger::Pdo(name) => self.pdos.push(*name),
                 _ => {}
             }
@@ -143,9 +159,16 @@ impl RulePlan {
         }
         match rule.kind {
             RuleKind::ReservedId => names.extend(["frame", "pdo", "sdo-transfer"]),
-            RuleKind::Expedited => names.push("sdo-transfer"),
+            RuleKind::Expedited | RuleKind::AbortCode => names.push("sdo-transfer"),
             RuleKind::RemoteLength => names.push("pdo"),
-            RuleKind::MaxCount if rule.per == Some(Per::Stretch(Stretch::Sync)) => names.push("sync"),
+            RuleKind::OnRequest => {
+                names.extend(["j1939-request", "j1939-message", "j1939-transfer"]);
+                self.requested.extend(rule.groups.iter().map(|group| (*group, number)));
+            }
+            RuleKind::UdsServices => names.push("uds-exchange"),
+            RuleKind::MaxCount if rule.per == Some(CountWindow::Variable(VariableWindow::Sync)) => {
+                names.push("sync");
+            }
             _ => {}
         }
         if concerns(rule, &TriggerEvent::Sync) {
@@ -187,46 +210,49 @@ impl RulePlan {
     }
 }
 
-/// Events that bring values.
+/// Event kinds that contain values.
 const VALUES: [&str; 3] = ["pdo", "j1939-message", "sdo-transfer"];
 
-/// Whether `while` counts also between the events a rule waits for.
+/// Whether `while` must be updated after every event, not only at the triggers of the rule.
 fn follows_while(rule: &DeviceRule) -> bool {
     match rule.kind {
         RuleKind::MaxInterval => true,
         RuleKind::Follow | RuleKind::Never => !rule.during.0.is_empty(),
-        RuleKind::MaxCount => rule.per == Some(Per::Stretch(Stretch::While)),
+        RuleKind::Precondition => rule.ms.is_some() && !rule.during.0.is_empty(),
+        RuleKind::MaxCount => rule.per == Some(CountWindow::Variable(VariableWindow::While)),
         _ => false,
     }
 }
 
 /// All triggers of a rule.
 pub(super) fn triggers(rule: &DeviceRule) -> impl Iterator<Item = &Trigger> {
-    let lists: [&Triggers; 5] = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.after];
-    lists.into_iter().flat_map(|triggers| &triggers.0)
+    let lists: [&Triggers; 6] = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.until, &rule.after];
+    lists.into_iter().chain(&rule.steps).flat_map(|triggers| &triggers.0)
 }
 
-/// Whether a rule looks at an event.
+/// Whether an event concerns a rule.
 pub(super) fn concerns(rule: &DeviceRule, event: &TriggerEvent<'_>) -> bool {
     let always = match event {
         TriggerEvent::Value(update) => rule.subjects().any(|of| of.object == update.object),
-        TriggerEvent::Boot => matches!(rule.kind, RuleKind::Order | RuleKind::Follow),
-        TriggerEvent::Sync => rule.per == Some(Per::Stretch(Stretch::Sync)),
+        TriggerEvent::Boot { .. } => {
+            matches!(rule.kind, RuleKind::Order | RuleKind::Follow | RuleKind::Sequence) || rule.is_scoped()
+        }
+        TriggerEvent::Sync => rule.per == Some(CountWindow::Variable(VariableWindow::Sync)),
         _ => false,
     };
     always || triggers(rule).any(|trigger| trigger.is_attempted_by(event))
 }
 
-/// Whether a rule waits for a PDO.
+/// Whether a PDO is a trigger of a rule.
 pub(super) fn waits_for(rule: &DeviceRule, name: PdoName) -> bool {
-    triggers(rule).any(|trigger| *trigger == Trigger::Pdo(name))
+    rule.kind != RuleKind::Constant && triggers(rule).any(|trigger| *trigger == Trigger::Pdo(name))
 }
 
-/// Kinds of events that may be what a trigger waits for.
+/// Event kinds that may match a trigger.
 fn kinds_of(trigger: &Trigger) -> &'static [&'static str] {
     match trigger {
         Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &["sdo-transfer"],
-        Trigger::Bit(..) | Trigger::Set(_) => &VALUES,
+        Trigger::Bit(..) | Trigger::Set(_) | Trigger::Shows(_) => &VALUES,
         Trigger::Pdo(_) => &["pdo"],
         Trigger::Message(_) => &["j1939-message", "message-gap"],
         Trigger::Dtc(_) => &["dtc"],
@@ -234,8 +260,9 @@ fn kinds_of(trigger: &Trigger) -> &'static [&'static str] {
         Trigger::State(_) => &["device-state"],
         Trigger::Sync => &["sync"],
         Trigger::Emcy(_) => &["emcy"],
-        Trigger::Boot => &["boot-up", "emcy"],
+        Trigger::Boot | Trigger::PowerOn => &["boot-up", "emcy"],
         Trigger::Lss(_) => &["lss"],
         Trigger::Guard => &["guard-request"],
+        Trigger::Reports(_) => &["heartbeat", "guard-reply"],
     }
 }

@@ -1,10 +1,10 @@
-//! What one rule remembers of a node.
+//! State of one rule at one node.
 
 use std::collections::VecDeque;
 
 use crate::wire::canopen::ObjectAddress;
 
-/// A frame, and its time in the clock of the rules.
+/// Time (as in [`crate::rules::Context::now`]) and number of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct FrameTime {
     pub(super) time: i64,
@@ -14,32 +14,36 @@ pub(super) struct FrameTime {
 /// State of one rule at one node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RuleProgress {
-    /// `while` held at the last look.
+    /// `while` held at the last update.
     pub(super) holds: bool,
     /// Start of the interval.
     pub(super) last: Option<FrameTime>,
-    /// Time of the next look.
+    /// Time of the next check.
     pub(super) deadline: Option<i64>,
-    /// Time of the next wake-up: a deadline that moves on requests one only.
+    /// Time of the pending wake-up; only one is requested for a deadline that is postponed.
     pub(super) wake: Option<i64>,
-    /// Number of events counted, and the frame of the first of them.
+    /// Number of counted events; `first` is the frame of the first one.
     pub(super) count: u32,
     pub(super) first: u64,
-    /// Start of the counted stretch; `None` if it was not seen.
+    /// Start of the counted interval; None if it was not seen.
     pub(super) since: Option<i64>,
-    /// The counted stretch has a beginning.
+    /// The start of the counted interval was seen.
     pub(super) is_counting: bool,
-    /// Whether the event that must be first occurred; `None` while that is not known.
+    /// Whether the required earlier event has occurred; None if unknown.
     pub(super) is_prepared: Option<bool>,
-    /// The last events, by object where each object counts for itself.
+    /// Bit mask of the steps of a sequence that have occurred.
+    pub(super) done: u64,
+    /// Time at which the required earlier event became necessary again.
+    pub(super) voided: Option<i64>,
+    /// Recent events, by object if each object has its own count.
     recent: Vec<(Option<ObjectAddress>, VecDeque<FrameTime>)>,
 }
 
-/// Objects one rule counts by themselves; further ones are not judged.
+/// Maximum number of objects with their own count; further ones are ignored.
 const OBJECT_LIMIT: usize = 256;
 
 impl RuleProgress {
-    /// The last events of an object, or of all; `None` above the limit of objects.
+    /// Recent events of an object (or of all); None above [`OBJECT_LIMIT`].
     pub(super) fn recent(&mut self, object: Option<ObjectAddress>) -> Option<&mut VecDeque<FrameTime>> {
         let place = match self.recent.iter().position(|(known, _)| *known == object) {
             Some(place) => place,
@@ -54,7 +58,7 @@ impl RuleProgress {
 
     /// The node restarted: all but the order of events is void.
     pub(super) fn reset(&mut self) {
-        *self = Self { is_prepared: self.is_prepared, ..Self::default() };
+        *self = Self { is_prepared: self.is_prepared, voided: self.voided, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.

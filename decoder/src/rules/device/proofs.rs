@@ -5,32 +5,32 @@ use std::cell::Cell;
 use super::plan::RulePlan;
 use crate::profile::device::{Condition, DeviceRule, GateStatus, RuleKind};
 
-/// Results by rule, in the order of the device.
+/// Cached results by rule, in profile order.
 #[derive(Debug)]
 pub(super) struct RuleProofs(Vec<RuleProof>);
 
-/// Results for the conditions of one rule.
+/// Cached results for the conditions of one rule.
 #[derive(Debug)]
 pub(super) struct RuleProof {
     pub(super) needs: LastingConditions,
     pub(super) during: LastingConditions,
-    /// While its conditions do not hold, the rule ignores values and PDOs.
+    /// The rule can skip values and PDOs while its conditions do not hold.
     pub(super) may_rest: bool,
-    /// The rule states that `needs` hold, and these are lasting values.
+    /// The rule checks `needs`, and all of them are on lasting values.
     pub(super) judges_needs: bool,
 }
 
-/// The conditions of a list that are about lasting values.
+/// The conditions of a list that are on lasting values.
 #[derive(Debug)]
 pub(super) struct LastingConditions {
-    /// Their places in the list, as bits.
+    /// Bit mask of their indices in the list.
     places: u64,
     pub(super) are_all: bool,
-    /// Their last result.
+    /// Last result.
     proof: Cell<Option<(ProofAge, GateStatus)>>,
 }
 
-/// Numbers of changes up to a result: of values in PDOs and messages, and of those in the node's store.
+/// Age of a result: change counts of values in PDOs and messages, and of the node's store.
 pub(super) type ProofAge = (u64, u64);
 
 impl RuleProofs {
@@ -55,14 +55,25 @@ impl RuleProof {
             | RuleKind::Ascending
             | RuleKind::Never
             | RuleKind::Precondition
-            | RuleKind::MaxCount => false,
+            | RuleKind::MessageLength
+            | RuleKind::MaxCount => rule.is_scoped(),
             RuleKind::Order
+            | RuleKind::Sequence
             | RuleKind::MinInterval
             | RuleKind::MaxInterval
             | RuleKind::Follow
             | RuleKind::ReservedId
             | RuleKind::Expedited
-            | RuleKind::RemoteLength => true,
+            | RuleKind::RemoteLength
+            | RuleKind::EmcyLength
+            | RuleKind::EmcyCode
+            | RuleKind::EmcyRegister
+            | RuleKind::AbortCode
+            | RuleKind::NodeId
+            | RuleKind::SourceAddress
+            | RuleKind::OnRequest
+            | RuleKind::Constant
+            | RuleKind::UdsServices => true,
         };
         let judges_needs = rule.kind == RuleKind::Precondition && needs.are_all;
         Self { may_rest: !remembers && (!during.is_empty() || judges_needs), judges_needs, needs, during }
@@ -82,13 +93,13 @@ impl LastingConditions {
         self.places == 0
     }
 
-    /// These of all conditions of the list.
+    /// The conditions of the list that are on lasting values.
     pub(super) fn of<'c>(&self, conditions: &'c [Condition]) -> impl Iterator<Item = &'c Condition> {
         let numbered = (0..u64::BITS).zip(conditions);
         numbered.filter(|(place, _)| self.places >> place & 1 == 1).map(|(_, condition)| condition)
     }
 
-    /// The last result, if nothing changed since.
+    /// Last result, if no value has changed since.
     #[inline]
     pub(super) fn known(&self, age: ProofAge) -> Option<GateStatus> {
         self.proof.get().filter(|(known, _)| *known == age).map(|(_, proof)| proof)

@@ -1,4 +1,4 @@
-//! The nodes of a bus whose devices have rules.
+//! Nodes of a bus that have device rules.
 
 use std::sync::Arc;
 
@@ -13,25 +13,25 @@ use crate::rules::ledger::Ledger;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
-/// Whether an event may make another device of a node.
+/// Whether an event may change the device profile of a node.
 pub(in crate::rules) fn may_attach(kind: &EventKind) -> bool {
     matches!(kind, EventKind::NodeIdentified(_) | EventKind::NodeIdChange { .. } | EventKind::AddressClaim(_))
 }
 
-/// Names of the same kinds.
+/// Event kinds of [`may_attach`].
 const ATTACHING: [&str; 3] = ["node-identified", "node-id-change", "address-claim"];
 
-/// The nodes, with their rules.
+/// Nodes with their rules.
 #[derive(Default)]
 pub(super) struct Roster {
     pub(super) nodes: NodeMap<Box<NodeRules>>,
     pub(super) ids: Vec<NodeId>,
-    /// Plans of their devices.
+    /// Shared rule plans, one per device.
     plans: Vec<Arc<RulePlan>>,
 }
 
 impl Roster {
-    /// Gives each node the rules of its present device.
+    /// Assigns the rules of its current device to each node.
     pub(super) fn attach(&mut self, bus: &Bus, ledger: &mut Ledger) {
         for id in NodeId::all() {
             let device = bus.node(id).filter(|node| node.assigned().is_some()).map(Node::device);
@@ -63,7 +63,7 @@ impl Roster {
         plan
     }
 
-    /// Kinds of events the rules look at.
+    /// Event kinds that the rules need.
     pub(super) fn kinds(&self) -> KindSet {
         let attaching = KindSet::by_name(|name| ATTACHING.contains(&name));
         self.nodes.iter().fold(attaching, |kinds, (id, own)| {
@@ -72,7 +72,7 @@ impl Roster {
         })
     }
 
-    /// Moves the state of rules along with a node that has another number, apart from times.
+    /// Moves the state of rules to the new number of a node, without times.
     pub(super) fn move_node(&mut self, event: &Event) {
         let (from, to) = match &event.kind {
             EventKind::NodeIdChange { from: Some(from), to, .. } => {
@@ -89,11 +89,13 @@ impl Roster {
             && let Some(mut own) = self.nodes.remove(from)
         {
             own.reset();
+            // The new number is checked at its first frame.
+            (own.is_present, own.record.present) = (false, None);
             self.nodes.insert(to, own);
         }
     }
 
-    /// Judges at one node.
+    /// Calls a task for one node.
     #[inline]
     pub(super) fn judge_at(&mut self, id: NodeId, bus: &Bus, task: impl FnOnce(&mut NodeJudge<'_>)) {
         let (Some(node), Some(mut own)) = (bus.node(id), self.nodes.remove(id)) else { return };
@@ -101,7 +103,7 @@ impl Roster {
         self.nodes.insert(id, own);
     }
 
-    /// Whether a node has rules about SYNC, or may be seen now for the first time.
+    /// Whether a node needs SYNC events: it has rules about SYNC, or has not sent a frame yet.
     pub(super) fn waits_for_sync(&self, id: NodeId) -> bool {
         self.nodes.get(id).is_some_and(|own| !own.is_present || !own.record.plan.syncs.is_empty())
     }

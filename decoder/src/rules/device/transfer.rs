@@ -4,7 +4,7 @@ use crate::event::{Abort, Direction, Outcome, SdoTransfer};
 use crate::profile::device::{UpdateSource, ValueUpdate};
 use crate::profile::{DataType, Value, integer, little_endian};
 
-/// Update by a transfer that the server confirmed or refused; `None` for others.
+/// Update from a transfer that the server confirmed or refused; None for other transfers.
 pub(super) fn update_of(transfer: &SdoTransfer, before: Option<i64>) -> Option<ValueUpdate<'_>> {
     let is_confirmed = match (transfer.outcome, transfer.abort) {
         (Outcome::Complete, _) => true,
@@ -26,7 +26,7 @@ pub(super) fn update_of(transfer: &SdoTransfer, before: Option<i64>) -> Option<V
     Some(ValueUpdate { object: transfer.object?, source, raw, before, bytes, meaning, is_fresh: false })
 }
 
-/// Bytes as a number. An expedited transfer without a size contains more of them than the type has.
+/// Bytes as a number. An expedited transfer without a size has more bytes than the data type.
 fn number(bytes: &[u8], data_type: Option<DataType>) -> Option<Value> {
     let width = data_type.and_then(DataType::bits).map(|bits| usize::from(bits.div_ceil(8)));
     match (data_type, width.and_then(|width| bytes.get(..width))) {

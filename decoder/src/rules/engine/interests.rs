@@ -1,4 +1,5 @@
-//! Which rules look at an event: a list a kind, and for PDOs, of which most events are made, a list a class.
+//! Dispatch tables from events to rules: one list per event kind, and one list per class of PDOs, since most
+//! events are PDOs.
 
 use strum::EnumCount as _;
 
@@ -6,7 +7,8 @@ use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::profile::PdoDirection;
 use crate::query::KindSet;
 
-/// Classes of PDOs: sent or received by the node, request or data, changed or as before, fields known for sure or not.
+/// Combinations of four properties: direction, request or data, payload unchanged or not, mapping confirmed
+/// or not.
 const PDO_CLASSES: usize = 16;
 
 const RECEIVED: usize = 1;
@@ -14,26 +16,28 @@ const REQUEST: usize = 2;
 const ROUTINE: usize = 4;
 const MAPPED: usize = 8;
 
-/// Whether a class of PDOs is meant.
-type IsMeant = fn(usize) -> bool;
+/// Predicate on a PDO class.
+type ClassPredicate = fn(usize) -> bool;
 
-/// Words for some PDOs among the kinds that a rule declares.
-const PDO_WORDS: [(&str, IsMeant); 7] = [
+/// Words with which a rule declares a subset of all PDOs.
+const PDO_WORDS: [(&str, ClassPredicate); 8] = [
     ("pdo", |_| true),
     ("pdo-mapped", |class| class & (REQUEST | MAPPED) == MAPPED),
     ("pdo-mapped-changed", |class| class & (REQUEST | ROUTINE | MAPPED) == MAPPED),
     ("tpdo", |class| class & (RECEIVED | REQUEST) == 0),
     ("rpdo", |class| class & (RECEIVED | REQUEST) == RECEIVED),
+    ("rpdo-changed", |class| class & (RECEIVED | REQUEST | ROUTINE) == RECEIVED),
     ("pdo-changed", |class| class & (REQUEST | ROUTINE) == 0),
     ("pdo-request", |class| class & REQUEST != 0),
 ];
 
-/// Places of rules by what they look at.
+/// Indices of the rules that receive an event.
 #[derive(Debug)]
 pub(super) struct Interests {
     by_kind: [Vec<u16>; Kind::COUNT],
     pdo: [Vec<u16>; PDO_CLASSES],
-    /// Rules that look at PDOs, in their order: place, the classes as bits, whether they want them now.
+    /// Rules that receive PDOs, in rule order: index, bit mask of the classes, whether the rule wants PDOs
+    /// now.
     members: Vec<(u16, u16, bool)>,
 }
 
@@ -48,7 +52,7 @@ impl Default for Interests {
 }
 
 impl Interests {
-    /// A rule looks at the kinds it declares, and at the PDOs its words mean.
+    /// Registers a rule for the event kinds and PDO words that it declares.
     pub(super) fn declared(&mut self, words: &[&str], place: u16) {
         let kinds = KindSet::by_name(|name| name != "pdo" && words.contains(&name));
         self.kinds(kinds, place);
@@ -61,7 +65,7 @@ impl Interests {
         }
     }
 
-    /// A rule looks at all events of these kinds.
+    /// Registers a rule for all events of these kinds.
     pub(super) fn kinds(&mut self, kinds: KindSet, place: u16) {
         for kind in kinds.kinds() {
             if let Some(list) = self.by_kind.get_mut(kind as usize) {
@@ -74,7 +78,7 @@ impl Interests {
         }
     }
 
-    /// A rule wants PDOs from now on, or no longer.
+    /// Enables or disables the delivery of PDOs to a rule.
     #[inline]
     pub(super) fn want_pdos(&mut self, place: u16, wants: bool) {
         let member = self.members.iter_mut().find(|(member, ..)| *member == place);
@@ -96,7 +100,8 @@ impl Interests {
         }
     }
 
-    /// What a rule looks at changed. It stands first in every list, as it explains others.
+    /// Replaces the event kinds of a rule and moves it to the front of every list: device rules run first
+    /// because their findings can explain others.
     pub(super) fn renew(&mut self, place: u16, kinds: KindSet) {
         for list in &mut self.by_kind {
             list.retain(|other| *other != place);
@@ -113,13 +118,13 @@ impl Interests {
         self.list_pdos();
     }
 
-    /// Who looks at an event that is no PDO, in the order of the rules.
+    /// Rules for an event other than a PDO, in rule order.
     #[inline]
     pub(super) fn of(&self, kind: &EventKind) -> &[u16] {
         self.by_kind.get(kind.kind() as usize).map_or(&[], Vec::as_slice)
     }
 
-    /// Who looks at a PDO.
+    /// Rules for a PDO, in rule order.
     #[inline]
     pub(super) fn of_pdo(&self, pdo: &Pdo, event: &Event) -> &[u16] {
         self.pdo.get(class(event, pdo)).map_or(&[], Vec::as_slice)
@@ -135,7 +140,6 @@ fn class(event: &Event, pdo: &Pdo) -> usize {
         | bit(pdo.layout.as_ref().is_some_and(|layout| !layout.assumed), MAPPED)
 }
 
-/// Whether a rule may declare this word.
 #[cfg(test)]
 pub(super) fn is_known(word: &str) -> bool {
     KindSet::ALL.contains_name(word) || PDO_WORDS.iter().any(|(known, _)| *known == word)

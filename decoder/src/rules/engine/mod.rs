@@ -15,49 +15,50 @@ use super::context::traffic::Traffic;
 use super::context::{Context, LEDGER, Wake};
 use super::device::{self, DeviceRules};
 use super::ledger::causes::causes;
-use super::ledger::{Ledger, News, What, occurrence};
+use super::ledger::{GroupChange, Ledger, News, occurrence};
 use super::{REGISTRY, Rule};
 use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
 use crate::query::KindSet;
 use crate::session::{Bus, Buses, Observer};
-use crate::statistics::Quality;
+use crate::statistics::{Quality, is_evidence};
+use crate::suggestion::{Suggestion, firm_suggestions};
 
-/// Frames from which the step of the stamps is known.
+/// Number of frames after which the timestamp resolution is final.
 const STAMPS_JUDGED: u64 = 1_000;
 
-/// Kinds that limit the verdicts.
-const LIMITING: [&str; 5] = ["unreadable", "lost-frames", "clock-step", "bus-silent", "link"];
+/// Event kinds that limit the significance of verdicts.
+const LIMITING: [&str; 6] = ["unreadable", "lost-frames", "clock-step", "bus-silent", "link", "sdo-transfer"];
 
-/// Wakes while time goes on by one step: it may leap over years, and who asks to be woken again and again is woken
-/// at its end then.
+/// Maximum wake-ups in one step of time. Timestamps can leap over years; a rule that requests a wake-up again
+/// and again then gets the next one at the end of the leap.
 const WAKES_AT_ONCE: usize = 1_000;
 
-/// Judges one capture. A rule sees one bus only: each has rules of its own.
+/// Runs the rules over one capture. Each bus has its own instances of the rules.
 pub struct Engine {
     setup: Arc<Setup>,
     ledger: Ledger,
     buses: Vec<BusJudge>,
     quality: Quality,
-    /// News that wait until the stamps are known to be more than a made-up step.
+    /// Findings about times, held back until the timestamps are known to be real.
     held: Vec<News>,
-    /// Kinds that may explain findings or limit the verdicts.
+    /// Event kinds that may explain findings or limit verdicts.
     explaining: KindSet,
 }
 
-/// The rules of one bus, and what they share.
+/// Rule instances of one bus with their shared state.
 struct BusJudge {
     rules: Vec<(u16, Box<dyn Rule>)>,
     interests: Interests,
     shared: Shared,
     has_begun: bool,
-    /// Which rules want PDOs, and whether one changed its mind.
+    /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
     wants: Vec<bool>,
     has_turned: bool,
 }
 
-/// What the rules of one bus share.
+/// State that all rules of one bus share.
 struct Shared {
     name: Arc<str>,
     traffic: Traffic,
@@ -66,13 +67,15 @@ struct Shared {
     wakes: BinaryHeap<Wake>,
     now: i64,
     silence: i64,
+    /// First frame after the last silence.
+    resumed: u64,
     has_time: bool,
-    /// Step of the stamps in nanoseconds.
+    /// Timestamp resolution in ns.
     granularity: i64,
 }
 
 impl Shared {
-    /// What a rule sees; which rule it is is set for each.
+    /// Context for the rules of this bus; the caller sets `rule` and `place`.
     #[inline]
     fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
         Context {
@@ -84,6 +87,7 @@ impl Shared {
             is_tested: self.is_tested,
             granularity: self.granularity,
             silence: self.silence,
+            resumed: self.resumed,
             bus_name: &self.name,
             rule: 0,
             place: 0,
@@ -94,7 +98,7 @@ impl Shared {
 }
 
 impl Engine {
-    /// An engine that has seen nothing.
+    /// Creates an engine in its initial state.
     pub fn new(setup: Arc<Setup>) -> Self {
         let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
         let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
@@ -108,7 +112,7 @@ impl Engine {
         }
     }
 
-    /// Takes each frame before its events: its stamp tells how far times can be trusted.
+    /// Processes a frame before its events; its timestamp shows how reliable times are.
     #[inline]
     pub fn frame(&mut self, frame: &Frame) {
         self.quality.frame(frame);
@@ -117,7 +121,7 @@ impl Engine {
         }
     }
 
-    /// Judges an event. News of findings go to `out` as events of their own.
+    /// Runs the rules on an event. Findings that open or close are emitted to `out` as events.
     #[inline]
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         let index = usize::from(bus.index().0);
@@ -129,32 +133,35 @@ impl Engine {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
             }
             judge.event(event, bus, &mut self.ledger);
-            if self.explaining.contains(&event.kind) {
+            let explains = self.explaining.contains(&event.kind);
+            if explains {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+            }
+            if explains || is_evidence(&event.kind) {
                 self.quality.event(event);
             }
         }
-        // Behind the rules: what they say of a case at its end belongs to it.
+        // After the rules: findings at the end marker still belong to the case.
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
-            self.tell(bus, self.quality.has_varied(), out);
+            self.emit_news(bus, self.quality.has_varied(), out);
         }
     }
 
-    /// Lets time pass on a live bus that is quiet. Whether all of it fell silent, which puts deadlines off, only the
-    /// next frame tells: until then none is judged where that can be.
+    /// Advances the time of a quiet live bus. Only the next frame shows whether the whole bus was silent,
+    /// which suspends deadlines. Deadlines are therefore not checked while a silence is possible.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
         if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0))
             && bus.silence_limit().is_none()
         {
             judge.pass_time(bus.now(), bus, &mut self.ledger);
         }
-        self.tell(bus, true, out);
+        self.emit_news(bus, true, out);
     }
 
-    /// The capture ended: closes what is open, and gives everything that was judged.
+    /// Ends the capture: closes open findings and returns all results.
     pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
@@ -162,25 +169,25 @@ impl Engine {
         }
         for (rule, bus) in self.setup.expectations_elsewhere(buses) {
             if self.ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
-                self.ledger.unexercised(rule, format!("there is no bus '{bus}'"));
+                self.ledger.unexercised(rule, format!("no bus '{bus}' in the capture"));
             }
         }
-        let made_up = self.quality.made_up_interval();
-        let is_timed = made_up.is_none() && self.quality.first.is_some();
+        let is_timed = self.quality.is_timed();
         for bus in buses {
-            self.tell(bus, is_timed, out);
+            self.emit_news(bus, is_timed, out);
         }
-        let notes = self.quality.limits();
+        let mut notes = self.quality.limits();
+        notes.extend(buses.iter().flat_map(|bus| profile_notes(bus, buses.len() == 1)));
         self.ledger.into_findings(is_timed, notes)
     }
 
-    /// Writes what is new; findings about times wait until times are known to be real.
+    /// Emits new findings; those about times are held back until times are known to be real.
     #[cold]
-    fn tell(&mut self, bus: &Bus, is_timed: bool, out: &mut dyn Observer) {
+    fn emit_news(&mut self, bus: &Bus, is_timed: bool, out: &mut dyn Observer) {
         let mut news = std::mem::take(&mut self.held);
         news.append(&mut self.ledger.news);
         for one in news {
-            let Some((group, said)) = self.ledger.tell(one) else { continue };
+            let Some((group, said)) = self.ledger.finding_news(one) else { continue };
             let rule = self.ledger.rules.get(usize::from(group.key.rule));
             let waits = rule.is_some_and(|rule| rule.is_timing) && !is_timed;
             if waits || group.key.bus != bus.index() {
@@ -189,8 +196,8 @@ impl Engine {
             }
             let is_repeated = said.count > 1;
             let kind = match one.what {
-                What::Opened => EventKind::FindingOpened(Box::new(said)),
-                What::Closed | What::Ended => EventKind::FindingClosed(Box::new(said)),
+                GroupChange::Opened => EventKind::FindingOpened(Box::new(said)),
+                GroupChange::Closed | GroupChange::Ended => EventKind::FindingClosed(Box::new(said)),
             };
             let event = Event {
                 time: one.at.time,
@@ -217,6 +224,7 @@ impl BusJudge {
             wakes: BinaryHeap::new(),
             now: i64::MIN,
             silence: 0,
+            resumed: 0,
             has_time: false,
             granularity: 0,
         };
@@ -260,14 +268,19 @@ impl BusJudge {
         if let Some(stamp) = event.time {
             let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
-                // Deadlines before the bus counted as silent have passed: time goes on from the last of them.
+                // Deadlines before the start of the silence have passed: time continues from the last of
+                // them.
+                self.shared.resumed = event.frames.last;
+                self.shared.traffic.saw_hole(event.frames.last);
                 let silence = self.shared.silence.saturating_add(gap);
                 self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
             self.shared.has_time = true;
             self.pass_time(monotonic, bus, ledger);
         }
-        if !std::mem::replace(&mut self.has_begun, true) {
+        // A notice of the reader has no frame and no time: the capture begins after it.
+        let is_of_capture = event.time.is_some() || event.frames.last > 0;
+        if is_of_capture && !std::mem::replace(&mut self.has_begun, true) {
             self.all(bus, ledger, |rule, context| rule.begin(context));
         }
         if self.shared.meter.take_over() {
@@ -279,10 +292,10 @@ impl BusJudge {
         }
     }
 
-    /// Most events are PDOs: no rule changes its mind about them because of one, requests apart.
+    /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
-        self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last);
+        self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last, event.routine);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
             if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
@@ -317,7 +330,7 @@ impl BusJudge {
         }
     }
 
-    /// What is asked for by the rules of devices changed: they stand first, and explain others.
+    /// Updates the event kinds of the device rules (index 0).
     #[cold]
     fn listen(&mut self) {
         if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
@@ -325,7 +338,7 @@ impl BusJudge {
         }
     }
 
-    /// Notes which rules want PDOs now.
+    /// Asks every rule whether it wants PDOs now.
     #[cold]
     fn ask_for_pdos(&mut self) {
         self.has_turned = false;
@@ -338,7 +351,7 @@ impl BusJudge {
         }
     }
 
-    /// Time goes on to a monotonic time: wakes whoever asked for one before it.
+    /// Advances to a monotonic time and processes all wake-ups due before it.
     #[inline]
     fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
         let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
@@ -373,7 +386,6 @@ impl BusJudge {
         self.has_turned |= self.wants.get(usize::from(place)) != Some(&made.wants_pdos());
     }
 
-    /// Calls all rules.
     #[cold]
     fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
         let mut context = self.shared.context(bus, ledger);
@@ -385,11 +397,12 @@ impl BusJudge {
     }
 }
 
-/// Judges events on their way to an observer; news of findings come right behind what shows them.
+/// Forwards events to an observer and runs the rules on them. Findings follow directly after the event that
+/// shows them.
 pub struct Judge<'a> {
-    /// The engine.
+    /// Rules and their results.
     pub engine: &'a mut Engine,
-    /// Where events and news go.
+    /// Receiver of events and findings.
     pub out: &'a mut dyn Observer,
 }
 
@@ -401,7 +414,15 @@ impl Observer for Judge<'_> {
     }
 }
 
-/// Frames of a time that passed: the last one heard.
+/// Frame range of a deadline: the last frame received.
 fn last_frame(bus: &Bus) -> FrameRange {
     FrameRange::one(bus.last_frame())
+}
+/// Statements on nodes whose profile is only suggested by their behaviour.
+fn profile_notes(bus: &Bus, is_only: bool) -> Vec<String> {
+    let found = firm_suggestions(bus);
+    let note = |one: &Suggestion| {
+        format!("{}; without its profile the rules of its manual are not exercised", one.text(bus, is_only))
+    };
+    found.iter().map(note).collect()
 }

@@ -1,28 +1,27 @@
-//! Rules that profiles name: waivers, and what their rules take in.
+//! Checks the rule names in profiles: waivers and `takes_in`.
 
 use crate::profile::TextError;
 use crate::profile::device::ProfileFile;
 use crate::query::fields::distance;
 use crate::rules::declarations;
 
-/// Names that are told for one that does not exist.
+/// Number of suggestions for an unknown name.
 const NEAREST: usize = 3;
 
-/// Names in a profile, read from `text`, that no general rule has.
+/// Rule names in a profile that do not match any general rule; `text` is the source of `file`.
 pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
     let is_known = |name: &str| declarations().any(|rule| rule.name == name);
-    let waived = file.waived().map(|(name, span)| (name, span, "waived"));
-    let taken = file.taken_in().map(|(name, span)| (name, span, "taken in"));
+    let waived = file.waived().map(|(name, span)| (name, span, "waiver"));
+    let taken = file.taken_in().map(|(name, span)| (name, span, "takes_in"));
     let unknown = waived.chain(taken).filter(|(name, ..)| !is_known(name));
-    let wrong = unknown.map(|(name, span, how)| {
-        let message =
-            format!("there is no rule '{name}' that could be {how}; the nearest are {}", near(name));
+    let wrong = unknown.map(|(name, span, key)| {
+        let message = format!("unknown rule '{name}' in {key}; similar rules: {}", near(name));
         TextError::at(text, span, message)
     });
     wrong.collect()
 }
 
-/// Rules with most words in common, then those with fewest letters to change.
+/// Rules that share most words with `name`, then by edit distance.
 fn near(name: &str) -> String {
     let words: Vec<&str> = name.split('-').collect();
     let common = |known: &str| known.split('-').filter(|word| words.contains(word)).count();
@@ -36,7 +35,7 @@ fn near(name: &str) -> String {
 mod tests {
     use super::*;
 
-    fn said(text: &str) -> Vec<String> {
+    fn errors(text: &str) -> Vec<String> {
         let text = format!("id = \"acme-pump\"\n{text}");
         let file = ProfileFile::parse(&text).unwrap();
         check_names(&text, &file)
@@ -46,11 +45,11 @@ mod tests {
     }
 
     #[test]
-    fn a_waiver_of_a_rule_there_is_not_is_told_with_its_place() {
-        let waiver = |rule: &str| said(&format!("[[waiver]]\nrule = \"{rule}\"\ntext = \"t\"\n"));
+    fn a_waiver_of_an_unknown_rule_is_reported_with_its_place() {
+        let waiver = |rule: &str| errors(&format!("[[waiver]]\nrule = \"{rule}\"\ntext = \"t\"\n"));
         assert_eq!(waiver("boot-up-missing"), [""; 0]);
-        let told = "3:8: there is no rule 'sdo-short-frame' that could be waived; the nearest are \
-                    sdo-abort-code, pdo-short, ";
+        let told =
+            "3:8: unknown rule 'sdo-short-frame' in waiver; similar rules: sdo-abort-code, pdo-short, ";
         let found = waiver("sdo-short-frame");
         assert!(found.len() == 1 && found[0].starts_with(told), "{found:?}");
     }
@@ -61,9 +60,9 @@ mod tests {
             let kind = "severity = \"note\"\nkind = \"expedited\"\ntext = \"t\"";
             format!("[[rule]]\nname = \"{name}\"\n{kind}\ntakes_in = [\"{takes}\"]\n")
         };
-        assert_eq!(said(&format!("{}{}", rule("a", "b"), rule("b", "sdo-size"))), [""; 0]);
-        let found = said(&rule("a", "node-lots"));
-        let told = "2:1: there is no rule 'node-lots' that could be taken in; the nearest are node-lost, ";
+        assert_eq!(errors(&format!("{}{}", rule("a", "b"), rule("b", "sdo-size"))), [""; 0]);
+        let found = errors(&rule("a", "node-lots"));
+        let told = "2:1: unknown rule 'node-lots' in takes_in; similar rules: node-lost, ";
         assert!(found.len() == 1 && found[0].starts_with(told), "{found:?}");
     }
 }

@@ -1,4 +1,5 @@
-//! What is judged and how strictly: the rules there are, with what the bus file says of them.
+//! Configuration of the rules: defaults, and severities, tolerances, suppressions and expectations of the bus
+//! file.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,11 +15,11 @@ use crate::rules::general::declarations;
 use crate::rules::policy::Policy;
 use crate::session::Buses;
 
-/// Rules and expectations.
+/// Configured rules and expectations.
 #[derive(Debug, Clone)]
 pub struct Setup {
     pub(super) policy: Arc<Policy>,
-    /// Expectations with the places of their rules.
+    /// Expectations with the indices of their rules.
     expectations: Vec<(u16, Expectation)>,
 }
 
@@ -28,18 +29,18 @@ impl Default for Setup {
     }
 }
 
-/// All general rules, of which nothing else is said.
+/// Default policy: all general rules with their default settings.
 fn plain() -> Policy {
     Policy { rules: declarations().map(Declaration::info).collect(), ..Policy::default() }
 }
 
 impl Setup {
-    /// The rules with what `file`, read from `text`, says of them. `today` as `2026-01-31` ends suppressions
-    /// that ran out.
+    /// Applies `file` to the default rules; `text` is the source of `file`. `today` (`2026-01-31`) disables
+    /// suppressions after their end date.
     ///
     /// # Errors
-    /// Rules and tolerances that do not exist, values that are none, expressions that cannot be understood; with the
-    /// place in `text`.
+    /// An unknown rule or tolerance, an invalid value or an expression with an error, with its position in
+    /// `text`.
     pub fn new(file: &BusFile, text: &str, today: Option<String>) -> Result<Self, TextError> {
         let suppressions = file.judgement.suppressions.clone();
         let mut policy = Policy { suppressions, today, ..plain() };
@@ -59,18 +60,18 @@ impl Setup {
         Ok(Self { policy: Arc::new(policy), expectations })
     }
 
-    /// Whether there is such a rule, for who names it on the command line.
+    /// Checks a rule name given on the command line.
     ///
     /// # Errors
-    /// There is none; the text says which are like it.
+    /// The rule is unknown; the text suggests a similar name.
     pub fn check_name(&self, rule: &str) -> Result<(), String> {
         if self.policy.knows(rule) { Ok(()) } else { Err(unknown(&self.policy, rule)) }
     }
 
-    /// Holds what the bus file says of the rules of devices to the profiles there are.
+    /// Checks the settings for device rules in the bus file against the profiles.
     ///
     /// # Errors
-    /// Profiles, rules and tolerances that do not exist, with the place in `text`.
+    /// An unknown profile, rule or tolerance, with its position in `text`.
     pub fn check_devices(&self, file: &BusFile, text: &str, catalogue: &Catalogue) -> Result<(), TextError> {
         for settings in &file.judgement.rules {
             check_tolerances(settings, catalogue, text)?;
@@ -87,25 +88,25 @@ impl Setup {
         Ok(())
     }
 
-    /// All rules.
+    /// All rules; expectations come after the general rules.
     pub fn rules(&self) -> &[RuleInfo] {
         &self.policy.rules
     }
 
-    /// Expectations about a bus, with the places of their rules.
+    /// Expectations about a bus, with the indices of their rules.
     pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &Expectation)> {
         let all = self.expectations.iter().filter(move |(_, one)| one.is_about(bus));
         all.map(|(place, one)| (*place, one))
     }
 
-    /// Expectations about none of these buses, with the places of their rules and the bus they are about.
+    /// Expectations about a bus that does not exist, with the index of the rule and the name of that bus.
     pub(super) fn expectations_elsewhere(&self, buses: Buses<'_>) -> impl Iterator<Item = (u16, &str)> {
         let all = self.expectations.iter().filter_map(|(place, one)| Some((*place, one.bus()?)));
         all.filter(move |(_, own)| buses.iter().all(|bus| bus.name() != *own))
     }
 }
 
-/// Takes what is expected as a rule, with its place.
+/// Adds an expectation as a rule; returns its index.
 fn expect(
     policy: &mut Policy,
     written: &bus_file::Expectation,
@@ -115,7 +116,7 @@ fn expect(
     let id = &written.id;
     let place = u16::try_from(policy.rules.len()).ok().filter(|_| !policy.knows(&id.text));
     let Some(place) = place else {
-        let message = format!("'{}' is the name of a rule already", id.text);
+        let message = format!("duplicate rule name '{}'", id.text);
         return Err(TextError::at(text, id.span.clone(), message));
     };
     policy.rules.push(expectation.info().clone());
@@ -125,8 +126,8 @@ fn expect(
 fn unknown(policy: &Policy, rule: &str) -> String {
     let near = policy.rules.iter().map(|known| &*known.name).find(|known| is_near(known, rule));
     match near {
-        Some(near) => format!("there is no rule '{rule}'; did you mean '{near}'?"),
-        None => format!("there is no rule '{rule}': cobscope rules lists all"),
+        Some(near) => format!("unknown rule '{rule}'; did you mean '{near}'?"),
+        None => format!("unknown rule '{rule}'; cobscope rules lists all rules"),
     }
 }
 
@@ -145,7 +146,7 @@ fn take(policy: &mut Policy, given: &RuleSettings, text: &str) -> Result<(), Tex
         }
         policy.severities.extend(severity.map(|severity| (name.to_owned(), severity)));
     }
-    // Those of a device's rule are known with its profile.
+    // Tolerances of a device rule are checked with its profile, see `check_tolerances`.
     if name.contains(':') {
         return Ok(());
     }
@@ -163,11 +164,11 @@ fn take(policy: &mut Policy, given: &RuleSettings, text: &str) -> Result<(), Tex
 }
 
 fn no_tolerance(rule: &str, keys: &[&str], key: &str) -> String {
-    let has = if keys.is_empty() { "no tolerance".to_owned() } else { keys.join(", ") };
-    format!("{rule} has severity and {has}, not '{key}'")
+    let known = [&["severity"][..], keys].concat().join(", ");
+    format!("unknown key '{key}' of {rule}; expected {known}")
 }
 
-/// Holds the numbers that are set of a device's rule to those it has.
+/// Checks tolerances that are set for a device rule.
 fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) -> Result<(), TextError> {
     let Some((profile, name)) = settings.rule.split_once(':') else { return Ok(()) };
     let rule = device_rule(catalogue, profile, name)
@@ -177,7 +178,7 @@ fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) 
         let message = if !keys.contains(&key.as_str()) {
             no_tolerance(&settings.rule, &keys, key)
         } else if *value <= 0.0 {
-            format!("{key} is more than 0")
+            format!("{key} must be greater than 0")
         } else {
             continue;
         };
@@ -186,7 +187,7 @@ fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) 
     Ok(())
 }
 
-/// A rule of a profile, in any of its variants.
+/// Looks up a rule of a profile in all variants.
 fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<DeviceRule, String> {
     let device = catalogue.device(profile).map_err(|error| error.to_string())?;
     let mut rules = BTreeMap::new();
@@ -204,7 +205,7 @@ fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<Devic
     Err(format!("profile '{profile}' has no rule '{name}'{meant}"))
 }
 
-/// Whether two names differ by a letter or two, or one begins the other.
+/// Similar names: an edit distance of at most 2, or one is a prefix of the other.
 fn is_near(known: &str, given: &str) -> bool {
     given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) || distance(known, given) <= 2
 }
@@ -245,23 +246,22 @@ mod tests {
         let gap = |key: &str| format!("[rules.\"danfoss-pve-ci:avc-gap\"]\n{key}\n");
         assert_eq!(check(&gap("ms = 300")), Ok(()));
         let error = check(&gap("milliseconds = 300")).unwrap_err();
-        assert!(
-            error.starts_with("2:1: danfoss-pve-ci:avc-gap has severity and ms, not 'milliseconds'"),
-            "{error}"
-        );
+        let expected = "2:1: unknown key 'milliseconds' of danfoss-pve-ci:avc-gap; expected severity, ms";
+        assert!(error.starts_with(expected), "{error}");
         let error = check(&gap("ms = 0")).unwrap_err();
-        assert!(error.starts_with("2:1: ms is more than 0"), "{error}");
+        assert!(error.starts_with("2:1: ms must be greater than 0"), "{error}");
         let error = check("[[suppress]]\nrule = \"acme:x\"\nreason = \"x\"\n").unwrap_err();
-        assert!(error.starts_with("2:8: there is no profile 'acme'"), "{error}");
+        assert!(error.starts_with("2:8: unknown profile 'acme'"), "{error}");
     }
 
     #[test]
     fn what_does_not_exist_is_an_error_with_its_place() {
         let error = setup("[rules.sdo-no-respons]\nseverity = \"note\"\n").unwrap_err();
-        assert!(error.starts_with("1:8: there is no rule 'sdo-no-respons'; did you mean 'sdo-no-response'?"));
+        assert!(error.starts_with("1:8: unknown rule 'sdo-no-respons'; did you mean 'sdo-no-response'?"));
         let error = setup("[rules.sdo-no-response]\nwarn = 3\n").unwrap_err();
-        assert!(error.starts_with("2:1: sdo-no-response has severity and warning-ms"), "{error}");
+        let expected = "2:1: unknown key 'warn' of sdo-no-response; expected severity, warning-ms";
+        assert!(error.starts_with(expected), "{error}");
         let error = setup("[[suppress]]\nrule = \"nothing-like-it\"\nreason = \"x\"\n").unwrap_err();
-        assert!(error.starts_with("2:8: there is no rule 'nothing-like-it'"), "{error}");
+        assert!(error.starts_with("2:8: unknown rule 'nothing-like-it'"), "{error}");
     }
 }

@@ -1,6 +1,6 @@
-//! `bounds`: a signal stays between two values.
+//! `bounds`: a signal must stay between two values.
 
-use super::plan::{Asked, Limits};
+use super::plan::{Limits, QuotedExpression};
 use super::signal::{SignalName, Values};
 use super::task::Task;
 use super::words::number;
@@ -11,11 +11,11 @@ use crate::rules::Context;
 pub(super) struct Bounds {
     values: Values<()>,
     about: About,
-    when: Option<Asked>,
+    when: Option<QuotedExpression>,
     limits: Limits<f64>,
 }
 
-pub(super) fn new(signal: &SignalName, when: Option<&Asked>, limits: Limits<f64>) -> Bounds {
+pub(super) fn new(signal: &SignalName, when: Option<&QuotedExpression>, limits: Limits<f64>) -> Bounds {
     Bounds { values: Values::new(signal.clone()), about: signal.about(), when: when.cloned(), limits }
 }
 
@@ -28,12 +28,12 @@ impl Task for Bounds {
         }
         let value = reading.number;
         let (excess, limit, word) = match self.limits {
-            Limits { min: Some(min), .. } if value < min => (min - value, min, "at least"),
-            Limits { max: Some(max), .. } if value > max => (value - max, max, "at most"),
+            Limits { min: Some(min), .. } if value < min => (min - value, min, "min"),
+            Limits { max: Some(max), .. } if value > max => (value - max, max, "max"),
             _ => return context.pass(),
         };
-        let text = || format!("{}; {word} {}{}", reading.show(), number(limit), reading.unit());
-        context.fail(event).about(self.about.clone()).measure(excess).say(text);
+        let text = || format!("{} ({word} {}{})", reading.show(), number(limit), reading.unit());
+        context.fail(event).about(self.about.clone()).measure(excess).report(text);
     }
 
     fn idle(&self) -> String {

@@ -1,22 +1,21 @@
-//! `count`: so many events come over the whole capture.
+//! `count`: limits for the number of events in the whole capture.
 
-use super::plan::{Asked, Limits};
+use super::plan::{Limits, QuotedExpression};
 use super::subjects::Subjects;
 use super::task::Task;
-use super::words::nth;
 use crate::event::{Event, FrameRange};
 use crate::rules::Context;
 use crate::session::Node;
 use crate::wire::NodeId;
 
 pub(super) struct Count {
-    when: Asked,
+    when: QuotedExpression,
     limits: Limits<u64>,
     subjects: Subjects<u64>,
     is_per_node: bool,
 }
 
-pub(super) fn new(when: &Asked, limits: Limits<u64>, is_per_node: bool) -> Count {
+pub(super) fn new(when: &QuotedExpression, limits: Limits<u64>, is_per_node: bool) -> Count {
     Count { when: when.clone(), limits, subjects: Subjects::new(is_per_node), is_per_node }
 }
 
@@ -33,13 +32,13 @@ impl Task for Count {
             let (when, count) = (&self.when, *count);
             #[expect(clippy::cast_precision_loss, reason = "a count for comparing")]
             let alarm = context.fail(event).measure(count as f64);
-            alarm.say(|| format!("the {} that matches: {when}; at most {max}", nth(count)));
+            alarm.report(|| format!("match count {count} (max {max}): {when}"));
         }
     }
 
     fn finish(&mut self, known: bool, context: &mut Context<'_>) {
         if self.is_per_node && known {
-            // A node that was heard and sent none of it has sent too few.
+            // A node that sent frames but no matching event has a count of 0.
             for node in context.bus.nodes().filter(|node| node.last_seen().0 > 0).map(Node::id) {
                 let _ = self.subjects.of(Some(node));
             }
@@ -57,16 +56,22 @@ impl Task for Count {
     }
 }
 
-/// The count at the end: what is too much was told at once.
-fn judge(limits: Limits<u64>, when: &Asked, node: Option<NodeId>, count: u64, context: &mut Context<'_>) {
+/// Checks the count at the end; a count above `max` was reported at once.
+fn judge(
+    limits: Limits<u64>,
+    when: &QuotedExpression,
+    node: Option<NodeId>,
+    count: u64,
+    context: &mut Context<'_>,
+) {
     match limits {
         Limits { max: Some(max), .. } if count > max => {}
         Limits { min: Some(min), .. } if count < min => {
             let last = FrameRange::one(context.bus.last_frame());
             let alarm = context.fail_at(context.now, node, last);
-            // Of no node it is about the bus, whatever its protocol.
+            // Without a node, the finding is about the bus, independent of its protocol.
             let alarm = if node.is_some() { alarm } else { alarm.certain() };
-            alarm.say(|| format!("{count} matched: {when}; at least {min}"));
+            alarm.report(|| format!("match count {count} (min {min}): {when}"));
         }
         _ => context.pass(),
     }

@@ -1,8 +1,9 @@
-//! A deadline that moves.
+//! A deadline that is postponed repeatedly.
 
 use crate::rules::Context;
 
-/// A deadline that only ever moves on: one entry waits in the queue, and asks again when it comes due.
+/// Deadline that only moves to later times: one wake-up is pending and is requested again when it expires too
+/// early.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Deadline {
     due: Option<i64>,
@@ -10,7 +11,7 @@ pub(super) struct Deadline {
 }
 
 impl Deadline {
-    /// Sets or moves it.
+    /// Sets or postpones the deadline.
     pub(super) fn set(&mut self, due: i64, token: u64, context: &mut Context<'_>) {
         self.due = Some(due);
         if !std::mem::replace(&mut self.is_queued, true) {
@@ -18,12 +19,12 @@ impl Deadline {
         }
     }
 
-    /// There is none any more.
+    /// Cancels the deadline.
     pub(super) fn clear(&mut self) {
         self.due = None;
     }
 
-    /// The entry came due: when the deadline was, where it has passed; else the entry waits again.
+    /// Handles the wake-up: returns the deadline if it has passed, else requests a new wake-up.
     pub(super) fn passed(&mut self, token: u64, context: &mut Context<'_>) -> Option<i64> {
         self.is_queued = false;
         let due = self.due?;

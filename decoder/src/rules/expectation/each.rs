@@ -1,16 +1,16 @@
-//! `always` and `never`: each event is judged by itself.
+//! `always` and `never`: each event is checked on its own.
 
-use super::plan::Asked;
+use super::plan::QuotedExpression;
 use super::task::Task;
 use crate::event::Event;
 use crate::rules::Context;
 
 pub(super) struct Always {
-    when: Asked,
-    expect: Asked,
+    when: QuotedExpression,
+    expect: QuotedExpression,
 }
 
-pub(super) fn always(when: &Asked, expect: &Asked) -> Always {
+pub(super) fn always(when: &QuotedExpression, expect: &QuotedExpression) -> Always {
     Always { when: when.clone(), expect: expect.clone() }
 }
 
@@ -22,7 +22,7 @@ impl Task for Always {
         if self.expect.matches(event, context) {
             return context.pass();
         }
-        context.fail(event).say(|| format!("{} does not match: {}", event.kind.name(), self.expect));
+        context.fail(event).report(|| format!("{} does not match: {}", event.kind.name(), self.expect));
     }
 
     fn idle(&self) -> String {
@@ -31,11 +31,11 @@ impl Task for Always {
 }
 
 pub(super) struct Never {
-    when: Asked,
+    when: QuotedExpression,
     has_failed: bool,
 }
 
-pub(super) fn never(when: &Asked) -> Never {
+pub(super) fn never(when: &QuotedExpression) -> Never {
     Never { when: when.clone(), has_failed: false }
 }
 
@@ -43,7 +43,7 @@ impl Task for Never {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if self.when.matches(event, context) {
             self.has_failed = true;
-            context.fail(event).say(|| format!("{} matches: {}", event.kind.name(), self.when));
+            context.fail(event).report(|| format!("{} matches: {}", event.kind.name(), self.when));
         }
     }
 

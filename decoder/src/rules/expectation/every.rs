@@ -1,8 +1,8 @@
-//! `every`: events come one a period.
+//! `every`: one event per period.
 
 use super::deadline::Deadline;
 use super::moment::Moment;
-use super::plan::Asked;
+use super::plan::QuotedExpression;
 use super::subjects::Subjects;
 use super::task::Task;
 use super::words::time;
@@ -11,33 +11,33 @@ use crate::finding::About;
 use crate::rules::Context;
 
 pub(super) struct Every {
-    when: Asked,
+    when: QuotedExpression,
     period: i64,
     tolerance: i64,
-    subjects: Subjects<Course>,
+    subjects: Subjects<RepeatState>,
 }
 
-/// The last event, and until when the next one has to come.
+/// The last event, and the deadline of the next one.
 #[derive(Debug, Clone, Default)]
-struct Course {
-    last: Option<Seen>,
+struct RepeatState {
+    last: Option<LastOccurrence>,
     deadline: Deadline,
     is_late: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct LastOccurrence {
     time: i64,
     moment: Moment,
 }
 
-pub(super) fn new(when: &Asked, period: i64, tolerance: i64, is_per_node: bool) -> Every {
+pub(super) fn new(when: &QuotedExpression, period: i64, tolerance: i64, is_per_node: bool) -> Every {
     Every { when: when.clone(), period, tolerance, subjects: Subjects::new(is_per_node) }
 }
 
-/// `each 100 ms ± 10 ms`.
+/// Required period as text: `expected 100 ms ± 10 ms`.
 fn wanted(period: i64, tolerance: i64) -> String {
-    format!("each {} ± {}", time(period), time(tolerance))
+    format!("expected {} ± {}", time(period), time(tolerance))
 }
 
 impl Task for Every {
@@ -48,9 +48,9 @@ impl Task for Every {
         let (period, tolerance) = (self.period, self.tolerance);
         let Some((course, token)) = self.subjects.of(event.node) else { return };
         let now = context.now;
-        let seen = Seen { time: now, moment: Moment::of(event) };
+        let seen = LastOccurrence { time: now, moment: Moment::of(event) };
         let last = course.last.replace(seen);
-        // What came late was told when it was due.
+        // A late event was already reported at its deadline.
         if let Some(last) = last {
             if std::mem::take(&mut course.is_late) {
                 context.close(last.moment.node, About::Whole);
@@ -59,7 +59,7 @@ impl Task for Every {
                 if interval < period.saturating_sub(tolerance) {
                     let frames = FrameRange { first: last.moment.frames.first, last: event.frames.last };
                     let alarm = context.fail(event).frames(frames);
-                    alarm.say(|| format!("after {}; {}", time(interval), wanted(period, tolerance)));
+                    alarm.report(|| format!("interval {} ({})", time(interval), wanted(period, tolerance)));
                 } else {
                     context.pass();
                 }
@@ -85,12 +85,12 @@ impl Task for Every {
         let Some(last) = course.last else { return };
         course.is_late = true;
         let (wanted, frame) = (wanted(self.period, self.tolerance), last.moment.frames.last);
-        let silent = time(due.saturating_sub(last.time));
-        let alarm = last.moment.fail_at(due, context).ongoing();
-        alarm.say(|| format!("none for {silent} since {{{frame}}}; {wanted}"));
+        let since = context.timestamp_of(last.time);
+        let alarm = last.moment.fail_at(due, context).since(since);
+        alarm.report(|| format!("missing since {{{frame}}} ({wanted})"));
     }
 
     fn idle(&self) -> String {
-        format!("not two events matched: {}", self.when)
+        format!("fewer than two events matched {}", self.when)
     }
 }

@@ -1,11 +1,11 @@
-//! Expectations: the user's own rules, of `[[expect]]` in the bus file.
+//! Expectations: rules of the user, `[[expect]]` in the bus file.
 //!
 //! ```text
-//! bus_file::Expectation ─compile─▶ Expectation ─make, one a bus─▶ Scoped<Task of its kind> : Rule
+//! bus_file::Expectation ─compile─▶ Expectation ─make, once per bus─▶ Scoped<Task of its kind> : Rule
 //! ```
 //!
-//! A [`Task`] judges, one file a kind; [`Scoped`] keeps events of other nodes from it, and knows at the end which of
-//! the names it rests on nobody ever used.
+//! A [`Task`] checks one kind of expectation; each kind has its own file. [`ScopedTask`] filters events of other
+//! nodes, and reports at the end the signals and nodes of the expectation that never occurred.
 
 mod bounds;
 mod count;
@@ -28,7 +28,7 @@ mod words;
 
 use std::sync::Arc;
 
-use self::named::Named;
+use self::named::RequiredNames;
 use self::plan::Plan;
 use self::task::Task;
 use super::{Context, Rule};
@@ -39,10 +39,10 @@ use crate::profile::TextError;
 use crate::query::KindSet;
 use crate::wire::NodeId;
 
-/// KIND of lines of all expectations.
+/// KIND column of findings of all expectations.
 const WORD: &str = "EXPECT";
 
-/// One expectation, ready to be judged.
+/// A compiled expectation.
 #[derive(Debug, Clone)]
 pub struct Expectation {
     info: RuleInfo,
@@ -54,10 +54,10 @@ pub struct Expectation {
 }
 
 impl Expectation {
-    /// Takes what the bus file `text` says.
+    /// Compiles an expectation of the bus file; `text` is the source of the file.
     ///
     /// # Errors
-    /// An expression that cannot be understood, or that no event can match; with its place in `text`.
+    /// An invalid expression, or an expression without possible matches, with its position in `text`.
     pub(in crate::rules) fn compile(written: &bus_file::Expectation, text: &str) -> Result<Self, TextError> {
         let plan = Plan::of(&written.demand, text)?;
         Ok(Self {
@@ -70,27 +70,27 @@ impl Expectation {
         })
     }
 
-    /// What output says of it.
+    /// Description of the expectation as a rule.
     pub fn info(&self) -> &RuleInfo {
         &self.info
     }
 
-    /// Kinds of events it looks at.
+    /// Event kinds that the expectation needs.
     pub fn kinds(&self) -> KindSet {
         self.kinds
     }
 
-    /// The bus it is about, where that is one.
+    /// Name of the bus if the expectation is limited to one.
     pub(super) fn bus(&self) -> Option<&str> {
         self.bus.as_deref()
     }
 
-    /// Whether it is about the bus of this name.
+    /// Whether the expectation applies to the bus of this name.
     pub(super) fn is_about(&self, bus: &str) -> bool {
         self.bus.as_deref().is_none_or(|own| own == bus)
     }
 
-    /// One for a bus that has seen nothing.
+    /// Creates the rule for one bus, in its initial state.
     pub(super) fn make(&self) -> Box<dyn Rule> {
         let apart = self.is_per_node;
         match &*self.plan {
@@ -111,7 +111,7 @@ impl Expectation {
     }
 
     fn scoped<T: Task + 'static>(&self, task: T) -> Box<dyn Rule> {
-        Box::new(Scoped { node: self.node, named: Named::of(&self.plan, self.node), task })
+        Box::new(ScopedTask { node: self.node, named: RequiredNames::of(&self.plan, self.node), task })
     }
 }
 
@@ -132,17 +132,18 @@ fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
         is_on: true,
         word: WORD,
         source: Some(Arc::clone(reason)),
+        next_step: None,
     }
 }
 
-/// A task and the node it is about.
-struct Scoped<T> {
+/// A task, limited to one node if set.
+struct ScopedTask<T> {
     node: Option<NodeId>,
-    named: Named,
+    named: RequiredNames,
     task: T,
 }
 
-impl<T: Task> Rule for Scoped<T> {
+impl<T: Task> Rule for ScopedTask<T> {
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if matches!(event.kind, EventKind::BusSilent { .. } | EventKind::ClockStep { .. }) {

@@ -1,10 +1,10 @@
-//! An event that is remembered because time may show that something is missing behind it.
+//! An event that a later finding refers to, for example if its successor is missing.
 
 use crate::event::{Event, FrameRange};
 use crate::rules::{Alarm, Context};
 use crate::wire::NodeId;
 
-/// What is kept of an event.
+/// Node and frames of an event.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Moment {
     pub(super) node: Option<NodeId>,
@@ -17,7 +17,7 @@ impl Moment {
         Self { node: event.node, frames: event.frames, is_presumed: event.presumed }
     }
 
-    /// The time that passed behind it shows something wrong.
+    /// Starts a finding at a deadline that expired after the event.
     pub(super) fn fail_at<'b, 'a>(&self, at: i64, context: &'b mut Context<'a>) -> Alarm<'b, 'a> {
         context.fail_at(at, self.node, self.frames).presumed(self.is_presumed)
     }

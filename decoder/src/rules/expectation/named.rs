@@ -1,4 +1,4 @@
-//! Names an expectation rests on: signals and nodes that nobody ever used are most likely slips.
+//! Names in an expectation: signals and nodes that never occur are probably misspelt.
 
 use super::nearest::Nearest;
 use super::plan::Plan;
@@ -9,18 +9,18 @@ use crate::rules::Context;
 use crate::session::Bus;
 use crate::wire::NodeId;
 
-/// Names without which nothing can match.
+/// Names that must occur for any match.
 #[derive(Debug)]
-pub(super) struct Named {
-    /// Signals not seen so far.
+pub(super) struct RequiredNames {
+    /// Signals that have not occurred yet.
     signals: Vec<(SignalName, Nearest)>,
     messages: Messages<()>,
-    /// Each line by any of these numbers.
+    /// Required nodes; each entry lists alternative identifiers.
     nodes: Vec<Vec<NodeId>>,
     node_names: Vec<String>,
 }
 
-impl Named {
+impl RequiredNames {
     pub(super) fn of(plan: &Plan, node: Option<NodeId>) -> Self {
         let mut named = Self {
             signals: Vec::new(),
@@ -46,7 +46,7 @@ impl Named {
         self.node_names.extend(filter.required("node_name").into_iter().map(str::to_owned));
     }
 
-    /// Signals of a layout that is new are seen.
+    /// Removes the signals that a new layout contains.
     #[inline]
     pub(super) fn saw(&mut self, event: &Event, context: &Context<'_>) {
         if self.signals.is_empty() {
@@ -61,26 +61,26 @@ impl Named {
         });
     }
 
-    /// What is to be said of names nobody used on this bus.
+    /// Messages about names that did not occur on this bus.
     pub(super) fn unknown(&self, bus: &Bus) -> Vec<String> {
         let signals = self.signals.iter();
         let signals =
-            signals.map(|(name, nearest)| format!("the signal '{name}' was never seen{}", nearest.hint()));
+            signals.map(|(name, nearest)| format!("signal '{name}' did not occur{}", nearest.hint()));
         let is_heard = |id: &NodeId| bus.node(*id).is_some_and(|node| node.last_seen().0 > 0);
         let nodes = self.nodes.iter().filter(|ids| !ids.iter().any(is_heard));
-        let nodes = nodes.filter_map(|ids| Some(format!("{} was never heard", ids.first()?.words())));
+        let nodes = nodes.filter_map(|ids| Some(format!("{} sent no frame", ids.first()?.words())));
         let has_name = |name: &str| bus.nodes().any(|node| node.name() == Some(name));
         let names = self.node_names.iter().filter(|name| !has_name(name));
         let names = names.map(|name| {
             let nearest = Nearest::default();
             bus.nodes().filter_map(|node| node.name()).for_each(|known| nearest.see(name, known));
-            format!("no node has the name '{name}'{}", nearest.hint())
+            format!("unknown node name '{name}'{}", nearest.hint())
         });
         signals.chain(nodes).chain(names).collect()
     }
 }
 
-/// A number as filters have it.
+/// Number in filter notation, decimal or `0x` hexadecimal.
 fn number(text: &str) -> Option<u32> {
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u32::from_str_radix(digits, 16).ok(),

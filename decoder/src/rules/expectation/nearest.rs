@@ -1,27 +1,27 @@
-//! Names like one that was never seen: it is most likely a slip.
+//! Suggestion of a similar name for a name that did not occur.
 
 use std::cell::RefCell;
 
 use crate::profile::Layout;
 use crate::query::fields::distance;
 
-/// Letters that a slip changes at most.
+/// Maximum edit distance of a suggestion.
 const MOST_SLIPS: usize = 3;
 
-/// Letters of a name from which on it is compared: each name of a layout is, once a layout.
+/// Names longer than this are not compared, since each name of a layout is compared once per layout.
 const LONGEST: usize = 100;
 
-/// The name most like the one looked for.
+/// Most similar name so far, with its edit distance.
 #[derive(Debug, Default)]
 pub(super) struct Nearest(RefCell<Option<(usize, String)>>);
 
 impl Nearest {
-    /// Looks at the signals of a layout.
+    /// Compares all signals of a layout.
     pub(super) fn see_all(&self, wanted: &str, layout: &Layout) {
         layout.fields.iter().filter_map(|field| field.name()).for_each(|name| self.see(wanted, name));
     }
 
-    /// Looks at a name.
+    /// Compares one name.
     pub(super) fn see(&self, wanted: &str, name: &str) {
         let most = (wanted.chars().count() / 3).min(MOST_SLIPS);
         if wanted.len() > LONGEST || name.len() > LONGEST {
@@ -34,7 +34,7 @@ impl Nearest {
         }
     }
 
-    /// What is said of it: nothing where none is like it.
+    /// Suggestion as text; empty if no similar name occurred.
     pub(super) fn hint(&self) -> String {
         let best = self.0.borrow();
         best.as_ref().map_or_else(String::new, |(_, name)| format!("; did you mean '{name}'?"))

@@ -1,8 +1,8 @@
-//! `order`: events come step by step.
+//! `order`: events must follow in a given order.
 
 use super::deadline::Deadline;
 use super::moment::Moment;
-use super::plan::Asked;
+use super::plan::QuotedExpression;
 use super::subjects::Subjects;
 use super::task::Task;
 use super::words::time;
@@ -10,28 +10,29 @@ use crate::event::{Event, FrameRange};
 use crate::rules::Context;
 
 pub(super) struct Order {
-    steps: Vec<Asked>,
+    steps: Vec<QuotedExpression>,
     time: Option<i64>,
-    subjects: Subjects<Way>,
+    subjects: Subjects<SequenceProgress>,
 }
 
-/// How far a sequence has come.
+/// Progress of a sequence.
 #[derive(Debug, Clone, Default)]
-struct Way {
-    /// Place of the step that is next; 0 before the first.
+struct SequenceProgress {
+    /// Index of the next step; 0 before the first one.
     next: usize,
     deadline: Deadline,
-    /// Its first step.
+    /// Event of the first step.
     begun: Moment,
 }
 
-pub(super) fn new(steps: &[Asked], time: Option<i64>, is_per_node: bool) -> Order {
+pub(super) fn new(steps: &[QuotedExpression], time: Option<i64>, is_per_node: bool) -> Order {
     Order { steps: steps.to_vec(), time, subjects: Subjects::new(is_per_node) }
 }
 
 impl Order {
-    /// The step an event is: the next one, the first again, or one behind the next. Others may come again, and before
-    /// the first nothing is judged: the capture may begin in the middle.
+    /// Step that the event matches: the next one, the first one again, or one after the next. Earlier steps
+    /// may be repeated. Before the first step, later steps are ignored, since the capture may begin in the
+    /// middle of a sequence.
     fn step(&self, next: usize, event: &Event, context: &Context<'_>) -> Option<usize> {
         let is = |place: &usize| self.steps.get(*place).is_some_and(|step| step.matches(event, context));
         let again = (next == 1).then_some(0);
@@ -66,8 +67,8 @@ impl Task for Order {
         }
         let frames = FrameRange { first: way.begun.frames.first, last: event.frames.last };
         let missing = self.steps.get(next).map(ToString::to_string).unwrap_or_default();
-        let text = || format!("step {} came before step {}: {missing}", step + 1, next + 1);
-        context.fail(event).frames(frames).say(text);
+        let text = || format!("step {} without step {} before it: {missing}", step + 1, next + 1);
+        context.fail(event).frames(frames).report(text);
     }
 
     fn wake(&mut self, token: u64, context: &mut Context<'_>) {
@@ -77,12 +78,12 @@ impl Task for Order {
         let (begun, limit) = (way.begun.frames.first, time(self.time.unwrap_or_default()));
         let missing = self.steps.get(next).map(ToString::to_string).unwrap_or_default();
         let alarm = way.begun.fail_at(due, context);
-        alarm.say(|| format!("step {} not within {limit} of {{{begun}}}: {missing}", next + 1));
+        alarm.report(|| format!("no step {} within {limit} of {{{begun}}}: {missing}", next + 1));
     }
 
     fn idle(&self) -> String {
         match self.steps.first() {
-            Some(first) => format!("no sequence from the first step to the last: {first}"),
+            Some(first) => format!("no complete sequence from {first}"),
             None => String::new(),
         }
     }

@@ -1,4 +1,4 @@
-//! What is expected, from what the bus file says to what can be judged.
+//! Compilation of the expectations in the bus file.
 
 use std::fmt;
 use std::ops::Range;
@@ -7,56 +7,56 @@ use std::sync::Arc;
 use super::quoted::place;
 use super::signal::{self, SignalName};
 use super::words::{clipped, number, time};
-use crate::bus_file::{Demand, Written};
+use crate::bus_file::{Demand, SpannedText};
 use crate::event::Event;
 use crate::profile::TextError;
 use crate::query::{Filter, KindSet};
 use crate::rules::Context;
 
-/// Kinds of events no rule is asked about: they are what rules say.
+/// Event kinds that rules emit; they are not passed to rules.
 const NEWS: [&str; 2] = ["finding-opened", "finding-closed"];
 
-/// What is expected, ready to be judged; times in nanoseconds.
+/// A compiled expectation; times in ns.
 #[derive(Debug, Clone)]
 pub(super) enum Plan {
-    Always { when: Asked, expect: Asked },
-    Never { when: Asked },
-    Within { when: Asked, expect: Asked, time: i64 },
-    Every { when: Asked, period: i64, tolerance: i64 },
-    Count { when: Asked, limits: Limits<u64>, window: Option<i64> },
-    Order { steps: Vec<Asked>, time: Option<i64> },
-    Bounds { signal: SignalName, when: Option<Asked>, limits: Limits<f64> },
-    Rate { signal: SignalName, when: Option<Asked>, max: f64 },
+    Always { when: QuotedExpression, expect: QuotedExpression },
+    Never { when: QuotedExpression },
+    Within { when: QuotedExpression, expect: QuotedExpression, time: i64 },
+    Every { when: QuotedExpression, period: i64, tolerance: i64 },
+    Count { when: QuotedExpression, limits: Limits<u64>, window: Option<i64> },
+    Order { steps: Vec<QuotedExpression>, time: Option<i64> },
+    Bounds { signal: SignalName, when: Option<QuotedExpression>, limits: Limits<f64> },
+    Rate { signal: SignalName, when: Option<QuotedExpression>, max: f64 },
 }
 
-/// At least so much, at most so much.
+/// Lower and upper limit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits<T> {
     pub(super) min: Option<T>,
     pub(super) max: Option<T>,
 }
 
-/// An expression, and how lines show it.
+/// A compiled expression with its text for findings.
 #[derive(Debug, Clone)]
-pub(super) struct Asked {
+pub(super) struct QuotedExpression {
     filter: Filter,
     text: Arc<str>,
 }
 
-impl Asked {
-    /// Whether an event is meant.
+impl QuotedExpression {
+    /// Whether the event matches the expression.
     #[inline]
     pub(super) fn matches(&self, event: &Event, context: &Context<'_>) -> bool {
         self.filter.matches(event, context.bus, None)
     }
 
-    /// What is said where no event was.
+    /// Reason text if no event matched.
     pub(super) fn idle(&self) -> String {
-        format!("nothing matched: {self}")
+        format!("no event matched {self}")
     }
 }
 
-impl fmt::Display for Asked {
+impl fmt::Display for QuotedExpression {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
@@ -64,8 +64,9 @@ impl fmt::Display for Asked {
 
 impl Plan {
     pub(super) fn of(demand: &Demand, text: &str) -> Result<Self, TextError> {
-        let ask = |written: &Written| asked(written, text);
-        let valued = |written: &Option<Written>| written.as_ref().map(|when| valued(when, text)).transpose();
+        let ask = |written: &SpannedText| asked(written, text);
+        let valued =
+            |written: &Option<SpannedText>| written.as_ref().map(|when| valued(when, text)).transpose();
         Ok(match demand {
             Demand::Always { when, expect } => Self::Always { when: ask(when)?, expect: ask(expect)? },
             Demand::Never { when } => Self::Never { when: ask(when)? },
@@ -94,9 +95,9 @@ impl Plan {
         })
     }
 
-    /// Kinds of events that are looked at.
+    /// Event kinds that the expectation needs.
     pub(super) fn kinds(&self) -> KindSet {
-        let of = |asked: &Asked| asked.filter.kinds();
+        let of = |asked: &QuotedExpression| asked.filter.kinds();
         let interrupts = KindSet::by_name(|name| name == "bus-silent" || name == "clock-step");
         let values = KindSet::by_name(|name| signal::KINDS.contains(&name));
         match self {
@@ -113,7 +114,7 @@ impl Plan {
         }
     }
 
-    /// Expressions that have to match before anything is judged.
+    /// Expressions that must match before anything is checked.
     pub(super) fn conditions(&self) -> impl Iterator<Item = &Filter> {
         let (one, steps) = match self {
             Self::Always { when, .. }
@@ -127,7 +128,7 @@ impl Plan {
         one.into_iter().chain(steps).map(|asked| &asked.filter)
     }
 
-    /// Whether it judges times.
+    /// Whether the expectation checks times.
     pub(super) const fn is_timing(&self) -> bool {
         match self {
             Self::Within { .. }
@@ -144,36 +145,36 @@ impl Plan {
     }
 }
 
-/// What is expected in a line.
+/// Summary in one line, used as the title of the rule.
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Always { when, expect } => write!(f, "where {when}, always {expect}"),
+            Self::Always { when, expect } => write!(f, "always {expect} if {when}"),
             Self::Never { when } => write!(f, "never {when}"),
             Self::Within { when, expect, time: limit } => {
                 write!(f, "within {} of {when}: {expect}", time(*limit))
             }
             Self::Every { when, period, tolerance } => {
-                write!(f, "each {} ± {}: {when}", time(*period), time(*tolerance))
+                write!(f, "every {} ± {}: {when}", time(*period), time(*tolerance))
             }
             Self::Count { when, limits: Limits { min, max }, window } => {
                 range(f, min.map(|min| min.to_string()), max.map(|max| max.to_string()))?;
                 match window {
-                    Some(window) => write!(f, " in each {}: {when}", time(*window)),
+                    Some(window) => write!(f, " per {}: {when}", time(*window)),
                     None => write!(f, ": {when}"),
                 }
             }
             Self::Order { steps, time: limit } => {
                 let steps: Vec<_> = steps.iter().map(ToString::to_string).collect();
                 let within = limit.map_or_else(String::new, |limit| format!(" within {}", time(limit)));
-                write!(f, "in this order{within}: {}", steps.join(", then "))
+                write!(f, "order{within}: {}", steps.join(", then "))
             }
             Self::Bounds { signal, limits: Limits { min, max }, .. } => {
                 write!(f, "{signal} ")?;
                 range(f, min.map(number), max.map(number))
             }
             Self::Rate { signal, max, .. } => {
-                write!(f, "{signal} changes by at most {} a second", number(*max))
+                write!(f, "{signal} change max {}/s", number(*max))
             }
         }
     }
@@ -182,14 +183,14 @@ impl fmt::Display for Plan {
 fn range(f: &mut fmt::Formatter<'_>, min: Option<String>, max: Option<String>) -> fmt::Result {
     match (min, max) {
         (Some(min), Some(max)) => write!(f, "{min} to {max}"),
-        (Some(min), None) => write!(f, "at least {min}"),
-        (None, Some(max)) => write!(f, "at most {max}"),
+        (Some(min), None) => write!(f, "min {min}"),
+        (None, Some(max)) => write!(f, "max {max}"),
         (None, None) => Ok(()),
     }
 }
 
-/// An expression, or what is wrong with it at its place in the file.
-fn asked(written: &Written, text: &str) -> Result<Asked, TextError> {
+/// Compiles an expression; an error has its position in the file.
+fn asked(written: &SpannedText, text: &str) -> Result<QuotedExpression, TextError> {
     let raw = text.get(written.span.clone()).unwrap_or_default();
     let at = |within: Range<usize>| {
         let [start, end] = [within.start, within.end].map(|at| written.span.start + place(raw, at));
@@ -201,27 +202,28 @@ fn asked(written: &Written, text: &str) -> Result<Asked, TextError> {
         .map_err(|error: crate::query::FilterError| TextError::at(text, at(error.at()), error.reason()))?;
     let wrong = |message: &str| Err(TextError::at(text, written.span.clone(), message));
     if filter.asks("capture") {
-        return wrong("an expectation knows no 'capture': it is judged in each by itself");
+        return wrong("'capture' is not available in expectations; each capture is checked on its own");
     }
     let findings = KindSet::by_name(|name| name.starts_with("finding-"));
     if filter.kinds().and(findings.complement()) == KindSet::NONE && filter.kinds() != KindSet::NONE {
         return wrong(
-            "findings cannot be asked for in expectations: they are judged of events, not of each other",
+            "finding events are not available in expectations; expected an expression on other events",
         );
     }
     let news = KindSet::by_name(|name| NEWS.contains(&name));
     if filter.kinds().and(news.complement()) == KindSet::NONE {
-        return wrong("no event can match this: no kind of event has all these fields");
+        return wrong("expression never matches: no event kind has all these fields");
     }
-    Ok(Asked { text: clipped(&written.text).into(), filter })
+    Ok(QuotedExpression { text: clipped(&written.text).into(), filter })
 }
 
-/// The same of one that picks values.
-fn valued(written: &Written, text: &str) -> Result<Asked, TextError> {
+/// Compiles an expression that must match events with values.
+fn valued(written: &SpannedText, text: &str) -> Result<QuotedExpression, TextError> {
     let asked = asked(written, text)?;
     let values = KindSet::by_name(|name| signal::KINDS.contains(&name));
     if asked.filter.kinds().and(values) == KindSet::NONE {
-        let message = format!("no event with values can match this: they are {}", signal::KINDS.join(", "));
+        let message =
+            format!("expression matches no event with values; expected one of {}", signal::KINDS.join(", "));
         return Err(TextError::at(text, written.span.clone(), message));
     }
     Ok(asked)

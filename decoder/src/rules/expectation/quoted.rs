@@ -1,6 +1,6 @@
-//! Places within a TOML string: where in the file a byte of what it says stands.
+//! Positions in TOML strings: from an offset in the parsed text to the offset in the file.
 
-/// Bytes of the string `raw`, as it stands with its quotes, before byte `at` of what it says.
+/// Offset in the TOML string `raw` (with its quotes) of byte `at` of the parsed text.
 pub(super) fn place(raw: &str, at: usize) -> usize {
     let (quote, is_literal) = match raw.as_bytes() {
         [b'\'', b'\'', b'\'', ..] => (3, true),
@@ -9,7 +9,7 @@ pub(super) fn place(raw: &str, at: usize) -> usize {
         _ => (1, false),
     };
     let inner = raw.get(quote..).unwrap_or_default();
-    // A line's end right behind three quotes is none of the text.
+    // TOML: a line end directly after the opening quotes is not part of the text.
     let skipped = match inner {
         _ if quote == 1 => 0,
         text if text.starts_with("\r\n") => 2,
@@ -27,7 +27,7 @@ pub(super) fn place(raw: &str, at: usize) -> usize {
         said += says;
         rest = rest.get(read..).unwrap_or_default();
     }
-    // A line that goes on says nothing: the text begins behind it.
+    // TOML: a backslash at the line end produces no text; the position moves to the text after it.
     while let Some(read) = Some(piece(rest)).and_then(|(read, says)| (says == 0 && read > 0).then_some(read))
     {
         rest = rest.get(read..).unwrap_or_default();
@@ -35,7 +35,7 @@ pub(super) fn place(raw: &str, at: usize) -> usize {
     raw.len().saturating_sub(rest.len().max(quote))
 }
 
-/// Bytes the first letter or escape takes, and bytes of what it says.
+/// Length of the first character or escape sequence, and of its text, in bytes.
 fn piece(text: &str) -> (usize, usize) {
     let mut letters = text.chars();
     match letters.next() {
@@ -55,7 +55,7 @@ fn piece(text: &str) -> (usize, usize) {
     }
 }
 
-/// Bytes of the letter that so many hexadecimal digits behind `\u` name.
+/// UTF-8 length of the character given by `digits` hexadecimal digits after `\u`.
 fn scalar(text: &str, digits: usize) -> usize {
     let number = text.get(2..2 + digits).and_then(|digits| u32::from_str_radix(digits, 16).ok());
     number.and_then(char::from_u32).map_or(1, char::len_utf8)
@@ -70,14 +70,14 @@ mod tests {
     use super::*;
 
     #[derive(Deserialize)]
-    struct File {
+    struct QuotedFile {
         a: Spanned<String>,
     }
 
-    /// Each letter of what is said is the one that stands at its place, or an escape stands there.
+    /// Checks that the position of each character contains that character or an escape sequence.
     #[track_caller]
     fn check(text: &str) {
-        let file: File = toml::from_str(text).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+        let file: QuotedFile = toml::from_str(text).unwrap_or_else(|error| panic!("{text:?}: {error}"));
         let raw = &text[file.a.span()];
         let mut last = 0;
         for (at, letter) in file.a.get_ref().char_indices() {

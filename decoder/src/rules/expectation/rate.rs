@@ -1,6 +1,6 @@
-//! `rate`: a signal changes no faster than a limit.
+//! `rate`: limit for the change of a signal per second.
 
-use super::plan::Asked;
+use super::plan::QuotedExpression;
 use super::signal::{SignalName, Values};
 use super::task::Task;
 use super::words::{number, time};
@@ -8,20 +8,20 @@ use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::rules::Context;
 
-/// Frames that waited for the bus come closer together than their values were taken: no change is judged over
-/// less time than this, in nanoseconds.
+/// Minimum time for the computation of a rate, in ns: frames delayed by a busy bus follow closer than their
+/// samples.
 const SHORTEST: i64 = 1_000_000;
 
 pub(super) struct Rate {
     values: Values<Option<Last>>,
     about: About,
-    when: Option<Asked>,
+    when: Option<QuotedExpression>,
     max: f64,
-    /// Interruptions so far: no change is judged across one.
+    /// Number of interruptions; no rate is computed across one.
     interrupted: u64,
 }
 
-/// The value before.
+/// Previous value.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     number: f64,
@@ -29,7 +29,7 @@ struct Last {
     interrupted: u64,
 }
 
-pub(super) fn new(signal: &SignalName, when: Option<&Asked>, max: f64) -> Rate {
+pub(super) fn new(signal: &SignalName, when: Option<&QuotedExpression>, max: f64) -> Rate {
     let about = signal.about();
     Rate { values: Values::new(signal.clone()), about, when: when.cloned(), max, interrupted: 0 }
 }
@@ -45,7 +45,7 @@ impl Task for Rate {
             return;
         }
         let now = Last { number: reading.number, time: context.now, interrupted: self.interrupted };
-        // What an SDO transfer reads comes at the client's time, not the signal's.
+        // The time of an SDO upload depends on the client, so no rate is computed from it.
         let Some(last) = reading.known.as_mut().and_then(|known| known.replace(now)) else { return };
         if last.interrupted != now.interrupted {
             return;
@@ -64,13 +64,10 @@ impl Task for Rate {
         let (unit, max) = (reading.unit(), self.max);
         let text = || {
             let (from, to, between) = (number(last.number), reading.show(), time(between));
-            format!(
-                "from {from} to {to} in {between}: {}{unit}/s; at most {}{unit}/s",
-                number(rate),
-                number(max)
-            )
+            let (rate, max) = (number(rate), number(max));
+            format!("{rate}{unit}/s (max {max}{unit}/s): {from} to {to} in {between}")
         };
-        context.fail(event).about(self.about.clone()).measure(rate).say(text);
+        context.fail(event).about(self.about.clone()).measure(rate).report(text);
     }
 
     fn interrupt(&mut self, _context: &mut Context<'_>) {

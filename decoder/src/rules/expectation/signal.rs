@@ -1,4 +1,4 @@
-//! Signals by name: where in a layout they stand is found out once a layout, not once a message.
+//! Look-up of signals by name, cached per layout.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -14,13 +14,13 @@ use crate::profile::{Field, Layout, Meaning, SignalId, Value};
 use crate::rules::Context;
 use crate::wire::canopen::ObjectAddress;
 
-/// Kinds of events that carry values.
+/// Event kinds that contain values.
 pub(super) const KINDS: [&str; 5] = ["pdo", "sdo-transfer", "j1939-message", "j1939-transfer", "frame"];
 
-/// Messages beside PDOs whose layouts are kept; the signals of further ones are not judged.
+/// Maximum number of messages other than PDOs with a cached layout; signals of further messages are ignored.
 const MESSAGE_LIMIT: usize = 4096;
 
-/// A signal as the user names it.
+/// Signal reference in the notation of the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum SignalName {
     Object(ObjectAddress),
@@ -29,7 +29,7 @@ pub(super) enum SignalName {
 }
 
 impl SignalName {
-    /// `6041:00`, `spn:190`; anything else is a name.
+    /// Parses `6041:00` and `spn:190`; any other text is a name.
     pub(super) fn read(text: &str) -> Self {
         if let Some(number) = text.strip_prefix("spn:").and_then(|number| number.trim().parse().ok()) {
             return Self::Spn(number);
@@ -41,7 +41,7 @@ impl SignalName {
         }
     }
 
-    /// Whether a field is it.
+    /// Whether a field is this signal.
     pub(super) fn is(&self, field: &Field) -> bool {
         match (self, field.id) {
             (Self::Object(wanted), SignalId::Object(object)) => *wanted == object,
@@ -51,7 +51,7 @@ impl SignalName {
         }
     }
 
-    /// Whether an object is it.
+    /// Whether an object is this signal.
     fn is_object(&self, object: ObjectAddress, meaning: &Meaning) -> bool {
         match self {
             Self::Object(wanted) => *wanted == object,
@@ -60,7 +60,7 @@ impl SignalName {
         }
     }
 
-    /// What a finding is about.
+    /// Subject of a finding about the signal.
     pub(super) fn about(&self) -> About {
         match self {
             Self::Object(object) => About::Object(*object),
@@ -80,17 +80,17 @@ impl fmt::Display for SignalName {
     }
 }
 
-/// What brings values again and again.
+/// Source of repeated values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Carrier {
-    /// The PDO that is being judged.
+    /// The current PDO of the traffic statistics.
     Pdo,
     Message(CanId),
-    /// Source and group.
+    /// Source address and PGN.
     Transfer(u8, u32),
 }
 
-/// The layout of a message, and its bytes.
+/// Source, layout and payload of an event with a layout.
 fn laid_out(event: &Event) -> Option<(Carrier, &Arc<Layout>, &[u8])> {
     match &event.kind {
         EventKind::Pdo(pdo) if !pdo.is_request => Some((Carrier::Pdo, pdo.layout.as_ref()?, pdo.payload())),
@@ -109,14 +109,14 @@ fn laid_out(event: &Event) -> Option<(Carrier, &Arc<Layout>, &[u8])> {
     }
 }
 
-/// Something of each message with a layout.
+/// Table by message with a layout.
 #[derive(Debug, Default)]
 pub(super) struct Messages<T> {
     pdos: Vec<Slot<T>>,
     others: HashMap<Carrier, Slot<T>, FixedState>,
 }
 
-/// A message, the layout it had last, and what is remembered of it.
+/// Entry of a message with its last layout.
 #[derive(Debug, Default)]
 struct Slot<T> {
     layout: Option<Arc<Layout>>,
@@ -124,7 +124,7 @@ struct Slot<T> {
 }
 
 impl<T: Default> Messages<T> {
-    /// What is remembered of the event's message, and its bytes; `learn` sees each layout that is new to it.
+    /// Entry, layout and payload for an event; `learn` is called for each new layout of the message.
     #[inline]
     pub(super) fn of<'a, 'e>(
         &'a mut self,
@@ -157,31 +157,31 @@ impl<T: Default> Messages<T> {
     }
 }
 
-/// Where a signal is in one layout, and what is remembered of it there.
+/// Position of a signal in one layout, and the state of the task for this message.
 #[derive(Debug, Default)]
-struct Found<T> {
-    /// Fields that are it: several where it is multiplexed.
+struct LocatedSignal<T> {
+    /// Indices of matching fields; several if the signal is multiplexed.
     fields: Vec<usize>,
     known: T,
 }
 
-/// Values of one signal, wherever they come from.
+/// Values of one signal from all sources.
 #[derive(Debug)]
 pub(super) struct Values<T> {
     name: SignalName,
-    messages: Messages<Found<T>>,
+    messages: Messages<LocatedSignal<T>>,
     was_seen: bool,
     nearest: Nearest,
 }
 
-/// A value that came.
+/// One value of the signal.
 pub(super) struct Reading<'a, T> {
-    /// In engineering units.
+    /// Value in engineering units.
     pub(super) number: f64,
     value: Value,
     meaning: Option<&'a Meaning>,
     is_assumed: bool,
-    /// Of the message that brought it; nothing for what an SDO transfer did.
+    /// State of the task for the message; None for an SDO transfer.
     pub(super) known: Option<&'a mut T>,
 }
 
@@ -190,15 +190,15 @@ impl<T: Default> Values<T> {
         Self { name, messages: Messages::default(), was_seen: false, nearest: Nearest::default() }
     }
 
-    /// Why nothing could be judged.
+    /// Reason text if no value was checked.
     pub(super) fn idle(&self) -> String {
         if self.was_seen {
-            return format!("the signal '{}' had no value to be judged", self.name);
+            return format!("signal '{}' had no value to check", self.name);
         }
-        format!("the signal '{}' was never seen{}", self.name, self.nearest.hint())
+        format!("signal '{}' did not occur{}", self.name, self.nearest.hint())
     }
 
-    /// The signal's value in an event, where it is a number.
+    /// Numeric value of the signal in an event.
     #[inline]
     pub(super) fn read<'a>(&'a mut self, event: &'a Event, context: &Context<'_>) -> Option<Reading<'a, T>> {
         if let EventKind::SdoTransfer(transfer) = &event.kind {
@@ -214,12 +214,12 @@ impl<T: Default> Values<T> {
             return Some(Reading { number, value, meaning: Some(meaning), is_assumed, known: None });
         }
         let (name, nearest) = (&self.name, &self.nearest);
-        let learn = |layout: &Layout, found: &mut Found<T>| {
+        let learn = |layout: &Layout, found: &mut LocatedSignal<T>| {
             let all = layout.fields.iter().enumerate().filter(|(_, field)| name.is(field));
             if let SignalName::Name(wanted) = name {
                 nearest.see_all(wanted, layout);
             }
-            *found = Found { fields: all.map(|(place, _)| place).collect(), known: T::default() };
+            *found = LocatedSignal { fields: all.map(|(place, _)| place).collect(), known: T::default() };
         };
         let (found, layout, payload) = self.messages.of(event, context, learn)?;
         let signal = found.fields.iter().find_map(|field| layout.signal(*field, payload))?;
@@ -232,13 +232,13 @@ impl<T: Default> Values<T> {
 }
 
 impl<T> Reading<'_, T> {
-    /// The value as lines have it: `251.3 bar`, with `?` where its scale or mapping is assumed.
+    /// Value as text: `251.3 bar`, with `?` if the scale or mapping is assumed.
     pub(super) fn show(&self) -> String {
         let shown = self.meaning.map_or_else(|| self.value.to_string(), |meaning| meaning.show(&self.value));
         if self.is_assumed { format!("{shown}?") } else { shown }
     }
 
-    /// Unit behind a number: ` bar`.
+    /// Unit with a leading blank: ` bar`.
     pub(super) fn unit(&self) -> String {
         match self.meaning.map(|meaning| meaning.unit.as_str()) {
             None | Some("") => String::new(),
@@ -247,7 +247,7 @@ impl<T> Reading<'_, T> {
     }
 }
 
-/// A value as a number in its unit; nothing for a special one, which is no quantity.
+/// Value as a number in its unit; None for a special value, which is not a quantity.
 fn number(meaning: Option<&Meaning>, value: &Value) -> Option<f64> {
     let scaled = meaning.and_then(|meaning| meaning.scaled(value));
     let is_special =

@@ -1,13 +1,13 @@
-//! Whom an expectation judges: a bus as a whole, or each of its nodes.
+//! Scope of an expectation: a bus as a whole, or each node on its own.
 
 use crate::rules::NodeMap;
 use crate::wire::NodeId;
 
-/// Tokens of wakes: of the whole bus, of a node-ID, of an address.
+/// Ranges of wake-up tokens: the whole bus, a node-ID, a J1939 address.
 const WHOLE: u64 = 0;
 const ADDRESSES: u64 = 0x100;
 
-/// What is remembered of the bus, or of each node.
+/// State of an expectation, per bus or per node.
 #[derive(Debug, Clone)]
 pub(super) enum Subjects<T> {
     Whole(Box<T>),
@@ -19,8 +19,8 @@ impl<T: Default> Subjects<T> {
         if is_per_node { Self::Nodes(NodeMap::default()) } else { Self::Whole(Box::default()) }
     }
 
-    /// What is remembered of whom an event is about, and the token for wakes; nothing for an event of no node where
-    /// each node is judged apart.
+    /// State and wake-up token for the node of an event; None for an event without a node if the state is per
+    /// node.
     pub(super) fn of(&mut self, node: Option<NodeId>) -> Option<(&mut T, u64)> {
         match self {
             Self::Whole(whole) => Some((whole, WHOLE)),
@@ -35,7 +35,7 @@ impl<T: Default> Subjects<T> {
         }
     }
 
-    /// Whom a token is of.
+    /// State that belongs to a wake-up token.
     pub(super) fn of_token(&mut self, token: u64) -> Option<&mut T> {
         match self {
             Self::Whole(whole) => Some(whole),
@@ -49,7 +49,7 @@ impl<T: Default> Subjects<T> {
         }
     }
 
-    /// Does something with each.
+    /// Calls `act` for each state.
     pub(super) fn for_each(&mut self, mut act: impl FnMut(Option<NodeId>, &mut T)) {
         match self {
             Self::Whole(whole) => act(None, whole),

@@ -1,22 +1,22 @@
-//! What judges one kind of expectation.
+//! Interface of the kinds of expectation.
 
 use crate::event::Event;
 use crate::rules::Context;
 
-/// Judges one kind of expectation.
+/// Checks one kind of expectation.
 pub(super) trait Task {
-    /// An event of its kinds and its node.
+    /// Handles an event of the requested kinds and node.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 
-    /// All traffic stopped for a while, or the clock was set: what was between two events is not known.
+    /// Handles a silence of the bus or a step of the clock: intervals across it are unknown.
     fn interrupt(&mut self, _context: &mut Context<'_>) {}
 
-    /// A time it asked for has passed.
+    /// Handles a requested wake-up.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
 
-    /// Nothing more comes. Where a name is not `known`, what did not come says nothing.
+    /// Ends the capture. If a name is not `known`, the absence of events is not a defect.
     fn finish(&mut self, _known: bool, _context: &mut Context<'_>) {}
 
-    /// Why it had nothing to judge, where all names are known.
+    /// Reason why nothing was checked, although all names are known.
     fn idle(&self) -> String;
 }

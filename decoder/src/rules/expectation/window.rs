@@ -1,34 +1,34 @@
-//! `count` with `per_seconds`: so many events come in each window. The first event opens one; they follow each other
-//! until one stays empty, and then the next event opens one again.
+//! `count` with `per_seconds`: limits for the number of events per window. The first event opens a window;
+//! windows follow each other until one is empty. The next event then opens a window again.
 
 use super::deadline::Deadline;
 use super::moment::Moment;
-use super::plan::{Asked, Limits};
+use super::plan::{Limits, QuotedExpression};
 use super::subjects::Subjects;
 use super::task::Task;
-use super::words::{nth, time};
+use super::words::time;
 use crate::event::Event;
 use crate::rules::Context;
 
 pub(super) struct Windows {
-    when: Asked,
+    when: QuotedExpression,
     limits: Limits<u64>,
     window: i64,
     subjects: Subjects<Window>,
 }
 
-/// The window that is open.
+/// The current window.
 #[derive(Debug, Clone, Default)]
 struct Window {
     count: u64,
-    /// Its end; none where no window is open.
+    /// End of the window in ns; None if no window is open.
     end: Option<i64>,
     deadline: Deadline,
-    /// Its last event.
+    /// Last event in the window.
     last: Moment,
 }
 
-pub(super) fn new(when: &Asked, limits: Limits<u64>, window: i64, is_per_node: bool) -> Windows {
+pub(super) fn new(when: &QuotedExpression, limits: Limits<u64>, window: i64, is_per_node: bool) -> Windows {
     Windows { when: when.clone(), limits, window, subjects: Subjects::new(is_per_node) }
 }
 
@@ -51,7 +51,7 @@ impl Task for Windows {
             let (when, count, length) = (&self.when, window.count, time(self.window));
             #[expect(clippy::cast_precision_loss, reason = "a count for comparing")]
             let alarm = context.fail(event).measure(count as f64);
-            alarm.say(|| format!("the {} within {length} that matches: {when}; at most {max}", nth(count)));
+            alarm.report(|| format!("match count {count} within {length} (max {max}): {when}"));
         }
     }
 
@@ -71,11 +71,11 @@ impl Task for Windows {
             Limits { min: Some(min), .. } if count < min => {
                 let (when, length) = (&self.when, time(self.window));
                 let alarm = window.last.fail_at(end, context);
-                alarm.say(|| format!("{count} within {length} matched: {when}; at least {min}"));
+                alarm.report(|| format!("match count {count} within {length} (min {min}): {when}"));
             }
             _ => context.pass(),
         }
-        // However long nothing comes, it is told once, and costs nothing.
+        // A long absence of events is reported once, for the first empty window.
         window.end = (count > 0).then(|| end.saturating_add(self.window));
         if let Some(next) = window.end {
             window.deadline.set(next, token, context);
@@ -83,6 +83,6 @@ impl Task for Windows {
     }
 
     fn idle(&self) -> String {
-        format!("no window of {} was whole: {}", time(self.window), self.when)
+        format!("no complete window of {}: {}", time(self.window), self.when)
     }
 }

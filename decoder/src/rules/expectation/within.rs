@@ -1,40 +1,45 @@
-//! `within`: behind one event another one follows in time.
+//! `within`: an event must follow another one within a time.
 
 use std::collections::VecDeque;
 
 use super::deadline::Deadline;
 use super::moment::Moment;
-use super::plan::Asked;
+use super::plan::QuotedExpression;
 use super::subjects::Subjects;
 use super::task::Task;
 use super::words::time;
 use crate::event::Event;
 use crate::rules::Context;
 
-/// Events that wait for an answer at once; further ones are not judged.
+/// Maximum number of pending events; further ones are ignored.
 const WAITING_LIMIT: usize = 256;
 
 pub(super) struct Within {
-    when: Asked,
-    expect: Asked,
+    when: QuotedExpression,
+    expect: QuotedExpression,
     time: i64,
-    subjects: Subjects<Waiting>,
+    subjects: Subjects<PendingEvents>,
 }
 
-/// Events that wait, oldest first: one that is expected answers all of them.
+/// Pending events, oldest first; one expected event completes all of them.
 #[derive(Debug, Clone, Default)]
-struct Waiting {
-    events: VecDeque<Begun>,
+struct PendingEvents {
+    events: VecDeque<PendingTrigger>,
     deadline: Deadline,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Begun {
+struct PendingTrigger {
     due: i64,
     moment: Moment,
 }
 
-pub(super) fn new(when: &Asked, expect: &Asked, time: i64, is_per_node: bool) -> Within {
+pub(super) fn new(
+    when: &QuotedExpression,
+    expect: &QuotedExpression,
+    time: i64,
+    is_per_node: bool,
+) -> Within {
     let subjects = Subjects::new(is_per_node);
     Within { when: when.clone(), expect: expect.clone(), time, subjects }
 }
@@ -56,7 +61,7 @@ impl Task for Within {
             if waiting.events.is_empty() {
                 waiting.deadline.set(due, token, context);
             }
-            waiting.events.push_back(Begun { due, moment: Moment::of(event) });
+            waiting.events.push_back(PendingTrigger { due, moment: Moment::of(event) });
         }
     }
 
@@ -66,7 +71,7 @@ impl Task for Within {
         while let Some(begun) = waiting.events.pop_front_if(|begun| begun.due <= due) {
             let (expect, time, frame) = (&self.expect, time(self.time), begun.moment.frames.last);
             let alarm = begun.moment.fail_at(begun.due, context);
-            alarm.say(|| format!("nothing within {time} of {{{frame}}} that matches: {expect}"));
+            alarm.report(|| format!("no match within {time} of {{{frame}}}: {expect}"));
         }
         if let Some(next) = waiting.events.front() {
             waiting.deadline.set(next.due, token, context);

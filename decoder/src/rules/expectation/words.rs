@@ -1,9 +1,9 @@
-//! Words of findings: times and expressions.
+//! Times, numbers and expressions as text.
 
-/// Letters of an expression that are shown.
+/// Maximum length of a printed expression, in characters.
 const SHOWN: usize = 80;
 
-/// An expression within a line: its beginning where it is long, its lines joined.
+/// Expression on one line, shortened to [`SHOWN`] characters.
 pub(super) fn clipped(expression: &str) -> String {
     let words: Vec<_> = expression.split_whitespace().collect();
     let line = words.join(" ");
@@ -13,7 +13,7 @@ pub(super) fn clipped(expression: &str) -> String {
     }
 }
 
-/// `3.1 ms`, `250 ms`, `12.5 s`: with as many digits as tell something.
+/// Time as text with up to three decimals: `3.1 ms`, `250 ms`, `12.5 s`.
 pub(super) fn time(nanoseconds: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time for reading")]
     let milliseconds = nanoseconds as f64 / 1e6;
@@ -23,23 +23,11 @@ pub(super) fn time(nanoseconds: i64) -> String {
     }
 }
 
-/// A number with at most three digits behind the point.
+/// Number with up to three decimals.
 pub(super) fn number(value: f64) -> String {
     let rounded = format!("{value:.3}");
     let short = rounded.trim_end_matches('0').trim_end_matches('.');
     if short == "-0" { "0".to_owned() } else { short.to_owned() }
-}
-
-/// `31st`.
-pub(super) fn nth(count: u64) -> String {
-    let ending = match (count % 10, count % 100) {
-        (_, 11..=13) => "th",
-        (1, _) => "st",
-        (2, _) => "nd",
-        (3, _) => "rd",
-        _ => "th",
-    };
-    format!("{count}{ending}")
 }
 
 #[cfg(test)]
@@ -47,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_numbers_and_places_in_a_row() {
+    fn times_and_numbers() {
         assert_eq!(time(3_100_000), "3.1 ms");
         assert_eq!(time(250_000_000), "250 ms");
         assert_eq!(time(1_000_000_000), "1 s");
@@ -55,10 +43,6 @@ mod tests {
         assert_eq!(
             (number(-0.0001), number(100.0), number(1.0 / 3.0)),
             ("0".into(), "100".into(), "0.333".into())
-        );
-        assert_eq!(
-            (nth(1), nth(12), nth(22), nth(113)),
-            ("1st".into(), "12th".into(), "22nd".into(), "113th".into())
         );
     }
 

@@ -1,42 +1,63 @@
-//! What several rules look up.
+//! Object look-ups shared by several rules.
 
 use crate::event::{Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::{PdoName, little_endian};
+use crate::rules::{Context, PdoSlot};
 use crate::session::{Node, OriginKind};
 use crate::wire::canopen::ObjectAddress;
 
-/// Bit 31 of a COB-ID: the service does not exist. Bit 30 of one of SYNC or TIME: the device produces it.
-/// Bit 29: the identifier has 29 bits (CiA 301 §7.5.2.5, §7.5.2.35).
+/// Bits of a COB-ID (CiA 301 §7.5.2.5, §7.5.2.35). Bit 31: the service does not exist. Bit 30 (SYNC, TIME):
+/// the device is the producer. Bit 29: 29-bit identifier.
 pub(super) const INVALID: u64 = 1 << 31;
 pub(super) const PRODUCES: u64 = 1 << 30;
 const EXTENDED: u64 = 1 << 29;
 
-/// What a finding about a transfer is about.
+/// Subject of a finding about an SDO transfer.
 pub(super) fn about(transfer: &SdoTransfer) -> About {
     transfer.object.map_or(About::Whole, About::Object)
 }
 
-/// A number a node surely has, by index and sub-index.
-pub(super) fn sure(node: &Node, index: u16, sub: u8) -> Option<u64> {
-    sure_of(node, ObjectAddress::new(index, sub))
+/// Confirmed value of an object; see [`confirmed_value`].
+pub(super) fn confirmed_number(node: &Node, index: u16, sub: u8) -> Option<u64> {
+    confirmed_value(node, ObjectAddress::new(index, sub))
 }
 
-/// A number a node surely has: written, read or given, and no restart since that may have changed it.
-pub(super) fn sure_of(node: &Node, address: ObjectAddress) -> Option<u64> {
+/// Value that was written, read or given and not invalidated by a restart since; `None` for PDO contents.
+pub(super) fn confirmed_value(node: &Node, address: ObjectAddress) -> Option<u64> {
     let entry = node.store().seen(address)?;
     let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
     is_sure.then(|| node.store().number(address)).flatten()
 }
 
-/// The number a transfer carried to its end, all of it seen.
+/// Value of an object, with its certainty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct SettingValue {
+    pub(super) value: u64,
+    /// Factory setting of the assigned device; the object was neither written nor read.
+    pub(super) is_default: bool,
+}
+
+/// Confirmed value, else the factory setting of the assigned device. `None` also for a value that a restart
+/// may have replaced by a stored one.
+pub(super) fn value_or_default(node: &Node, address: ObjectAddress) -> Option<SettingValue> {
+    if let Some(value) = confirmed_value(node, address) {
+        return Some(SettingValue { value, is_default: false });
+    }
+    node.assigned().filter(|_| node.store().get(address).is_none())?;
+    let entry = node.device().dictionary.find(address)?.entry?;
+    let value = u64::try_from(entry.default_number(Some(node.id().number()))?).ok()?;
+    Some(SettingValue { value, is_default: true })
+}
+
+/// Value of a complete transfer of at most 8 bytes.
 pub(super) fn number(transfer: &SdoTransfer) -> Option<u64> {
     let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated && !transfer.data.is_empty();
     (is_whole && transfer.data.len() <= 8).then(|| little_endian(&transfer.data))
 }
 
-/// The identifier in a COB-ID; `None` where it is marked invalid.
+/// Identifier in a COB-ID; `None` if bit 31 marks it invalid.
 #[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
 pub(super) fn identifier(cob_id: u64) -> Option<CanId> {
     if cob_id & INVALID != 0 {
@@ -45,13 +66,13 @@ pub(super) fn identifier(cob_id: u64) -> Option<CanId> {
     Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
 }
 
-/// Whether CiA 301 keeps an identifier for others.
+/// Whether an identifier is restricted by CiA 301 table 40.
 fn is_restricted(id: CanId) -> bool {
     let CanId::Standard(id) = id else { return false };
     matches!(id, 0x001..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..=0x7FF)
 }
 
-/// Whether an identifier is written that CiA 301 keeps for others.
+/// Whether a write sets a restricted identifier.
 pub(super) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
     let holds_id = match (object.index, object.sub) {
         (0x1005 | 0x1012 | 0x1014, 0) | (0x1280..=0x12FF, 1 | 2) => true,
@@ -61,7 +82,7 @@ pub(super) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
     holds_id && identifier(number & !of_use(object.index)).is_some_and(is_restricted)
 }
 
-/// Bits of a COB-ID that do not say whether it is valid.
+/// Flag bits of a COB-ID that do not affect its validity.
 const fn of_use(index: u16) -> u64 {
     match index {
         0x1005 | 0x1012 => 3 << 30,
@@ -69,7 +90,7 @@ const fn of_use(index: u16) -> u64 {
     }
 }
 
-/// Bytes a PDO has by its mapping, where that is sure; not of remote frames.
+/// Length of a PDO in bytes according to its confirmed mapping; `None` for remote frames.
 #[inline]
 pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
     let layout = pdo.layout.as_deref()?;
@@ -78,7 +99,23 @@ pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
     is_sure.then(|| layout.bits.div_ceil(8))
 }
 
-/// A time as milliseconds, for texts.
+/// Whether a TPDO is sent on change only: event-driven without an event timer (CiA 301 §7.5.2.37), and never
+/// repeated with unchanged content.
+pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &Context<'_>) -> bool {
+    let sent = context.bus.pdo_on(slot.id).and_then(|(name, node)| Some((name, context.bus.node(node)?)));
+    let is_configured = sent.is_some_and(|(name, node)| {
+        let parameter = |sub| confirmed_number(node, name.communication_index(), sub);
+        matches!(parameter(2), Some(254 | 255)) && parameter(5) == Some(0)
+    });
+    is_configured && slot.period_since(i64::MIN).is_none()
+}
+
+/// Display name of the origin of a dictionary entry: `EDS`, `profile`.
+pub(super) fn source_name(origin: &str) -> String {
+    if origin == "profile" { origin.to_owned() } else { origin.to_ascii_uppercase() }
+}
+
+/// Converts nanoseconds to milliseconds.
 pub(super) const fn milliseconds(nanoseconds: i64) -> i64 {
     nanoseconds / 1_000_000
 }

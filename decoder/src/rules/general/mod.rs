@@ -1,4 +1,4 @@
-//! The general rules: one file each, in families.
+//! General rules, one file per rule, grouped in families.
 
 mod bus;
 mod device;
@@ -15,16 +15,21 @@ mod uds;
 
 use super::{Declaration, Entry};
 
-/// All of them, in the order they are asked: those that explain others before those.
+/// All general rules in evaluation order: a rule that explains other findings precedes the rules that report
+/// them.
 pub static REGISTRY: &[Entry] = &[
     bus::bus_health::ENTRY,
     bus::duplicate_node_id::ENTRY,
     bus::duplicate_producer::ENTRY,
     error_control::node_lost::ENTRY,
     nmt::unexpected_boot::ENTRY,
+    nmt::late_start::ENTRY,
     emcy::emcy_raised::ENTRY,
+    pdo::pdo_lost::ENTRY,
     sdo::sdo_answer_mismatch::ENTRY,
     sdo::sdo_no_response::ENTRY,
+    sdo::sdo_client_does_not_wait::ENTRY,
+    sdo::sdo_unrequested_response::ENTRY,
     parameters::config_lost::ENTRY,
     device::command_gap::ENTRY,
     error_control::guard_late::ENTRY,
@@ -38,8 +43,12 @@ pub static REGISTRY: &[Entry] = &[
     parameters::parameter_locked::ENTRY,
     parameters::store_signature::ENTRY,
     parameters::store_not_effective::ENTRY,
+    parameters::identity_mismatch::ENTRY,
     parameters::object_default::ENTRY,
     device::calibration::ENTRY,
+    device::active_not_ended::ENTRY,
+    device::state_skipped::ENTRY,
+    device::state_undefined::ENTRY,
     device::state_lost::ENTRY,
     device::fault_reset_without_edge::ENTRY,
     device::setpoint_not_effective::ENTRY,
@@ -63,6 +72,7 @@ pub static REGISTRY: &[Entry] = &[
     sdo::sdo_abort_code::ENTRY,
     sdo::sdo_block_crc::ENTRY,
     sdo::sdo_block_sequence::ENTRY,
+    sdo::sdo_block_loss::ENTRY,
     sdo::sdo_size::ENTRY,
     sdo::sdo_toggle::ENTRY,
     sdo::sdo_upload_refused::ENTRY,
@@ -74,6 +84,7 @@ pub static REGISTRY: &[Entry] = &[
     nmt::traffic_before_boot::ENTRY,
     nmt::nmt_command_invalid::ENTRY,
     nmt::nmt_command_ignored::ENTRY,
+    nmt::operational_lost::ENTRY,
     nmt::service_in_stopped::ENTRY,
     error_control::guard_toggle::ENTRY,
     error_control::guard_with_heartbeat::ENTRY,
@@ -84,6 +95,7 @@ pub static REGISTRY: &[Entry] = &[
     emcy::emcy_repeated::ENTRY,
     emcy::emcy_missing::ENTRY,
     pdo::pdo_outside_operational::ENTRY,
+    pdo::pdo_invalid::ENTRY,
     pdo::pdo_short::ENTRY,
     pdo::pdo_long::ENTRY,
     sync::sync_counter::ENTRY,
@@ -96,7 +108,7 @@ pub static REGISTRY: &[Entry] = &[
     bus::time_not_monotonic::ENTRY,
 ];
 
-/// What all general rules say of themselves, in the order they are asked.
+/// Declarations of all general rules, in evaluation order.
 pub fn declarations() -> impl Iterator<Item = &'static Declaration> {
     REGISTRY.iter().map(|entry| entry.declaration)
 }

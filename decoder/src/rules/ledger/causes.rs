@@ -1,4 +1,4 @@
-//! What explains what: `causes.toml` as a table by effect.
+//! Causes of findings: `causes.toml`, indexed by the rule of the effect.
 
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -7,46 +7,46 @@ use serde::Deserialize;
 
 use crate::finding::{Cause, RuleInfo};
 
-/// Among effects: all rules that judge times.
+/// Name in `effects` for all rules that check times.
 const TIMING: &str = "timing";
 
-/// What becomes of a finding that another one explains.
+/// Consequence for a finding that has a cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::rules) enum Effect {
-    /// It follows from it: told beneath it, as severe as it is.
+    /// Consequence of the cause: printed below it with unchanged severity.
     Follows,
-    /// It says the same: counted there and not told.
+    /// Same fault as the cause: counted there, not printed.
     Same,
-    /// The capture or the bus is to blame as likely as the device: a note.
+    /// The capture or the bus may be the reason instead of the device: reduced to a note.
     Quality,
 }
 
-/// An explanation that was found.
+/// A cause found for a finding.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::rules) struct Explained {
+pub(in crate::rules) struct Explanation {
     pub(in crate::rules) effect: Effect,
     pub(in crate::rules) by: Cause,
 }
 
-/// One line of the table.
+/// One row of the table.
 #[derive(Debug)]
 pub(in crate::rules) struct CauseEntry {
-    /// Rule or kind of event that explains.
+    /// Rule or event kind of the cause.
     pub(in crate::rules) by: String,
-    /// What is said where it is a kind of event.
+    /// Description of the cause if it is an event kind.
     pub(in crate::rules) text: Arc<str>,
-    /// How long before the effect at most, in nanoseconds.
+    /// Maximum time from cause to effect, in ns.
     pub(in crate::rules) within: i64,
-    /// It must be of the same node.
+    /// Cause and effect must be at the same node.
     pub(in crate::rules) is_on_node: bool,
-    /// What becomes of the effect.
+    /// Consequence for the effect.
     pub(in crate::rules) effect: Effect,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct CausesFile {
     cause: Vec<Row>,
 }
 
@@ -69,7 +69,7 @@ enum Scope {
     Bus,
 }
 
-/// All lines by the name of the effect's rule.
+/// All rows, by the rule of the effect.
 #[derive(Debug, Default)]
 pub(in crate::rules) struct Causes {
     by_effect: HashMap<String, Vec<Arc<CauseEntry>>>,
@@ -77,31 +77,33 @@ pub(in crate::rules) struct Causes {
 }
 
 impl Causes {
-    /// What may explain findings of a rule, likeliest first: its own lines, then those of all rules about times.
+    /// Possible causes for findings of a rule, most specific first: rows of the rule, then those for all
+    /// timing rules.
     pub(in crate::rules) fn of(&self, rule: &RuleInfo) -> impl Iterator<Item = &CauseEntry> {
         let timing = self.by_effect.get(TIMING).filter(|_| rule.is_timing);
         let own = self.by_effect.get(&*rule.name);
         own.into_iter().chain(timing).flatten().map(Arc::as_ref)
     }
 
-    /// Rules and kinds of events that explain.
+    /// Rules and event kinds that can be a cause.
     pub(in crate::rules) fn explaining(&self) -> &[String] {
         &self.by
     }
 
-    /// Rules that are explained.
+    /// Rules that can be an effect.
     #[cfg(test)]
     fn explained(&self) -> impl Iterator<Item = &String> {
         self.by_effect.keys()
     }
 }
 
-/// The table.
+/// Table of causes, parsed once.
 pub(in crate::rules) fn causes() -> &'static Causes {
     static CAUSES: OnceLock<Causes> = OnceLock::new();
     CAUSES.get_or_init(|| {
-        // A test holds the file to be well-formed; a broken one explains nothing.
-        let file: File = toml::from_str(include_str!("causes.toml")).unwrap_or(File { cause: Vec::new() });
+        // A unit test checks that the file is valid; an invalid file would yield an empty table.
+        let file: CausesFile =
+            toml::from_str(include_str!("causes.toml")).unwrap_or(CausesFile { cause: Vec::new() });
         let mut causes = Causes::default();
         for row in file.cause {
             for by in &row.by {
@@ -132,7 +134,7 @@ mod tests {
     #[test]
     fn every_name_is_a_rule_or_a_kind_of_event() {
         let rules: Vec<_> = declarations().map(|rule| rule.name).collect();
-        toml::from_str::<File>(include_str!("causes.toml")).unwrap();
+        toml::from_str::<CausesFile>(include_str!("causes.toml")).unwrap();
         assert!(!causes().explaining().is_empty());
         for name in causes().explaining() {
             assert!(rules.contains(&name.as_str()) || KindSet::ALL.contains_name(name), "{name}");

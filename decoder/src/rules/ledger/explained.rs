@@ -1,23 +1,24 @@
-//! What explains a finding: the groups and kinds of events before it, and at the end those that came late.
+//! Search for the cause of a finding: earlier findings and events, and at the end of the capture also later
+//! ones.
 
 use std::sync::Arc;
 
-use super::causes::{CauseEntry, Effect, Explained, causes};
+use super::causes::{CauseEntry, Effect, Explanation, causes};
 use super::{Claim, Ledger};
 use crate::finding::{Cause, Group, RuleInfo, Severity};
 use crate::frame::Timestamp;
 use crate::rules::conformance::Standing;
 
-/// Why a finding is less severe before the bus has shown what it speaks.
-pub(super) const PRESUMED: &str = "the protocol is presumed only";
+/// Reason for a lower severity while the protocol of the bus is only presumed.
+pub(super) const PRESUMED: &str = "protocol only presumed";
 
 impl Ledger {
-    /// How bad it is after what explains it, why less than its rule says, and what explains it.
+    /// Effective severity, the reason if it is lower than that of the rule, and the cause.
     pub(super) fn severity(
         &self,
         claim: &Claim,
         opens: bool,
-    ) -> (Severity, Option<String>, Option<Explained>) {
+    ) -> (Severity, Option<String>, Option<Explanation>) {
         let Some(rule) = self.rules.get(usize::from(claim.key.rule)) else {
             return (Severity::Note, None, None);
         };
@@ -25,14 +26,20 @@ impl Ledger {
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
         let explained = opens.then(|| self.explanation(rule, claim)).flatten();
-        if let Some(Explained { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
+        if let Some(Explanation { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
             severity = Severity::Note;
-            reason = Some(format!("{text} may explain it"));
+            reason = Some(format!("{text} may be the cause"));
         }
         if self.run.standing(&rule.name) == Standing::Beside {
             severity = Severity::Note;
             let case = self.run.case().unwrap_or_default();
-            reason.get_or_insert_with(|| format!("within conformance test {case}, which is not about it"));
+            reason.get_or_insert_with(|| {
+                format!("inside conformance test {case}, which does not cover this rule")
+            });
+        }
+        if let Some(setting) = claim.assumed {
+            severity = severity.lowered();
+            reason.get_or_insert_with(|| setting.to_owned());
         }
         if claim.is_presumed {
             severity = severity.lowered();
@@ -41,19 +48,19 @@ impl Ledger {
         (severity, reason, explained)
     }
 
-    /// What explains a finding of this rule.
-    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explained> {
+    /// Cause of a finding of this rule.
+    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explanation> {
         if let Some(by) = self.taken_in_by(rule, claim) {
-            return Some(Explained { effect: Effect::Same, by: Cause::Group(by) });
+            return Some(Explanation { effect: Effect::Same, by: Cause::Group(by) });
         }
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
-            // A rule and a kind of event may have one name (node-lost): the rule is meant.
+            // If a rule and an event kind share a name (node-lost), the rule takes precedence.
             let by = self.rules.iter().position(|known| *known.name == *cause.by);
             let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else {
                 if self.kinds.get(&(cause.by.as_str(), claim.key.bus)).is_some_and(|seen| *seen >= from) {
                     let by = Cause::Quality(Arc::clone(&cause.text));
-                    return Some(Explained { effect: cause.effect, by });
+                    return Some(Explanation { effect: cause.effect, by });
                 }
                 continue;
             };
@@ -62,13 +69,13 @@ impl Ledger {
                 && *seen >= from
                 && let Some(group) = self.groups.get(*place)
             {
-                return Some(Explained { effect: cause.effect, by: Cause::Group(group.id) });
+                return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
             }
         }
         None
     }
 
-    /// Effects may be seen before their cause: those are found at the end, by their first occurrences.
+    /// Links findings to causes that were reported after them, by the times of their first occurrences.
     pub(super) fn link_late_causes(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
@@ -103,14 +110,14 @@ impl Ledger {
     }
 }
 
-/// What is told late, at a deadline, may have begun before what it explains, in nanoseconds.
+/// A finding reported late, at a deadline, may start up to this long after its effect, in ns.
 const TOLD_LATE: i64 = 500_000_000;
 
-/// Whether a finding that began at `cause` may explain one that began at `effect`.
+/// Whether a finding that started at `cause` may explain a finding that started at `effect`.
 fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
     let (Some(cause), Some(effect)) = (cause, effect) else { return false };
     let after = effect.since(cause);
-    // The same trouble told twice may be told in either order.
+    // Two reports of the same fault may occur in either order.
     let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
     (-earliest..=entry.within).contains(&after)
 }

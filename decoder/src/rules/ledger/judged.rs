@@ -1,4 +1,4 @@
-//! What a ledger gives when all is judged.
+//! Final results of a ledger.
 
 use std::sync::Arc;
 
@@ -7,10 +7,10 @@ use super::explained::PRESUMED;
 use crate::finding::{Findings, Tally, Verdict};
 
 impl Ledger {
-    /// Everything judged; of rules that judge times nothing where `is_timed` says so.
+    /// All results. Without usable timestamps (`is_timed` false), results of timing rules are discarded.
     pub(in crate::rules) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
         self.link_late_causes();
-        self.say_unexercised(&mut quality);
+        self.add_unexercised(&mut quality);
         self.forget_presumed();
         if !is_timed {
             let judges_time =
@@ -48,7 +48,7 @@ impl Ledger {
         }
     }
 
-    /// What was found by taking a bus for CANopen that turned out to be none is no finding.
+    /// Removes findings that presumed CANopen on a bus that does not use it.
     fn forget_presumed(&mut self) {
         let Self { groups, tallies, doubted, .. } = self;
         groups.retain(|group| {
@@ -60,8 +60,8 @@ impl Ledger {
         });
     }
 
-    /// What is said of rules that had nothing to judge.
-    fn say_unexercised(&self, quality: &mut Vec<String>) {
+    /// Adds the reasons why rules were not exercised.
+    fn add_unexercised(&self, quality: &mut Vec<String>) {
         for (rule, why) in &self.unexercised {
             let place = usize::from(*rule);
             if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))

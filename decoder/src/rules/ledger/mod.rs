@@ -1,8 +1,9 @@
-//! Where findings are kept while a capture is judged: groups, tallies, what explains what.
+//! Findings of a capture during the check: groups, verdict counts and causes.
 
 pub(super) mod causes;
 mod explained;
 mod judged;
+mod manual;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -10,83 +11,92 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use self::causes::{Effect, Explained};
+use self::causes::{Effect, Explanation};
 use super::conformance::{Run, Standing};
 use super::policy::Policy;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
-    Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
-use crate::session::Bus;
+use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::test_marker::TestMarker;
 
-/// A finding that does not come again for so long is closed, in nanoseconds.
+/// A finding is closed after this time without an occurrence, in ns.
 pub(super) const QUIET: i64 = 5_000_000_000;
 
-/// What a rule says of something that is wrong.
+/// A defect reported by a rule.
 pub(super) struct Claim {
     pub(super) key: Key,
     pub(super) severity: Option<Severity>,
     pub(super) measure: Option<f64>,
-    /// Other than the rule's own.
+    /// Overrides the event word of the rule.
     pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
+    /// Factory setting that the check assumed, as reason for a lower severity.
+    pub(super) assumed: Option<&'static str>,
     pub(super) now: i64,
     pub(super) at: Occurrence,
+    /// Start of a condition.
+    pub(super) since: Option<Timestamp>,
 }
 
-/// What is known of a group beside what output needs.
+/// The bus of a claim, and the node if the bus knows it.
+type Subject<'a> = (&'a Arc<str>, Option<&'a Node>);
+
+/// Internal state of a group, in addition to the data for output.
 #[derive(Debug, Clone, Default)]
-struct Course {
-    /// Time of its last occurrence.
+struct GroupState {
+    /// Monotonic time of the last occurrence, in ns.
     last: i64,
-    /// It goes on until its rule closes it.
+    /// The condition lasts until the rule closes it.
     is_ongoing: bool,
-    /// Occurrences since it opened.
+    /// Start of the condition; None if it is over.
+    since: Option<Timestamp>,
+    /// Occurrences since the group was last opened.
     since_open: u64,
-    /// Measure of the worst.
+    /// Largest measure so far.
     worst: f64,
-    /// What is said of it now, where that is not the group's text.
+    /// Current text, if it differs from the text of the group.
     said: Option<String>,
-    /// Its word in the lines of events, other than the rule's own.
+    /// Overrides the event word of the rule.
     word: Option<&'static str>,
 }
 
 /// A group opened or closed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct News {
-    /// Place of the group.
+    /// Index of the group.
     group: usize,
-    pub(super) what: What,
-    /// When, and which frames show it.
+    pub(super) what: GroupChange,
+    /// Time and frames of the change.
     pub(super) at: Occurrence,
 }
 
-/// What a group did.
+/// Change of a group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum What {
+pub(super) enum GroupChange {
     Opened,
     Closed,
-    /// Closed because nothing comes any more.
+    /// Closed at the end of the capture.
     Ended,
 }
 
-/// A rule at a node of a bus, or anywhere on it.
-type Place = (u16, BusIndex, Option<NodeId>);
+/// A rule on a bus, at one node or at any node.
+type RulePlace = (u16, BusIndex, Option<NodeId>);
 
-/// Which findings rules of devices take in.
+/// `takes_in` relations of device rules.
 #[derive(Debug, Default)]
-struct Taken {
-    /// By the name of a rule, those that take it in.
+struct DeviceRuleCauses {
+    /// Rules that absorb findings of the named rule.
     by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
-    /// By a rule, the names of those it takes in.
+    /// Names of the rules whose findings a rule absorbs.
     by_rule: HashMap<u16, Vec<Arc<str>>, FixedState>,
 }
 
-/// Groups, tallies, news.
+/// Groups, verdict counts and pending news of one capture.
 #[derive(Debug)]
 pub(super) struct Ledger {
     policy: Arc<Policy>,
@@ -94,21 +104,20 @@ pub(super) struct Ledger {
     tallies: Vec<Tally>,
     cases: BTreeMap<Arc<str>, Tally>,
     groups: Vec<Group>,
-    courses: Vec<Course>,
+    courses: Vec<GroupState>,
     by_key: HashMap<Key, usize, FixedState>,
-    /// The last group of a rule on a bus (and at a node), and when it was seen last.
-    latest: HashMap<Place, (usize, i64), FixedState>,
-    /// Which findings rules of devices take in.
-    taken: Taken,
-    /// When a kind of event was seen last on a bus.
+    /// Latest group of a rule on a bus (and at a node), with the monotonic time of its last occurrence.
+    latest: HashMap<RulePlace, (usize, i64), FixedState>,
+    taken: DeviceRuleCauses,
+    /// Monotonic time of the last event of a kind on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
     ungrouped: u64,
-    /// The conformance test that is being run.
+    /// Current conformance test run.
     run: Run,
     pub(super) news: Vec<News>,
-    /// Why rules had nothing to judge.
+    /// Reasons why rules were not exercised.
     unexercised: Vec<(u16, String)>,
-    /// Buses that turned out not to be CANopen.
+    /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
 }
 
@@ -124,7 +133,7 @@ impl Ledger {
             courses: Vec::new(),
             by_key: HashMap::default(),
             latest: HashMap::default(),
-            taken: Taken::default(),
+            taken: DeviceRuleCauses::default(),
             kinds: HashMap::default(),
             ungrouped: 0,
             run: Run::default(),
@@ -141,7 +150,7 @@ impl Ledger {
         }
     }
 
-    /// Takes note of why a rule had nothing to judge; said of the first bus that says so.
+    /// Records why a rule was not exercised; the first reason wins.
     pub(super) fn unexercised(&mut self, rule: u16, why: String) {
         if !self.unexercised.iter().any(|(known, _)| *known == rule) {
             self.unexercised.push((rule, why));
@@ -153,7 +162,7 @@ impl Ledger {
         if failed { tally.failed += 1 } else { tally.passed += 1 }
     }
 
-    /// The test tool begins or ends a case.
+    /// Handles the start or end marker of a conformance test case.
     pub(super) fn mark(&mut self, marker: TestMarker, frame: u64) {
         self.run.mark(marker, frame, &self.rules, &self.tallies);
     }
@@ -164,16 +173,16 @@ impl Ledger {
         }
     }
 
-    /// Notes that a kind of event that may explain findings was seen.
+    /// Records an event that may explain findings.
     pub(super) fn saw(&mut self, kind: &'static str, bus: BusIndex, now: i64) {
         self.kinds.insert((kind, bus), now);
     }
 
-    /// Takes note of something wrong; says whether its group is one that has to be watched for quiet.
+    /// Records a defect. Returns the index of its group if the caller must wait for [`QUIET`].
     pub(super) fn fail(
         &mut self,
         claim: &Claim,
-        names: (&Arc<str>, Option<&str>),
+        subject: Subject<'_>,
         text: impl FnOnce() -> String,
     ) -> Option<usize> {
         let rule = self.rules.get(usize::from(claim.key.rule));
@@ -187,7 +196,7 @@ impl Ledger {
         let known = self.by_key.get(&claim.key).copied();
         let place = match known {
             Some(place) => place,
-            None if self.groups.len() < GROUP_LIMIT => self.add_group(claim, names),
+            None if self.groups.len() < GROUP_LIMIT => self.add_group(claim, subject),
             None => {
                 self.ungrouped += 1;
                 return None;
@@ -207,7 +216,7 @@ impl Ledger {
         self.open(place, claim, severity, opens, rises)
     }
 
-    fn add_group(&mut self, claim: &Claim, (bus, node_name): (&Arc<str>, Option<&str>)) -> usize {
+    fn add_group(&mut self, claim: &Claim, (bus, node): Subject<'_>) -> usize {
         let place = self.groups.len();
         let rule = self.rules.get(usize::from(claim.key.rule));
         let mut group = Group {
@@ -215,11 +224,16 @@ impl Ledger {
             key: claim.key.clone(),
             rule: rule.map_or_else(|| "".into(), |rule| Arc::clone(&rule.name)),
             bus: Arc::clone(bus),
-            node_name: node_name.map(Arc::from),
+            node_name: node.and_then(Node::name).map(Arc::from),
+            object_name: object_name(&claim.key.about, node),
+            next_step: rule.and_then(|rule| rule.next_step.clone()),
+            manual: rule.and_then(|rule| manual::cited(rule, &claim.key.about, node)),
             severity: Severity::Note,
             text: String::new(),
             worst: None,
             count: 0,
+            lasted: None,
+            lasts_to_end: false,
             first: Vec::new(),
             last: VecDeque::new(),
             cause: None,
@@ -230,7 +244,7 @@ impl Ledger {
         };
         group.suppressed = self.policy.suppression(&group);
         self.groups.push(group);
-        self.courses.push(Course { worst: f64::NEG_INFINITY, word: claim.word, ..Course::default() });
+        self.courses.push(GroupState { worst: f64::NEG_INFINITY, word: claim.word, ..GroupState::default() });
         self.by_key.insert(claim.key.clone(), place);
         place
     }
@@ -245,7 +259,7 @@ impl Ledger {
         course.since_open += 1;
         let worse = claim.measure.filter(|measure| *measure > course.worst);
         if is_said || worse.is_some() {
-            // Of thousands of groups most are seen once: nothing is kept in reserve, or twice.
+            // Saves memory: most of thousands of groups occur once.
             let mut said = text();
             said.shrink_to_fit();
             if group.count == 1 {
@@ -271,18 +285,18 @@ impl Ledger {
         }
     }
 
-    /// Opens a group that is not open, or tells it again where it got worse; gives it if its quiet has to be
-    /// waited for.
+    /// Opens a closed group, or emits an open one again if its severity rises. Returns the index if the
+    /// caller must wait for [`QUIET`].
     fn open(
         &mut self,
         place: usize,
         claim: &Claim,
-        (severity, reason, explained): (Severity, Option<String>, Option<Explained>),
+        (severity, reason, explained): (Severity, Option<String>, Option<Explanation>),
         opens: bool,
         rises: bool,
     ) -> Option<usize> {
         let (group, course) = (self.groups.get_mut(place)?, self.courses.get_mut(place)?);
-        if let Some(Explained { effect, by }) = explained {
+        if let Some(Explanation { effect, by }) = explained {
             group.is_absorbed |= effect == Effect::Same;
             if group.cause.is_none() && by != Cause::Group(group.id) {
                 group.cause = Some(by);
@@ -296,11 +310,14 @@ impl Ledger {
             group.downgraded = reason;
         }
         let was_ongoing = std::mem::replace(&mut course.is_ongoing, claim.is_ongoing);
+        if claim.is_ongoing && course.since.is_none() {
+            course.since = claim.since;
+        }
         if opens || rises {
-            self.news.push(News { group: place, what: What::Opened, at: claim.at });
+            self.news.push(News { group: place, what: GroupChange::Opened, at: claim.at });
         }
         if !opens {
-            // Nobody waits for the quiet of what went on.
+            // A wait is pending already, unless the condition was ongoing.
             return (was_ongoing && !claim.is_ongoing).then_some(place);
         }
         group.is_open = true;
@@ -308,7 +325,7 @@ impl Ledger {
         (!claim.is_ongoing).then_some(place)
     }
 
-    /// A group's time of quiet may be over: when to look again, if it is not.
+    /// Closes a group after [`QUIET`]; returns the time of the next check if it is too early.
     pub(super) fn quiet(&mut self, place: usize, now: i64, at: Occurrence) -> Option<i64> {
         let course = self.courses.get(place)?;
         let over = course.last.saturating_add(QUIET);
@@ -318,57 +335,67 @@ impl Ledger {
         if over > now {
             return Some(over);
         }
-        self.close(place, What::Closed, at);
+        self.close(place, GroupChange::Closed, at);
         None
     }
 
-    /// Closes a group that its rule says is over.
+    /// Closes a group whose condition is over.
     pub(super) fn close_key(&mut self, key: &Key, at: Occurrence) {
         if let Some(place) = self.by_key.get(key).copied() {
-            self.close(place, What::Closed, at);
+            self.close(place, GroupChange::Closed, at);
         }
     }
 
-    fn close(&mut self, place: usize, what: What, at: Occurrence) {
-        if let Some(group) = self.groups.get_mut(place)
+    fn close(&mut self, place: usize, what: GroupChange, at: Occurrence) {
+        if let (Some(group), Some(course)) = (self.groups.get_mut(place), self.courses.get_mut(place))
             && std::mem::replace(&mut group.is_open, false)
         {
+            if let (Some(since), Some(end)) = (course.since.take(), at.time) {
+                group.lasted = Some(group.lasted.unwrap_or(0).saturating_add(end.since(since)));
+                group.lasts_to_end = what == GroupChange::Ended;
+            }
             self.news.push(News { group: place, what, at });
         }
     }
 
-    /// Closes all that is open.
+    /// Closes all open groups of a bus at the end of the capture.
     pub(super) fn close_all(&mut self, bus: &Bus) {
-        if bus.doubt().is_some() {
+        if bus.is_canopen_rejected() {
             self.doubted.push(bus.index());
         }
         let at = occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
         for place in 0..self.groups.len() {
             if self.groups.get(place).is_some_and(|group| group.key.bus == bus.index()) {
-                self.close(place, What::Ended, at);
+                self.close(place, GroupChange::Ended, at);
             }
         }
     }
 
-    /// What a sink writes of news: which group it is, and what it says. Nothing of those that need not be told.
-    pub(super) fn tell(&self, news: News) -> Option<(&Group, FindingNews)> {
+    /// Content of a finding event with its group; None if the group is suppressed or absorbed.
+    pub(super) fn finding_news(&self, news: News) -> Option<(&Group, FindingNews)> {
         let (group, course) = (self.groups.get(news.group)?, self.courses.get(news.group)?);
         if !group.counts() {
             return None;
         }
         let rule = self.rules.get(usize::from(group.key.rule))?;
         let text = match (&group.worst, news.what) {
-            (Some((_, text, _)), What::Closed | What::Ended) => text.clone(),
+            (Some((_, text, _)), GroupChange::Closed | GroupChange::Ended) => text.clone(),
             _ => course.said.as_ref().unwrap_or(&group.text).clone(),
         };
-        let (count, is_at_end) = (course.since_open, news.what == What::Ended);
+        let (count, is_at_end) = (course.since_open, news.what == GroupChange::Ended);
         let word = course.word.unwrap_or(rule.word);
         let news = FindingNews { word, text, count, is_at_end, ..group.news(rule) };
         Some((group, news))
     }
 }
 
-/// An occurrence of a deadline.
+/// Name of the object that a finding is about.
+fn object_name(about: &About, node: Option<&Node>) -> Option<Arc<str>> {
+    let About::Object(object) = about else { return None };
+    node?.meaning(*object).map(|meaning| meaning.name.into())
+}
+
+/// Occurrence with its time and frames.
 pub(super) fn occurrence(time: Option<Timestamp>, frames: FrameRange) -> Occurrence {
     Occurrence { time, frames }
 }

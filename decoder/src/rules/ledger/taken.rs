@@ -1,19 +1,20 @@
-//! Rules of devices: they become known while a capture is judged, and take in findings that have the same cause.
+//! Rules of devices: registered when a device is identified; they absorb findings that have the same cause.
 
 use std::sync::Arc;
 
 use super::{Claim, Ledger};
 use crate::finding::{About, Cause, Group, Key, RuleInfo, RuleOrigin, Tally};
 
-/// Rules of all devices of a capture, beside the general ones.
+/// Maximum number of device rules of a capture.
 const DEVICE_RULE_LIMIT: usize = 4096;
 
-/// What is taken in comes so long before or after, in nanoseconds: how a calibration ended may be told a minute behind
-/// what was wrong at its start.
+/// Maximum time between a finding and its absorbing finding, in ns. The result of a calibration may be
+/// reported a minute after a fault at its start.
 const WINDOW: i64 = 60_000_000_000;
 
 impl Ledger {
-    /// The place of a rule of a device, known from now on; `None` where it is switched off, or finds no room.
+    /// Registers a device rule and returns its index; None if it is switched off or [`DEVICE_RULE_LIMIT`] is
+    /// reached.
     pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, takes_in: Vec<Arc<str>>) -> Option<u16> {
         if let Some(place) = self.rules.iter().position(|known| known.name == info.name) {
             let is_on = self.rules.get(place).is_some_and(|rule| rule.is_on);
@@ -36,37 +37,39 @@ impl Ledger {
         Some(place)
     }
 
-    /// The finding of a device's rule that takes in one of this rule, as it is seen now.
+    /// Finding of a device rule that absorbs this defect at its time.
     pub(super) fn taken_in_by(&self, rule: &RuleInfo, claim: &Claim) -> Option<u64> {
         let place = self.taker(rule, &claim.key)?;
         let seen = self.courses.get(place)?.last;
         (seen >= claim.now.saturating_sub(WINDOW)).then(|| self.groups.get(place).map(|group| group.id))?
     }
 
-    /// The same at the end: the one that takes in may have come later.
+    /// Like [`Self::taken_in_by`] at the end of the capture: the absorbing finding may have been reported
+    /// later.
     pub(super) fn taken_in_late(&self, rule: &RuleInfo, group: &Group) -> Option<u64> {
         let by = self.groups.get(self.taker(rule, &group.key)?)?;
         let (one, other) = group.began().time.zip(by.began().time)?;
         (one.since(other).unsigned_abs() <= WINDOW.unsigned_abs()).then_some(by.id)
     }
 
-    /// Place of the finding at the same node that has the same cause.
+    /// Index of the absorbing finding at the same node.
     fn taker(&self, rule: &RuleInfo, key: &Key) -> Option<usize> {
         self.taken.by_effect.get(&rule.name)?.iter().find_map(|by| self.of_same_matter(*by, key))
     }
 
-    /// Place of a finding of a rule at the same node: about the same, else about what is no other object.
+    /// Index of a finding of a rule at the same node: about the same subject, else not about a different
+    /// object.
     fn of_same_matter(&self, rule: u16, key: &Key) -> Option<usize> {
         let latest = self.latest.get(&(rule, key.bus, key.node)).map(|(place, _)| *place);
         let place = self.by_key.get(&Key { rule, ..key.clone() }).copied().or(latest)?;
         let about = &self.groups.get(place)?.key.about;
-        // What concerns another object is another matter.
+        // A finding about another object has another cause.
         let is_other =
             matches!((about, &key.about), (About::Object(one), About::Object(other)) if one != other);
         (!is_other).then_some(place)
     }
 
-    /// A finding opens whose rule takes in others: those that came before it belong to it from now on.
+    /// Absorbs earlier findings when a finding of a rule with `takes_in` opens.
     pub(super) fn take_in(&mut self, claim: &Claim) {
         let Some(effects) = self.taken.by_rule.get(&claim.key.rule).filter(|effects| !effects.is_empty())
         else {

@@ -1,44 +1,47 @@
-//! What is remembered of a device's doings: states, set points, procedures, and what may explain them.
+//! State of a device: state machines, set points, procedures, and possible causes of a change.
 
 use std::sync::Arc;
 
 use super::moment::Moment;
-use super::procedures::Running;
+use super::procedures::{ProcedureResult, RunningProcedure};
 use super::set_point::SetPointState;
 use super::state_machine::MachineState;
+use crate::profile::device::ProcedureStatus;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
-/// What is remembered of a device's doings.
+/// Device state of one node.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Behaviour {
-    /// Last raw value of objects that matter and travel in PDOs.
+    /// Last raw values of the objects in PDOs that a plan watches.
     pub(in crate::session) words: Vec<(ObjectAddress, u64)>,
     pub(in crate::session) machines: Vec<MachineState>,
     pub(in crate::session) set_points: Vec<SetPointState>,
-    pub(in crate::session) running: Vec<Running>,
-    /// Modes told last.
+    pub(in crate::session) running: Vec<RunningProcedure>,
+    /// Procedures that ended; at most one per procedure of the profile.
+    pub(in crate::session) results: Vec<ProcedureResult>,
+    /// Modes emitted last.
     pub(in crate::session) modes: Vec<(ObjectAddress, i64)>,
-    /// The last commands, latest first.
+    /// Last NMT commands, latest first.
     pub(in crate::session) nmt: [Option<Moment<NmtService>>; 3],
     pub(in crate::session) emcy: Option<Moment<u16>>,
-    /// The last fault reported by DM1: SPN and FMI.
+    /// Last fault reported by DM1: SPN and FMI.
     pub(in crate::session) dtc: Option<Moment<(u32, u8)>>,
-    /// Messages that did not come within the time the manual gives.
+    /// Messages not received within the time in the manual.
     pub(in crate::session) overdue: Vec<Arc<str>>,
     pub(in crate::session) boot: Option<Moment<()>>,
     pub(in crate::session) sync: Option<Moment<()>>,
-    /// A deadline of set points that wait for SYNC is queued.
+    /// A SYNC deadline of set points is in the timer queue.
     pub(in crate::session) sync_queued: bool,
 }
 
 impl Behaviour {
-    /// Last raw value of an object in a PDO.
+    /// Last raw value of a watched object in a PDO.
     pub(in crate::session) fn word(&self, object: ObjectAddress) -> Option<u64> {
         self.words.iter().find(|(known, _)| *known == object).map(|(_, raw)| *raw)
     }
 
-    /// Notes a raw value; gives the one before.
+    /// Stores a raw value and returns the previous one.
     pub(in crate::session) fn note(&mut self, object: ObjectAddress, raw: u64) -> Option<u64> {
         if let Some((_, known)) = self.words.iter_mut().find(|(known, _)| *known == object) {
             return Some(std::mem::replace(known, raw));
@@ -47,18 +50,38 @@ impl Behaviour {
         None
     }
 
-    /// All traffic stopped for so long.
+    /// Ends all procedures at a restart; a later status contains their outcome.
+    pub(in crate::session) fn interrupt_procedures(&mut self, frame: u64) {
+        for running in std::mem::take(&mut self.running) {
+            self.set_result(ProcedureResult {
+                place: running.place,
+                started: Some(running.started),
+                ended: frame,
+                outcome: ProcedureStatus::Ended,
+                is_read: false,
+            });
+        }
+    }
+
+    /// Replaces the result of a procedure.
+    pub(in crate::session) fn set_result(&mut self, result: ProcedureResult) {
+        self.results.retain(|known| known.place != result.place);
+        self.results.push(result);
+    }
+
+    /// Moves deadlines by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         for point in &mut self.set_points {
             point.postpone(delay);
         }
     }
 
-    /// Bytes held.
+    /// Bytes held by the lists.
     pub(in crate::session) fn footprint(&self) -> usize {
         self.words.capacity() * size_of::<(ObjectAddress, u64)>()
             + self.machines.capacity() * size_of::<MachineState>()
             + self.set_points.capacity() * size_of::<SetPointState>()
-            + self.running.capacity() * size_of::<Running>()
+            + self.running.capacity() * size_of::<RunningProcedure>()
+            + self.results.capacity() * size_of::<ProcedureResult>()
     }
 }

@@ -1,4 +1,4 @@
-//! Messages that must come again within the time the device's manual gives: their last intervals.
+//! Intervals of messages for which the manual of the receiver gives a max time.
 
 use std::sync::Arc;
 
@@ -6,24 +6,24 @@ use crate::event::{EventKind, MessageGap};
 use crate::wire::NodeId;
 use crate::wire::j1939::J1939Id;
 
-/// Intervals the usual one is taken of.
+/// Number of intervals used for the usual interval.
 const INTERVALS: usize = 8;
 
-/// What is remembered of such a message.
+/// State of one monitored message.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Cadence {
-    /// Device whose manual says so.
+    /// Device whose manual gives the time.
     pub(in crate::session) node: NodeId,
-    /// Its name in the profile.
+    /// Message name in the profile.
     pub(in crate::session) name: Arc<str>,
     pub(in crate::session) title: String,
-    /// Nanoseconds permitted.
+    /// Max interval in ns.
     pub(in crate::session) limit: i64,
     pub(in crate::session) id: J1939Id,
-    /// Monotonic time of the last one, and its frame.
+    /// Monotonic time and frame of the last message.
     pub(in crate::session) last: i64,
     pub(in crate::session) last_frame: u64,
-    /// Last intervals, newest first; 0 for none.
+    /// Last intervals in ns, newest first; 0 for none.
     pub(in crate::session) intervals: [i64; INTERVALS],
     pub(in crate::session) is_overdue: bool,
     pub(in crate::session) is_queued: bool,
@@ -51,29 +51,29 @@ impl Cadence {
         }
     }
 
-    /// Device whose manual gives a time, and that time in nanoseconds.
+    /// Device whose manual gives the time, and the max interval in ns.
     pub(in crate::session) fn limit(&self) -> (NodeId, i64) {
         (self.node, self.limit)
     }
 
-    /// Its name in the profile.
+    /// Message name in the profile.
     pub(in crate::session) fn name(&self) -> &Arc<str> {
         &self.name
     }
 
-    /// Monotonic time of the last one.
+    /// Monotonic time of the last message; `None` before the first.
     pub(in crate::session) fn last(&self) -> Option<i64> {
         (self.last_frame != 0).then_some(self.last)
     }
 
-    /// All traffic stopped for so long: the time does not count.
+    /// Moves the last reception by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         if !self.is_overdue {
             self.last = self.last.saturating_add(delay);
         }
     }
 
-    /// Median of the last intervals, and the largest deviation from it; not of fewer than three.
+    /// Median of the last intervals and max deviation from it, in ns; `None` for fewer than three.
     pub(in crate::session) fn usual(&self) -> Option<(i64, i64)> {
         let mut sorted: Vec<i64> = self.intervals.iter().copied().filter(|interval| *interval > 0).collect();
         if sorted.len() < 3 {

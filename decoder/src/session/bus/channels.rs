@@ -1,4 +1,4 @@
-//! SDO channels of a bus: which identifiers belong together, and whose they are.
+//! SDO channels of a bus: pairs of identifiers with their server and client.
 
 use crate::frame::CanId;
 use crate::session::limits::CHANNEL_LIMIT;
@@ -10,11 +10,11 @@ struct SdoChannel {
     response: CanId,
     server: u8,
     client: Option<u8>,
-    /// Server parameter 0x1200..=0x127F it is described by.
+    /// Server parameter 0x1200..=0x127F that defines the channel.
     parameter: u16,
 }
 
-/// All channels of a bus; a channel's number is its place.
+/// All channels of a bus; the number of a channel is its index in the list.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct SdoChannels {
     list: Vec<SdoChannel>,
@@ -22,13 +22,13 @@ pub(in crate::session) struct SdoChannels {
 }
 
 impl SdoChannels {
-    /// The channel every node has (0x600 and 0x580 + node-ID).
+    /// Default channel of a node (0x600 and 0x580 + node-ID).
     pub(in crate::session) fn default_channel(&mut self, node: u8) -> Option<u16> {
         let id = |base: u16| CanId::standard(base + u16::from(node));
         self.add(node, 0x1200, id(0x600), id(0x580), None)
     }
 
-    /// A channel from a server parameter; its identifiers are replaced if it exists.
+    /// Adds the channel of a server parameter, or replaces the identifiers of an existing one.
     pub(in crate::session) fn add(
         &mut self,
         server: u8,
@@ -54,7 +54,7 @@ impl SdoChannels {
         u16::try_from(index).ok()
     }
 
-    /// The channel a client's parameter describes: the server's own where the identifiers are equal.
+    /// Channel of a client parameter; an existing channel with the same identifiers is used.
     pub(in crate::session) fn of_client(
         &mut self,
         server: u8,
@@ -80,22 +80,22 @@ impl SdoChannels {
         self.get(channel).map(|channel| channel.server)
     }
 
-    /// Node-ID of the client, if configured.
+    /// Node-ID of the client; `None` if not configured.
     pub(in crate::session) fn client(&self, channel: u16) -> Option<u8> {
         self.get(channel)?.client
     }
 
-    /// Identifiers of requests and responses.
+    /// Identifiers of request and response.
     pub(in crate::session) fn ids(&self, channel: u16) -> Option<(CanId, CanId)> {
         self.get(channel).map(|channel| (channel.request, channel.response))
     }
 
-    /// Whether the table was full for a channel since the last call.
+    /// Whether a channel was rejected, because the table is full, since the last call.
     pub(in crate::session) fn take_refused(&mut self) -> bool {
         std::mem::take(&mut self.has_refused)
     }
 
-    /// Bytes held.
+    /// Bytes held by the table.
     pub(in crate::session) fn footprint(&self) -> usize {
         self.list.capacity() * size_of::<SdoChannel>()
     }

@@ -1,69 +1,82 @@
-//! Time of one bus: monotonic, whatever the stamps do, and its silences.
+//! Monotonic time of one bus, derived from the timestamps, and silences of the bus.
 
+use crate::event::FrameRange;
 use crate::frame::Timestamp;
 
-/// A backward step below this is jitter between stamps: time stands still until they catch up. A longer
-/// one is a clock that was set: time goes on from where it was.
+/// Max backward step treated as jitter: time stops until the timestamps catch up. After a larger step, the
+/// clock was set, and time continues from its present value.
 const JITTER: i64 = 1_000_000_000;
 
-/// Periodic messages that make a pattern.
-const PATTERN: u32 = 256;
-
-/// Equal intervals between stamps from which they count as made up. Whoever judges a whole capture wants more of them.
+/// Equal intervals after which timestamps are treated as synthetic. Rules on whole captures require more.
 const MADE_UP: u32 = 256;
 
-/// Bounds of the silence limit in nanoseconds.
-const SHORTEST_SILENCE: i64 = 200_000_000;
-const LONGEST_SILENCE: i64 = 10_000_000_000;
+/// Frames after which older gaps are forgotten.
+const WINDOW: u32 = 1_024;
 
-/// Monotonic time and the pattern of periodic traffic.
+/// Multiple of the longest recent gap between two frames above which a gap may be a silence of the whole bus.
+const UNUSUAL: i64 = 10;
+
+/// Min gap that may be a silence, in ns: capturing interfaces deliver frames in bursts.
+const SHORTEST_SILENCE: i64 = 10_000_000;
+
+/// Monotonic time, and gaps of the traffic.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Clock {
     last_stamp: Option<i64>,
     offset: i64,
     now: i64,
-    /// Time of the last frame; without frames time may have gone on.
+    /// Time of the last frame; `now` can be later.
     heard: i64,
-    periodic: Periodic,
-    steps: Steps,
+    gaps: Gaps,
+    steps: IntervalSteps,
 }
 
-/// The first intervals between stamps: one and the same are made up by the recorder, and no deadline.
+/// First intervals between timestamps. If all are equal, the recorder made them up: no time limits apply.
 #[derive(Debug, Clone, Default)]
-struct Steps {
+struct IntervalSteps {
     interval: i64,
     count: u32,
     have_varied: bool,
 }
 
+/// Longest gaps between frames, in ns.
 #[derive(Debug, Clone, Default)]
-struct Periodic {
-    last: i64,
-    longest_before: i64,
+struct Gaps {
     longest: i64,
+    /// Of the window before.
+    before: i64,
     count: u32,
-    limit: Option<i64>,
 }
 
-/// What a stamp brings.
+/// A gap in the traffic of a bus that may be a hole in the capture, or the absence of the few nodes it has.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AmbiguousGap {
+    /// Frame before the gap, and the frame that ends it.
+    pub(crate) frames: FrameRange,
+    /// Monotonic time of both frames.
+    pub(crate) times: (i64, i64),
+    /// Duration in ns that made it unusual.
+    pub(crate) limit: i64,
+}
+
+/// Result of a new timestamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) struct Advance {
-    /// Monotonic time.
+    /// Monotonic time in ns.
     pub(in crate::session) now: i64,
-    /// Stamp less the one before, where negative.
+    /// Difference to the previous timestamp in ns, if negative.
     pub(in crate::session) step: Option<i64>,
-    /// Nanoseconds without any frame, where longer than the pattern of periodic traffic allows, and the
-    /// limit it went beyond.
-    pub(in crate::session) silence: Option<(i64, i64)>,
+    /// Time without any frame, in ns, if it is unusually long; `None` otherwise.
+    pub(in crate::session) gap: Option<i64>,
 }
 
 impl Clock {
-    /// Takes the stamp of the next frame.
+    /// Applies the timestamp of the next frame.
     #[inline]
     pub(in crate::session) fn advance(&mut self, stamp: Timestamp) -> Advance {
         let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
             (self.now, self.heard) = (stamp.0, stamp.0);
-            return Advance { now: self.now, step: None, silence: None };
+            return Advance { now: self.now, step: None, gap: None };
         };
         if !self.steps.have_varied {
             self.steps.add(stamp.0.saturating_sub(last_stamp));
@@ -80,80 +93,90 @@ impl Clock {
         self.heard = before.max(stamp.0.saturating_add(self.offset));
         self.now = self.now.max(self.heard);
         let gap = self.heard.saturating_sub(before);
-        let silence = match self.periodic.limit {
-            Some(limit) if gap > limit => {
-                // A silence is no pattern: the next interval does not count.
-                self.periodic.last = self.now;
-                Some((gap, limit))
-            }
-            _ => None,
-        };
-        Advance { now: self.now, step, silence }
+        Advance { now: self.now, step, gap: Some(gap).filter(|gap| self.gaps.is_unusual(*gap)) }
     }
 
-    /// Time goes on to `stamp` without a frame. It stops where the bus may have fallen silent: only the next frame
-    /// tells whether it has.
-    pub(in crate::session) fn pass(&mut self, stamp: Timestamp) -> i64 {
-        let last = self.periodic.limit.map_or(i64::MAX, |limit| self.heard.saturating_add(limit));
+    /// Continues from the present time with timestamps that are later by `step` ns.
+    pub(in crate::session) fn set_forward(&mut self, step: i64) {
+        self.offset = self.offset.saturating_sub(step);
+    }
+
+    /// Monotonic time of the last frame.
+    pub(in crate::session) fn last_frame_time(&self) -> i64 {
+        self.heard
+    }
+
+    /// Gap above which the bus may be silent, in ns.
+    pub(in crate::session) fn usual_gap(&self) -> i64 {
+        self.gaps.limit()
+    }
+
+    /// Makes an unusual gap that was not a silence part of the pattern.
+    pub(in crate::session) fn accept(&mut self, gap: i64) {
+        self.gaps.accept(gap);
+    }
+
+    /// Advances to `stamp` without a frame, at most to `last`: only the next frame shows whether the bus was silent.
+    pub(in crate::session) fn pass(&mut self, stamp: Timestamp, last: i64) -> i64 {
         self.now = self.now.max(stamp.0.saturating_add(self.offset).min(last));
         self.now
     }
 
-    /// How long all traffic may stop before the bus counts as silent; none until its pattern is known.
-    pub(in crate::session) fn silence_limit(&self) -> Option<i64> {
-        self.periodic.limit
-    }
-
-    /// Monotonic time in nanoseconds.
+    /// Monotonic time in ns.
     pub(in crate::session) fn now(&self) -> i64 {
         self.now
     }
 
-    /// Monotonic time as a stamp of the capture's clock.
+    /// Converts monotonic time to a timestamp of the capture.
     pub(in crate::session) fn stamp_of(&self, time: i64) -> Option<Timestamp> {
         self.last_stamp.map(|_| Timestamp(time.saturating_sub(self.offset)))
     }
 
-    /// A stamp as monotonic time, not beyond the present.
+    /// Converts a timestamp to monotonic time, at most the present time.
     pub(in crate::session) fn monotonic(&self, stamp: Timestamp) -> i64 {
         stamp.0.saturating_add(self.offset).min(self.now)
     }
 
-    /// Whether frames carry times.
+    /// Whether frames have timestamps.
     pub(in crate::session) fn runs(&self) -> bool {
         self.last_stamp.is_some()
     }
 
-    /// Whether all stamps so far lie equally far apart: they are made up, and time says nothing.
+    /// Whether all timestamps so far have equal intervals: they are synthetic and not a measurement.
     pub(in crate::session) fn is_made_up(&self) -> bool {
         !self.steps.have_varied && self.steps.count >= MADE_UP
     }
+}
 
-    /// A message that comes by itself (PDO, SYNC, heartbeat, guarding) was seen now.
-    #[expect(clippy::inline_always, reason = "the call alone costs 1 % of a frame")]
-    #[inline(always)]
-    pub(in crate::session) fn saw_periodic(&mut self) {
-        let periodic = &mut self.periodic;
-        let interval = self.now.saturating_sub(periodic.last);
-        periodic.last = self.now;
-        if periodic.count != 0 {
-            periodic.longest = periodic.longest.max(interval);
+impl Gaps {
+    fn limit(&self) -> i64 {
+        self.longest.max(self.before).saturating_mul(UNUSUAL).max(SHORTEST_SILENCE)
+    }
+
+    /// Registers a gap; an unusual one is not part of the pattern.
+    #[inline]
+    fn is_unusual(&mut self, gap: i64) -> bool {
+        let is_unusual = gap > self.longest && gap > self.limit();
+        if !is_unusual {
+            self.longest = self.longest.max(gap);
         }
-        periodic.count += 1;
-        if periodic.count >= PATTERN {
-            let longest = periodic.longest.max(periodic.longest_before);
-            periodic.limit = Some(longest.saturating_mul(3).clamp(SHORTEST_SILENCE, LONGEST_SILENCE));
-            periodic.longest_before = periodic.longest;
-            periodic.longest = 0;
-            periodic.count = 1;
+        self.count = self.count.wrapping_add(1);
+        if self.count.is_multiple_of(WINDOW) && !is_unusual {
+            (self.before, self.longest) = (self.longest, 0);
         }
+        is_unusual
+    }
+
+    /// Makes an unusual gap part of the pattern.
+    fn accept(&mut self, gap: i64) {
+        self.longest = self.longest.max(gap);
     }
 }
 
-impl Steps {
+impl IntervalSteps {
     #[cold]
     fn add(&mut self, interval: i64) {
-        // Stamps that stand still are those of a burst, or of a recorder that has none.
+        // Equal timestamps occur in a burst, or without timestamping.
         self.have_varied = interval <= 0 || self.count > 0 && interval != self.interval;
         self.interval = interval;
         self.count = self.count.saturating_add(1);
@@ -184,37 +207,38 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_of_periodic_traffic_is_a_silence() {
+    fn a_gap_of_more_than_ten_times_the_longest_is_unusual() {
         let mut clock = Clock::default();
         for index in 0..300 {
-            assert_eq!(at(&mut clock, index * 10).silence, None);
-            clock.saw_periodic();
+            assert_eq!(at(&mut clock, index * 10).gap, None);
         }
-        assert_eq!(at(&mut clock, 2_990 + 150).silence, None);
-        assert_eq!(at(&mut clock, 6_140).silence, Some((3_000 * MS, 200 * MS)));
+        assert_eq!(at(&mut clock, 2_990 + 100).gap, None);
+        clock.accept(100 * MS);
+        assert_eq!(at(&mut clock, 3_090 + 1_000).gap, None);
+        assert_eq!(at(&mut clock, 4_090 + 10_001).gap, Some(10_001 * MS));
     }
 
     #[test]
-    fn time_that_passes_without_frames_is_no_traffic() {
-        let mut clock = Clock::default();
-        for index in 0..300 {
-            at(&mut clock, index * 10);
-            clock.saw_periodic();
-        }
-        for milliseconds in [3_050, 3_150, 4_000] {
-            clock.pass(Timestamp(milliseconds * MS));
-        }
-        assert_eq!((clock.now(), clock.silence_limit()), (3_190 * MS, Some(200 * MS)));
-        let woken = at(&mut clock, 6_140);
-        assert_eq!((woken.silence, woken.step), (Some((3_150 * MS, 200 * MS)), None));
-        clock.pass(Timestamp(6_150 * MS));
-        assert_eq!(at(&mut clock, 6_145).now, 6_150 * MS);
-    }
-
-    #[test]
-    fn without_periodic_traffic_nothing_is_a_silence() {
+    fn old_gaps_are_forgotten() {
         let mut clock = Clock::default();
         at(&mut clock, 0);
-        assert_eq!(at(&mut clock, 60_000).silence, None);
+        at(&mut clock, 5);
+        at(&mut clock, 50);
+        for index in 1..=2_100 {
+            at(&mut clock, 50 + index);
+        }
+        assert_eq!(clock.usual_gap(), 10 * MS);
+    }
+
+    #[test]
+    fn time_that_passes_without_frames_is_limited() {
+        let mut clock = Clock::default();
+        at(&mut clock, 2_990);
+        for milliseconds in [3_050, 3_150, 4_000] {
+            clock.pass(Timestamp(milliseconds * MS), 3_190 * MS);
+        }
+        assert_eq!(clock.now(), 3_190 * MS);
+        clock.pass(Timestamp(6_150 * MS), i64::MAX);
+        assert_eq!(at(&mut clock, 6_145).now, 6_150 * MS);
     }
 }

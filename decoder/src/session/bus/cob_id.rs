@@ -1,15 +1,15 @@
-//! Identifiers in COB-ID objects, and those of the predefined connection set.
+//! Identifiers in COB-ID objects and in the predefined connection set.
 
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
 use crate::wire::NodeId;
 
-/// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
+/// Bit 31 of a COB-ID: the object is not valid. Bit 29: the identifier has 29 bits.
 pub(in crate::session) const INVALID: u64 = 1 << 31;
 
 const EXTENDED: u64 = 1 << 29;
 
-/// The identifier in a COB-ID object; `None` while it is marked invalid.
+/// Identifier in a COB-ID object; `None` if bit 31 marks it as not valid.
 #[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
 pub(in crate::session) fn identifier(cob_id: u64) -> Option<CanId> {
     if cob_id & INVALID != 0 {
@@ -18,7 +18,7 @@ pub(in crate::session) fn identifier(cob_id: u64) -> Option<CanId> {
     Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
 }
 
-/// The identifier of a COB-ID; `None` where it is marked invalid.
+/// Identifier in a COB-ID object; `None` if it is 0 or marked as not valid.
 pub(in crate::session) fn nonzero_identifier(cob_id: u64) -> Option<CanId> {
     if cob_id & INVALID != 0 {
         return None;
@@ -28,7 +28,7 @@ pub(in crate::session) fn nonzero_identifier(cob_id: u64) -> Option<CanId> {
     Some(standard.map_or(CanId::extended(number), CanId::standard))
 }
 
-/// Identifier of a PDO by the predefined connection set (CiA 301 §7.3.3, table 39): four of each have one.
+/// Identifier of a PDO in the predefined connection set (CiA 301 §7.3.3, table 39); `None` for PDO 5 and up.
 pub(in crate::session) fn predefined(name: PdoName, node: NodeId) -> Option<CanId> {
     let base = match name.direction {
         PdoDirection::Transmit => 0x180,

@@ -1,21 +1,30 @@
-//! States of a device: what its machines report, and where its control words lead.
+//! State machines of a device: the reported state, and the state that the control word commands.
 
 use super::node::Node;
+use super::state::Bus;
 use super::state_machine::{fits, leads, leave};
+use crate::event::EventKind;
+use crate::frame::CanId;
 use crate::profile::device::State;
+use crate::wire::NodeId;
 
-/// A reset bit that is 1 for so long in a fault is held, in nanoseconds.
+/// Time in ns after which a fault reset bit that stays 1 is reported as held.
 const HELD: i64 = 300_000_000;
 
 impl Node {
-    /// The state a machine reports.
+    /// State reported by the machine `place`.
     pub fn reported_state(&self, place: usize) -> Option<&State> {
         let known = self.behaviour.machines.get(place).filter(|known| !known.is_old)?;
         let state = known.state?;
         self.device.machines.get(place)?.states.get(usize::from(state))
     }
 
-    /// Whether the control word in force leads from the reported state to one of `states`.
+    /// First status word of the machine `place` without a defined state, masked, and its frame.
+    pub fn undefined_state(&self, place: usize) -> Option<(u64, u64)> {
+        self.behaviour.machines.get(place)?.undefined
+    }
+
+    /// Whether the present control word leads from the reported state to one of `states`.
     pub(in crate::session) fn is_commanded(&self, place: usize, states: &[String]) -> bool {
         let (Some(known), Some(machine)) =
             (self.behaviour.machines.get(place), self.device.machines.get(place))
@@ -27,17 +36,17 @@ impl Node {
         states.iter().any(|to| leads(machine, &from.name, to, control, known.rising))
     }
 
-    /// The control word of a machine as sent last on the bus; `None` if none was seen.
+    /// Last control word sent to a machine; `None` if none was seen.
     pub fn control_word(&self, machine: usize) -> Option<u64> {
         self.behaviour.machines.get(machine)?.control
     }
 
-    /// Where the control word sent last leads from the reported state, as far as no bit must go from 0 to 1 for it.
+    /// State reached from the reported one with the last control word, without a 0 → 1 edge of any bit.
     pub fn commanded_state(&self, place: usize) -> Option<&State> {
         let control = self.control_word(place)?;
         let machine = self.device.machines.get(place)?;
         let mut state = self.reported_state(place)?;
-        // Bounded, for the transitions of a file may lead in a circle.
+        // The number of steps is limited, because the transitions of a profile may form a loop.
         for _ in 0..machine.states.len() {
             let mut out = machine.transitions.iter().filter(|it| it.from.0.contains(&state.name));
             let Some(next) = out.find(|it| it.edge == 0 && fits(it, control, 0)) else { break };
@@ -46,7 +55,7 @@ impl Node {
         Some(state)
     }
 
-    /// Whether a fault is not left because a bit that must go from 0 to 1 is held at 1.
+    /// Whether a fault persists because the reset bit, which needs a 0 → 1 edge, is held at 1.
     pub fn is_reset_held(&self, place: usize, now: i64) -> bool {
         let known = self.behaviour.machines.get(place);
         let Some((known, machine)) = known.zip(self.device.machines.get(place)) else { return false };
@@ -56,15 +65,26 @@ impl Node {
         state.fault && rests >= HELD && out.any(|it| it.edge != 0 && control & it.edge == it.edge)
     }
 
-    /// What the control word must do to leave the fault a machine reports, where the profile says it in words.
+    /// Text of the profile on the control word that leaves the reported fault; `None` without fault or text.
     pub fn way_out(&self, place: usize) -> Option<String> {
         let state = self.reported_state(place).filter(|state| state.fault)?;
         leave(self.device.machines.get(place)?, &state.name)
     }
 
-    /// State names of all machines: channel, state, whether it is a fault, whether set points act in it.
+    /// Reported states of all machines, each with its channel.
     pub fn device_states(&self) -> impl Iterator<Item = (Option<u8>, &State)> {
         let machines = self.device.machines.iter().enumerate();
         machines.filter_map(|(place, machine)| Some((machine.channel, self.reported_state(place)?)))
+    }
+}
+
+impl Bus {
+    /// Identifier of the RPDO with the control word of a machine.
+    pub fn control_identifier(&self, node: NodeId, machine: usize) -> Option<CanId> {
+        let slot = self.node(node)?.behaviour.machines.get(machine)?.slot?;
+        match &self.routes.slot(slot)?.prepared.as_deref()?.kind {
+            EventKind::Pdo(pdo) => Some(pdo.cob_id),
+            _ => None,
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Facts about a node that conditions of its profile are evaluated on.
+//! Facts about a node, on which the conditions of its profile are evaluated.
 
 use super::node::Node;
 use super::set_point::Subject;
@@ -6,7 +6,7 @@ use crate::profile::device::{Condition, DeviceFacts, GateStatus, State};
 use crate::profile::{Carrier, Number};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// A node as its set points and procedures see it at one time: values may be assumed, an NMT state presumed.
+/// State of a node at one time, for set points and procedures. Values may be assumed, an NMT state presumed.
 #[derive(Clone, Copy)]
 pub(crate) struct NodeFacts<'a> {
     node: &'a Node,
@@ -21,14 +21,14 @@ impl Node {
         NodeFacts { node: self, carrier: None, now }
     }
 
-    /// The same for a set point.
+    /// Facts at a monotonic time, for conditions about a set point.
     pub(in crate::session) fn facts_of<'a>(&'a self, subject: Subject<'a>, now: i64) -> NodeFacts<'a> {
         NodeFacts { node: self, carrier: Some(subject.carrier), now }
     }
 }
 
 impl<'a> NodeFacts<'a> {
-    /// Place of the machine of a channel.
+    /// Index of the machine of a channel.
     fn machine(&self, channel: Option<u8>) -> Option<usize> {
         let mut machines = self.node.device.machines.iter();
         machines.position(|it| it.channel.is_none() || channel.is_none() || it.channel == channel)
@@ -39,7 +39,7 @@ impl<'a> NodeFacts<'a> {
         self.node.reported_state(self.machine(channel)?)
     }
 
-    /// Name of a running procedure that takes the set points over.
+    /// Name of a running procedure that takes control of the set points.
     fn procedure_in_control(&self) -> Option<&'a str> {
         self.node.behaviour.running.iter().find_map(|running| self.node.takes_over(running))
     }
@@ -70,7 +70,7 @@ impl<'a> NodeFacts<'a> {
         match condition {
             Condition::Nmt(_) => self.nmt_state().map_or("NMT state not seen", NmtState::name).to_owned(),
             Condition::State(_) => match self.reported_state(channel) {
-                Some(state) if status == GateStatus::Unknown => format!("{state}, on its way"),
+                Some(state) if status == GateStatus::Unknown => format!("{state}, transition commanded"),
                 Some(state) => state.to_owned(),
                 None if self.machine(channel).is_none() => "no state machine".to_owned(),
                 None => "state not reported yet".to_owned(),
@@ -91,7 +91,7 @@ impl DeviceFacts for NodeFacts<'_> {
         self.node.nmt.map(|nmt| nmt.state)
     }
 
-    /// Seen in a PDO, in the store, or as delivered.
+    /// Value from a PDO, else from the store, else the delivered value.
     fn number(&self, object: ObjectAddress) -> Option<Number> {
         let seen = self.node.behaviour.word(object);
         seen.map(|word| Number { raw: word.cast_signed(), assumed: false })
@@ -122,7 +122,7 @@ impl DeviceFacts for NodeFacts<'_> {
         self.overdue_message().is_some()
     }
 
-    /// Only rules look at other nodes.
+    /// `None`: only rules evaluate other nodes.
     fn others(&self) -> Option<impl Iterator<Item = Self>> {
         None::<std::iter::Empty<Self>>
     }

@@ -1,30 +1,30 @@
-//! What is remembered of a node as a J1939 device: its NAME and its trouble codes.
+//! State of a J1939 device: NAME and trouble codes.
 
 use crate::event::DtcAction;
 use crate::session::limits::ACTIVE_ERROR_LIMIT;
 use crate::wire::j1939::{Lamps, Name, ReportedDtc, SpnConversion};
 
-/// State that belongs to the device, whatever its address.
+/// State of a J1939 device, independent of its address.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct J1939State {
-    /// Its NAME, once it claimed an address.
+    /// NAME from the address claim; `None` before it.
     pub(in crate::session) name: Option<Name>,
-    /// Another one that wants its address, and since when (monotonic); until it answers.
+    /// NAME of a contender for the address and monotonic time of its claim; `None` after the response.
     pub(in crate::session) challenged: Option<(Name, i64)>,
-    /// How it codes old SPNs, as the bus file says.
+    /// Conversion method of old SPNs, from the bus file.
     pub(in crate::session) conversion: Option<SpnConversion>,
-    /// Its trouble codes.
+    /// Active and previously active trouble codes.
     pub(in crate::session) faults: Faults,
 }
 
 impl J1939State {
-    /// Bytes held.
+    /// Bytes held by this state.
     pub(in crate::session) fn footprint(&self) -> usize {
         size_of::<Self>() + self.faults.footprint()
     }
 }
 
-/// A code and since when it is known.
+/// A trouble code with the frames that reported it.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::session) struct KnownDtc {
     pub(in crate::session) code: ReportedDtc,
@@ -33,7 +33,7 @@ pub(in crate::session) struct KnownDtc {
     pub(in crate::session) last_frame: u64,
     /// Monotonic time of the first frame.
     pub(in crate::session) since: i64,
-    /// The list that is just read has it.
+    /// The code is in the list that is being read.
     pub(in crate::session) is_listed: bool,
 }
 
@@ -47,41 +47,41 @@ impl KnownDtc {
     }
 }
 
-/// What became of a code.
+/// Change of a trouble code.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::session) struct DtcChange {
     pub(in crate::session) known: KnownDtc,
     pub(in crate::session) action: DtcAction,
 }
 
-/// Trouble codes of a device.
+/// Trouble codes of one device.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Faults {
-    /// Codes of the last DM1, in the order in which they were raised.
+    /// Codes of the last DM1, in the order of their occurrence.
     pub(in crate::session) active: Vec<KnownDtc>,
-    /// Codes that were active; listed where DM2 had them.
+    /// Codes that were active before; `is_listed` if DM2 contained them.
     pub(in crate::session) previous: Vec<KnownDtc>,
     /// Monotonic time and frame of the last DM1.
     pub(in crate::session) last: i64,
     pub(in crate::session) last_frame: u64,
-    /// The silence of DM1 is in the timer queue.
+    /// The DM1 deadline is in the timer queue.
     pub(in crate::session) is_queued: bool,
-    /// That there are more codes than are kept was said: active ones, previously active ones.
+    /// Overflow of a list was already reported: active codes, previously active codes.
     pub(in crate::session) is_overflow_reported: [bool; 2],
 }
 
 impl Faults {
-    /// SPN and FMI of active codes.
+    /// SPN and FMI of the active codes.
     pub(in crate::session) fn active(&self) -> impl Iterator<Item = (u32, u8)> {
         self.active.iter().map(|known| (known.code.spn, known.code.fmi))
     }
 
-    /// All traffic stopped for so long.
+    /// Moves the time of the last DM1 by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         self.last = self.last.saturating_add(delay);
     }
 
-    /// Takes a DM1: what changed, and how many codes found no room.
+    /// Applies a DM1: returns the changes, and the number of codes over the limit.
     pub(in crate::session) fn active_list(
         &mut self,
         codes: impl Iterator<Item = ReportedDtc>,
@@ -95,7 +95,7 @@ impl Faults {
         for code in codes {
             let is_full = self.active.len() >= ACTIVE_ERROR_LIMIT;
             match self.active.iter_mut().find(|known| known.is(code)) {
-                // One message may name a code twice.
+                // A message may contain the same code twice.
                 Some(known) if known.is_listed => {}
                 Some(known) => {
                     let rose = known.code.count.zip(code.count).is_some_and(|(before, now)| now > before);
@@ -120,7 +120,7 @@ impl Faults {
         (changes, refused)
     }
 
-    /// A code left DM1 for good; says whether there is no room for it, once.
+    /// Moves a code to the previously active ones; returns whether to report an overflow, at most once.
     pub(in crate::session) fn was_active(&mut self, known: KnownDtc) -> bool {
         if self.previous.iter().any(|previous| previous.is(known.code)) {
             return false;
@@ -132,7 +132,7 @@ impl Faults {
         false
     }
 
-    /// Takes a DM2: what was not known from an earlier one, and how many codes found no room.
+    /// Applies a DM2: returns codes not in an earlier one, and the number of codes over the limit.
     pub(in crate::session) fn previous_list(
         &mut self,
         codes: impl Iterator<Item = ReportedDtc>,
@@ -163,7 +163,7 @@ impl Faults {
         (changes, refused)
     }
 
-    /// The device cleared its previously active codes, or all.
+    /// Clears the previously active codes, or all codes.
     pub(in crate::session) fn clear(&mut self, all: bool) -> Vec<DtcChange> {
         let active = if all { std::mem::take(&mut self.active) } else { Vec::new() };
         let mut cleared = std::mem::take(&mut self.previous);
@@ -172,13 +172,13 @@ impl Faults {
         changes.map(|known| DtcChange { known, action: DtcAction::Cleared }).collect()
     }
 
-    /// Whether that codes find no room is still to be said.
+    /// Whether an overflow of `list` must be reported now.
     pub(in crate::session) fn should_report_overflow(&mut self, list: usize, refused: u64) -> bool {
         let Some(said) = self.is_overflow_reported.get_mut(list) else { return false };
         !std::mem::replace(said, refused > 0) && refused > 0
     }
 
-    /// Bytes held.
+    /// Bytes held by the lists.
     pub(in crate::session) fn footprint(&self) -> usize {
         (self.active.capacity() + self.previous.capacity()) * size_of::<KnownDtc>()
     }

@@ -1,46 +1,66 @@
-//! Gates: whether a set point acts, and what keeps it from acting.
+//! Gates: conditions under which a set point takes effect.
 
+use super::cob_id::{INVALID, nonzero_identifier};
 use super::node::Node;
 use super::set_point::Subject;
+use super::store::OriginKind;
 use crate::event::Effective;
+use crate::frame::CanId;
 use crate::profile::Carrier;
-use crate::profile::device::{Condition, Gate, GateStatus, Otherwise};
+use crate::profile::device::{Condition, Gate, GateFallback, GateStatus};
 use crate::wire::canopen::ObjectAddress;
 
-/// One gate of one set point.
+/// Name of the gate of the COB-ID of an RPDO, which every device has.
+const COB_ID: &str = "RPDO COB-ID";
+
+/// State of one gate for one set point.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GateState {
-    /// Set point.
+    /// Object of the set point.
     pub set_point: ObjectAddress,
-    /// Its name.
+    /// Name of the set point.
     pub name: String,
     /// Name of the gate.
     pub gate: String,
-    /// How it stands.
+    /// Result of the evaluation.
     pub status: GateStatus,
-    /// What it found: `state FAULT HOLD`, `5208:01 = 1`.
+    /// Fact that decided: `state FAULT HOLD`, `5208:01 = 1`.
     pub detail: String,
-    /// What a closed gate means.
+    /// Effect of the closed gate, from the profile.
     pub text: String,
-    /// What to do about it.
+    /// Action that opens the gate, from the profile.
     pub check: String,
     /// Section of the manual.
     pub source: String,
 }
 
-/// What a set point's gates amount to.
+/// Result of all gates of a set point.
 pub(in crate::session) struct Verdict {
     pub(in crate::session) effective: Effective,
-    /// Names of those that are closed, or of those nothing is known of.
+    /// Names of the closed gates; if none is closed, of the unknown ones.
     pub(in crate::session) gates: Vec<String>,
 }
 
 impl Node {
-    /// All gates of all set points seen, closed ones first.
-    pub(in crate::session) fn gates(&self, now: i64) -> Vec<GateState> {
+    /// All gates of all set points received, sorted by set point, closed ones first.
+    pub(in crate::session) fn gates(&self, now: i64, consumers: impl Fn(CanId) -> String) -> Vec<GateState> {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.subject();
+            if let Some((detail, id)) = self.contradicts(subject) {
+                let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
+                all.push(GateState {
+                    set_point: subject.object,
+                    name: point.title().to_owned(),
+                    gate: COB_ID.to_owned(),
+                    status: GateStatus::Closed,
+                    detail,
+                    text: String::new(),
+                    check: "send the commands on the configured COB-ID, or configure the one that is sent"
+                        .to_owned(),
+                    source: "CiA 301 §7.5.2.35".to_owned(),
+                });
+            }
             for gate in self.gates_of(subject) {
                 let (status, detail) = self.status_with_detail(gate, subject, now);
                 all.push(GateState {
@@ -59,6 +79,22 @@ impl Node {
         all
     }
 
+    /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
+    /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
+    /// written remains in force.
+    fn contradicts(&self, subject: Subject<'_>) -> Option<(String, CanId)> {
+        let (Carrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
+        let cob_id = self.configured_cob_id(*name)?;
+        let object = ObjectAddress::new(name.communication_index(), 1);
+        if cob_id & INVALID != 0 {
+            return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
+        }
+        let origin = self.store.seen(object)?.origin;
+        let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
+        let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
+        is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
+    }
+
     fn gates_of<'a>(&'a self, subject: Subject<'a>) -> impl Iterator<Item = &'a Gate> {
         self.device.gates.iter().filter(move |gate| {
             gate.concerns(subject.object, subject.channel)
@@ -66,9 +102,12 @@ impl Node {
         })
     }
 
-    /// Whether a set point acts.
+    /// Evaluates all gates of a set point.
     pub(in crate::session) fn verdict(&self, subject: Subject<'_>, now: i64) -> Verdict {
         let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
+        if self.contradicts(subject).is_some() {
+            closed.push(COB_ID.to_owned());
+        }
         for gate in self.gates_of(subject) {
             any = true;
             match self.status(gate, subject, now) {
@@ -84,14 +123,14 @@ impl Node {
         }
     }
 
-    /// Status of a gate of a set point.
+    /// Evaluates one gate for a set point.
     fn status(&self, gate: &Gate, subject: Subject<'_>, now: i64) -> GateStatus {
         let facts = self.facts_of(subject, now);
         let status = |open: &Condition| with_otherwise(gate, open.evaluate(&facts, subject.channel));
         gate.open.0.iter().map(status).fold(GateStatus::Open, GateStatus::and)
     }
 
-    /// The same, with the fact that decided it.
+    /// Evaluates one gate and returns the fact that decided.
     fn status_with_detail(&self, gate: &Gate, subject: Subject<'_>, now: i64) -> (GateStatus, String) {
         let facts = self.facts_of(subject, now);
         let mut worst = (GateStatus::Open, String::new());
@@ -107,10 +146,10 @@ impl Node {
     }
 }
 
-/// Status of a gate by that of one of its conditions.
+/// Applies `otherwise` of the gate to the result of a condition.
 fn with_otherwise(gate: &Gate, status: GateStatus) -> GateStatus {
     match (status, gate.otherwise) {
-        (GateStatus::Closed, Otherwise::Unknown) => GateStatus::Unknown,
+        (GateStatus::Closed, GateFallback::Unknown) => GateStatus::Unknown,
         (status, _) => status,
     }
 }

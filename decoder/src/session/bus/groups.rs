@@ -1,4 +1,4 @@
-//! J1939 groups: name and layout by device, database or standard.
+//! J1939 parameter groups: name and layout from the profile, a database or the standard.
 
 use std::sync::Arc;
 
@@ -6,18 +6,18 @@ use super::layout::of_profile;
 use super::state::Bus;
 use crate::frame::CanId;
 use crate::profile::device::{Direction, MessageSpec};
-use crate::profile::{Device, Layout, NothingKnown, Resolver, isobus, pgn_name};
+use crate::profile::{Device, Layout, NoValues, Resolver, isobus, pgn_name};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
-/// Bytes of a message that needs no transport protocol.
+/// Max message size without transport protocol, in bytes.
 const FRAME_BYTES: usize = 8;
 
-/// A device that a message is from or for, and what its profile says of it.
+/// Sender or receiver of a message whose profile describes the message.
 pub(in crate::session) struct ConcernedDevice {
     pub(in crate::session) node: NodeId,
     pub(in crate::session) device: Arc<Device>,
-    /// Place in the device's list.
+    /// Index in the message list of the profile.
     pub(in crate::session) place: usize,
 }
 
@@ -27,14 +27,14 @@ impl ConcernedDevice {
     }
 }
 
-/// What is known of a group from an address: its name and what its bits mean.
+/// Name and layout of a parameter group for one sender.
 pub(in crate::session) struct Group {
     pub(in crate::session) name: Option<Arc<str>>,
     pub(in crate::session) layout: Option<Arc<Layout>>,
 }
 
 impl Bus {
-    /// The device whose profile knows a message: the sender's, else that of a node it is for.
+    /// Device whose profile describes a message: the sender, otherwise a receiver.
     pub(in crate::session) fn concerned_device(&self, id: J1939Id) -> Option<ConcernedDevice> {
         let find = |node: NodeId, direction: Direction| {
             let address = node.j1939()?;
@@ -54,7 +54,7 @@ impl Bus {
         assigned.map(|node| node.id).find_map(|node| find(node, Direction::Receive))
     }
 
-    /// What is known of a group from an address, for a payload of so many bytes.
+    /// Name and layout of a parameter group for a payload of `length` bytes.
     pub(in crate::session) fn group(&self, id: J1939Id, length: usize) -> Group {
         self.group_with(id, length, self.concerned_device(id).as_ref())
     }
@@ -86,8 +86,8 @@ impl Bus {
         Group { name: name.map(Into::into), layout }
     }
 
-    /// What the user's databases tell of a group. A message longer than a frame is not laid over a single one: that
-    /// is a part of it, or something else.
+    /// Name and layout of a group from the user's databases. The layout of a message longer than one frame is
+    /// not applied to a single frame.
     pub(in crate::session) fn database_group(&self, pgn: Pgn, length: usize) -> Option<Group> {
         let message = self.database.message(pgn)?;
         let is_long = message.length.is_none_or(|length| usize::from(length) > FRAME_BYTES);
@@ -95,7 +95,7 @@ impl Bus {
         Some(Group { name: Some(message.name.as_str().into()), layout })
     }
 
-    /// What a J1939 identifier means: `FE30 AVC valve 0 of F1`, `EA00 request, F1 to 80`.
+    /// Meaning of a J1939 identifier as text: `FE30 AVC valve 0 of F1`, `EA00 request, F1 to 80`.
     pub(in crate::session) fn describe_group(&self, id: CanId) -> String {
         let CanId::Extended(id) = id else { return String::new() };
         let Some(id) = J1939Id::of(id) else { return String::new() };
@@ -108,18 +108,18 @@ impl Bus {
         format!("{:04X}{name}{ends}", id.pgn.number())
     }
 
-    /// Name of a group, whoever sends it.
+    /// Name of a group, for any sender.
     pub(in crate::session) fn group_name(&self, pgn: Pgn) -> Option<Arc<str>> {
         let own = self.database.message(pgn).map(|message| message.name.as_str().into());
         own.or_else(|| pgn_name(pgn).map(Into::into))
     }
 }
 
-/// What ISO 11783 says of a group.
+/// Name and layout of a group in ISO 11783.
 pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, Layout)> {
     let standard = isobus();
     let spec = standard.messages.iter().find(|spec| spec.number_of(pgn).is_some())?;
-    let mut resolver = Resolver::new(&standard.dictionary, &NothingKnown);
+    let mut resolver = Resolver::new(&standard.dictionary, &NoValues);
     let layout = of_profile(&spec.fields, "standard", false, &mut resolver)?;
     Some((spec.title_of(pgn), layout))
 }

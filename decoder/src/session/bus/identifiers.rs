@@ -1,43 +1,49 @@
-//! What identifiers mean now, and which nodes a frame concerns.
+//! Present meaning of identifiers, and the nodes that a frame concerns.
 
 use super::cob_id::{nonzero_identifier, predefined};
 use super::link::Link;
 use super::routes::Service;
 use super::state::Bus;
+use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
-use crate::profile::PdoName;
+use crate::profile::{Layout, PdoName};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
-/// Who has to do with a frame.
-enum Concern {
-    /// A node, as its sender or receiver.
+/// Service of two frames per message, as named in the connection set.
+const SRDO: &str = "srdo";
+
+/// Nodes that a frame concerns.
+enum ConcernedNodes {
+    /// A single node, as sender or receiver.
     Node(NodeId),
-    /// One sends to another.
+    /// Sender and receiver.
     Between(NodeId, NodeId),
     /// Every CANopen node of the bus.
     Everybody,
-    /// Nobody that is known.
+    /// No known node.
     Nobody,
 }
 
 impl Bus {
-    /// What an identifier means now, for people: `TPDO1 of 5`, `SDO response of 15`.
+    /// Present meaning of an identifier as text: `TPDO1 of 5`, `SDO response of 15`.
     pub fn describe_id(&self, id: CanId) -> String {
         match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
             Some(Service::IsoTp(link)) => self.uds_pairs.describe(link),
             Some(Service::J1939(_)) if !self.j1939.is_rejected() => self.describe_group(id),
-            _ if !self.canopen.is_confirmed() => String::new(),
+            service if !self.is_settled_service(service) => String::new(),
+            Some(Service::Unclassified) if self.other_users(id).is_some() => "no known producer".to_owned(),
             None | Some(Service::Unclassified | Service::J1939(_)) => String::new(),
+            Some(Service::Named(name)) if self.is_lone(id, name) => String::new(),
             Some(Service::Named(name)) => name.to_owned(),
             Some(Service::Nmt) => "NMT".to_owned(),
             Some(Service::Sync) => "SYNC".to_owned(),
             Some(Service::Time) => "TIME".to_owned(),
             Some(Service::Emcy(node)) => format!("EMCY of {}", node.number()),
-            Some(Service::Pdo(name, node)) => format!("{name} of {}", node.number()),
-            Some(Service::ErrorControl(node)) => format!("heartbeat, guarding of {}", node.number()),
+            Some(Service::Pdo(name, node)) => self.describe_pdo(id, name, node),
+            Some(Service::ErrorControl(node)) => format!("NMT error control of {}", node.number()),
             Some(Service::TestMarker) => "conformance test".to_owned(),
             Some(Service::Lss(true)) => "LSS master".to_owned(),
             Some(Service::Lss(false)) => "LSS slave".to_owned(),
@@ -51,10 +57,31 @@ impl Bus {
         }
     }
 
-    /// The filter that shows the events of an identifier.
+    /// `TPDO1 of 5`. The predefined connection set does not name a producer or consumer that was never seen, or
+    /// that uses another identifier.
+    fn describe_pdo(&self, id: CanId, name: PdoName, node: NodeId) -> String {
+        let is_placed = self.routes.is_placed(Service::Pdo(name, node));
+        let is_away = self.other_users(id).is_some_and(|users| !users.contains(&(name, node)));
+        match (self.node(node).is_some() || is_placed) && !is_away {
+            true => format!("{name} of {}", node.number()),
+            false if name.is_sent() => "no known producer".to_owned(),
+            false => self.consumers(id),
+        }
+    }
+
+    /// Whether a frame belongs to an SRDO of which the other frame was never seen. An SRDO is a pair: data on
+    /// an odd identifier, and the inverted data on the next one (CiA 304, 301 §7.3.3).
+    pub(in crate::session) fn is_lone(&self, id: CanId, name: &str) -> bool {
+        let CanId::Standard(number) = id else { return false };
+        let other =
+            if number.is_multiple_of(2) { number.saturating_sub(1) } else { number.saturating_add(1) };
+        name == SRDO && self.routes.find(CanId::standard(other)).is_none()
+    }
+
+    /// Filter expression that matches the events of an identifier.
     pub fn filter_of_id(&self, id: CanId) -> String {
         let service = self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
-        let is_believed = self.canopen.is_confirmed();
+        let is_believed = self.is_settled_service(service);
         match service {
             Some(Service::J1939(id)) if !self.j1939.is_rejected() => filter_of_group(id),
             Some(Service::Nmt) if is_believed => "kind == \"nmt-command\"".to_owned(),
@@ -70,26 +97,39 @@ impl Bus {
         }
     }
 
-    /// The node a frame is from or for, as far as its identifier tells by now: of a J1939 message who sends it.
+    /// Whether the protocol of a service is settled, by evidence or by the user.
+    fn is_settled_service(&self, service: Option<Service>) -> bool {
+        match service {
+            Some(Service::Emcy(node) | Service::Pdo(_, node) | Service::ErrorControl(node)) => {
+                self.is_settled(Some(node))
+            }
+            Some(Service::Sdo(_, channel)) => {
+                self.is_settled(self.channels.server(channel).map(NodeId::Canopen))
+            }
+            _ => self.is_settled(None),
+        }
+    }
+
+    /// Sender or receiver of a frame by its identifier; the sender of a J1939 message. `None` if unknown.
     pub fn node_of(&self, frame: &Frame) -> Option<NodeId> {
         match self.concern(frame) {
-            Concern::Node(node) | Concern::Between(node, _) => Some(node),
-            Concern::Everybody | Concern::Nobody => None,
+            ConcernedNodes::Node(node) | ConcernedNodes::Between(node, _) => Some(node),
+            ConcernedNodes::Everybody | ConcernedNodes::Nobody => None,
         }
     }
 
-    /// Whether a frame is from a node or for it: SYNC, TIME and commands to all nodes are for each CANopen node, J1939
-    /// messages to all are from their sender only.
+    /// Whether a node is sender or receiver of a frame. SYNC, TIME and commands to all concern every CANopen
+    /// node; J1939 messages to all concern only their sender.
     pub fn concerns(&self, frame: &Frame, node: NodeId) -> bool {
         match self.concern(frame) {
-            Concern::Node(known) => known == node,
-            Concern::Between(one, other) => one == node || other == node,
-            Concern::Everybody => node.canopen().is_some(),
-            Concern::Nobody => false,
+            ConcernedNodes::Node(known) => known == node,
+            ConcernedNodes::Between(one, other) => one == node || other == node,
+            ConcernedNodes::Everybody => node.canopen().is_some(),
+            ConcernedNodes::Nobody => false,
         }
     }
 
-    /// Identifier of a PDO of a node, and whether the bus or the user told it; `None` where it has none.
+    /// Identifier of a PDO, and whether a message or the user confirmed it; `None` if there is no identifier.
     pub fn pdo_identifier(&self, id: NodeId, name: PdoName) -> Option<(CanId, bool)> {
         let node = self.node(id)?;
         let object = ObjectAddress::new(name.communication_index(), 1);
@@ -107,42 +147,60 @@ impl Bus {
         can_id.map(|can_id| (can_id, false))
     }
 
-    fn concern(&self, frame: &Frame) -> Concern {
+    /// PDO that an identifier carries now, and its node.
+    pub fn pdo_on(&self, id: CanId) -> Option<(PdoName, NodeId)> {
+        match self.routes.slot(self.routes.find(id)?)?.service {
+            Service::Pdo(name, node) => Some((name, node)),
+            _ => None,
+        }
+    }
+
+    /// Layout of the last PDO with an identifier.
+    pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&Layout> {
+        match &self.routes.slot(self.routes.find(id)?)?.prepared.as_deref()?.kind {
+            EventKind::Pdo(pdo) => pdo.layout.as_deref(),
+            _ => None,
+        }
+    }
+
+    fn concern(&self, frame: &Frame) -> ConcernedNodes {
         let slot = self.routes.find(frame.id).and_then(|slot| self.routes.slot(slot));
         let address = |address: u16| u8::try_from(address).map(NodeId::J1939);
         match slot.map(|slot| slot.service) {
             Some(Service::Emcy(node) | Service::Pdo(_, node) | Service::ErrorControl(node)) => {
-                Concern::Node(node)
+                ConcernedNodes::Node(node)
             }
             Some(Service::Sdo(_, channel)) => self
                 .channels
                 .server(channel)
-                .map_or(Concern::Nobody, |node| Concern::Node(NodeId::Canopen(node))),
+                .map_or(ConcernedNodes::Nobody, |node| ConcernedNodes::Node(NodeId::Canopen(node))),
             Some(Service::Nmt) => match frame.data().get(1) {
-                None | Some(0) => Concern::Everybody,
-                Some(node) => Concern::Node(NodeId::Canopen(*node)),
+                None | Some(0) => ConcernedNodes::Everybody,
+                Some(node) => ConcernedNodes::Node(NodeId::Canopen(*node)),
             },
-            Some(Service::Sync | Service::Time | Service::Lss(_)) => Concern::Everybody,
-            Some(Service::J1939(id)) if id.destination == ALL => Concern::Node(NodeId::J1939(id.source)),
+            Some(Service::Sync | Service::Time | Service::Lss(_)) => ConcernedNodes::Everybody,
+            Some(Service::J1939(id)) if id.destination == ALL => {
+                ConcernedNodes::Node(NodeId::J1939(id.source))
+            }
             Some(Service::J1939(id)) => {
-                Concern::Between(NodeId::J1939(id.source), NodeId::J1939(id.destination))
+                ConcernedNodes::Between(NodeId::J1939(id.source), NodeId::J1939(id.destination))
             }
             Some(Service::IsoTp(Link::Addressed { source, target, .. })) => {
                 match (address(source), address(target)) {
-                    (Ok(source), Ok(target)) => Concern::Between(source, target),
-                    (Ok(node), _) | (_, Ok(node)) => Concern::Node(node),
-                    _ => Concern::Nobody,
+                    (Ok(source), Ok(target)) => ConcernedNodes::Between(source, target),
+                    (Ok(node), _) | (_, Ok(node)) => ConcernedNodes::Node(node),
+                    _ => ConcernedNodes::Nobody,
                 }
             }
             None
             | Some(Service::Unclassified | Service::Named(_) | Service::TestMarker | Service::IsoTp(_)) => {
-                Concern::Nobody
+                ConcernedNodes::Nobody
             }
         }
     }
 }
 
-/// Messages of management and transport are events of a kind, with the group they are about.
+/// Filter by event kind for management and transport messages, by PGN for all others.
 fn filter_of_group(id: J1939Id) -> String {
     let sender = format!("source_address == 0x{:02X}", id.source);
     let kind = match id.pgn {

@@ -1,4 +1,4 @@
-//! What a PDO's bits mean on one node now: from the mapping seen, the profile, the bus file.
+//! Layout of a PDO on one node, from the mapping objects, the profile or the bus file.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use crate::profile::device::{Mapping, PdoField, PdoSpec};
 use crate::profile::{DataType, Field, Layout, Number, PdoName, Resolver};
 use crate::wire::canopen::ObjectAddress;
 
-/// Entries a mapping can have (CiA 301 §7.5.2.36).
+/// Max entries of a mapping (CiA 301 §7.5.2.36).
 const MOST_ENTRIES: i64 = 64;
 
-/// Indexes up to 0x1F are data types: dummies that only take room (CiA 301 §7.4.7.1).
+/// Last index of the data types, which serve as placeholders in a mapping (CiA 301 §7.4.7.1).
 const LAST_DUMMY: u16 = 0x1F;
 
-/// The layout of a PDO; `None` where nothing tells it.
+/// Layout of a PDO; `None` if unknown.
 ///
-/// A device that says its PDOs never change is believed; else what the bus showed counts, then the bus
-/// file, then what the device's profile or EDS gives as delivered.
+/// A fixed mapping in the profile has precedence, then the mapping objects seen on the bus, then the bus
+/// file, then the delivery state in profile or EDS.
 pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     let mut resolver = node.resolver();
     let (spec, assumed) = match spec(node, name, &mut resolver) {
@@ -42,7 +42,7 @@ pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     Some(layout)
 }
 
-/// What the profile says of a PDO under the present modes, and whether these are only assumed.
+/// PDO in the profile for the present modes, and whether the modes are assumed.
 fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<(&'a PdoSpec, bool)> {
     let mut assumed = false;
     for spec in node.device().pdos.iter().filter(|spec| spec.pdo == name) {
@@ -56,7 +56,7 @@ fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Optio
     None
 }
 
-/// The layout of fields a profile lists; `None` where it says that there is something, but not what is in it.
+/// Layout from the fields in a profile; `None` if the profile lists no fields.
 pub(in crate::session) fn of_profile(
     fields: &[PdoField],
     origin: &'static str,
@@ -67,7 +67,10 @@ pub(in crate::session) fn of_profile(
         return None;
     }
     let mut layout = Layout { origin, assumed, ..Layout::default() };
-    for PdoField { object, bits, .. } in fields {
+    for PdoField { object, bits, constant } in fields {
+        if let Some(content) = constant {
+            layout.fixed.add(layout.bits, *bits, *content);
+        }
         if let Some(object) = object {
             layout.fields.push(field(object.object, layout.bits, *bits, resolver));
         }
@@ -76,7 +79,7 @@ pub(in crate::session) fn of_profile(
     Some(layout)
 }
 
-/// The layout the mapping parameters give, as far as all of them are known.
+/// Layout from the mapping parameters; `None` if one of them is unknown.
 fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Layout> {
     let index = name.mapping_index();
     let count = resolver.number(ObjectAddress::new(index, 0))?;
@@ -100,7 +103,7 @@ fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Lay
     Some(layout)
 }
 
-/// Who said how many entries there are.
+/// Source of the number of mapped entries.
 fn origin(node: &Node, mapping: u16) -> &'static str {
     let count = ObjectAddress::new(mapping, 0);
     match node.store().get(count).map(|entry| entry.origin.kind) {
@@ -114,7 +117,7 @@ fn field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut Resolver<'_>
     let mut meaning = resolver.meaning(object);
     let known = meaning.as_ref().and_then(|meaning| meaning.data_type);
     let same = known.filter(|known| known.bits() == Some(bits));
-    // A field narrower than its object holds the low bits of it.
+    // A field narrower than its object contains the low bits of the object.
     let narrowed = known.and_then(|known| DataType::narrowed(known, bits));
     if let Some(meaning) = &mut meaning {
         meaning.data_type = same.or(narrowed).or(meaning.data_type);

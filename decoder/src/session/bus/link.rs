@@ -1,35 +1,35 @@
-//! One way between two ends: what ISO-TP frames are put together by.
+//! ISO-TP links: one direction between two addresses. The frames of a link form its messages.
 //!
-//! Identifiers that differ in priority only are one link. Flow control and answers come by the link
+//! Identifiers that differ only in priority belong to one link. Flow control and responses use the link
 //! [`Link::back`].
 
 use std::sync::Arc;
 
 use crate::bus_file::UdsPair;
-use crate::event::Ends;
+use crate::event::Endpoints;
 use crate::frame::CanId;
 use crate::wire::isotp::{Addresses, Scheme};
 
 /// Sender and receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::session) enum Link {
-    /// By the addresses in the identifier.
+    /// Addresses in the identifier.
     Addressed { scheme: Scheme, functional: bool, source: u16, target: u16 },
-    /// By the identifiers of a pair of the bus file.
+    /// Identifiers of a pair in the bus file.
     Named { pair: u16, from_client: bool },
-    /// By a functional identifier of the bus file: a place in [`Pairs::groups`].
+    /// Functional identifier in the bus file: an index in [`Pairs::groups`].
     Group(u16),
 }
 
 impl Link {
-    /// The link a 29-bit identifier is by itself.
+    /// Link defined by the addresses in a 29-bit identifier.
     pub(in crate::session) fn of(id: CanId) -> Option<Self> {
         let CanId::Extended(id) = id else { return None };
         let Addresses { scheme, functional, source, target, .. } = Addresses::of(id)?;
         Some(Self::Addressed { scheme, functional, source, target })
     }
 
-    /// The other way.
+    /// Link of the opposite direction.
     pub(in crate::session) const fn back(self) -> Self {
         match self {
             Self::Addressed { scheme, functional, source, target } => {
@@ -40,18 +40,18 @@ impl Link {
         }
     }
 
-    /// Whether it leads to a group of servers.
+    /// Whether the receiver is a group of servers.
     pub(in crate::session) const fn is_functional(self) -> bool {
         matches!(self, Self::Addressed { functional: true, .. } | Self::Group(_))
     }
 
-    /// Whether nothing but the bits of the identifier says that this is ISO-TP. Some networks use
-    /// identifiers with EDP and DP set for what they like.
+    /// Whether only the bits of the identifier suggest ISO-TP. Some networks use identifiers with EDP and DP
+    /// set for other purposes.
     pub(in crate::session) const fn needs_evidence(self) -> bool {
         matches!(self, Self::Addressed { scheme: Scheme::Net, .. })
     }
 
-    /// Address of the receiver if it is a single node of the own net.
+    /// Address of the receiver; `None` for a group or another net.
     pub(in crate::session) fn server(self) -> Option<u8> {
         match self {
             Self::Addressed { functional: false, target, .. } => u8::try_from(target).ok(),
@@ -60,7 +60,7 @@ impl Link {
     }
 }
 
-/// What the bus file says.
+/// Pairs of UDS identifiers in the bus file.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Pairs {
     list: Vec<UdsPair>,
@@ -69,7 +69,7 @@ pub(in crate::session) struct Pairs {
 }
 
 impl Pairs {
-    /// The pairs of a bus; of two with one identifier the first counts.
+    /// Collects the pairs of a bus.
     pub(in crate::session) fn new(pairs: Vec<UdsPair>) -> Self {
         let mut groups: Vec<CanId> = pairs.iter().filter_map(|pair| pair.functional).collect();
         groups.sort_unstable();
@@ -78,7 +78,7 @@ impl Pairs {
         Self { list: pairs, names, groups }
     }
 
-    /// All identifiers with their links.
+    /// All identifiers, each with its link.
     pub(in crate::session) fn links(&self) -> impl Iterator<Item = (CanId, Link)> {
         let number = |place: usize| u16::try_from(place).unwrap_or(u16::MAX);
         let pairs = self.list.iter().enumerate().flat_map(move |(place, pair)| {
@@ -89,11 +89,31 @@ impl Pairs {
         pairs.chain(groups.map(move |(place, id)| (*id, Link::Group(number(place)))))
     }
 
+    /// Adds a pair; returns its identifiers with their links, the functional one last.
+    pub(in crate::session) fn add(&mut self, pair: UdsPair) -> Vec<(CanId, Link)> {
+        let number = |place: usize| u16::try_from(place).unwrap_or(u16::MAX);
+        let place = number(self.list.len());
+        let link = |from_client| Link::Named { pair: place, from_client };
+        let mut links = vec![(pair.request, link(true)), (pair.response, link(false))];
+        if let Some(functional) = pair.functional {
+            // An index in `groups` must not change, so that a new one is appended.
+            let known = self.groups.iter().position(|group| *group == functional);
+            let group = known.unwrap_or(self.groups.len());
+            if known.is_none() {
+                self.groups.push(functional);
+            }
+            links.push((functional, Link::Group(number(group))));
+        }
+        self.names.push(pair.name.as_deref().map(Into::into));
+        self.list.push(pair);
+        links
+    }
+
     fn pair(&self, pair: u16) -> Option<&UdsPair> {
         self.list.get(usize::from(pair))
     }
 
-    /// Whether an address stands before each payload.
+    /// Whether an address byte precedes each payload.
     pub(in crate::session) fn has_address_byte(&self, link: Link) -> bool {
         match link {
             Link::Addressed { .. } => false,
@@ -105,7 +125,7 @@ impl Pairs {
         }
     }
 
-    /// Whether a request by `functional` reaches the server that answers by `answer`.
+    /// Whether a request on `functional` reaches the server that responds on `answer`.
     pub(in crate::session) fn reaches(&self, functional: Link, answer: Link) -> bool {
         match (functional, answer) {
             (
@@ -120,21 +140,22 @@ impl Pairs {
         }
     }
 
-    /// The two ends, for an event.
-    pub(in crate::session) fn ends(&self, link: Link) -> Ends {
-        let unknown = Ends { source: None, target: None, functional: link.is_functional(), server: None };
+    /// Sender and receiver of a link, for an event.
+    pub(in crate::session) fn ends(&self, link: Link) -> Endpoints {
+        let unknown =
+            Endpoints { source: None, target: None, functional: link.is_functional(), server: None };
         match link {
             Link::Addressed { source, target, .. } => {
-                Ends { source: Some(source), target: Some(target), ..unknown }
+                Endpoints { source: Some(source), target: Some(target), ..unknown }
             }
             Link::Named { pair, .. } => {
-                Ends { server: self.names.get(usize::from(pair)).cloned().flatten(), ..unknown }
+                Endpoints { server: self.names.get(usize::from(pair)).cloned().flatten(), ..unknown }
             }
             Link::Group(_) => unknown,
         }
     }
 
-    /// What lines call a link: `UDS request to ECU`.
+    /// Link as text: `UDS request to ECU`.
     pub(in crate::session) fn describe(&self, link: Link) -> String {
         match link {
             Link::Addressed { functional: true, source, target, .. } => {

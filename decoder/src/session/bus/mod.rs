@@ -1,4 +1,4 @@
-//! What is known of one bus: nodes, stores, states, names, clock. Observers read it, machines change it.
+//! State of one bus: nodes, stores, states, names, clock. Machines change it, observers read it.
 //!
 //! State of one node is in its [`Node`], so that it moves with the node to another node-ID or address.
 
@@ -12,6 +12,7 @@ mod device_state;
 mod doings;
 mod facts;
 mod faults;
+mod gaps;
 mod gates;
 mod groups;
 mod identifiers;
@@ -20,38 +21,51 @@ mod life;
 mod link;
 mod moment;
 mod monitoring;
+mod named;
 mod node;
 mod node_id_changes;
+mod omissions;
 mod open_transfers;
+mod pdo_identifiers;
+mod pdo_users;
 mod plan;
 mod procedures;
+mod pulse;
 mod restart;
 mod routes;
+mod sdo_dialogues;
 mod set_point;
+mod shared_gap;
+mod signs;
 mod state;
 mod state_machine;
 mod store;
 mod unnamed_uds;
 
 pub(in crate::session) use cadence::Cadence;
-pub(in crate::session) use cob_id::{identifier, predefined};
+pub(crate) use clock::AmbiguousGap;
+pub(in crate::session) use cob_id::{identifier, nonzero_identifier, predefined};
 pub(in crate::session) use faults::DtcChange;
 pub use gates::GateState;
 pub(in crate::session) use groups::{ConcernedDevice, Group};
 pub(in crate::session) use layout::{layout, of_profile as layout_of_profile};
-pub use life::{Sign, Watch};
+pub use life::{LifeSign, Watch};
 pub(in crate::session) use link::{Link, Pairs};
 pub(in crate::session) use moment::Moment;
-pub(in crate::session) use node::LearntOrder;
+pub(in crate::session) use monitoring::UNANSWERED;
+pub(in crate::session) use node::DetectedByteOrder;
 pub use node::{NmtStatus, Node};
-pub(in crate::session) use plan::{Plan, Planned, Recent};
-pub(in crate::session) use procedures::Running;
+pub(in crate::session) use plan::{IdentifierPlan, Plan, Recent};
+pub(in crate::session) use procedures::{ProcedureResult, RunningProcedure};
 pub(in crate::session) use restart::Restart;
 pub(in crate::session) use routes::{RouteOrigin, Service};
+pub use sdo_dialogues::SdoPairHint;
+pub use set_point::EmittedSetPoint;
 pub(in crate::session) use set_point::SetPointState;
-pub use set_point::StandingPoint;
 pub(in crate::session) use set_point::Subject;
+pub(crate) use signs::Signs;
 pub use state::Bus;
-pub(in crate::session) use state_machine::{MachineState, Step, fits, goes_on, leads, leave};
-pub(in crate::session) use store::Waiting;
+pub(in crate::session) use state_machine::{CommandStep, MachineState, continues, fits, leads, leave};
+pub(in crate::session) use store::PendingValue;
 pub use store::{Entry, Origin, OriginKind, Store};
+pub use unnamed_uds::UdsPairHint;

@@ -1,10 +1,10 @@
-//! Moments on a bus.
+//! Time and frame of an occurrence on a bus.
 
-/// Something that happened: what, when, in which frame.
+/// An occurrence with its frame and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) struct Moment<T> {
     pub(in crate::session) what: T,
     pub(in crate::session) frame: u64,
-    /// Monotonic time in nanoseconds.
+    /// Monotonic time in ns.
     pub(in crate::session) time: i64,
 }

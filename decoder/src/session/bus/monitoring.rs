@@ -1,22 +1,26 @@
-//! NMT error control of a node: its heartbeat, its guarding.
+//! NMT error control of a node: heartbeat and guarding.
 
-/// Heartbeat of a node.
+/// Guarding requests without response after which a node is lost, if its life time factor (100D) is
+/// unknown. Also the factor of its life time in intervals.
+pub(in crate::session) const UNANSWERED: u8 = 3;
+
+/// Heartbeat state of a node.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Heartbeat {
-    /// Monotonic time of the last one; `None` before the first and after a reset.
+    /// Monotonic time of the last heartbeat; `None` before the first one and after a reset.
     pub(in crate::session) last: Option<i64>,
-    /// The last intervals, newest first, zero = none.
+    /// Last intervals in ns, newest first; 0 for none.
     pub(in crate::session) intervals: [i64; 4],
-    /// Monotonic deadline, `None` = not monitored.
+    /// Monotonic deadline; `None` if not monitored.
     pub(in crate::session) deadline: Option<i64>,
-    /// An entry is in the timer queue.
+    /// The deadline is in the timer queue.
     pub(in crate::session) queued: bool,
-    /// Producer time (object 0x1017) in nanoseconds as learnt; 0 = switched off.
+    /// Producer time (object 0x1017) in ns; 0 = heartbeat disabled, `None` = unknown.
     pub(in crate::session) configured: Option<i64>,
 }
 
 impl Heartbeat {
-    /// The interval to expect: configured, else the longest of the last four once there are four.
+    /// Expected interval in ns: the configured one, otherwise the longest of the last four.
     pub(in crate::session) fn expected(&self) -> Option<i64> {
         match self.configured {
             Some(0) => None,
@@ -27,17 +31,19 @@ impl Heartbeat {
     }
 }
 
-/// Guarding of a node.
+/// Guarding state of a node.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Guarding {
-    /// A request waits for its reply.
+    /// A request waits for its response.
     pub(in crate::session) is_open: bool,
-    /// Requests without reply in a row.
+    /// Consecutive requests without response.
     pub(in crate::session) missed: u8,
-    /// Toggle bit of the last reply.
+    /// Toggle bit of the last response.
     pub(in crate::session) toggle: Option<bool>,
-    /// Monotonic time of the last reply.
+    /// Monotonic time of the last response.
     pub(in crate::session) last_reply: Option<i64>,
-    /// Any request was seen.
+    /// Time between the last two responses in ns; 0 if unknown.
+    pub(in crate::session) interval: i64,
+    /// At least one request was sent.
     pub(in crate::session) seen: bool,
 }

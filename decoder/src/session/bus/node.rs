@@ -1,4 +1,4 @@
-//! What is known of one node.
+//! State of one node.
 
 use std::sync::Arc;
 
@@ -7,11 +7,12 @@ use super::conflicts::Conflicts;
 use super::faults::J1939State;
 use super::monitoring::{Guarding, Heartbeat};
 use super::restart::Restart;
+use super::signs::Signs;
 use super::store::{Origin, Store};
 use crate::event::{Certainty, StateCause};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::device::PdoField;
-use crate::profile::{Device, Introduction, Meaning, PdoName, Resolver, plain_device};
+use crate::profile::{Device, Meaning, PdoName, ReportedIdentity, Resolver, plain_device};
 use crate::session::limits::ACTIVE_ERROR_LIMIT;
 use crate::session::options::AssignedBy;
 use crate::wire::NodeId;
@@ -22,88 +23,90 @@ use crate::wire::j1939::Name;
 /// NMT state with its certainty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NmtStatus {
-    /// The state.
+    /// NMT state of the node.
     pub state: NmtState,
-    /// How sure it is.
+    /// Confirmed or presumed.
     pub certainty: Certainty,
-    /// What told it last.
+    /// Last evidence for the state.
     pub cause: StateCause,
-    /// Frame that brought the state.
+    /// Frame that changed the state.
     pub frame: u64,
-    /// Monotonic nanoseconds of that frame.
+    /// Monotonic time of that frame, in ns.
     pub(in crate::session) since: i64,
 }
 
-/// One node.
+/// State of one node.
 #[derive(Debug, Clone)]
 pub struct Node {
-    /// The number it has.
+    /// Present node-ID or address.
     pub(in crate::session) id: NodeId,
-    /// Name the user gave it.
+    /// Behaviour that can suggest a profile.
+    pub(in crate::session) signs: Signs,
+    /// Name from the user.
     pub(in crate::session) name: Option<Arc<str>>,
-    /// NMT state; `None` = unknown.
+    /// NMT state; `None` if unknown.
     pub(in crate::session) nmt: Option<NmtStatus>,
-    /// A PDO of this node needs a closer look: its state is not confirmed operational, or it is lost.
+    /// PDOs of this node need checks: it is lost, or not confirmed as operational.
     pub(in crate::session) attention: bool,
-    /// It is reported as lost.
+    /// The node was reported as lost.
     pub(in crate::session) lost: bool,
-    /// Last frame it sent, and when.
+    /// Last frame of the node; its time is `last_seen`.
     pub(in crate::session) last_frame: u64,
-    /// First frame heard from it; 0 for none.
+    /// First frame of the node; 0 for none.
     pub(in crate::session) first_frame: u64,
-    /// It was told to be another node under a new node-ID.
+    /// The node was already identified with one under another node-ID.
     pub(in crate::session) is_joined: bool,
     pub(in crate::session) last_seen: Option<Timestamp>,
     /// Monotonic time of its last frame.
     pub(in crate::session) last_heard: i64,
-    /// Frame of the reset command since its last boot-up.
+    /// NMT reset since the last boot-up: frame and type.
     pub(in crate::session) reset_frame: Option<(u64, Restart)>,
-    /// Identifier of the SYNC it obeys.
+    /// Identifier of the SYNC that the node uses.
     pub(in crate::session) sync: CanId,
-    /// How it started last.
+    /// Type of the last restart.
     pub(in crate::session) restart: Restart,
-    /// Byte order of EMCY codes, told by the codes.
-    pub(in crate::session) emcy_order: Option<LearntOrder>,
-    /// An object whose presumed value an EMCY contradicts, to be told.
+    /// Byte order of EMCY codes, detected from the codes.
+    pub(in crate::session) emcy_order: Option<DetectedByteOrder>,
+    /// Object whose presumed value contradicts an EMCY; pending until reported.
     pub(in crate::session) contradicted: Option<ObjectAddress>,
-    /// Booted, and no EMCY since.
+    /// No EMCY since the last boot-up.
     pub(in crate::session) just_booted: bool,
-    /// Boot-ups seen.
+    /// Boot-ups counted.
     pub(in crate::session) boots: u32,
     pub(in crate::session) heartbeat: Heartbeat,
     pub(in crate::session) guarding: Guarding,
     /// Active error codes, oldest first.
     pub(in crate::session) active_errors: Vec<u16>,
     pub(in crate::session) last_error: Option<u16>,
-    /// Parameters were saved (1010) since the last download.
+    /// Parameters were stored (1010) after the last download.
     pub(in crate::session) saved: bool,
     pub(in crate::session) store: Arc<Store>,
-    /// What the node is; CiA 301 alone where that is not known.
+    /// Assigned device; a device with CiA 301 objects only if none is assigned.
     pub(in crate::session) device: Arc<Device>,
-    /// What told it.
+    /// Source of the assignment.
     pub(in crate::session) assigned: Option<AssignedBy>,
-    /// What the maker's tool put into PDOs, as the bus file tells.
+    /// PDO contents set by the manufacturer's tool, from the bus file.
     pub(in crate::session) given_pdos: Arc<Vec<(PdoName, Vec<PdoField>)>>,
-    /// What the device does.
+    /// State machines, set points and procedures of the device.
     pub(in crate::session) behaviour: Behaviour,
-    /// What it said of itself when it was last compared with all devices.
-    pub(in crate::session) introduction: Option<Arc<Introduction>>,
-    /// Several devices fit, and that was said.
+    /// Identity used for the last search of a matching device.
+    pub(in crate::session) introduction: Option<Arc<ReportedIdentity>>,
+    /// Ambiguity between several matching devices was already reported.
     pub(in crate::session) ambiguous: bool,
-    /// Identifiers it has because its device is delivered with them.
+    /// Identifiers from the delivery state of the device.
     pub(in crate::session) delivered_ids: Vec<CanId>,
-    /// What contradicted the file of its device.
+    /// Contradictions to the device file.
     pub(in crate::session) conflicts: Conflicts,
-    /// What is remembered of it as a J1939 device.
+    /// State as a J1939 device.
     pub(in crate::session) j1939: Option<Box<J1939State>>,
 }
 
-/// Byte order of EMCY codes that the codes themselves told.
+/// Byte order of EMCY codes, detected from the codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct LearntOrder(pub(in crate::session) ByteOrder);
+pub(in crate::session) struct DetectedByteOrder(pub(in crate::session) ByteOrder);
 
 impl NmtStatus {
-    /// Monotonic nanoseconds of the frame that brought the state, in the clock of [`super::Bus::now`].
+    /// Monotonic time of the frame that changed the state, in ns, as in [`super::Bus::now`].
     pub fn since(&self) -> i64 {
         self.since
     }
@@ -113,6 +116,7 @@ impl Node {
     pub(in crate::session) fn new(id: NodeId, name: Option<Arc<str>>) -> Self {
         Self {
             id,
+            signs: Signs::default(),
             name,
             nmt: None,
             attention: true,
@@ -147,94 +151,104 @@ impl Node {
         }
     }
 
-    /// Its number now.
+    /// Present node-ID or address.
     pub fn id(&self) -> NodeId {
         self.id
     }
 
-    /// Name the user gave it.
+    /// Name from the user.
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref()
     }
 
-    /// NMT state; `None` = unknown.
+    /// NMT state; `None` if unknown.
     pub fn nmt(&self) -> Option<NmtStatus> {
         self.nmt
     }
 
-    /// Boot-ups seen.
+    /// Boot-ups counted.
     pub fn boots(&self) -> u32 {
         self.boots
     }
 
-    /// Codes of errors raised and not cleared; an upper bound where the device does not clear each.
+    /// Error codes raised and not cleared; an upper bound if the device does not clear each code.
     pub fn active_errors(&self) -> &[u16] {
         &self.active_errors
     }
 
-    /// Number of the last frame it sent, and its time.
+    /// Behaviour that can suggest a profile.
+    pub(crate) fn signs(&self) -> &Signs {
+        &self.signs
+    }
+
+    /// Number and time of the last frame of the node.
     pub fn last_seen(&self) -> (u64, Option<Timestamp>) {
         (self.last_frame, self.last_seen)
     }
 
-    /// Identifier of the SYNC it obeys.
+    /// Identifier of the SYNC that the node uses.
     pub fn sync(&self) -> CanId {
         self.sync
     }
 
-    /// Raw number of an object that was seen or given and did not change unseen since, and the frame that told it.
+    /// Confirmed raw value of an object, not doubtful since, and its origin.
     pub fn proven(&self, object: ObjectAddress) -> Option<(i64, Origin)> {
         let entry = self.store.seen(object).filter(|entry| !entry.stale)?;
         let number = self.resolver().number(object).filter(|number| !number.assumed)?;
         Some((number.raw, entry.origin))
     }
 
-    /// Whether it is silent longer than its monitoring allows.
+    /// Whether it is silent for longer than its monitoring time.
     pub fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// Its objects.
+    /// Whether a message to the node is older than its time limit.
+    pub(crate) fn is_overdue(&self, message: &str) -> bool {
+        self.behaviour.overdue.iter().any(|overdue| **overdue == *message)
+    }
+
+    /// Object values of the node.
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    /// What the node is; CiA 301 alone where that is not known.
+    /// Assigned device; a device with CiA 301 objects only if none is assigned.
     pub fn device(&self) -> &Arc<Device> {
         &self.device
     }
 
-    /// What told which device it is.
+    /// Source of the device assignment.
     pub fn assigned(&self) -> Option<AssignedBy> {
         self.assigned
     }
 
-    /// Title of the device, where one was assigned.
+    /// Title of the assigned device.
     pub fn device_title(&self) -> Option<&str> {
         self.assigned.map(|_| self.device.title.as_str())
     }
 
-    /// Profile and variant, where one was assigned.
+    /// Profile and variant of the assigned device.
     pub fn device_id(&self) -> Option<&str> {
         self.assigned.map(|_| self.device.full_id.as_str())
     }
 
-    /// What the bus file says is in a PDO.
+    /// Contents of a PDO in the bus file.
     pub(in crate::session) fn given_pdo(&self, name: PdoName) -> Option<&[PdoField]> {
         self.given_pdos.iter().find(|(given, _)| *given == name).map(|(_, fields)| fields.as_slice())
     }
 
-    /// What an object means now.
+    /// Present meaning of an object.
     pub fn meaning(&self, object: ObjectAddress) -> Option<Meaning> {
         self.resolver().meaning(object)
     }
 
-    /// What its objects mean, and the numbers they hold.
+    /// Resolver for the meanings and values of the node's objects.
     pub(in crate::session) fn resolver(&self) -> Resolver<'_> {
         Resolver::for_node(&self.device.dictionary, &*self.store, self.id.number())
     }
 
-    /// Sets `attention` from the rest.
+    /// Updates `attention` after a change of `nmt` or `lost`.
     pub(in crate::session) fn refresh_attention(&mut self) {
         let settled = self
             .nmt
@@ -242,13 +256,13 @@ impl Node {
         self.attention = !settled || self.lost;
     }
 
-    /// What is wrong now, in words for people: codes of EMCY messages, faults of DM1.
+    /// Active errors as text: EMCY codes, and faults of DM1.
     pub(in crate::session) fn errors(&self) -> impl Iterator<Item = String> {
         let codes = self.active_errors.iter().map(|code| format!("{code:04X}"));
         codes.chain(self.active_dtcs().map(|(spn, fmi)| format!("SPN {spn} FMI {fmi}")))
     }
 
-    /// Adds an active error; `false` when an old one had to go.
+    /// Adds an active error; `false` if the oldest one was evicted.
     pub(in crate::session) fn raise(&mut self, code: u16) -> bool {
         self.last_error = Some(code);
         if self.active_errors.contains(&code) {
@@ -262,7 +276,7 @@ impl Node {
         fits
     }
 
-    /// Bytes held, the store apart.
+    /// Bytes held, without the store.
     pub(in crate::session) fn footprint(&self) -> usize {
         size_of::<Self>()
             + self.active_errors.capacity() * 2
@@ -274,19 +288,19 @@ impl Node {
 }
 
 impl Node {
-    /// SPN and FMI of trouble codes that its last DM1 has.
+    /// SPN and FMI of the trouble codes in the last DM1.
     pub fn active_dtcs(&self) -> impl Iterator<Item = (u32, u8)> {
         self.j1939.iter().flat_map(|state| state.faults.active())
     }
 }
 
 impl Node {
-    /// NAME of a J1939 device, once it was seen.
+    /// NAME of a J1939 device; `None` before its address claim.
     pub fn j1939_name(&self) -> Option<Name> {
         self.j1939.as_ref()?.name
     }
 
-    /// What is remembered of it as a J1939 device, made if new.
+    /// State as a J1939 device, created on first use.
     pub(in crate::session) fn j1939_state(&mut self) -> &mut J1939State {
         self.j1939.get_or_insert_default()
     }

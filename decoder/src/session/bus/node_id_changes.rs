@@ -1,23 +1,23 @@
-//! Changes of node-ID that a device accepted and that are in force from its next boot-up on.
+//! Changes of node-ID that a device has accepted; they take effect at its next boot-up.
 
 use crate::wire::NodeId;
 
-/// The last accepted change by each service.
+/// Last accepted change per service.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::session) struct NodeIdChanges {
-    /// Node-ID before, if it was inquired, and the new one.
+    /// Previous node-ID, if it was inquired, and new node-ID.
     pub(in crate::session) by_lss: Option<(Option<u8>, u8)>,
-    /// Node-ID before, and the new one.
+    /// Previous and new node-ID.
     pub(in crate::session) by_uds: Option<(NodeId, NodeId)>,
 }
 
 impl NodeIdChanges {
-    /// Takes the change by LSS if it leads to `id`: node-ID before, if it was inquired, and the new one.
+    /// Removes and returns the change by LSS if its new node-ID is `id`.
     pub(in crate::session) fn take_by_lss(&mut self, id: NodeId) -> Option<(Option<u8>, u8)> {
         self.by_lss.take_if(|(_, to)| id == NodeId::Canopen(*to))
     }
 
-    /// Takes the change by UDS if it leads to `id`: the node-ID before.
+    /// Removes the change by UDS if its new node-ID is `id`; returns the previous node-ID.
     pub(in crate::session) fn take_by_uds(&mut self, id: NodeId) -> Option<NodeId> {
         self.by_uds.take_if(|(_, to)| *to == id).map(|(from, _)| from)
     }

@@ -1,4 +1,5 @@
-//! What of a PDO matters to the device's doings: worked out once a layout, so that most PDOs cost nothing.
+//! Fields of a PDO that concern the device's state. The plan is made once per layout, so that most PDOs need
+//! no further work.
 
 use std::sync::Arc;
 
@@ -6,59 +7,59 @@ use crate::profile::device::{Condition, Procedure, Trigger};
 use crate::profile::{Carrier, Device, Field, Layout, PdoDirection, Role};
 use crate::wire::canopen::ObjectAddress;
 
-/// One field that is looked at.
+/// One watched field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct Watched {
-    /// Place in the layout.
+pub(in crate::session) struct WatchedField {
+    /// Index in the layout.
     pub(in crate::session) place: usize,
-    /// Its object.
+    /// Object in the field.
     pub(in crate::session) object: ObjectAddress,
-    /// A gate looks at its object.
+    /// A gate depends on the object.
     pub(in crate::session) is_gate: bool,
-    /// Its value decides how others are read.
+    /// Other objects are decoded by this value.
     pub(in crate::session) decides: bool,
 }
 
-/// What is looked at in the PDOs of one layout.
+/// Watched fields in the PDOs of one layout.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(in crate::session) struct Plan {
-    /// The fields.
-    pub(in crate::session) fields: Vec<Watched>,
+    /// Watched fields in the order of the layout.
+    pub(in crate::session) fields: Vec<WatchedField>,
     /// Bits of these fields in the first eight bytes.
     pub(in crate::session) mask: u64,
-    /// Those of fields whose value decides how others are read.
+    /// Bits of the fields that decide how others are decoded.
     pub(in crate::session) deciding: u64,
-    /// Looked at even if nothing changed: a procedure waits for this PDO.
+    /// Evaluated even without a change: a procedure waits for this PDO.
     pub(in crate::session) triggers: bool,
-    /// Sent once an occasion, so the same bits mean that it happened again.
+    /// Sent once per occurrence: equal bits mean that it occurred again.
     pub(in crate::session) once_an_occasion: bool,
-    /// Commands a state machine: its frames are remembered.
+    /// Contains a control word: its frames are stored.
     pub(in crate::session) commands: bool,
 }
 
-/// The plan of an identifier, and what came by it.
+/// Plan of an identifier, and its last frames.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Planned {
+pub(in crate::session) struct IdentifierPlan {
     pub(in crate::session) plan: Arc<Plan>,
-    /// Frames of the last ones, where they command a state machine.
+    /// Last frames, if they contain a control word.
     pub(in crate::session) recent: Recent,
 }
 
-/// Frames of the last PDOs that command a state machine, latest first.
+/// Last frames with a control word, latest first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(in crate::session) struct Recent {
     frames: [(u64, i64); 4],
 }
 
 impl Recent {
-    /// Another one came.
+    /// Adds a frame.
     #[inline]
     pub(in crate::session) fn push(&mut self, frame: u64, time: i64) {
         let [first, second, third, _] = self.frames;
         self.frames = [(frame, time), first, second, third];
     }
 
-    /// The latest: frame and monotonic time.
+    /// Frame and monotonic time of the latest PDO.
     pub(in crate::session) fn latest(&self) -> Option<(u64, i64)> {
         let [latest, ..] = self.frames;
         (latest.0 != 0).then_some(latest)
@@ -66,7 +67,7 @@ impl Recent {
 }
 
 impl Plan {
-    /// The plan of a layout; `None` where nothing in it matters.
+    /// Plan for a layout; `None` if it has no watched field and no procedure waits for the PDO.
     pub(in crate::session) fn of(
         device: &Device,
         carrier: &Carrier,
@@ -81,7 +82,7 @@ impl Plan {
             let matters = matches!(role, Some(Role::Control | Role::Status | Role::SetPoint | Role::Mode));
             if matters || has_bits || device.decides(object) || device.watches(object) {
                 let (is_gate, decides) = (device.gates_on(object), device.decides(object));
-                plan.fields.push(Watched { place, object, is_gate, decides });
+                plan.fields.push(WatchedField { place, object, is_gate, decides });
                 plan.mask |= bits(field.bit, field.bits);
                 if decides {
                     plan.deciding |= bits(field.bit, field.bits);
@@ -109,19 +110,19 @@ impl Plan {
     }
 }
 
-/// The bits of a field as a mask over eight bytes.
+/// Mask of a field over eight bytes.
 fn bits(first: u16, width: u16) -> u64 {
     let field = if width >= 64 { u64::MAX } else { (1 << width) - 1 };
     field.checked_shl(u32::from(first)).unwrap_or(0)
 }
 
 impl Device {
-    /// Whether an object's value decides how others are read.
+    /// Whether other objects are decoded by the value of this one.
     pub(in crate::session) fn decides(&self, object: ObjectAddress) -> bool {
         self.deciding.contains(&object)
     }
 
-    /// Whether a machine, a procedure or a gate looks at an object.
+    /// Whether a machine, a procedure or a gate depends on an object.
     pub(in crate::session) fn watches(&self, object: ObjectAddress) -> bool {
         let machine = self
             .machines
@@ -133,7 +134,7 @@ impl Device {
         machine || self.gates_on(object) || self.procedures.iter().flat_map(Procedure::triggers).any(when)
     }
 
-    /// Whether a gate looks at an object.
+    /// Whether a gate depends on an object.
     pub(in crate::session) fn gates_on(&self, object: ObjectAddress) -> bool {
         let on = |open: &Condition| open.object() == Some(object);
         self.gates.iter().any(|gate| gate.open.0.iter().any(on))

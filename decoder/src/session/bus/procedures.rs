@@ -1,15 +1,30 @@
-//! Procedures of a device that run.
+//! Running procedures of a device.
 
 use super::moment::Moment;
+use crate::profile::device::ProcedureStatus;
 
-/// A procedure that runs.
+/// State of a running procedure.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Running {
-    /// Place in the device's list.
+pub(in crate::session) struct RunningProcedure {
+    /// Index in the procedure list of the device.
     pub(in crate::session) place: usize,
     pub(in crate::session) started: Moment<()>,
-    /// The step told last.
+    /// Step emitted last.
     pub(in crate::session) step: Option<usize>,
-    /// Messages in a row that met the conditions of what it waits for.
+    /// Consecutive messages that met the conditions of the pending trigger.
     pub(in crate::session) streak: u8,
+}
+
+/// End of a procedure with a status object, until its next start.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct ProcedureResult {
+    /// Index in the procedure list of the device.
+    pub(in crate::session) place: usize,
+    /// Start; None before the capture.
+    pub(in crate::session) started: Option<Moment<()>>,
+    /// Frame with the end, or with the first status.
+    pub(in crate::session) ended: u64,
+    pub(in crate::session) outcome: ProcedureStatus,
+    /// The status object was read since the end; otherwise the outcome is derived from bits or a restart.
+    pub(in crate::session) is_read: bool,
 }

@@ -1,21 +1,21 @@
-//! How nodes start anew, and what explains that they do.
+//! Restarts of nodes and their possible causes.
 
 use crate::profile::Effect;
 use crate::wire::NodeId;
 
-/// How thoroughly a node starts anew.
+/// Type of restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum Restart {
     /// NMT reset communication.
     Communication,
     /// NMT reset node.
     Node,
-    /// Not commanded: a power-on, or a restart of the node's own.
+    /// Not commanded: power cycle or self-reset.
     PowerOn,
 }
 
 impl Restart {
-    /// Whether a value that waits for this takes effect.
+    /// Whether this restart applies a value that waits for `effect`.
     pub(in crate::session) const fn brings(self, effect: Effect) -> bool {
         match effect {
             Effect::ResetCommunication => true,
@@ -26,10 +26,10 @@ impl Restart {
     }
 }
 
-/// What may explain a restart of a node besides a command to it.
+/// Evidence for the cause of a restart, other than a command to the node itself.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::session) struct RestartEvidence {
-    /// Frame of the last reset of all nodes: it also means those that did not send yet.
+    /// Frame of the last reset of all nodes; it also applies to nodes that have not sent a frame yet.
     pub(in crate::session) reset_of_all: Option<(u64, Restart)>,
     /// Last boot sign without a command: monotonic time and node.
     pub(in crate::session) last_boot: Option<(i64, NodeId)>,

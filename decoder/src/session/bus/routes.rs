@@ -1,4 +1,4 @@
-//! What each identifier means now.
+//! Present service of each identifier.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -7,7 +7,8 @@ use foldhash::fast::FixedState;
 
 use super::cadence::Cadence;
 use super::link::Link;
-use super::plan::Planned;
+use super::plan::IdentifierPlan;
+use super::pulse::Pulse;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::{CanId, Frame};
 use crate::profile::{Layout, Owner, PdoName, connection_set};
@@ -17,12 +18,12 @@ use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::J1939Id;
 
-/// Service and node of an identifier.
+/// Service of an identifier, with its node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum Service {
-    /// Nobody's.
+    /// No known service.
     Unclassified,
-    /// Named, not decoded.
+    /// Reserved identifier with a name; not decoded.
     Named(&'static str),
     Nmt,
     Sync,
@@ -31,37 +32,38 @@ pub(in crate::session) enum Service {
     Emcy(NodeId),
     /// PDO of a node.
     Pdo(PdoName, NodeId),
-    /// A side of an SDO channel.
+    /// Request or response of an SDO channel.
     Sdo(Side, u16),
-    /// Heartbeat, boot-up and guarding of a node.
+    /// NMT error control of a node: heartbeat, boot-up and guarding.
     ErrorControl(NodeId),
-    /// LSS; `true` = from the master.
+    /// LSS; `true` for messages of the master.
     Lss(bool),
-    /// Marks of CiA's conformance test tool.
+    /// Markers of the CiA conformance test tool.
     TestMarker,
     /// A J1939 message.
     J1939(J1939Id),
-    /// ISO-TP between two ends.
+    /// ISO-TP frame of a link.
     IsoTp(Link),
 }
 
-/// State of one identifier that was seen.
+/// State of one identifier, created at its first frame.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Slot {
     pub(in crate::session) service: Service,
-    /// The event of its last PDO or J1939 message, updated in place: no allocation a frame.
+    /// Event of the last PDO or J1939 message, updated in place to avoid one allocation per frame.
     pub(in crate::session) prepared: Option<Box<Event>>,
-    /// What of it matters to the device's doings.
-    pub(in crate::session) plan: Option<Box<Planned>>,
-    /// How often it comes, where a manual bounds that.
+    /// Fields that concern the device's state.
+    pub(in crate::session) plan: Option<Box<IdentifierPlan>>,
+    /// Intervals, if a manual limits them.
     pub(in crate::session) cadence: Option<Box<Cadence>>,
-    /// Its last frame, where no service is decoded of it and a database describes it.
+    /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
+    pulse: Pulse,
 }
 
 impl Service {
-    /// Whether its machine handles remote frames: only PDOs and error control are requested by them (CiA 301 §7.2.2,
-    /// §7.2.8.3.2.1); frames of unknown services are passed on as they are.
+    /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
+    /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
     pub(in crate::session) const fn has_remote_frames(self) -> bool {
         matches!(
             self,
@@ -72,25 +74,25 @@ impl Service {
 
 impl Slot {
     const fn new(service: Service) -> Self {
-        Self { service, prepared: None, plan: None, cadence: None, described: None }
+        Self { service, prepared: None, plan: None, cadence: None, described: None, pulse: Pulse::NEW }
     }
 }
 
 const NO_SLOT: u16 = u16::MAX;
 
-/// Routes of one bus.
+/// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Routes {
     /// Slot of each 11-bit identifier.
     standard: Box<[u16; 2048]>,
-    /// Slot of 29-bit identifiers.
+    /// Slots of 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
     slots: Vec<Slot>,
-    /// Services the user gave; they go before everything else.
+    /// Services from the user; they override all others.
     given: Arc<BTreeMap<CanId, Service>>,
-    /// Services learnt on the wire; they go before the defaults.
+    /// Services learnt from messages; they override the defaults.
     learnt: Arc<BTreeMap<CanId, Service>>,
-    /// UDS servers the user named; they go before the defaults only.
+    /// UDS servers from the user; they override only the defaults.
     named: Arc<BTreeMap<CanId, Service>>,
     refused: bool,
 }
@@ -109,19 +111,19 @@ impl Default for Routes {
     }
 }
 
-/// What an identifier's first frame is routed to before channels are known.
+/// Source of the service at the first frame of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum RouteOrigin {
-    /// Given, learnt, or told by the bits of the identifier.
+    /// From the user, from messages, or from ISO-TP addresses in the identifier.
     Learnt(Service),
-    /// By the predefined connection set.
+    /// From the predefined connection set.
     Default(Owner),
-    /// By its 29 bits.
+    /// From the fields of a 29-bit identifier.
     J1939(J1939Id),
 }
 
 impl Routes {
-    /// Slot of an identifier, if it was seen.
+    /// Slot of an identifier; `None` before its first frame.
     #[inline]
     pub(in crate::session) fn find(&self, id: CanId) -> Option<usize> {
         let slot = match id {
@@ -129,6 +131,24 @@ impl Routes {
             CanId::Extended(id) => self.extended.get(&id).copied()?,
         };
         (slot != NO_SLOT).then_some(usize::from(slot))
+    }
+
+    /// Registers a frame at a monotonic time; service of its slot.
+    #[inline]
+    pub(in crate::session) fn hear(&mut self, slot: usize, now: i64) -> Option<Service> {
+        let slot = self.slots.get_mut(slot)?;
+        slot.pulse.beat(now);
+        Some(slot.service)
+    }
+
+    /// Services of all slots with their intervals.
+    pub(in crate::session) fn pulses(&self) -> impl Iterator<Item = (Service, Pulse)> {
+        self.slots.iter().map(|slot| (slot.service, slot.pulse))
+    }
+
+    /// Moves the last frame of all identifiers by `delay` ns, during which all traffic stopped.
+    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+        self.slots.iter_mut().for_each(|slot| slot.pulse.postpone(delay));
     }
 
     #[inline]
@@ -141,7 +161,7 @@ impl Routes {
         self.slots.get_mut(index)
     }
 
-    /// What an identifier means before its first frame.
+    /// Service of an identifier before its first frame.
     pub(in crate::session) fn origin(&self, id: CanId) -> RouteOrigin {
         let known = [&self.given, &self.learnt, &self.named].into_iter().find_map(|map| map.get(&id));
         let known = known.copied().or_else(|| Link::of(id).map(Service::IsoTp));
@@ -156,7 +176,7 @@ impl Routes {
         }
     }
 
-    /// Makes the slot of an identifier; `None` when there are too many of 29 bits.
+    /// Creates the slot of an identifier; `None` if the table of 29-bit identifiers is full.
     pub(in crate::session) fn add(&mut self, id: CanId, service: Service) -> Option<usize> {
         let index = self.slots.len();
         let slot = u16::try_from(index).ok()?;
@@ -173,7 +193,7 @@ impl Routes {
         Some(index)
     }
 
-    /// From now on `id` is `service`.
+    /// Sets the learnt service of `id`.
     pub(in crate::session) fn learn(&mut self, id: CanId, service: Service) {
         if self.learnt.get(&id) == Some(&service) {
             return;
@@ -186,12 +206,12 @@ impl Routes {
         }
     }
 
-    /// Whether an identifier could not be learnt since the last question.
+    /// Whether an identifier was rejected, because the table is full, since the last call.
     pub(in crate::session) fn take_refused(&mut self) -> bool {
         std::mem::take(&mut self.refused)
     }
 
-    /// Takes back what was learnt of `id`; a default that `replaces` it holds again.
+    /// Removes the learnt service of `id`; the default `replaces` applies again.
     pub(in crate::session) fn forget(&mut self, id: CanId, service: Service, replaces: Service) {
         if self.learnt.get(&id) == Some(&service) {
             Arc::make_mut(&mut self.learnt).remove(&id);
@@ -199,17 +219,31 @@ impl Routes {
         }
     }
 
-    /// The user says that `id` is `service`.
+    /// Sets the service of `id` from the user.
     pub(in crate::session) fn give(&mut self, id: CanId, service: Service) {
         Arc::make_mut(&mut self.given).insert(id, service);
     }
 
-    /// The user names `id` as one of a UDS server; the first word counts.
+    /// Whether the user stated the service of `id`.
+    pub(in crate::session) fn is_given(&self, id: CanId) -> bool {
+        self.given.contains_key(&id)
+    }
+
+    /// Assigns `id` to a UDS link from the user; the first assignment wins.
     pub(in crate::session) fn name(&mut self, id: CanId, link: Link) {
         Arc::make_mut(&mut self.named).entry(id).or_insert(Service::IsoTp(link));
     }
 
-    fn reroute(&mut self, id: CanId, service: Service) {
+    /// Assigns `id` to a UDS link that the traffic revealed; services from the user and from messages remain.
+    pub(in crate::session) fn assign(&mut self, id: CanId, link: Link) {
+        if !self.learnt.contains_key(&id) && !self.named.contains_key(&id) {
+            self.name(id, link);
+            self.reroute(id, Service::IsoTp(link));
+        }
+    }
+
+    /// Sets the service of `id` until another one is learnt.
+    pub(in crate::session) fn reroute(&mut self, id: CanId, service: Service) {
         if self.given.contains_key(&id) {
             return;
         }
@@ -223,22 +257,27 @@ impl Routes {
         self.learnt.iter().find(|(_, learnt)| **learnt == service).map(|(id, _)| *id)
     }
 
-    /// What an identifier was learnt to be.
+    /// Present service of an identifier; `None` before its first frame.
+    pub(in crate::session) fn service_of(&self, id: CanId) -> Option<Service> {
+        self.slot(self.find(id)?).map(|slot| slot.service)
+    }
+
+    /// Service learnt for an identifier.
     pub(in crate::session) fn learnt_at(&self, id: CanId) -> Option<Service> {
         self.learnt.get(&id).copied()
     }
 
-    /// Whether an identifier was learnt or given for a service.
+    /// Whether a service has an identifier, learnt or from the user.
     pub(in crate::session) fn is_placed(&self, service: Service) -> bool {
         self.given.values().chain(self.learnt.values()).any(|placed| *placed == service)
     }
 
-    /// Everything learnt, for moving it.
+    /// Copies all learnt services, for moving them to another node-ID.
     pub(in crate::session) fn learnt(&self) -> Vec<(CanId, Service)> {
         self.learnt.iter().map(|(id, service)| (*id, *service)).collect()
     }
 
-    /// The PDOs that were seen, with their layouts.
+    /// PDOs received so far, with their layouts.
     pub(in crate::session) fn layouts(&self) -> impl Iterator<Item = (Service, &Layout)> {
         self.slots.iter().filter_map(|slot| match &slot.prepared.as_deref()?.kind {
             EventKind::Pdo(pdo) => Some((slot.service, pdo.layout.as_deref()?)),
@@ -246,7 +285,7 @@ impl Routes {
         })
     }
 
-    /// Drops the prepared events of a PDO, so that its next one has the present layout.
+    /// Drops the prepared event of a PDO, so that the next one uses the present layout.
     pub(in crate::session) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
@@ -255,8 +294,8 @@ impl Routes {
         }
     }
 
-    /// The same for PDOs of a node whose layout depends on an object. Of those without a layout nothing
-    /// is known to depend on it: a mapping that becomes known refreshes them itself.
+    /// Drops prepared events of the node's PDOs whose layout depends on an object. PDOs without a layout are
+    /// refreshed when their mapping becomes known.
     pub(in crate::session) fn refresh_dependents(&mut self, id: NodeId, object: ObjectAddress) {
         for slot in &mut self.slots {
             let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
@@ -270,7 +309,7 @@ impl Routes {
         }
     }
 
-    /// The same for all PDOs of a node.
+    /// Drops prepared events of all PDOs of a node.
     pub(in crate::session) fn refresh_pdos_of(&mut self, id: NodeId) {
         for slot in &mut self.slots {
             if matches!(slot.service, Service::Pdo(_, node) if node == id) {
@@ -279,17 +318,17 @@ impl Routes {
         }
     }
 
-    /// Messages whose cadence is watched.
+    /// Messages with a monitored interval.
     pub(in crate::session) fn cadences(&self) -> impl Iterator<Item = &Cadence> {
         self.slots.iter().filter_map(|slot| slot.cadence.as_deref())
     }
 
-    /// The same, to change them.
+    /// Messages with a monitored interval, mutable.
     pub(in crate::session) fn cadences_mut(&mut self) -> impl Iterator<Item = &mut Cadence> {
         self.slots.iter_mut().filter_map(|slot| slot.cadence.as_deref_mut())
     }
 
-    /// Drops the prepared events of J1939 messages; gives the cadences that were watched, by slot.
+    /// Drops the prepared events of J1939 messages; removes and returns their cadences, by slot.
     pub(in crate::session) fn refresh_messages(&mut self) -> Vec<(u16, Box<Cadence>)> {
         let mut dropped = Vec::new();
         for (number, slot) in (0..).zip(&mut self.slots) {
@@ -301,7 +340,7 @@ impl Routes {
         dropped
     }
 
-    /// Bytes held.
+    /// Bytes held by the tables.
     pub(in crate::session) fn footprint(&self) -> usize {
         let events = self.slots.iter().filter(|slot| slot.prepared.is_some()).count() * size_of::<Event>();
         size_of::<[u16; 2048]>()

@@ -1,60 +1,72 @@
-//! Set points of a device: value, quantity, and whether they act.
+//! Set points of a device: value, quantity and effectiveness.
 
 use std::sync::Arc;
 
 use super::moment::Moment;
 use crate::event::{Effective, Quantity, SetPoint};
+use crate::frame::CanId;
 use crate::profile::{Carrier, Meaning, Value};
 use crate::wire::canopen::ObjectAddress;
 
-/// A set point as gates see it.
+/// Set point for which gates are evaluated.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::session) struct Subject<'a> {
     pub(in crate::session) object: ObjectAddress,
     pub(in crate::session) channel: Option<u8>,
     pub(in crate::session) carrier: &'a Carrier,
+    /// Identifier on which its PDO arrives, and a frame with it.
+    pub(in crate::session) id: Option<(CanId, u64)>,
 }
 
-/// One set point of a node.
+/// State of one set point of a node.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct SetPointState {
     pub(in crate::session) carrier: Carrier,
+    /// Identifier of the last PDO or message with it.
+    pub(in crate::session) id: Option<CanId>,
+    /// First frame with that identifier since the COB-ID may have changed.
+    pub(in crate::session) arrived: u64,
     pub(in crate::session) meaning: Arc<Meaning>,
-    /// Value that was told last, and the quantity it was.
+    /// Value emitted last, and its quantity.
     pub(in crate::session) told: Option<(Value, Quantity)>,
     pub(in crate::session) effective: Option<Effective>,
     pub(in crate::session) gates: Vec<String>,
-    /// Value that waits for SYNC, and when it came.
+    /// Value that waits for SYNC, and the time of its reception.
     pub(in crate::session) waiting: Option<(Value, Moment<()>)>,
-    /// It was told before its SYNC, which did not come in time.
+    /// Emitted without SYNC, because the SYNC did not arrive in time.
     pub(in crate::session) late: bool,
-    /// The layout of its PDO is a default, or may have changed unseen.
+    /// The layout of its PDO is a default, or may have changed unnoticed.
     pub(in crate::session) assumed: bool,
 }
 
-/// A set point as it was told last.
+/// A set point as emitted last.
 #[derive(Debug, Clone, Copy)]
-pub struct StandingPoint<'a> {
-    /// What it is.
+pub struct EmittedSetPoint<'a> {
+    /// Meaning of the object.
     pub meaning: &'a Meaning,
-    /// PDO or message it came by.
+    /// PDO or message with the set point.
     pub carrier: &'a Carrier,
-    /// Its value.
+    /// Present value.
     pub quantity: &'a Quantity,
-    /// Rests on an assumption.
+    /// Whether the value depends on an assumption.
     pub is_assumed: bool,
-    /// Whether it acts.
+    /// Whether it takes effect.
     pub effective: Effective,
-    /// Names of the gates that are closed, or of those nothing is known of.
+    /// Names of the closed gates; if none is closed, of the unknown ones.
     pub gates: &'a [String],
 }
 
 impl SetPointState {
     pub(in crate::session) fn subject(&self) -> Subject<'_> {
-        Subject { object: self.meaning.object, channel: self.meaning.channel, carrier: &self.carrier }
+        Subject {
+            object: self.meaning.object,
+            channel: self.meaning.channel,
+            carrier: &self.carrier,
+            id: self.id.map(|id| (id, self.arrived)),
+        }
     }
 
-    /// All traffic stopped for so long: the time does not count.
+    /// Moves a waiting value by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         if let Some((_, came)) = &mut self.waiting {
             came.time = came.time.saturating_add(delay);
@@ -65,10 +77,10 @@ impl SetPointState {
         &self.meaning.name
     }
 
-    /// As it was told last.
-    pub(in crate::session) fn standing(&self) -> Option<StandingPoint<'_>> {
+    /// Set point as emitted last; `None` before the first event.
+    pub(in crate::session) fn standing(&self) -> Option<EmittedSetPoint<'_>> {
         let (_, quantity) = self.told.as_ref()?;
-        Some(StandingPoint {
+        Some(EmittedSetPoint {
             meaning: &self.meaning,
             carrier: &self.carrier,
             quantity,
@@ -80,14 +92,14 @@ impl SetPointState {
 }
 
 impl SetPointState {
-    /// Whether a value says nothing new: the same number may be another quantity under another mode.
-    pub(in crate::session) fn is_told(&self, value: &Value) -> bool {
+    /// Whether a value was already emitted. An equal number may be another quantity in another mode.
+    pub(in crate::session) fn is_unchanged(&self, value: &Value) -> bool {
         self.told.as_ref().is_some_and(|(told, quantity)| {
             told == value && (quantity.number == self.quantity(value).number || !self.by_message())
         })
     }
 
-    /// A message may decide itself how its set points are read.
+    /// Whether a message carries it; fields of a message may decide how the set point is decoded.
     pub(in crate::session) const fn by_message(&self) -> bool {
         matches!(self.carrier, Carrier::Message(_))
     }
@@ -122,7 +134,7 @@ impl SetPointState {
     }
 }
 
-/// A number without scale is its own quantity, unless it has a name.
+/// Quantity of a number without scale; `None` if the value has a scale or a name.
 pub(in crate::session) fn plain(meaning: &Meaning, value: &Value) -> Option<f64> {
     if meaning.scale.is_some() || meaning.label(value).is_some() {
         return None;

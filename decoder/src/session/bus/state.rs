@@ -1,73 +1,96 @@
-//! One bus as observers see it: its clock, its nodes, what its identifiers mean.
+//! State of one bus for observers: clock, nodes, meaning of identifiers.
 
 use std::sync::Arc;
 
 use super::cadence::Cadence;
 use super::channels::SdoChannels;
-use super::clock::Clock;
+use super::clock::{AmbiguousGap, Clock};
 use super::gates::GateState;
 use super::link::Pairs;
+use super::named::NamedNodes;
 use super::node::Node;
 use super::node_id_changes::NodeIdChanges;
+use super::omissions::Omissions;
 use super::open_transfers::OpenTransfers;
+use super::pdo_users::PdoUsers;
 use super::restart::RestartEvidence;
 use super::routes::{Routes, Service};
-use super::unnamed_uds::UnnamedUds;
+use super::sdo_dialogues::{SdoDialogues, SdoPairHint};
+use super::shared_gap::shared_gap;
+use super::unnamed_uds::{UdsPairHint, UdsSuspects};
+use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::profile::dbc::{Database, Parameter};
-use crate::profile::{Meaning, NothingKnown, Owner, Resolver, plain_device};
+use crate::profile::{Catalogue, Meaning, NoValues, Owner, Resolver, is_fast_packet, plain_device};
 use crate::session::detection::{CanopenDetection, J1939Detection, ProtocolStatus};
-use crate::session::options::SessionOptions;
+use crate::session::options::{ProtocolChoice, SessionOptions};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::{Name, Pgn};
 use crate::wire::{NODE_PLACES, NodeId};
 
-/// What is known of one bus. Machines change it, observers read it.
+/// State of one bus. Machines change it, observers read it.
 #[derive(Debug, Clone)]
 pub struct Bus {
     pub(in crate::session) index: BusIndex,
     pub(in crate::session) name: Arc<str>,
     pub(in crate::session) options: Arc<SessionOptions>,
-    /// Messages of the user's databases on this bus.
+    /// Messages of the user's databases for this bus.
     pub(in crate::session) database: Arc<Database>,
+    pub(in crate::session) protocol: ProtocolChoice,
     pub(in crate::session) canopen: CanopenDetection,
     pub(in crate::session) j1939: J1939Detection,
+    /// Nodes whose protocol is settled.
+    pub(in crate::session) named: NamedNodes,
+    /// Frames that are not decoded, by reason.
+    pub(in crate::session) omissions: Omissions,
     pub(in crate::session) clock: Clock,
     pub(in crate::session) routes: Routes,
     pub(in crate::session) channels: SdoChannels,
-    /// UDS servers of the bus file.
+    /// UDS servers in the bus file.
     pub(in crate::session) uds_pairs: Arc<Pairs>,
     pub(in crate::session) nodes: Vec<Node>,
-    /// Place in `nodes` + 1 by [`NodeId::place`], 0 = none.
+    /// Index in `nodes` + 1, by [`NodeId::place`]; 0 = no node.
     pub(in crate::session) node_by_id: Box<[u16; NODE_PLACES]>,
     pub(in crate::session) restarts: RestartEvidence,
     pub(in crate::session) node_id_changes: NodeIdChanges,
     pub(in crate::session) open_transfers: OpenTransfers,
+    pub(in crate::session) pdo_users: PdoUsers,
+    /// Whether the frames on the identifier of TIME are not a clock.
+    pub(in crate::session) is_time_rejected: bool,
     /// Identifier of the SYNC received last.
     pub(in crate::session) last_sync: Option<CanId>,
-    /// A UDS request was answered.
+    /// At least one UDS request received a response.
     pub(in crate::session) is_uds: bool,
-    /// UDS between identifiers that the bus file does not name.
-    pub(in crate::session) unnamed: UnnamedUds,
-    /// Frames left undecoded, and those of 29 bits among them.
+    /// A group of NMEA 2000 was received.
+    pub(in crate::session) is_nmea2000: bool,
+    /// UDS traffic between identifiers missing from the bus file.
+    pub(in crate::session) unnamed: UdsSuspects,
+    /// SDO-like dialogues on identifiers of no channel.
+    pub(in crate::session) dialogues: SdoDialogues,
+    /// Number of undecoded frames, and of those with 29-bit identifiers.
     pub(in crate::session) undecoded: (u64, u64),
-    /// Last frame and its timestamp.
+    /// Last frame; its timestamp is `last_time`.
     pub(in crate::session) last_frame: u64,
+    pub(in crate::session) ambiguous_gap: Option<AmbiguousGap>,
     pub(in crate::session) last_time: Option<Timestamp>,
-    /// Bit rate as recorded, in bit/s.
+    /// Bit rate stated in the capture, in bit/s.
     pub(in crate::session) recorded_bit_rate: Option<u32>,
 }
 
 impl Bus {
-    /// A bus of which nothing was seen.
+    /// State of a bus before its first frame.
     pub(in crate::session) fn new(index: BusIndex, name: &str, options: Arc<SessionOptions>) -> Self {
+        let protocol = options.protocol_of(name);
         Self {
             index,
             name: name.into(),
             database: options.database(name),
-            canopen: CanopenDetection::new(options.protocol),
-            j1939: J1939Detection::new(options.protocol),
+            protocol,
+            canopen: CanopenDetection::new(protocol),
+            j1939: J1939Detection::new(protocol),
+            named: NamedNodes::default(),
+            omissions: Omissions::default(),
             options,
             clock: Clock::default(),
             routes: Routes::default(),
@@ -78,14 +101,24 @@ impl Bus {
             restarts: RestartEvidence::default(),
             node_id_changes: NodeIdChanges::default(),
             open_transfers: OpenTransfers::default(),
+            pdo_users: PdoUsers::default(),
+            is_time_rejected: false,
             last_sync: None,
             is_uds: false,
-            unnamed: UnnamedUds::default(),
+            is_nmea2000: false,
+            unnamed: UdsSuspects::default(),
+            dialogues: SdoDialogues::default(),
             undecoded: (0, 0),
             last_frame: 0,
+            ambiguous_gap: None,
             last_time: None,
             recorded_bit_rate: None,
         }
+    }
+
+    /// Profiles of the caller.
+    pub fn catalogue(&self) -> &Catalogue {
+        &self.options.catalogue
     }
 
     /// Name of the interface.
@@ -93,35 +126,58 @@ impl Bus {
         &self.name
     }
 
-    /// Name the user gave to whoever commands its nodes.
+    /// Name from the user for the NMT master.
     pub fn master_name(&self) -> Option<&str> {
         self.options.bus_file.master(&self.name)
     }
 
-    /// Index within the capture.
+    /// Index of the bus within the capture.
     pub fn index(&self) -> BusIndex {
         self.index
     }
 
-    /// Monotonic time in nanoseconds: that of the last frame; 0 where the capture has no times.
+    /// Monotonic time of the last frame in ns; 0 if the capture has no timestamps.
     pub fn now(&self) -> i64 {
         self.clock.now()
     }
 
-    /// A stamp of the capture as monotonic time, not beyond [`Bus::now`].
+    /// Converts a timestamp to monotonic time, at most [`Bus::now`].
     pub fn monotonic(&self, stamp: Timestamp) -> i64 {
         self.clock.monotonic(stamp)
     }
 
-    /// A monotonic time as a stamp of the capture; `None` where it has no times.
+    /// Converts monotonic time to a timestamp of the capture; `None` if it has no timestamps.
     pub fn stamp_of(&self, time: i64) -> Option<Timestamp> {
         self.clock.stamp_of(time)
     }
 
-    /// How long all traffic may stop before the bus counts as silent, in nanoseconds; none until the pattern of its
-    /// periodic messages is known.
+    /// Time without traffic after which the bus is silent as a whole, in ns: at least three periodic producers have missed
+    /// all their messages. `None` if there are fewer.
     pub fn silence_limit(&self) -> Option<i64> {
-        self.clock.silence_limit()
+        let heard = self.clock.last_frame_time();
+        Some(self.shared_gap(heard)?.max(self.clock.usual_gap()))
+    }
+
+    /// Time in ns after `heard`, the monotonic time of a frame, at which at least three periodic producers have missed all
+    /// their messages, if no frame follows.
+    pub(in crate::session) fn shared_gap(&self, heard: i64) -> Option<i64> {
+        shared_gap(self.routes.pulses(), heard).map(|due| due.saturating_sub(heard))
+    }
+
+    /// Frame before an unusual gap in the traffic that contains a time, or that evidence spans, and that is no hole for
+    /// certain: fewer than three periodic producers are missing.
+    pub(crate) fn ambiguous_gap(&self, time: Option<Timestamp>, evidence: FrameRange) -> Option<u64> {
+        let time = time.map(|time| self.monotonic(time));
+        let past = self.ambiguous_gap.filter(|gap| evidence.first <= gap.frames.first).filter(|gap| {
+            let (start, end) = gap.times;
+            let is_within = |time: i64| time <= end && time.saturating_sub(start) > gap.limit;
+            evidence.last >= gap.frames.last || time.is_some_and(is_within)
+        });
+        // On a live bus, the next frame is not there yet.
+        let start = self.clock.last_frame_time();
+        let is_quiet = time.is_some_and(|time| time.saturating_sub(start) > self.clock.usual_gap());
+        let present = || (is_quiet && self.silence_limit().is_none()).then_some(self.last_frame);
+        past.map(|gap| gap.frames.first).or_else(present)
     }
 
     /// Number of the last frame of this bus; 0 before the first.
@@ -129,77 +185,138 @@ impl Bus {
         self.last_frame
     }
 
-    /// Whether the traffic is believed to be CANopen.
+    /// Whether the traffic is confirmed as CANopen, or contains a node that the user named.
     pub fn is_canopen(&self) -> bool {
-        self.canopen.is_confirmed()
+        self.canopen.is_confirmed() || self.named.has_canopen()
     }
 
-    /// Whether the 29-bit frames are believed to be J1939.
+    /// Whether the 29-bit frames are confirmed as J1939, or contain an address that the user named.
     pub fn is_j1939(&self) -> bool {
-        self.j1939.is_confirmed()
+        self.j1939.is_confirmed() || self.named.has_j1939()
     }
 
-    /// Whether an address is in the middle of a transfer of several packets that can be about a group.
+    /// Whether the protocol of a node is confirmed by evidence or by the user; without a node, that of the CANopen
+    /// services of the whole bus.
+    pub fn is_settled(&self, node: Option<NodeId>) -> bool {
+        match node {
+            Some(id @ NodeId::J1939(_)) => self.j1939.is_confirmed() || self.named.contains(id),
+            Some(id) => self.canopen.is_confirmed() || self.named.contains(id),
+            None => self.is_canopen(),
+        }
+    }
+
+    /// Whether CANopen was rejected; only nodes that the user named are decoded.
+    pub fn is_canopen_rejected(&self) -> bool {
+        self.canopen.status() == ProtocolStatus::Rejected
+    }
+
+    /// Whether the events of a node, or of the CANopen services of the bus, were withdrawn: the traffic proved not to
+    /// be CANopen, and nobody named the node.
+    pub fn is_withdrawn(&self, node: Option<NodeId>) -> bool {
+        let is_canopen = node.is_none_or(|id| id.canopen().is_some());
+        is_canopen && self.is_canopen_rejected() && !self.is_settled(node)
+    }
+
+    /// Whether TIME events were withdrawn, because their identifier proved not to be a clock.
+    pub fn is_time_withdrawn(&self) -> bool {
+        self.is_time_rejected || self.is_withdrawn(None)
+    }
+
+    /// Limits of decoding on this bus, one text per reason: number of frames, reason, and the option to change it.
+    pub fn limits(&self) -> Vec<String> {
+        let canopen = self.rejection();
+        let mut texts = self.omissions.texts(canopen.as_deref(), self.j1939.reason().as_deref());
+        // If CANopen was detected later, the frame is a single wrong one.
+        let contradiction = self.named.contradiction().filter(|_| !self.canopen.is_confirmed());
+        texts.extend(contradiction.map(str::to_owned));
+        texts
+    }
+
+    /// Number of frames of no known service that no database describes, without those of [`Self::limits`].
+    pub fn unknown_frames(&self) -> u64 {
+        self.undecoded.0.saturating_sub(self.omissions.undecoded())
+    }
+
+    /// Whether `source` has an open multi-packet transfer that may be about `pgn`.
     pub fn is_transferring(&self, source: u8, pgn: Pgn) -> bool {
         self.open_transfers.contains(source, pgn)
     }
 
-    /// Name and unit of a suspect parameter, by the user's databases.
+    /// Name and unit of a suspect parameter, from the user's databases.
     pub fn parameter(&self, spn: u32) -> Option<&Parameter> {
         self.database.parameter(spn)
     }
 
-    /// The node with this number now; a bare number is a CANopen node-ID.
+    /// Node with this node-ID or address; a plain number is a CANopen node-ID.
     pub fn node(&self, id: impl Into<NodeId>) -> Option<&Node> {
         let place = *self.node_by_id.get(id.into().place())?;
         self.nodes.get(usize::from(place.checked_sub(1)?))
     }
 
-    /// All nodes in order of their numbers, CANopen first.
+    /// All nodes in ascending order, CANopen first.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         NodeId::all().filter_map(|id| self.node(id))
     }
 
-    /// All gates of all set points of a node that were seen, closed ones first.
+    /// All gates of all set points of a node received so far, closed ones first.
     pub fn gates(&self, node: impl Into<NodeId>) -> Vec<GateState> {
-        self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now()))
+        self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now(), |id| self.consumers(id)))
     }
 
-    /// Of a J1939 message that a device waits for: that device, and the nanoseconds its manual gives.
+    /// Device that must receive a J1939 message within a time, and the time from its manual, in ns.
     pub fn awaited(&self, id: CanId) -> Option<(NodeId, i64)> {
         let slot = self.routes.find(id).and_then(|slot| self.routes.slot(slot))?;
         slot.cadence.as_deref().map(Cadence::limit)
     }
 
-    /// What an object of a node means now; of one never heard what CiA 301 says.
+    /// Present meaning of an object of a node; as in CiA 301 for an unknown node.
     pub(in crate::session) fn meaning(&self, id: NodeId, object: ObjectAddress) -> Option<Meaning> {
         match self.node(id) {
             Some(node) => node.meaning(object),
-            None => Resolver::new(&plain_device().dictionary, &NothingKnown).meaning(object),
+            None => Resolver::new(&plain_device().dictionary, &NoValues).meaning(object),
         }
     }
 
-    /// Identifier of the SYNC that came last.
+    /// Identifier of the last SYNC.
     pub fn last_sync(&self) -> Option<CanId> {
         self.last_sync
     }
 
-    /// Why it is not taken for CANopen; `None` where it is, or nothing speaks against it yet.
+    /// Reason why the bus was not detected as CANopen; `None` if it was, if nothing contradicts CANopen, or if a node
+    /// that the user named is present.
     pub fn doubt(&self) -> Option<String> {
+        self.rejection().filter(|_| !self.named.has_canopen())
+    }
+
+    /// Reason why identifiers of nodes that nobody named are not decoded as CANopen.
+    pub(in crate::session) fn rejection(&self) -> Option<String> {
         (self.canopen.status() == ProtocolStatus::Rejected).then(|| self.canopen.reason())
     }
 
-    /// Whether a request of UDS was answered on it.
+    /// Whether at least one UDS request received a response.
     pub fn is_uds(&self) -> bool {
         self.is_uds
     }
 
-    /// What a user may tell of identifiers that nobody explained, where their frames look like UDS.
-    pub fn unnamed_uds(&self) -> Option<String> {
-        self.unnamed.hint()
+    /// Whether frames of a group are parts of fast packets.
+    #[inline]
+    pub(in crate::session) fn sends_fast_packets(&self, pgn: Pgn) -> bool {
+        /// Last group of data page 0; no fast packet is on it.
+        const LAST_OF_PAGE_0: u32 = 0xFFFF;
+        pgn.number() > LAST_OF_PAGE_0 && is_fast_packet(pgn, self.is_nmea2000)
     }
 
-    /// Bytes of its own, stores shared with checkpoints apart.
+    /// Pairs of identifiers that look like UDS and are missing from the bus file.
+    pub fn unnamed_uds(&self) -> Vec<UdsPairHint> {
+        self.unnamed.hints()
+    }
+
+    /// Pairs of identifiers without a channel that exchange messages like SDO client and server.
+    pub fn sdo_dialogues(&self) -> Vec<SdoPairHint> {
+        self.dialogues.hints()
+    }
+
+    /// Bytes held, without stores shared with checkpoints.
     pub fn footprint(&self) -> usize {
         size_of::<Self>()
             + self.routes.footprint()
@@ -208,7 +325,7 @@ impl Bus {
             + self.nodes.iter().map(Node::footprint).sum::<usize>()
     }
 
-    /// The node with this number, made if new.
+    /// Node with this node-ID or address, created on first use.
     #[inline]
     pub(in crate::session) fn node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
         let place = match *self.node_by_id.get(id.place())? {
@@ -218,7 +335,14 @@ impl Bus {
         self.nodes.get_mut(usize::from(place) - 1)
     }
 
-    /// Makes a node; gives its place + 1.
+    /// Node with this node-ID or address, if it exists.
+    #[inline]
+    pub(in crate::session) fn known_node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
+        let place = *self.node_by_id.get(id.place())?;
+        self.nodes.get_mut(usize::from(place).checked_sub(1)?)
+    }
+
+    /// Creates a node; returns its index + 1.
     #[cold]
     fn add_node(&mut self, id: NodeId) -> Option<u16> {
         let place = u16::try_from(self.nodes.len() + 1).ok()?;
@@ -228,14 +352,14 @@ impl Bus {
         Some(place)
     }
 
-    /// Name the user gave to a number.
+    /// Name from the user for a node-ID or address.
     pub(in crate::session) fn given_name(&self, id: NodeId) -> Option<Arc<str>> {
         let named = self.options.node_names.iter().find(|(named, _)| *named == id);
         let name = named.map(|(_, name)| name.as_str());
         name.or_else(|| self.options.bus_file.name(&self.name, id)).map(Into::into)
     }
 
-    /// The service of a default owner, with its channel.
+    /// Service of a default owner; creates its SDO channel if needed.
     pub(in crate::session) fn service_of(&mut self, owner: Owner) -> Service {
         match owner {
             Owner::Unclassified => Service::Unclassified,
@@ -244,6 +368,7 @@ impl Bus {
             Owner::Sync => Service::Sync,
             Owner::Time => Service::Time,
             Owner::Emcy(node) => Service::Emcy(node.into()),
+            Owner::Pdo(name, node) if self.is_sent_elsewhere(name, node.into()) => Service::Unclassified,
             Owner::Pdo(name, node) => Service::Pdo(name, node.into()),
             Owner::Sdo(side, node) => match self.channels.default_channel(node) {
                 Some(channel) => Service::Sdo(side, channel),
@@ -255,7 +380,7 @@ impl Bus {
         }
     }
 
-    /// The identifiers of an SDO channel's two sides.
+    /// Identifiers of request and response of an SDO channel.
     pub(in crate::session) fn channel_ids(&self, channel: u16) -> Option<(CanId, CanId)> {
         self.channels.ids(channel)
     }
@@ -266,17 +391,17 @@ impl Bus {
         self.routes.learn(response, Service::Sdo(Side::Server, channel));
     }
 
-    /// Bit rate in bit/s: from the bus file, else as recorded.
+    /// Bit rate in bit/s, from the bus file, otherwise from the capture.
     pub fn bit_rate(&self) -> Option<u32> {
         self.options.bus_file.bit_rate(&self.name).or(self.recorded_bit_rate)
     }
 
-    /// A number in the store of a node.
+    /// Number in the object store of a node.
     pub(in crate::session) fn object_number(&self, id: NodeId, address: ObjectAddress) -> Option<u64> {
         self.node(id)?.store().number(address)
     }
 
-    /// What an identifier is where nothing was learnt of it.
+    /// Service of an 11-bit identifier in the predefined connection set.
     pub(in crate::session) fn default_service(&mut self, id: CanId) -> Service {
         let CanId::Standard(id) = id else { return Service::Unclassified };
         let owner = crate::profile::connection_set().owner(id);

@@ -1,4 +1,4 @@
-//! The object store of one node: what is known of its objects, and from where.
+//! Object store of one node: object values and their origin.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -6,11 +6,11 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use crate::frame::Timestamp;
-use crate::profile::{Effect, Known};
+use crate::profile::{Effect, KnownValues};
 use crate::session::limits::{OBJECT_BYTES_LIMIT, OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
 use crate::wire::canopen::ObjectAddress;
 
-/// Where a value comes from.
+/// Source of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OriginKind {
     /// Written by SDO and confirmed by the server.
@@ -19,14 +19,14 @@ pub enum OriginKind {
     Upload,
     /// Stated in the bus file.
     BusFile,
-    /// Sent in a PDO; a sample.
+    /// Sent in a PDO; one sample of a changing value.
     Pdo,
-    /// What a DCF or XDC says the device is configured to.
+    /// Configured value in a DCF or XDC.
     DeviceFile,
 }
 
 impl OriginKind {
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Download => "download",
@@ -39,14 +39,14 @@ impl OriginKind {
 }
 
 impl OriginKind {
-    /// What happened, in a word for people.
+    /// Origin as one or two words in text output.
     pub const fn verb(self) -> &'static str {
         match self {
             Self::Download => "written",
             Self::Upload => "read",
             Self::Pdo => "sent",
             Self::BusFile => "given",
-            Self::DeviceFile => "wanted",
+            Self::DeviceFile => "in DCF",
         }
     }
 }
@@ -54,24 +54,24 @@ impl OriginKind {
 /// Origin of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Origin {
-    /// How it was learnt.
+    /// Source of the value.
     pub kind: OriginKind,
     /// Frame that confirmed it.
     pub frame: u64,
-    /// When.
+    /// Timestamp of that frame.
     pub time: Option<Timestamp>,
 }
 
-/// One object's value.
+/// Value of one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Bytes, cut at 1 KiB.
+    /// Bytes, truncated to 1 KiB.
     pub value: Vec<u8>,
-    /// Size of the whole value in bytes.
+    /// Size of the complete value in bytes.
     pub size: u64,
-    /// Where it comes from.
+    /// Source, frame and time of the value.
     pub origin: Origin,
-    /// The node restarted since: the value may have gone back to what was stored.
+    /// The value may have changed since, for example by a restart that restored the stored value.
     pub stale: bool,
 }
 
@@ -80,30 +80,30 @@ pub struct Entry {
 pub struct Store {
     entries: HashMap<ObjectAddress, Entry, FixedState>,
     bytes: usize,
-    /// Units the user gives, where no message tells them.
+    /// Units from the user, for objects whose unit no message contains.
     units: BTreeMap<ObjectAddress, String>,
-    /// Values written that wait for a restart, and for which.
-    waiting: BTreeMap<ObjectAddress, Waiting>,
+    /// Written values that take effect at a restart.
+    waiting: BTreeMap<ObjectAddress, PendingValue>,
     /// Values known to be in non-volatile memory.
     kept: BTreeMap<ObjectAddress, Vec<u8>>,
-    /// Values a device file wants: they hold until a message tells another, and are never sure.
+    /// Values in a device file: used until a message contains the value, and always marked as doubtful.
     wanted: Arc<BTreeMap<ObjectAddress, Entry>>,
-    /// Counts changes of what was seen or given.
+    /// Counter of changes, without values of a device file.
     changes: u64,
 }
 
-/// A value that takes effect later.
+/// A written value that takes effect later.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Waiting {
-    /// The value.
+pub struct PendingValue {
+    /// Value as written.
     pub value: Vec<u8>,
-    /// What it waits for.
+    /// Condition under which it takes effect.
     pub effect: Effect,
-    /// Who wrote it.
+    /// Transfer that wrote it.
     pub origin: Origin,
 }
 
-impl Known for Store {
+impl KnownValues for Store {
     fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
         self.get(object).map(|entry| (entry.value.as_slice(), entry.stale))
     }
@@ -114,30 +114,30 @@ impl Known for Store {
 }
 
 impl Store {
-    /// The unit of an object whose unit no message tells.
+    /// Sets the unit of an object from the user.
     pub(in crate::session) fn give_unit(&mut self, address: ObjectAddress, unit: &str) {
         self.units.insert(address, unit.to_owned());
     }
 
-    /// A value that takes effect later.
-    pub fn waiting(&self, address: ObjectAddress) -> Option<&Waiting> {
+    /// Value of an object that takes effect later.
+    pub fn waiting(&self, address: ObjectAddress) -> Option<&PendingValue> {
         self.waiting.get(&address)
     }
 
     /// All values that take effect later.
-    pub fn all_waiting(&self) -> impl Iterator<Item = (ObjectAddress, &Waiting)> {
+    pub fn all_waiting(&self) -> impl Iterator<Item = (ObjectAddress, &PendingValue)> {
         self.waiting.iter().map(|(address, waiting)| (*address, waiting))
     }
 
-    /// Notes a value that takes effect later; of long ones nothing depends on the bytes.
-    pub(in crate::session) fn wait(&mut self, address: ObjectAddress, waiting: Waiting) {
+    /// Adds a value that takes effect later; long values are not stored, because nothing depends on them.
+    pub(in crate::session) fn wait(&mut self, address: ObjectAddress, waiting: PendingValue) {
         let fits = self.waiting.len() < OBJECT_LIMIT / 4 || self.waiting.contains_key(&address);
         if fits && waiting.value.len() <= OBJECT_VALUE_LIMIT / 16 {
             self.waiting.insert(address, waiting);
         }
     }
 
-    /// Takes the waiting values for which the time has come.
+    /// Removes and returns the waiting values whose effect the closure accepts.
     pub(in crate::session) fn take_waiting(
         &mut self,
         comes: impl Fn(Effect) -> bool,
@@ -148,12 +148,12 @@ impl Store {
         now.into_iter().map(|(address, waiting)| (address, waiting.value)).collect()
     }
 
-    /// The value in non-volatile memory, if known.
+    /// Value in non-volatile memory; `None` if unknown.
     pub fn kept(&self, address: ObjectAddress) -> Option<&[u8]> {
         self.kept.get(&address).map(Vec::as_slice)
     }
 
-    /// Everything `picks` is in non-volatile memory now.
+    /// Marks all objects selected by `picks` as stored in non-volatile memory.
     pub(in crate::session) fn keep(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
         for (address, entry) in &self.entries {
             if entry.value.len() <= OBJECT_VALUE_LIMIT / 16 && picks(*address) {
@@ -162,18 +162,18 @@ impl Store {
         }
     }
 
-    /// Nothing is known any more of what `picks` has in non-volatile memory.
+    /// Forgets the non-volatile values of the objects selected by `picks`.
     pub(in crate::session) fn forget_kept(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
         self.kept.retain(|address, _| !picks(*address));
     }
 
-    /// Counts changes of what was seen or given: where it is the same, so is that.
+    /// Counter of changes, without values of a device file; equal counters mean equal contents.
     #[inline]
     pub fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// Forgets a value.
+    /// Removes a value.
     pub(in crate::session) fn remove(&mut self, address: ObjectAddress) {
         self.changes = self.changes.wrapping_add(1);
         if let Some(entry) = self.entries.remove(&address) {
@@ -181,16 +181,16 @@ impl Store {
         }
     }
 
-    /// A value is the one in non-volatile memory again.
+    /// Sets a value back to the one in non-volatile memory.
     pub(in crate::session) fn fall_back(&mut self, address: ObjectAddress, kept: &[u8]) {
         if let Some(entry) = self.entries.get(&address) {
             let origin = entry.origin;
-            // It takes the place of one that was there.
+            // Cannot fail for lack of entries: it replaces an existing value.
             let _ = self.set(address, kept, origin);
         }
     }
 
-    /// A value may have changed unseen.
+    /// Marks a value as doubtful: it may have changed unnoticed.
     pub(in crate::session) fn doubt(&mut self, address: ObjectAddress) {
         self.changes = self.changes.wrapping_add(1);
         if let Some(entry) = self.entries.get_mut(&address) {
@@ -198,7 +198,7 @@ impl Store {
         }
     }
 
-    /// The same for all that `picks`; gives their addresses.
+    /// Marks the values selected by `picks` as doubtful; returns their addresses.
     pub(in crate::session) fn doubt_all(
         &mut self,
         picks: impl Fn(ObjectAddress) -> bool,
@@ -215,7 +215,7 @@ impl Store {
         doubted
     }
 
-    /// What a device file wants, instead of what one wanted before.
+    /// Replaces the values of the device file.
     pub(in crate::session) fn want(&mut self, values: impl Iterator<Item = (ObjectAddress, Vec<u8>)>) {
         const ORIGIN: Origin = Origin { kind: OriginKind::DeviceFile, frame: 0, time: None };
         let entry = |(address, value): (ObjectAddress, Vec<u8>)| {
@@ -224,28 +224,28 @@ impl Store {
         self.wanted = Arc::new(values.map(entry).collect());
     }
 
-    /// Addresses of what a device file wants.
+    /// Addresses of the values in the device file.
     pub(in crate::session) fn all_wanted(&self) -> Vec<ObjectAddress> {
         self.wanted.keys().copied().collect()
     }
 
-    /// The value at an address: seen or given, else wanted by a device file.
+    /// Value from messages or the bus file, otherwise from the device file.
     pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
         self.seen(address).or_else(|| self.wanted.get(&address))
     }
 
-    /// The value at an address that was seen or given.
+    /// Value from messages or the bus file.
     pub fn seen(&self, address: ObjectAddress) -> Option<&Entry> {
         self.entries.get(&address)
     }
 
-    /// A value of up to eight bytes as a number, least significant byte first.
+    /// Value of up to eight bytes as a number, least significant byte first.
     pub fn number(&self, address: ObjectAddress) -> Option<u64> {
         let value = &self.get(address)?.value;
         (!value.is_empty() && value.len() <= 8).then(|| crate::profile::little_endian(value))
     }
 
-    /// Puts a value in; gives the one before. `Err` when the node has too many objects.
+    /// Stores a value and returns the previous one. `Err` if the limit of objects or bytes is reached.
     pub(in crate::session) fn set(
         &mut self,
         address: ObjectAddress,
@@ -270,7 +270,7 @@ impl Store {
         Ok(before)
     }
 
-    /// All objects in order of their address.
+    /// All objects, sorted by address.
     pub fn sorted(&self) -> Vec<(ObjectAddress, &Entry)> {
         let wanted = self.wanted.iter().filter(|(address, _)| !self.entries.contains_key(address));
         let mut all: Vec<_> =
@@ -285,7 +285,7 @@ impl Store {
         self.entries.len() + wanted.count()
     }
 
-    /// Whether nothing is known.
+    /// Whether the store has no values.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty() && self.wanted.is_empty()
     }
@@ -312,13 +312,13 @@ mod tests {
     }
 
     #[test]
-    fn what_a_file_wants_stands_behind_what_was_seen() {
+    fn values_of_a_file_follow_observed_values() {
         let mut store = Store::default();
         let [first, second] = [ObjectAddress::new(0x1017, 0), ObjectAddress::new(0x2000, 0)];
         store.want([(first, vec![1, 0]), (second, vec![2])].into_iter());
         assert_eq!((store.number(first), store.len(), store.seen(first)), (Some(1), 2, None));
         assert!(store.get(first).unwrap().stale);
-        // It is no value that was there before.
+        // The value of the device file is not returned as the previous one.
         assert_eq!(store.set(first, &[5, 0], ORIGIN), Ok(None));
         assert_eq!((store.number(first), store.len()), (Some(5), 2));
         let origins: Vec<_> = store.sorted().iter().map(|(_, entry)| entry.origin.kind.name()).collect();
@@ -336,7 +336,7 @@ mod tests {
             set(&mut store, index, &[0; 1024]).unwrap();
         }
         assert_eq!(set(&mut store, 64, &[0]), Err(StoreFull));
-        // A value may still take the place of the one before.
+        // A value may still replace the previous one of its object.
         assert!(set(&mut store, 5, &[1; 1024]).is_ok());
         assert!(set(&mut store, 5, &[1]).is_ok());
         assert!(set(&mut store, 64, &[0; 1023]).is_ok());

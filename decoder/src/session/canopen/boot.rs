@@ -1,4 +1,4 @@
-//! Restarts: why a node starts, and what that does to everything known of it.
+//! Restarts of nodes: cause, and effect on the state of the node.
 
 use super::nmt::confirm_state;
 use crate::event::{BootCause, EventKind, PowerSign, StateCause};
@@ -12,10 +12,10 @@ use crate::session::presence::mark_alive;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
-/// Nodes of one machine boot within this time of each other, in nanoseconds.
+/// Time in ns within which all nodes of one machine boot.
 const TOGETHER: i64 = 2_000_000_000;
 
-/// The node sent its boot-up message.
+/// Handles a boot-up message.
 pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     apply_node_id_change(id, frame, cx);
     let cause = boot_cause(&mut cx.bus, id);
@@ -23,17 +23,12 @@ pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context
     let lost = count_lost_settings(&cx.bus, id);
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.active_errors.clear();
-    node.guarding.toggle = None;
-    node.guarding.is_open = false;
-    node.guarding.missed = 0;
-    node.heartbeat.last = None;
-    node.heartbeat.intervals = [0; 4];
-    node.heartbeat.deadline = None;
+    node.restart_monitoring();
     cx.emit(frame, id, false, EventKind::BootUp { cause, lost });
     on_restart(id, cause, frame, cx);
 }
 
-/// A node restarted, with whatever boot sign it has.
+/// Handles a restart, after any boot sign.
 pub(in crate::session) fn on_restart(id: NodeId, cause: BootCause, frame: &Frame, cx: &mut Context<'_>) {
     if matches!(cause, BootCause::PresumedPowerOn { .. }) {
         cx.bus.restarts.last_boot = Some((cx.bus.clock.now(), id));
@@ -47,10 +42,10 @@ pub(in crate::session) fn on_restart(id: NodeId, cause: BootCause, frame: &Frame
     confirm_state(id, NmtState::PreOperational, StateCause::BootUp, frame, cx);
 }
 
-/// Why a node starts now; the command that explains it is used up.
+/// Cause of the present restart; the command that caused it is cleared.
 pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
     let sign = power_sign(bus, id);
-    // A reset of all also means a node of which nothing was heard since.
+    // A reset of all nodes also applies to a node that sent nothing after it.
     let before = bus.node(id).map_or(0, |node| node.last_frame);
     let reset_of_all = bus.restarts.reset_of_all.filter(|(reset, _)| *reset > before);
     let Some(node) = bus.node_mut(id) else { return BootCause::PresumedPowerOn { sign } };
@@ -62,7 +57,7 @@ pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
     }
 }
 
-/// What makes a power-on of the machine likelier than a restart of this node alone.
+/// Evidence that the machine had a power cycle, not this node alone.
 fn power_sign(bus: &Bus, id: NodeId) -> Option<PowerSign> {
     if !bus.clock.runs() {
         return None;

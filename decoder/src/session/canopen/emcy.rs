@@ -1,12 +1,12 @@
-//! EMCY: errors that come and go.
+//! EMCY: errors raised and cleared.
 
 use super::boot::{boot_cause, on_restart};
 use super::nmt::presume_state;
 use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
 use crate::frame::Frame;
-use crate::profile::Device;
-use crate::profile::device::{Boot, Cleared, NmtName, Order};
-use crate::session::bus::{LearntOrder, Node};
+use crate::profile::device::{Boot, ClearMeaning, NmtName, Order};
+use crate::profile::{Device, emcy_codes};
+use crate::session::bus::{DetectedByteOrder, Node};
 use crate::session::context::Context;
 use crate::session::device::on_emcy_code;
 use crate::session::machine::Machine;
@@ -15,10 +15,10 @@ use crate::wire::NodeId;
 use crate::wire::canopen::emcy::{self, ByteOrder, Emcy as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), where a device has no code of its own.
+/// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), for devices without a code of their own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
 
-/// EMCY messages of all nodes; active errors and the learnt byte order are in the node.
+/// EMCY messages of all nodes; active errors and the detected byte order are in the node.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Emcy;
 
@@ -27,10 +27,12 @@ impl Machine for Emcy {
     type Product = ();
 
     fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
-        let now = cx.bus.clock.now();
-        cx.bus.canopen.count_unsupported(id.number(), now);
-        if !cx.is_decoded(frame) {
+        if !is_admitted(id, frame, cx) {
             return;
+        }
+        // CiA 301 §7.2.7.2: eight bytes; version 3 allows shorter ones.
+        if frame.length == 1 {
+            cx.emit_contradicted_name(id, frame, "EMCY of 8 bytes");
         }
         let Some(node) = cx.bus.node_mut(id) else { return };
         let (byte_order, byte_order_by) = byte_order(node, frame.data());
@@ -39,7 +41,7 @@ impl Machine for Emcy {
             Ok(message) => message,
             Err(error) => return cx.emit_malformed(frame, id, error, "an error code has two bytes"),
         };
-        // A node that has no boot-up message shows its start here.
+        // The boot sign of a device without boot-up message is an EMCY.
         let starts = node.device.nmt.boot == Boot::ReadyTelegram
             && (message == Message::Ready || node.reset_frame.is_some());
         let boot = starts.then(|| boot_cause(&mut cx.bus, id));
@@ -47,18 +49,9 @@ impl Machine for Emcy {
         let Some(node) = cx.bus.node_mut(id) else { return };
         if starts {
             node.active_errors.clear();
+            node.restart_monitoring();
         }
-        let mut fits = true;
-        let (code, register, vendor, vendor_length, action) = match message {
-            Message::Ready => (None, None, [0; 5], 0, EmcyAction::Ready),
-            Message::Error { code, register, vendor, vendor_length } => {
-                let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
-                if action == EmcyAction::Raised {
-                    fits = node.raise(code);
-                }
-                (Some(code), register, vendor, vendor_length, action)
-            }
-        };
+        let ((code, register, vendor, vendor_length), action, fits) = apply_message(message, node);
         let alternative = code.and_then(|code| alternative(&node.device, code));
         let active = u16::try_from(node.active_errors.len()).unwrap_or(u16::MAX);
         let emergency = Emergency {
@@ -89,16 +82,64 @@ impl Machine for Emcy {
     }
 }
 
+/// Whether a frame is decoded as EMCY; otherwise it is emitted undecoded.
+fn is_admitted(id: NodeId, frame: &Frame, cx: &mut Context<'_>) -> bool {
+    if !cx.is_settled(Some(id)) {
+        let now = cx.bus.clock.now();
+        cx.bus.canopen.count_unsupported(id.number(), now);
+        let active = cx.bus.node(id).map_or(&[][..], Node::active_errors);
+        if !is_plausible(active, frame) {
+            cx.emit_undecoded(frame, None);
+            return false;
+        }
+    }
+    cx.is_decoded(Some(id), frame)
+}
+
+/// Code, register, vendor-specific bytes and their number.
+type Content = (Option<u16>, Option<u8>, [u8; 5], u8);
+
+/// Stores a message in its node; returns its content, its effect, and `false` if the table of active errors is full.
+fn apply_message(message: Message, node: &mut Node) -> (Content, EmcyAction, bool) {
+    match message {
+        Message::Ready => {
+            node.signs.is_ready_sent = true;
+            ((None, None, [0; 5], 0), EmcyAction::Ready, true)
+        }
+        Message::Error { code, register, vendor, vendor_length } => {
+            node.signs.emcy(code);
+            let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
+            let fits = action != EmcyAction::Raised || node.raise(code);
+            ((Some(code), register, vendor, vendor_length), action, fits)
+        }
+    }
+}
+
+/// Whether a frame may be an EMCY although nothing shows that the bus uses CANopen: the identifiers 081 to 0FF are
+/// common in cars. An EMCY reports a defined error once, with the generic bit of the register set, and its end
+/// (CiA 301 §7.2.7.1); it has eight bytes, or none in version 3.
+fn is_plausible(active: &[u16], frame: &Frame) -> bool {
+    let [low, high, register, ..] = frame.data() else { return frame.length == 0 };
+    let is_new = |code: u16| {
+        let is_defined = code != 0 && emcy_codes().find(u32::from(code)).is_some();
+        // Bit 6 of the error register is reserved (CiA 301 §7.5.2.2).
+        is_defined && register & 0x41 == 1 && !active.contains(&code)
+    };
+    let codes = [u16::from_le_bytes([*low, *high]), u16::from_be_bytes([*low, *high])];
+    let ends = codes == [0, 0] && !active.is_empty();
+    frame.length == 8 && (ends || codes.into_iter().any(is_new))
+}
+
 fn emit_contradiction(id: NodeId, object: Option<ObjectAddress>, frame: &Frame, cx: &mut Context<'_>) {
     if let Some(object) = object {
         let text =
-            format!("node {id}: its EMCY codes contradict the value presumed for {object} since its restart");
+            format!("node {id}: EMCY codes contradict the value of {object} presumed since the restart");
         cx.emit_note(frame, text);
     }
 }
 
-/// A node whose master stopped guarding leaves operational (CiA 301 §7.2.8.3.2.2, object 1029); some
-/// errors of a device do so by its manual.
+/// A node leaves operational if guarding stops (CiA 301 §7.2.8.3.2.2, object 1029), or after errors for
+/// which its manual states this.
 fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>) {
     let Some(node) = cx.bus.node(id) else { return };
     let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
@@ -113,16 +154,16 @@ fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>)
     }
 }
 
-/// What code 0000 says.
+/// Meaning of code 0000.
 fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
     let just_booted = std::mem::replace(&mut node.just_booted, false);
     if just_booted && node.active_errors.is_empty() {
         return EmcyAction::NoErrorAtBoot;
     }
-    // Which of several errors went the message does not say; the register says whether any is left
-    // (CiA 301 §7.2.7.1), unless the device sends 0000 only when all are gone.
+    // Code 0000 does not identify the cleared error. The register shows whether errors remain
+    // (CiA 301 §7.2.7.1), unless the device sends 0000 only when no error remains.
     let all_gone =
-        node.device.emcy.cleared == Cleared::AllGone || register.is_none_or(|register| register == 0);
+        node.device.emcy.cleared == ClearMeaning::AllGone || register.is_none_or(|register| register == 0);
     if all_gone {
         node.active_errors.clear();
         EmcyAction::AllCleared
@@ -131,10 +172,10 @@ fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
     }
 }
 
-/// The order in which the device sends its codes, and what tells it.
+/// Byte order of the node's EMCY codes, and its source.
 ///
-/// An object that decides and was seen is believed. Where it was not, or may have changed at a restart,
-/// the first code that only one order makes a code of the device tells.
+/// A confirmed value of the object that sets the byte order has precedence. If the value is unknown, or
+/// doubtful after a restart, the order is taken from the first code that the profile knows in one order only.
 fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, &'static str) {
     let Some(order) = &node.device.emcy.byte_order else { return (ByteOrder::LsbFirst, "standard") };
     let Order::ByObject { object, .. } = order else { return (order.of(None), "profile") };
@@ -144,19 +185,19 @@ fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, &'static str) {
     if known.is_some_and(|entry| !entry.stale) {
         return (stated, "wire");
     }
-    if let Some(LearntOrder(learnt)) = node.emcy_order {
+    if let Some(DetectedByteOrder(learnt)) = node.emcy_order {
         return (learnt, "learnt");
     }
     let other = opposite(stated);
     let (object, was_known) = (object.object, known.is_some());
     let origin = if was_known { "presumed" } else { "profile" };
     if !is_code(&node.device, data, stated) && is_code(&node.device, data, other) {
-        node.emcy_order = Some(LearntOrder(other));
+        node.emcy_order = Some(DetectedByteOrder(other));
         node.contradicted = was_known.then_some(object);
         return (other, "learnt");
     }
     if is_code(&node.device, data, stated) {
-        node.emcy_order = Some(LearntOrder(stated));
+        node.emcy_order = Some(DetectedByteOrder(stated));
     }
     (stated, origin)
 }
@@ -168,7 +209,7 @@ const fn opposite(order: ByteOrder) -> ByteOrder {
     }
 }
 
-/// Whether a message holds a code of the device other than 0000, read in this order.
+/// Whether a message, decoded in this byte order, has a code of the profile other than 0000.
 fn is_code(device: &Device, data: &[u8], order: ByteOrder) -> bool {
     match emcy::parse(data, order) {
         Ok(Message::Error { code, .. }) => code != 0 && device.error(code).is_some(),
@@ -176,7 +217,7 @@ fn is_code(device: &Device, data: &[u8], order: ByteOrder) -> bool {
     }
 }
 
-/// The code the other byte order would give, where the device knows that one and not this.
+/// Code in the other byte order, if the profile has this code and not the decoded one.
 fn alternative(device: &Device, code: u16) -> Option<u16> {
     let other = code.swap_bytes();
     let only_other = device.error(code).is_none() && device.error(other).is_some() && code != 0;

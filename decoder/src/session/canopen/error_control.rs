@@ -1,10 +1,10 @@
-//! Heartbeat, boot-up, node guarding: who is alive.
+//! NMT error control: heartbeat, boot-up and node guarding.
 
 use super::boot::on_boot_up;
 use super::nmt::confirm_state;
 use crate::event::{EventKind, StateCause};
 use crate::frame::{Frame, FrameFlags};
-use crate::session::bus::Bus;
+use crate::session::bus::{Bus, UNANSWERED};
 use crate::session::context::Context;
 use crate::session::machine::{Machine, Timed};
 use crate::session::presence::{emit_node_lost, mark_alive};
@@ -13,12 +13,8 @@ use crate::wire::NodeId;
 use crate::wire::canopen::error_control::{self, ErrorControl as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// A heartbeat is missed after this many intervals.
+/// Intervals without a heartbeat after which the node is lost.
 const LOST_AFTER: i64 = 2;
-
-/// Guarding requests without reply after which a node counts as lost, where its life time factor (100D)
-/// is unknown.
-const UNANSWERED: u8 = 3;
 
 /// Heartbeat and guarding of all nodes; the state of each is in the node.
 #[derive(Debug, Clone)]
@@ -30,9 +26,13 @@ impl Machine for ErrorControl {
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
         for node in &mut bus.nodes {
-            if let Some(deadline) = &mut node.heartbeat.deadline {
-                *deadline = deadline.saturating_add(delay);
+            // The interval that contains the silence is not a period of the node, and its responses before and
+            // after the silence do not follow each other.
+            for time in [&mut node.heartbeat.deadline, &mut node.heartbeat.last].into_iter().flatten() {
+                *time = time.saturating_add(delay);
             }
+            node.guarding.toggle = None;
+            node.guarding.interval = 0;
         }
     }
 
@@ -43,26 +43,34 @@ impl Machine for ErrorControl {
         let parsed = error_control::parse(frame.data());
         match parsed {
             Ok(message) if frame.length == 1 && message.state.is_some() => cx.bus.canopen.add_evidence(),
-            _ => cx.bus.canopen.add_contradiction(),
+            _ => {
+                cx.bus.canopen.add_contradiction();
+                let is_byte = frame.length == 1;
+                let expected =
+                    if is_byte { "the value 00, 04, 05 or 7F, toggle bit apart" } else { "1 byte" };
+                cx.emit_contradicted_name(id, frame, expected);
+            }
         }
-        if parsed.is_ok_and(|message| message.state.is_none()) && !cx.bus.canopen.is_confirmed() {
+        if parsed.is_ok_and(|message| message.state.is_none()) && !cx.is_settled(Some(id)) {
             return cx.emit_undecoded(frame, None);
         }
-        if !cx.is_decoded(frame) {
+        if !cx.is_decoded(Some(id), frame) {
             return;
         }
         let message = match parsed {
             Ok(message) => message,
             Err(error) => return cx.emit_malformed(frame, id, error, "error control has one byte"),
         };
-        cx.bus.clock.saw_periodic();
-        // A node whose heartbeat is on leaves guarding requests unanswered (CiA 301 §7.5.2.20): what comes behind
-        // one is its next heartbeat.
+        // A node with enabled heartbeat does not respond to guarding requests (CiA 301 §7.5.2.20): the
+        // message after a request is its next heartbeat.
         let is_reply = message.toggle
             || cx.bus.node(id).is_some_and(|node| {
                 node.guarding.is_open && node.heartbeat.configured.is_none_or(|time| time == 0)
             });
         if message.state == Some(NmtState::Initialising) && !message.toggle {
+            if let Some(node) = cx.bus.node_mut(id) {
+                node.signs.is_boot_up_sent = true;
+            }
             on_boot_up(id, frame, cx);
         } else if is_reply {
             on_guard_reply(id, message, frame, cx);
@@ -84,8 +92,10 @@ impl Timed for ErrorControl {
             return cx.timers.add(deadline, Subject::Heartbeat(id));
         }
         node.heartbeat.deadline = None;
-        let gap = node.heartbeat.last.map_or(0, |last| deadline.saturating_sub(last));
-        // The deadline's own time, and the node's last frame as the evidence.
+        // A silence of the whole bus postpones the heartbeat, but not the last frame of the node.
+        let last = node.heartbeat.last.map(|last| last.min(node.last_heard));
+        let gap = last.map_or(0, |last| deadline.saturating_sub(last));
+        // The event has the time of the deadline, and the last frame of the node as evidence.
         let mut frame = Frame { number: node.last_frame, ..Frame::EMPTY };
         frame.time = cx.bus.clock.stamp_of(deadline);
         emit_node_lost(id, gap, "heartbeat", &frame, cx);
@@ -95,7 +105,7 @@ impl Timed for ErrorControl {
 fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<'_>) {
     mark_alive(id, frame, cx);
     let kind = EventKind::Heartbeat { state: message.state, code: message.code };
-    // A known state is told by the state's event; an unknown one only here.
+    // A defined state has an event of its own; only an undefined one is not routine.
     cx.emit(frame, id, message.state.is_some(), kind);
     rearm_heartbeat(id, cx);
     if let Some(state) = message.state {
@@ -104,7 +114,7 @@ fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<'_
 }
 
 fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
-    if !cx.is_decoded(frame) {
+    if !cx.is_decoded(Some(id), frame) {
         return;
     }
     let now = cx.bus.clock.now();
@@ -128,13 +138,15 @@ fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<
     mark_alive(id, frame, cx);
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
+    let is_renewed = node.guarding.missed >= UNANSWERED || node.has_outlived_guarding(now);
     let guarding = &mut node.guarding;
-    let first = guarding.last_reply.is_none();
+    let last = guarding.last_reply.replace(now);
+    let first = last.is_none();
     guarding.is_open = false;
     guarding.missed = 0;
-    guarding.last_reply = Some(now);
-    let before = guarding.toggle.replace(message.toggle);
-    // The toggle bit of the first reply after boot-up is 0 (CiA 301 §7.2.8.3.2.1); mid-run it is any.
+    guarding.interval = if is_renewed { 0 } else { last.map_or(0, |last| now.saturating_sub(last)) };
+    let before = guarding.toggle.replace(message.toggle).filter(|_| !is_renewed);
+    // The first response after boot-up has toggle 0 (CiA 301 §7.2.8.3.2.1); a capture may start later.
     let toggle_error = before == Some(message.toggle);
     let kind = EventKind::GuardReply {
         state: message.state,
@@ -148,7 +160,7 @@ fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<
     }
 }
 
-/// Sets the next heartbeat's deadline.
+/// Sets the deadline of the next heartbeat.
 fn rearm_heartbeat(id: NodeId, cx: &mut Context<'_>) {
     if !cx.bus.clock.runs() {
         return;

@@ -1,4 +1,4 @@
-//! LSS: devices get their node-ID and bit rate.
+//! LSS: configuration of node-ID and bit rate.
 
 use crate::event::EventKind;
 use crate::frame::Frame;
@@ -11,27 +11,27 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::lss::{self, Content};
 
-/// The LSS exchange between master and slaves.
+/// State of the LSS communication between master and slaves.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Lss {
-    /// Node-ID asked for, until the slave accepts it.
+    /// Requested node-ID, until the slave accepts it.
     requested: Option<u8>,
-    /// Node-ID the slave answered to an inquiry: its present one.
+    /// Present node-ID of the slave, from its response to an inquiry.
     present: Option<u8>,
-    /// A fast scan runs; its steps repeat.
+    /// A fast scan is running; its steps repeat.
     scanning: bool,
-    /// Command of the master's last message.
+    /// Command of the last message from the master.
     asked: Option<u8>,
-    /// Bit rate asked for and accepted, in kbit/s.
+    /// Bit rate requested and accepted, in kbit/s.
     bit_rate: BitRate,
-    /// Numbers of switch state selective, so far.
+    /// Identity numbers of switch state selective received so far.
     address: [Option<u32>; 4],
 }
 
 /// Configure bit timing parameters (CiA 305 §3.9.3.2).
 const BIT_TIMING: u8 = 0x13;
 
-/// First of the four numbers of switch state selective, and its answer (CiA 305 §3.9.2.1).
+/// First of the four requests of switch state selective, and the response (CiA 305 §3.9.2.1).
 const SELECTIVE: u8 = 0x40;
 const SELECTED: u8 = 0x44;
 
@@ -42,13 +42,13 @@ struct BitRate {
 }
 
 impl Machine for Lss {
-    /// Whether the master sends the identifier.
+    /// Whether the LSS master uses the identifier.
     type Route<'a> = bool;
     type Product = ();
 
     fn on_frame(&mut self, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
         self.weigh(from_master, frame, &mut cx.bus);
-        if !cx.is_decoded(frame) {
+        if !cx.is_decoded(None, frame) {
             return;
         }
         let message = match lss::parse(frame.data(), from_master) {
@@ -69,7 +69,7 @@ impl Machine for Lss {
 }
 
 impl Lss {
-    /// What the bus goes to when the master activates what it configured (CiA 305 §3.9.3.2).
+    /// Announces the new bit rate when the master activates it (CiA 305 §3.9.3.2).
     fn follow_bit_rate(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
         match (message.content, from_master) {
             (Content::BitTiming { table: 0, entry }, true) => {
@@ -80,9 +80,9 @@ impl Lss {
             }
             (Content::Delay(delay), true) => {
                 if let Some(rate) = self.bit_rate.accepted.take() {
-                    // Silence for the delay before the switch, and for the delay again after it.
+                    // The bus is silent for the delay before the switch and again after it.
                     let text =
-                        format!("bus goes to {rate} kbit/s after {delay} ms, no frame for {delay} ms more");
+                        format!("bit rate {rate} kbit/s after {delay} ms, then no frames for {delay} ms");
                     let change =
                         Announcement { procedure: "bit-rate change", word: "RATE", finished: false, text };
                     emit_announcement(None, change, frame, cx);
@@ -92,8 +92,8 @@ impl Lss {
         }
     }
 
-    /// An answer that fits the question is evidence of CANopen. Cars use these identifiers for UDS, whose
-    /// first bytes are small, so only the commands from 0x40 on count.
+    /// Counts a response that matches its request as evidence of CANopen. Cars use these identifiers for UDS,
+    /// which starts with small bytes, so only commands from 0x40 on are evaluated.
     fn weigh(&mut self, from_master: bool, frame: &Frame, bus: &mut Bus) {
         let command = frame.data().first().copied().filter(|_| frame.length == 8);
         if from_master {
@@ -110,8 +110,7 @@ impl Lss {
         }
     }
 
-    /// The node that said these numbers of itself (1018): all that are known must fit, the serial number
-    /// must be known.
+    /// Node with this identity (1018): all known numbers must be equal, and the serial number must be known.
     fn node_of_address(bus: &Bus, address: [Option<u32>; 4]) -> Option<u8> {
         let mut fitting = bus.nodes().filter(|node| {
             let told = |sub: u8| node.store().number(ObjectAddress::new(0x1018, sub));
@@ -122,7 +121,7 @@ impl Lss {
         fitting.next().and_then(|node| node.id().canopen()).filter(|_| fitting.next().is_none())
     }
 
-    /// Remembers a node-ID that is inquired, asked for, accepted.
+    /// Follows a node-ID from inquiry and request to acceptance.
     fn follow_node_id(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
         match (message.content, from_master) {
             (Content::Number(number), true) => {
@@ -141,12 +140,12 @@ impl Lss {
             (Content::NodeId(id), true) => self.requested = Some(id),
             (Content::NodeId(id), false) => self.present = Some(id),
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
-                // One that has none says so (255); other numbers are no node-IDs (CiA 305: 1 to 127, 255).
+                // A slave without node-ID reports 255; other numbers are not valid (CiA 305: 1 to 127, 255).
                 let from = self.present.take().filter(|id| (1..=127).contains(id));
                 let to = self.requested.take().filter(|to| (1..=127).contains(to));
                 cx.bus.node_id_changes.by_lss = to.filter(|to| from != Some(*to)).map(|to| (from, to));
                 if let Some((from, to)) = cx.bus.node_id_changes.by_lss {
-                    let text = format!("node-ID {to} after its next start");
+                    let text = format!("node-ID {to} from the next boot-up");
                     let change =
                         Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
                     emit_announcement(from.map(NodeId::Canopen), change, frame, cx);

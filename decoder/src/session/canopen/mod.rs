@@ -1,4 +1,4 @@
-//! CANopen services: what each message does to what is known, and which events follow.
+//! CANopen services: effect of each message on the state of the bus, and the events it causes.
 
 mod boot;
 mod emcy;
@@ -8,6 +8,7 @@ mod nmt;
 mod pdo;
 mod sdo;
 mod sync;
+mod time_stamps;
 
 pub(in crate::session) use emcy::Emcy;
 pub(in crate::session) use error_control::ErrorControl;
@@ -15,4 +16,5 @@ pub(in crate::session) use lss::Lss;
 pub(in crate::session) use nmt::Nmt;
 pub(in crate::session) use pdo::Pdo;
 pub(in crate::session) use sdo::Sdo;
-pub(in crate::session) use sync::{ConformanceMarks, Sync, TimeStamps};
+pub(in crate::session) use sync::{ConformanceMarks, Sync};
+pub(in crate::session) use time_stamps::TimeStamps;

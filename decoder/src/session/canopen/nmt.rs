@@ -1,7 +1,7 @@
 //! NMT commands and states.
 //!
-//! Commands are never acknowledged, so a state that follows from one is presumed until the node says it
-//! or shows it.
+//! Commands are not acknowledged. The state after a command is presumed until a message of the node
+//! confirms it.
 
 use crate::event::{Certainty, Event, EventKind, StateCause, StateChange};
 use crate::frame::Frame;
@@ -13,7 +13,7 @@ use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::{self, NmtService};
 use crate::wire::{Malformed, NodeId};
 
-/// After a change, messages the node had already queued still come (in nanoseconds).
+/// Time in ns after a state change in which queued messages of the node can still arrive.
 const QUEUED: i64 = 20_000_000;
 
 const fn state_after(service: NmtService) -> Option<NmtState> {
@@ -26,7 +26,7 @@ const fn state_after(service: NmtService) -> Option<NmtState> {
     }
 }
 
-/// How thoroughly a reset starts a node anew.
+/// Type of restart after a reset command.
 const fn restart(service: NmtService) -> Restart {
     match service {
         NmtService::ResetCommunication => Restart::Communication,
@@ -34,7 +34,7 @@ const fn restart(service: NmtService) -> Restart {
     }
 }
 
-/// NMT commands of the master. What follows from them is a state of each node.
+/// NMT commands of the master. The resulting states are in the nodes.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Nmt;
 
@@ -44,7 +44,7 @@ impl Machine for Nmt {
 
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
         let parsed = nmt::parse(frame.data());
-        // Exactly two bytes and a known command to an existing node-ID: nothing else on this identifier.
+        // Valid: exactly two bytes, and a defined command to an existing node-ID.
         let is_valid = frame.length == 2
             && frame.flags.is_classic_data()
             && parsed.is_ok_and(|command| command.target <= 127 && state_after(command.service).is_some());
@@ -56,7 +56,7 @@ impl Machine for Nmt {
         if !is_valid && !cx.bus.canopen.is_confirmed() {
             return cx.emit_undecoded(frame, None);
         }
-        if !cx.is_decoded(frame) {
+        if !cx.is_decoded(target_of(frame), frame) {
             return;
         }
         let command = match parsed {
@@ -66,7 +66,7 @@ impl Machine for Nmt {
         let to = state_after(command.service);
         let from = cx.bus.node(command.target).and_then(|node| node.nmt).map(|nmt| nmt.state);
         let kind = EventKind::NmtCommand { service: command.service, target: command.target, from, to };
-        // A target above 127 addresses nobody.
+        // No node has an ID above 127.
         let target = NodeId::Canopen(command.target);
         cx.emit(frame, Some(target).filter(|target| target.is_valid()), false, kind);
         if frame.length > 2 {
@@ -86,6 +86,11 @@ impl Machine for Nmt {
     }
 }
 
+/// Node that a command addresses; `None` for all nodes.
+fn target_of(frame: &Frame) -> Option<NodeId> {
+    frame.data().get(1).copied().map(NodeId::Canopen).filter(|node| node.is_valid())
+}
+
 fn on_command(id: NodeId, service: NmtService, to: NmtState, frame: &Frame, cx: &mut Context<'_>) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     if to == NmtState::Initialising {
@@ -100,7 +105,7 @@ fn on_command(id: NodeId, service: NmtService, to: NmtState, frame: &Frame, cx: 
     on_nmt_service(id, service, frame, cx);
 }
 
-/// Notes a state nobody confirmed.
+/// Sets a state that the node has not confirmed.
 pub(in crate::session) fn presume_state(
     id: NodeId,
     to: NmtState,
@@ -126,12 +131,12 @@ pub(in crate::session) fn presume_state(
         after: None,
         certainty: Certainty::Presumed,
     };
-    // The command itself tells it already.
+    // The event of the command already reports the state.
     cx.emit(frame, id, cause == StateCause::Command, EventKind::NmtState(change));
     reassess_set_points(id, frame, cx);
 }
 
-/// Notes a state the node itself tells or shows; says so if that is news.
+/// Sets a state confirmed by a message of the node; emits an event if it is new.
 pub(in crate::session) fn confirm_state(
     id: NodeId,
     to: NmtState,
@@ -151,13 +156,13 @@ pub(in crate::session) fn confirm_state(
         return emit_state_change(None, status, frame, None, id, cx);
     };
     let age = now.saturating_sub(old.since);
-    // A boot-up answers the reset, however soon: none waits in a queue from before it.
+    // A boot-up message after a reset is never an old one from a queue.
     let may_be_queued = runs && age < QUEUED && cause != StateCause::BootUp;
     if old.state != to && old.certainty == Certainty::Presumed && may_be_queued {
         return;
     }
     let is_news = old.state != to || old.certainty == Certainty::Presumed;
-    // The moment and the frame stay those of the change; the last teller is remembered.
+    // Time and frame remain those of the change; the cause is the last evidence.
     node.nmt = Some(if is_news { status } else { NmtStatus { cause, ..old } });
     node.refresh_attention();
     if is_news {
@@ -189,16 +194,17 @@ fn emit_state_change(
     };
     let mut event: Event = cx.event(frame, EventKind::NmtState(change));
     event.node = Some(id);
-    // A boot-up message says by itself that the node is pre-operational now.
+    event.presumed = !cx.bus.is_settled(Some(id));
+    // The boot-up message itself means that the node is now pre-operational.
     event.routine = now.cause == StateCause::BootUp;
     cx.send(&event);
 }
 
-/// A PDO of a node whose state is not confirmed operational.
+/// Confirms operational by a PDO of the node, if it is not confirmed yet.
 #[cold]
 pub(in crate::session) fn confirm_operational_by_pdo(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let contradicts_words = cx.bus.node(id).and_then(|node| node.nmt).is_some_and(|nmt| {
-        // What the node says of itself weighs more than a PDO on its identifier.
+        // A state reported by the node has precedence over a PDO on its identifier.
         nmt.state != NmtState::Operational
             && matches!(nmt.cause, StateCause::Heartbeat | StateCause::GuardReply)
     });

@@ -1,4 +1,4 @@
-//! PDOs: the hot path. One prepared event an identifier is updated in place and lent to the observer.
+//! PDOs: the hot path. One prepared event per identifier is updated in place and lent to the observer.
 
 use std::sync::Arc;
 
@@ -6,34 +6,33 @@ use super::nmt::confirm_operational_by_pdo;
 use crate::event::{Event, EventKind, FrameRange, Pdo as PdoEvent, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{Carrier, PdoDirection, PdoName};
-use crate::session::bus::{Plan, Planned, Recent, layout};
+use crate::session::bus::{IdentifierPlan, Plan, Recent, Service, layout};
 use crate::session::context::Context;
-use crate::session::device::on_values;
+use crate::session::device::{confirm_identifier, on_values};
 use crate::session::machine::Machine;
 use crate::session::presence::mark_alive;
 use crate::wire::NodeId;
 
-/// PDOs of all nodes; the last one of each identifier is in its slot.
+/// PDOs of all nodes; the last PDO of each identifier is in its slot.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Pdo;
 
 impl Machine for Pdo {
-    /// Slot of the identifier, name of the PDO, its node.
+    /// Slot of the identifier, name of the PDO, and node.
     type Route<'a> = (usize, PdoName, NodeId);
     type Product = ();
 
     #[expect(clippy::inline_always, reason = "the call alone costs 3 % of a frame")]
     #[inline(always)]
     fn on_frame(&mut self, (slot, name, id): (usize, PdoName, NodeId), frame: &Frame, cx: &mut Context<'_>) {
-        let believed = cx.bus.canopen.is_confirmed();
+        let believed = cx.bus.canopen.is_confirmed() || cx.bus.named.hear(id);
         if !believed {
             let now = cx.bus.clock.now();
             cx.bus.canopen.count_unsupported(id.number(), now);
-            if !cx.is_decoded(frame) {
+            if !cx.is_decoded(Some(id), frame) {
                 return;
             }
         }
-        cx.bus.clock.saw_periodic();
         let is_request = frame.flags.contains(FrameFlags::REMOTE);
         if name.direction == PdoDirection::Transmit && !is_request {
             mark_producer_alive(id, frame, cx);
@@ -44,11 +43,12 @@ impl Machine for Pdo {
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
         let change = if pdo.is_request == is_request { difference(pdo, frame) } else { Some(u64::MAX) };
         let same = change.is_none();
+        let is_resized = !same && pdo.length != frame.length && !is_request;
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
         event.presumed = !believed;
         event.routine = same;
-        // Copied even if the same: cheaper than a branch that nobody can predict.
+        // Copied even if equal: cheaper than a branch that is hard to predict.
         pdo.length = frame.length;
         pdo.is_request = is_request;
         copy_payload(&mut pdo.bytes, frame);
@@ -60,6 +60,9 @@ impl Machine for Pdo {
             }
         }
         cx.send_prepared(slot);
+        if is_resized {
+            record_length(id, name, frame, cx);
+        }
         if matters {
             on_values(slot, (&Carrier::Pdo(name), name.direction), id, frame, cx);
         }
@@ -70,7 +73,8 @@ impl Machine for Pdo {
 #[inline(always)]
 fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    // A PDO alone does not prove its node: the identifier may be configured in another one.
+    let Some(node) = cx.bus.known_node_mut(id) else { return };
     if node.attention {
         mark_alive(id, frame, cx);
         confirm_operational_by_pdo(id, frame, cx);
@@ -81,14 +85,35 @@ fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     node.last_heard = now;
 }
 
+/// Records the length of a PDO, which can suggest the profile of the node.
+#[cold]
+fn record_length(id: NodeId, name: PdoName, frame: &Frame, cx: &mut Context<'_>) {
+    if !frame.flags.contains(FrameFlags::REMOTE)
+        && cx.bus.node(id).is_some()
+        && let Some(node) = cx.bus.node_mut(id)
+    {
+        node.signs.pdo(name, frame.length);
+    }
+}
+
 #[cold]
 fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    record_length(id, name, frame, cx);
     let mut bytes = [0; MAX_DATA];
     copy_payload(&mut bytes, frame);
-    let node = cx.bus.node(id);
-    let layout = node.and_then(|node| layout(node, name)).map(Arc::new);
-    // A mapping that is learnt later counts from then on.
+    let layout = cx.bus.node(id).and_then(|node| layout(node, name)).map(Arc::new);
+    // A mapping that is learnt later applies from then on.
     let layout = layout.or_else(|| cx.described_message(frame).map(|message| Arc::clone(&message.layout)));
+    // A possible SDO dialogue on unconfigured PDO identifiers: while it is examined, no event is prepared.
+    let is_examined = layout.is_none()
+        && !frame.flags.contains(FrameFlags::REMOTE)
+        && cx.bus.dialogues.is_candidate(frame)
+        && !cx.bus.routes.is_placed(Service::Pdo(name, id))
+        && cx.bus.pdo_identifier(id, name).is_none_or(|(_, is_confirmed)| !is_confirmed);
+    if is_examined && cx.follow_dialogue(frame) {
+        return cx.emit_undecoded(frame, Some("SDO-like response"));
+    }
+    let node = cx.bus.node(id);
     let plan = match (node.filter(|node| node.assigned.is_some()), &layout) {
         (Some(node), Some(layout)) => Plan::of(&node.device, &Carrier::Pdo(name), name.direction, layout),
         _ => None,
@@ -107,7 +132,7 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Con
         frames: FrameRange::one(frame.number),
         protocol: Protocol::Canopen,
         node: Some(id),
-        presumed: !cx.bus.canopen.is_confirmed(),
+        presumed: !cx.bus.is_settled(Some(id)),
         routine: false,
         kind: EventKind::Pdo(pdo),
     };
@@ -117,15 +142,21 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Con
         entry.plan = plan.map(|plan| {
             let mut recent = Recent::default();
             recent.push(frame.number, now);
-            Box::new(Planned { plan: Arc::new(plan), recent })
+            Box::new(IdentifierPlan { plan: Arc::new(plan), recent })
         });
     }
     cx.send_prepared(slot);
     on_values(slot, (&Carrier::Pdo(name), name.direction), id, frame, cx);
+    if name.direction == PdoDirection::Receive {
+        confirm_identifier(id, name, frame, cx);
+    }
+    if is_examined && let Some(entry) = cx.bus.routes.slot_mut(slot) {
+        entry.prepared = None;
+    }
 }
 
-/// The bits in which a frame of the same kind differs from the one before, all for another length; `None`
-/// if it repeats it. Up to eight bytes are compared in one register.
+/// Bits in which a frame differs from the previous PDO; all bits if the length differs, `None` if it is
+/// equal. Up to eight bytes are compared in one register.
 #[expect(clippy::inline_always, reason = "the call alone costs 1 % of a frame")]
 #[inline(always)]
 fn difference(pdo: &PdoEvent, frame: &Frame) -> Option<u64> {

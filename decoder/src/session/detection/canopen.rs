@@ -1,41 +1,41 @@
-//! Whether the traffic of a bus is CANopen at all.
+//! Detection of CANopen on a bus.
 //!
-//! Confirmed on evidence: a valid heartbeat or guarding reply, an NMT command, an SDO request with the
-//! response that names the same object. Rejected on contradiction: identifier 0 without two bytes,
-//! 0x700 + n without one, or many frames on PDO and EMCY identifiers with no evidence at all. A car or
-//! random traffic must not become a CANopen network; a machine recorded between two heartbeats must.
+//! Confirmed by evidence: a valid heartbeat or guarding response, an NMT command, or an SDO request with a
+//! response for the same object. Rejected by contradiction: identifier 0 with a length other than 2 bytes,
+//! 0x700 + n other than 1 byte, or many frames on PDO and EMCY identifiers without evidence. The traffic of
+//! a car must be rejected; a short capture of a machine between two heartbeats must not.
 
 use crate::session::options::ProtocolChoice;
 use crate::words::plural;
 
-/// Frames on PDO and EMCY identifiers that need some evidence beside them.
+/// Frames on PDO and EMCY identifiers without evidence after which CANopen is rejected.
 const UNSUPPORTED_LIMIT: u32 = 1_000;
 
-/// The same for a slow bus: so many frames in so many nanoseconds, several heartbeats long.
+/// The same for a slow bus: number of frames, and min duration in ns (several heartbeats).
 const UNSUPPORTED_SLOW: (u32, i64) = (50, 5_000_000_000);
 
-/// This many SYNCs keep a bus without any other sign from being doubted: PDOs on SYNC and nothing else.
+/// Number of SYNCs that prevent a rejection: a bus may have only SYNC and PDOs.
 const ENOUGH_SYNCS: u32 = 10;
 
-/// Node-IDs on PDO and EMCY identifiers that need some evidence beside them: a network of so many nodes
-/// shows a heartbeat sooner than all their PDOs; a car uses identifiers of all kinds.
+/// Node-IDs on PDO and EMCY identifiers without evidence after which CANopen is rejected. A network of that
+/// many nodes would have shown a heartbeat; a car uses identifiers from the whole range.
 const UNSUPPORTED_NODES: u32 = 20;
 
-/// Contradictions before they count.
+/// Contradictions after which CANopen is rejected.
 const CONTRADICTION_LIMIT: u32 = 3;
 
-/// How far the bus is believed to be CANopen.
+/// Result of the detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum ProtocolStatus {
-    /// There is evidence, or the user says so.
+    /// Evidence was found, or the user chose the protocol.
     Confirmed,
-    /// Nothing speaks for it or against it yet: events are marked as presumed.
+    /// Neither evidence nor contradiction yet: events are marked as presumed.
     Presumed,
-    /// It is not: frames stay undecoded.
+    /// The protocol is not used: frames are not decoded.
     Rejected,
 }
 
-/// Evidence and contradictions so far.
+/// State of the detection: evidence and contradictions so far.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct CanopenDetection {
     choice: ProtocolChoice,
@@ -44,11 +44,11 @@ pub(in crate::session) struct CanopenDetection {
     contradictions: u32,
     unsupported: u32,
     unsupported_nodes: u128,
-    /// Monotonic time of the first of them, and of the last.
+    /// Monotonic time of the first and the last frame counted in `unsupported`.
     unsupported_since: Option<i64>,
     unsupported_until: i64,
     syncs: u32,
-    /// Node and multiplexer of the last SDO request seen.
+    /// Node and multiplexer of the last SDO request.
     request: Option<(u8, [u8; 3])>,
 }
 
@@ -83,24 +83,24 @@ impl CanopenDetection {
         self.status == ProtocolStatus::Confirmed
     }
 
-    /// Something only CANopen does.
+    /// Counts a message that only CANopen uses.
     pub(in crate::session) fn add_evidence(&mut self) {
         self.evidence = self.evidence.saturating_add(1);
         self.judge();
     }
 
-    /// A SYNC, empty or with a counter: no evidence, but a reason not to doubt.
+    /// Counts a SYNC, empty or with a counter: no evidence, but it can prevent a rejection.
     pub(in crate::session) fn count_sync(&mut self) {
         self.syncs = self.syncs.saturating_add(1);
     }
 
-    /// Something CANopen never does.
+    /// Counts a message that CANopen never uses.
     pub(in crate::session) fn add_contradiction(&mut self) {
         self.contradictions = self.contradictions.saturating_add(1);
         self.judge();
     }
 
-    /// A frame on a PDO, EMCY or SDO identifier of a node-ID at monotonic time `now`: no evidence by itself.
+    /// Counts a frame on a PDO, EMCY or SDO identifier of a node at monotonic time `now`; not evidence.
     pub(in crate::session) fn count_unsupported(&mut self, node: u8, now: i64) {
         if self.status == ProtocolStatus::Presumed {
             self.unsupported += 1;
@@ -122,14 +122,14 @@ impl CanopenDetection {
         many && self.syncs < ENOUGH_SYNCS
     }
 
-    /// An SDO request, to be matched with its response.
+    /// Stores an SDO request for comparison with its response.
     pub(in crate::session) fn note_request(&mut self, node: u8, data: &[u8]) {
         if !self.is_confirmed() {
             self.request = multiplexer(data).map(|multiplexer| (node, multiplexer));
         }
     }
 
-    /// An SDO response; evidence if it answers the last request.
+    /// Compares an SDO response with the last request; a match is evidence.
     pub(in crate::session) fn note_response(&mut self, node: u8, data: &[u8]) {
         if self.is_confirmed() || self.request.is_none() {
             return;
@@ -140,18 +140,18 @@ impl CanopenDetection {
         }
     }
 
-    /// Why the bus is not taken for CANopen, for people.
+    /// Reason for the rejection, as text.
     pub(in crate::session) fn reason(&self) -> String {
         if self.contradictions >= CONTRADICTION_LIMIT {
             let count = self.contradictions;
             format!(
-                "contradicted by {} (identifier 000 not of 2 bytes, or 701 to 77F not of 1)",
+                "{} with wrong length (identifier 000 without 2 bytes, or 701 to 77F without 1 byte)",
                 plural(count, "frame")
             )
         } else {
             let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
             format!(
-                "no heartbeat, NMT command or SDO answer beside {} on PDO and EMCY identifiers of {}",
+                "no heartbeat, NMT command or SDO response, but {} on PDO and EMCY identifiers of {}",
                 plural(frames, "frame"),
                 plural(nodes, "node-ID")
             )

@@ -1,19 +1,19 @@
-//! What a device does by its manual: the memory behind its states, set points and procedures, and the way
-//! of a PDO through them.
+//! Behaviour of a device as its manual describes it: path of a PDO to states, set points and procedures.
 //!
 //! ```text
-//! PDO ─plan─▶ fields that matter ─changed?─▶ control, status, bits, modes ─▶ set points, procedures
+//! PDO ─plan─▶ watched fields ─changed?─▶ control, status, bits, modes ─▶ set points, procedures
 //! ```
 
 use std::sync::Arc;
 
 use super::bits::{bits_changed, update_mode};
-use super::changed::Changed;
+use super::changed::FieldChange;
 use super::machine::{assign_control_slot, control_changed, status_changed};
 use super::procedure::{
     advance_procedures, advance_procedures_by_bits, advance_procedures_by_message,
     advance_procedures_by_object, announce_written_change,
 };
+use super::procedure_status::on_status_read;
 use super::set_point::{reassess_set_points, set_points_changed};
 use crate::event::{EventKind, J1939Message, Pdo};
 use crate::frame::Frame;
@@ -25,7 +25,7 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
-/// A PDO or message came that may tell something of the device.
+/// Evaluates a PDO or message with watched fields.
 #[cold]
 pub(in crate::session) fn on_values(
     slot: usize,
@@ -60,7 +60,7 @@ pub(in crate::session) fn on_values(
         set_points |= is_set_point && direction == PdoDirection::Receive;
         gates |= watched.is_gate;
         let object = watched.object;
-        let changed = Changed { id, device: &device, field, object, meaning, before, raw };
+        let changed = FieldChange { id, device: &device, field, object, meaning, before, raw };
         if watched.decides {
             store_sample(&mut cx.bus, &changed, frame);
         }
@@ -78,7 +78,7 @@ pub(in crate::session) fn on_values(
     }
 }
 
-fn field_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
+fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut Context<'_>) {
     let object = changed.object;
     control_changed(&mut cx.bus, changed);
     if changed.meaning.role == Some(Role::Mode) {
@@ -90,8 +90,8 @@ fn field_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
     advance_procedures_by_bits(changed.id, object, bits_before, changed.raw, frame, cx);
 }
 
-/// A value in a PDO that decides how others are read enters the object store.
-fn store_sample(bus: &mut Bus, changed: &Changed<'_>, frame: &Frame) {
+/// Stores a PDO value that decides how other objects are decoded.
+fn store_sample(bus: &mut Bus, changed: &FieldChange<'_>, frame: &Frame) {
     let length = usize::from(changed.field.bits.div_ceil(8));
     let bytes = changed.raw.to_le_bytes();
     let Some(node) = bus.node_mut(changed.id) else { return };
@@ -102,8 +102,8 @@ fn store_sample(bus: &mut Bus, changed: &Changed<'_>, frame: &Frame) {
     }
 }
 
-/// A procedure may begin with a bit that is set again without having been clear: its PDO is sent once
-/// an occasion.
+/// Evaluates bits that were already set as set again, in a PDO that is sent once per occurrence: they may
+/// start a procedure.
 fn repeated_bits(id: NodeId, layout: &Layout, plan: &Plan, frame: &Frame, cx: &mut Context<'_>) {
     if !plan.once_an_occasion {
         return;
@@ -115,7 +115,7 @@ fn repeated_bits(id: NodeId, layout: &Layout, plan: &Plan, frame: &Frame, cx: &m
     }
 }
 
-/// An EMCY came; it may explain a state or change what set points do.
+/// Applies an EMCY: it may be the cause of a state, or change the effect of set points.
 pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>) {
     let time = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -126,7 +126,7 @@ pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx:
     reassess_set_points(id, frame, cx);
 }
 
-/// A trouble code was raised, or came again.
+/// Applies a trouble code that was raised or recurred.
 pub(in crate::session) fn on_trouble_code(id: NodeId, code: (u32, u8), frame: &Frame, cx: &mut Context<'_>) {
     let time = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -135,7 +135,7 @@ pub(in crate::session) fn on_trouble_code(id: NodeId, code: (u32, u8), frame: &F
     reassess_set_points(id, frame, cx);
 }
 
-/// An NMT command was given.
+/// Applies an NMT command.
 pub(in crate::session) fn on_nmt_service(
     id: NodeId,
     service: NmtService,
@@ -149,12 +149,12 @@ pub(in crate::session) fn on_nmt_service(
     advance_procedures(id, &TriggerEvent::Nmt(service.name()), frame, cx);
 }
 
-/// A node started: procedures are over, set points are gone.
+/// Resets the device state at a boot: procedures end, set points are removed.
 pub(in crate::session) fn on_device_restart(bus: &mut Bus, id: NodeId, frame: &Frame) {
     let time = bus.clock.now();
     let Some(node) = bus.node_mut(id) else { return };
     node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
-    node.behaviour.running.clear();
+    node.behaviour.interrupt_procedures(frame.number);
     node.behaviour.set_points.clear();
     node.behaviour.sync_queued = false;
     node.behaviour.words.clear();
@@ -163,7 +163,7 @@ pub(in crate::session) fn on_device_restart(bus: &mut Bus, id: NodeId, frame: &F
     }
 }
 
-/// A transfer of an object is complete.
+/// Applies a complete transfer of an object.
 pub(in crate::session) fn on_object_transfer(
     id: NodeId,
     object: ObjectAddress,
@@ -179,8 +179,12 @@ pub(in crate::session) fn on_object_transfer(
     }
     announce_written_change(id, object, value, kind, frame, cx);
     advance_procedures_by_object(id, object, value, kind, frame, cx);
+    if kind == OriginKind::Upload {
+        on_status_read(id, object, value, frame, cx);
+    }
+    let is_cob_id = matches!((object.index, object.sub), (0x1400..=0x15FF, 1));
     let decides = cx.bus.node(id).is_some_and(|node| node.device.gates_on(object));
-    if decides {
+    if decides || is_cob_id {
         reassess_set_points(id, frame, cx);
     }
 }

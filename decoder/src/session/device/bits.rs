@@ -1,6 +1,6 @@
-//! Bits and modes by name.
+//! Named bits and modes of operation.
 
-use super::changed::Changed;
+use super::changed::FieldChange;
 use crate::event::{BitsChanged, EventKind, ModeChange};
 use crate::frame::Frame;
 use crate::profile::BitName;
@@ -12,8 +12,8 @@ use crate::session::context::Context;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// Bits of a word changed; those of a state machine are told as its states.
-pub(in crate::session) fn bits_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
+/// Emits changed bits of a word, except those of a state machine.
+pub(in crate::session) fn bits_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut Context<'_>) {
     let Some(bits) = changed.meaning.bits.as_deref() else { return };
     let own = machine_bits(changed.device, changed.object);
     let mut event = BitsChanged {
@@ -26,9 +26,9 @@ pub(in crate::session) fn bits_changed(changed: &Changed<'_>, frame: &Frame, cx:
     };
     for bit in bits.list.iter().filter(|bit| !bit.reserved && own >> bit.bit & 1 == 0) {
         let now = bit.of(changed.raw);
-        // What was before the first sight counts as clear.
+        // Before its first value, a bit is treated as clear.
         if now != changed.before.map_or(0, |before| bit.of(before)) {
-            tell(bit, now, &mut event);
+            add_bit(bit, now, &mut event);
         }
     }
     if !event.set.is_empty() || !event.cleared.is_empty() {
@@ -36,7 +36,7 @@ pub(in crate::session) fn bits_changed(changed: &Changed<'_>, frame: &Frame, cx:
     }
 }
 
-/// A mode of operation may be another one.
+/// Emits a changed mode of operation.
 pub(in crate::session) fn update_mode(
     id: NodeId,
     object: ObjectAddress,
@@ -71,7 +71,7 @@ pub(in crate::session) fn update_mode(
     cx.emit(frame, id, false, EventKind::Mode(Box::new(event)));
 }
 
-/// `word 2 Q in l/min, word 3 p in bar`: what a mode makes of the first RPDO.
+/// Set points of the first RPDO in the present mode: `word 2 Q in l/min, word 3 p in bar`.
 fn set_points_under_mode(bus: &Bus, id: NodeId, mode: ObjectAddress) -> String {
     const FIRST: PdoName = PdoName { direction: PdoDirection::Receive, number: 1 };
     let Some(node) = bus.node(id) else { return String::new() };
@@ -89,7 +89,7 @@ fn set_points_under_mode(bus: &Bus, id: NodeId, mode: ObjectAddress) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Bits of an object that are told as states of a machine.
+/// Bits of an object that belong to a state machine.
 fn machine_bits(device: &Device, object: ObjectAddress) -> u64 {
     let of = |machine: &Machine| {
         let status = Some(machine.status).filter(|it| it.object.object == object);
@@ -99,7 +99,7 @@ fn machine_bits(device: &Device, object: ObjectAddress) -> u64 {
     device.machines.iter().fold(0, |bits, machine| bits | of(machine))
 }
 
-fn tell(bit: &BitName, now: u64, event: &mut BitsChanged) {
+fn add_bit(bit: &BitName, now: u64, event: &mut BitsChanged) {
     let title = bit.text.as_ref().unwrap_or(&bit.name);
     if bit.width > 1 {
         let words = bit.word(now).unwrap_or_else(|| format!("{title} 0"));

@@ -1,4 +1,4 @@
-//! A value that changed.
+//! Changed field of a PDO.
 
 use std::sync::Arc;
 
@@ -6,8 +6,8 @@ use crate::profile::{Device, Field, Meaning};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// One field of a PDO that changed.
-pub(super) struct Changed<'a> {
+/// A changed field of a PDO with its previous and present value.
+pub(super) struct FieldChange<'a> {
     pub(super) id: NodeId,
     pub(super) device: &'a Device,
     pub(super) field: &'a Field,

@@ -1,26 +1,26 @@
-//! State machines: what the device reports, what the control word commands, and why a state changed.
+//! State machines: reported state, commanded state, and cause of a change.
 
-use super::changed::Changed;
+use super::changed::FieldChange;
 use super::procedure::advance_procedures;
 use super::set_point::reassess_set_points;
 use crate::event::{DeviceCause, DeviceState, EventKind, Path};
 use crate::frame::Frame;
 use crate::profile::Device;
 use crate::profile::device::{Machine, State, TriggerEvent};
-use crate::session::bus::{Bus, MachineState, Moment, Node, Step, fits, goes_on, leads, leave};
+use crate::session::bus::{Bus, CommandStep, MachineState, Moment, Node, continues, fits, leads, leave};
 use crate::session::context::Context;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
-/// A command or error this long ago still explains a state, in nanoseconds.
+/// Time in ns within which a command or an error can be the cause of a state change.
 const WINDOW: i64 = 1_000_000_000;
 
-/// Steps remembered on the way to a commanded state.
+/// Max steps stored on the path to a commanded state.
 const STEPS: usize = 8;
 
-/// Why a state changed.
-struct Why {
+/// Cause of a state change.
+struct StateReason {
     cause: DeviceCause,
     frame: u64,
     emcy: Option<u16>,
@@ -29,13 +29,13 @@ struct Why {
     time: i64,
 }
 
-impl Why {
+impl StateReason {
     const fn plain(cause: DeviceCause, frame: u64) -> Self {
         Self { cause, frame, emcy: None, control: None, time: 0 }
     }
 }
 
-/// The control word of a machine travels in the PDO of this slot.
+/// Stores the slot of the PDO with the control word of a machine.
 pub(in crate::session) fn assign_control_slot(
     bus: &mut Bus,
     id: NodeId,
@@ -52,8 +52,8 @@ pub(in crate::session) fn assign_control_slot(
     }
 }
 
-/// A control word changed.
-pub(in crate::session) fn control_changed(bus: &mut Bus, changed: &Changed<'_>) {
+/// Applies a changed control word.
+pub(in crate::session) fn control_changed(bus: &mut Bus, changed: &FieldChange<'_>) {
     let now = bus.clock.now();
     for (place, machine) in changed.device.machines.iter().enumerate() {
         if machine.control.object.object != changed.object {
@@ -66,8 +66,8 @@ pub(in crate::session) fn control_changed(bus: &mut Bus, changed: &Changed<'_>) 
     }
 }
 
-/// A status word changed.
-pub(in crate::session) fn status_changed(changed: &Changed<'_>, frame: &Frame, cx: &mut Context<'_>) {
+/// Applies a changed status word.
+pub(in crate::session) fn status_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut Context<'_>) {
     for (place, machine) in changed.device.machines.iter().enumerate() {
         if machine.status.object.object == changed.object {
             on_reported_state(changed, place, machine, frame, cx);
@@ -76,13 +76,18 @@ pub(in crate::session) fn status_changed(changed: &Changed<'_>, frame: &Frame, c
 }
 
 fn on_reported_state(
-    changed: &Changed<'_>,
+    changed: &FieldChange<'_>,
     place: usize,
     machine: &Machine,
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
-    let Some(to) = machine.state(changed.raw) else { return };
+    let Some(to) = machine.state(changed.raw) else {
+        if let Some(known) = machine_mut(&mut cx.bus, changed.id, place) {
+            known.undefined.get_or_insert((changed.raw & machine.status.mask, frame.number));
+        }
+        return;
+    };
     let number = machine.states.iter().position(|state| state.name == to.name);
     let number = number.and_then(|number| u8::try_from(number).ok());
     let now = cx.bus.clock.now();
@@ -125,14 +130,14 @@ fn on_reported_state(
     reassess_set_points(changed.id, frame, cx);
 }
 
-/// Remembers a step to a commanded state; tells the way when that is reached in more than one.
+/// Adds a step to a commanded state; returns the path when a state is reached in several steps.
 fn record_step(
     bus: &mut Bus,
     id: NodeId,
     place: usize,
     machine: &Machine,
     to: Option<u8>,
-    why: &Why,
+    why: &StateReason,
 ) -> Option<Box<Path>> {
     let known = machine_mut(bus, id, place)?;
     let control = why.control.filter(|_| why.cause == DeviceCause::ControlWord);
@@ -145,19 +150,20 @@ fn record_step(
         known.steps.clear();
     }
     if known.steps.is_empty() {
-        known.steps.push(Step { state: from, frame: 0, time: why.time });
+        known.steps.push(CommandStep { state: from, frame: 0, time: why.time });
     }
     if known.steps.len() < STEPS {
-        known.steps.push(Step { state: to, frame: why.frame, time: why.time });
+        known.steps.push(CommandStep { state: to, frame: why.frame, time: why.time });
     }
     let name = &machine.states.get(usize::from(to))?.name;
-    if goes_on(machine, name, control) {
+    if continues(machine, name, control) {
         return None;
     }
     let steps = std::mem::take(&mut known.steps);
     let (first, rest) = steps.split_first()?;
     let (second, last) = (rest.first().filter(|_| rest.len() > 1)?, rest.last()?);
-    let title = |step: &Step| machine.states.get(usize::from(step.state)).map(|state| state.name.clone());
+    let title =
+        |step: &CommandStep| machine.states.get(usize::from(step.state)).map(|state| state.name.clone());
     let states = std::iter::once(first).chain(rest).filter_map(title).collect();
     let mut frames: Vec<u64> = rest.iter().map(|step| step.frame).collect();
     frames.dedup();
@@ -173,7 +179,7 @@ fn machine_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut MachineSt
     machines.get_mut(place)
 }
 
-/// Why a machine is in another state now.
+/// Cause of the present state change.
 fn why(
     node: &Node,
     machine: &Machine,
@@ -181,7 +187,7 @@ fn why(
     (from, to): (Option<&State>, &State),
     latest: Option<(u64, i64)>,
     now: i64,
-) -> Why {
+) -> StateReason {
     if let Some(why) = forced(node, machine, known, (from, to), now) {
         return why;
     }
@@ -192,7 +198,11 @@ fn why(
         };
         if leads {
             let (frame, time) = latest.unwrap_or((0, now));
-            return Why { control: Some(control), time, ..Why::plain(DeviceCause::ControlWord, frame) };
+            return StateReason {
+                control: Some(control),
+                time,
+                ..StateReason::plain(DeviceCause::ControlWord, frame)
+            };
         }
     }
     let boot = node.behaviour.boot.filter(|it| is_recent(it, known, now));
@@ -200,21 +210,23 @@ fn why(
     let leads = |(spn, fmi)| node.device.dtc(spn, fmi).is_some_and(|own| own.reaction == to.name);
     let dtc = node.behaviour.dtc.filter(|it| (to.fault || leads(it.what)) && is_recent(it, known, now));
     match (emcy, dtc, boot) {
-        (Some(emcy), ..) => Why { emcy: Some(emcy.what), ..Why::plain(DeviceCause::Emcy, emcy.frame) },
-        (None, Some(dtc), _) => Why::plain(DeviceCause::Dtc, dtc.frame),
-        (None, None, Some(boot)) => Why::plain(DeviceCause::BootUp, boot.frame),
-        (None, None, None) => Why::plain(DeviceCause::NotOnTheBus, 0),
+        (Some(emcy), ..) => {
+            StateReason { emcy: Some(emcy.what), ..StateReason::plain(DeviceCause::Emcy, emcy.frame) }
+        }
+        (None, Some(dtc), _) => StateReason::plain(DeviceCause::Dtc, dtc.frame),
+        (None, None, Some(boot)) => StateReason::plain(DeviceCause::BootUp, boot.frame),
+        (None, None, None) => StateReason::plain(DeviceCause::NotOnTheBus, 0),
     }
 }
 
-/// A cause the machine's description names.
+/// Cause listed in the profile for this change.
 fn forced(
     node: &Node,
     machine: &Machine,
     known: &MachineState,
     (from, to): (Option<&State>, &State),
     now: i64,
-) -> Option<Why> {
+) -> Option<StateReason> {
     let behaviour = &node.behaviour;
     let life_guard = node.device.monitoring.life_guard_emcy;
     let fitting = machine.forced.iter().filter(|it| {
@@ -227,26 +239,29 @@ fn forced(
             it.nmt.as_deref() == Some(nmt.what.name()) && is_recent(nmt, known, now)
         };
         if let Some(nmt) = commands.find(meant) {
-            return Some(Why::plain(DeviceCause::NmtCommand, nmt.frame));
+            return Some(StateReason::plain(DeviceCause::NmtCommand, nmt.frame));
         }
         let emcy = behaviour.emcy.filter(|emcy| is_recent(emcy, known, now));
         let meant = |code: u16| it.emcy.as_ref().is_some_and(|codes| codes.contains(code));
         if let Some(emcy) = emcy.filter(|emcy| meant(emcy.what)) {
-            return Some(Why { emcy: Some(emcy.what), ..Why::plain(DeviceCause::Emcy, emcy.frame) });
+            return Some(StateReason {
+                emcy: Some(emcy.what),
+                ..StateReason::plain(DeviceCause::Emcy, emcy.frame)
+            });
         }
         let event = it.event.as_deref();
         if let Some(emcy) = emcy.filter(|it| event == Some("life-guard") && Some(it.what) == life_guard) {
-            return Some(Why::plain(DeviceCause::LifeGuard, emcy.frame));
+            return Some(StateReason::plain(DeviceCause::LifeGuard, emcy.frame));
         }
         let boot = behaviour.boot.filter(|boot| event == Some("boot-up") && is_recent(boot, known, now));
         if let Some(boot) = boot {
-            return Some(Why::plain(DeviceCause::BootUp, boot.frame));
+            return Some(StateReason::plain(DeviceCause::BootUp, boot.frame));
         }
     }
     None
 }
 
-/// Whether something happened since the last change of state, and not long ago.
+/// Whether it occurred after the last change of state, and within the time window.
 fn is_recent<T>(moment: &Moment<T>, known: &MachineState, now: i64) -> bool {
     moment.frame >= known.frame && now.saturating_sub(moment.time) <= WINDOW
 }

@@ -10,13 +10,13 @@ use crate::profile::device::{
     evaluate_all,
 };
 use crate::profile::{Carrier, Role, integer};
-use crate::session::bus::{Bus, Moment, OriginKind, Running, Subject};
+use crate::session::bus::{Bus, Moment, OriginKind, ProcedureResult, RunningProcedure, Subject};
 use crate::session::context::Context;
-use crate::session::objects::{mark_stale, set_fallback};
+use crate::session::objects::mark_stale;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// Procedures of a node that run at once.
+/// Max running procedures per node.
 const MOST_RUNNING: usize = 32;
 
 /// A change of node-ID or bit rate.
@@ -27,7 +27,7 @@ pub(in crate::session) struct Announcement {
     pub(in crate::session) text: String,
 }
 
-/// Something happened that procedures may wait for.
+/// Advances all procedures that wait for an event.
 pub(in crate::session) fn advance_procedures(
     id: NodeId,
     event: &TriggerEvent<'_>,
@@ -63,14 +63,15 @@ fn advance_procedure(
     } else if is(&procedure.end) {
         finish_procedure(id, place, procedure, ProcedureStatus::Ok, "", frame, cx);
     } else if is(&procedure.also_end) {
-        let text = "how it ended is in its status";
-        finish_procedure(id, place, procedure, ProcedureStatus::Ended, text, frame, cx);
+        let status = procedure.status.as_ref().map(|status| status.object.object);
+        let text = status.map_or_else(String::new, |object| format!("result unknown, {object} not read"));
+        finish_procedure(id, place, procedure, ProcedureStatus::Ended, &text, frame, cx);
     } else if let Some(step) = procedure.steps.iter().position(|step| happened(&step.on)) {
         enter_step(id, place, procedure, step, frame, cx);
     }
 }
 
-/// A PDO or message came that procedures may wait for, several times in a row and under conditions.
+/// Advances procedures that wait for a PDO or message, possibly several times and under conditions.
 pub(in crate::session) fn advance_procedures_by_message(
     id: NodeId,
     carrier: &Carrier,
@@ -79,7 +80,7 @@ pub(in crate::session) fn advance_procedures_by_message(
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     let now = cx.bus.clock.now();
-    let subject = Subject { object: ObjectAddress::default(), channel: None, carrier };
+    let subject = Subject { object: ObjectAddress::default(), channel: None, carrier, id: None };
     let event = carrier.into();
     for (place, procedure) in device.procedures.iter().enumerate() {
         let Some(node) = cx.bus.node(id) else { return };
@@ -97,7 +98,7 @@ pub(in crate::session) fn advance_procedures_by_message(
     }
 }
 
-/// How often in a row a running procedure saw what it waits for.
+/// Consecutive messages that met the trigger of a running procedure.
 fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
     let node = bus.node_mut(id);
     let running = node.and_then(|node| node.behaviour.running.iter_mut().find(|it| it.place == place));
@@ -107,7 +108,13 @@ fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
     })
 }
 
-fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Frame, cx: &mut Context<'_>) {
+pub(super) fn start_procedure(
+    id: NodeId,
+    place: usize,
+    procedure: &Procedure,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
     let time = cx.bus.clock.now();
     let range = procedure.invalidates.clone();
     mark_stale(&mut cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
@@ -119,8 +126,9 @@ fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Fram
     if node.behaviour.running.len() >= MOST_RUNNING {
         node.behaviour.running.remove(0);
     }
+    node.behaviour.results.retain(|result| result.place != place);
     let started = Moment { what: (), frame: frame.number, time };
-    node.behaviour.running.push(Running { place, started, step: None, streak: 0 });
+    node.behaviour.running.push(RunningProcedure { place, started, step: None, streak: 0 });
     let mut event = described(procedure, "started", ProcedureStatus::Running);
     event.text = unmet_preconditions(&cx.bus, id, procedure);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
@@ -129,7 +137,7 @@ fn start_procedure(id: NodeId, place: usize, procedure: &Procedure, frame: &Fram
     }
 }
 
-/// Preconditions that the bus shows not to hold.
+/// Preconditions that are not met, as text.
 fn unmet_preconditions(bus: &Bus, id: NodeId, procedure: &Procedure) -> String {
     let Some(node) = bus.node(id) else { return String::new() };
     let facts = node.facts(bus.clock.now());
@@ -160,7 +168,8 @@ fn enter_step(
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
 }
 
-fn finish_procedure(
+/// Ends a running procedure; without a read status the outcome remains open.
+pub(super) fn finish_procedure(
     id: NodeId,
     place: usize,
     procedure: &Procedure,
@@ -173,22 +182,21 @@ fn finish_procedure(
     let Some(node) = cx.bus.node_mut(id) else { return };
     let found = node.behaviour.running.iter().position(|running| running.place == place);
     let started = found.map(|found| node.behaviour.running.remove(found).started);
+    if procedure.status.is_some() {
+        let (ended, outcome, is_read) = (frame.number, status, false);
+        node.behaviour.set_result(ProcedureResult { place, started, ended, outcome, is_read });
+    }
     let mut event = described(procedure, "finished", status);
     let duration = started.map(|started| now.saturating_sub(started.time));
     event.duration = duration.filter(|_| cx.bus.clock.runs());
     text.clone_into(&mut event.text);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
-    if status == ProcedureStatus::Error {
-        for fallback in &procedure.on_error {
-            set_fallback(&mut cx.bus, id, fallback.object.object, fallback.becomes, frame);
-        }
-    }
     if procedure.takes_over {
         reassess_set_points(id, frame, cx);
     }
 }
 
-/// Bits of an object changed.
+/// Advances procedures after a change of bits.
 pub(in crate::session) fn advance_procedures_by_bits(
     id: NodeId,
     object: ObjectAddress,
@@ -212,7 +220,7 @@ pub(in crate::session) fn advance_procedures_by_bits(
     }
 }
 
-/// An object was written or read that procedures may wait for.
+/// Advances procedures after a write or read of an object.
 pub(in crate::session) fn advance_procedures_by_object(
     id: NodeId,
     object: ObjectAddress,
@@ -222,7 +230,6 @@ pub(in crate::session) fn advance_procedures_by_object(
     cx: &mut Context<'_>,
 ) {
     let Some(node) = cx.bus.node(id) else { return };
-    let device = Arc::clone(&node.device);
     let meaning = node.meaning(object);
     let source = match kind {
         OriginKind::Download => Some(UpdateSource::Written),
@@ -241,42 +248,9 @@ pub(in crate::session) fn advance_procedures_by_object(
         });
         advance_procedures(id, &event, frame, cx);
     }
-    if kind != OriginKind::Upload {
-        return;
-    }
-    let word = crate::profile::little_endian(value);
-    for (place, procedure) in device.procedures.iter().enumerate() {
-        let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else {
-            continue;
-        };
-        let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else {
-            continue;
-        };
-        on_procedure_status(id, place, procedure, code.outcome, &code.text, frame, cx);
-    }
 }
 
-fn on_procedure_status(
-    id: NodeId,
-    place: usize,
-    procedure: &Procedure,
-    outcome: ProcedureStatus,
-    text: &str,
-    frame: &Frame,
-    cx: &mut Context<'_>,
-) {
-    let Some(node) = cx.bus.node(id) else { return };
-    let runs = node.behaviour.running.iter().any(|running| running.place == place);
-    match outcome {
-        // A recording that began in the middle shows it by its status only.
-        ProcedureStatus::Running if !runs => start_procedure(id, place, procedure, frame, cx),
-        ProcedureStatus::Running => {}
-        _ if runs => finish_procedure(id, place, procedure, outcome, text, frame, cx),
-        _ => {}
-    }
-}
-
-/// A node-ID or bit rate was written: what it brings, and when.
+/// Announces a written node-ID or bit rate with its effective time.
 pub(in crate::session) fn announce_written_change(
     id: NodeId,
     object: ObjectAddress,
@@ -289,16 +263,16 @@ pub(in crate::session) fn announce_written_change(
     let Some(meaning) = node.meaning(object) else { return };
     let shown = meaning.show(&meaning.decode(value));
     let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
-    let when = entry.map_or("at a time not known", |entry| entry.effect.when());
+    let when = entry.map_or("at an unknown time", |entry| entry.effect.when());
     let (name, word, text) = match meaning.role {
         Some(Role::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
-        Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bus goes to {shown} {when}")),
+        Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bit rate {shown} {when}")),
         _ => return,
     };
     emit_announcement(id, Announcement { procedure: name, word, finished: false, text }, frame, cx);
 }
 
-/// Tells a change of node-ID or bit rate that no profile describes.
+/// Emits a change of node-ID or bit rate that no profile describes.
 pub(in crate::session) fn emit_announcement(
     node: impl Into<Option<NodeId>>,
     change: Announcement,
@@ -320,12 +294,12 @@ pub(in crate::session) fn emit_announcement(
     cx.emit(frame, node, false, EventKind::Procedure(Box::new(event)));
 }
 
-/// Whether an event is what a trigger of a procedure waits for.
+/// Whether a trigger of a procedure is met by an event.
 fn is_awaited(trigger: &Trigger, event: &TriggerEvent<'_>) -> bool {
     !trigger.is_of_rules() && trigger.is_met_by(event)
 }
 
-fn described(procedure: &Procedure, step: &str, status: ProcedureStatus) -> ProcedureEvent {
+pub(super) fn described(procedure: &Procedure, step: &str, status: ProcedureStatus) -> ProcedureEvent {
     ProcedureEvent {
         procedure: procedure.name.clone(),
         word: procedure.word.clone(),

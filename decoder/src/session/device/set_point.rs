@@ -1,18 +1,18 @@
-//! Set points: when they change, when they act, and whether they do.
+//! Set points: changes, effective time and effectiveness.
 
 use std::sync::Arc;
 
 use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 use crate::profile::device::SYNC_AGE;
-use crate::profile::{Carrier, Layout, Meaning, Role, Value};
-use crate::session::bus::{Bus, Moment, Plan, SetPointState};
+use crate::profile::{Carrier, Layout, Meaning, PdoName, Role, Value};
+use crate::session::bus::{Bus, Moment, Plan, SetPointState, nonzero_identifier};
 use crate::session::context::Context;
 use crate::session::machine::{Machine, Timed};
 use crate::session::timers::Subject;
 use crate::wire::NodeId;
 
-/// Set points in an RPDO changed.
+/// Applies changed set points of an RPDO or message.
 pub(in crate::session) fn set_points_changed(
     id: NodeId,
     carrier: &Carrier,
@@ -22,6 +22,9 @@ pub(in crate::session) fn set_points_changed(
     cx: &mut Context<'_>,
 ) {
     let moment = Moment { what: (), frame: frame.number, time: cx.bus.clock.now() };
+    if is_received_elsewhere(id, carrier, frame, &cx.bus) {
+        return;
+    }
     let Some(waits) = cx.bus.node(id).map(|node| node.waits_for_sync(carrier)) else { return };
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
@@ -33,7 +36,8 @@ pub(in crate::session) fn set_points_changed(
         let Some(place) = set_point(&mut cx.bus, id, carrier, meaning) else { continue };
         let Some(point) = set_point_mut(&mut cx.bus, id, place) else { continue };
         point.assumed = layout.assumed;
-        if point.is_told(&value) {
+        (point.id, point.arrived) = (Some(frame.id), frame.number);
+        if point.is_unchanged(&value) {
             point.waiting = None;
         } else if waits {
             point.waiting = Some((value, moment));
@@ -46,7 +50,33 @@ pub(in crate::session) fn set_points_changed(
     }
 }
 
-/// Queues a deadline unless one is queued: when it comes due it is asked again what waits.
+/// Whether the node receives its commands on another identifier, which is in use too.
+fn is_received_elsewhere(id: NodeId, carrier: &Carrier, frame: &Frame, bus: &Bus) -> bool {
+    let Carrier::Pdo(name) = carrier else { return false };
+    let cob_id = bus.node(id).and_then(|node| node.configured_cob_id(*name));
+    let configured = cob_id.and_then(nonzero_identifier).filter(|configured| *configured != frame.id);
+    configured.is_some_and(|configured| bus.routes.find(configured).is_some())
+}
+
+/// Updates the identifier of the set points in an RPDO at the first PDO after its COB-ID may have changed.
+#[cold]
+pub(in crate::session) fn confirm_identifier(id: NodeId, name: PdoName, frame: &Frame, cx: &mut Context<'_>) {
+    let carrier = Carrier::Pdo(name);
+    if is_received_elsewhere(id, &carrier, frame, &cx.bus) {
+        return;
+    }
+    let Some(node) = cx.bus.known_node_mut(id) else { return };
+    let mut is_any = false;
+    for point in node.behaviour.set_points.iter_mut().filter(|point| point.carrier == carrier) {
+        (point.id, point.arrived) = (Some(frame.id), frame.number);
+        is_any = true;
+    }
+    if is_any && cx.bus.node(id).is_some_and(|node| node.configured_cob_id(name).is_some()) {
+        reassess_set_points(id, frame, cx);
+    }
+}
+
+/// Queues a SYNC deadline, unless one is queued already.
 fn await_sync(cx: &mut Context<'_>, id: NodeId, deadline: i64) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
@@ -58,7 +88,7 @@ fn set_point_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut SetPoin
     bus.node_mut(id)?.behaviour.set_points.get_mut(place)
 }
 
-/// Place of a set point; its meaning is the present one.
+/// Index of a set point, created or updated with its present meaning.
 fn set_point(bus: &mut Bus, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning>) -> Option<usize> {
     let points = &mut bus.node_mut(id)?.behaviour.set_points;
     let known = points.iter().position(|it| it.meaning.object == meaning.object && it.carrier == *carrier);
@@ -68,6 +98,8 @@ fn set_point(bus: &mut Bus, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning
     }
     points.push(SetPointState {
         carrier: carrier.clone(),
+        id: None,
+        arrived: 0,
         meaning: Arc::clone(meaning),
         told: None,
         effective: None,
@@ -79,7 +111,7 @@ fn set_point(bus: &mut Bus, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning
     Some(points.len() - 1)
 }
 
-/// Devices of all nodes; the state of each is in its node.
+/// Device state of all nodes; the state of each is in its node.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Devices;
 
@@ -87,7 +119,7 @@ impl Machine for Devices {
     type Route<'a> = ();
     type Product = ();
 
-    /// A SYNC: set points that waited for it act.
+    /// A SYNC makes the waiting set points effective.
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
         let moment = Moment { what: (), frame: frame.number, time: cx.bus.clock.now() };
         for place in 0..cx.bus.nodes.len() {
@@ -122,7 +154,7 @@ impl Timed for Devices {
     /// Node whose set points wait for SYNC.
     type Deadline = NodeId;
 
-    /// Set points that waited long enough do not act.
+    /// Emits set points that waited too long as not effective.
     fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut Context<'_>) {
         let Some(node) = cx.bus.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
@@ -136,7 +168,7 @@ impl Timed for Devices {
             }
             if let Some((value, came)) = point.waiting.take() {
                 point.late = true;
-                // The deadline's own time, and the frame that waits as the evidence.
+                // The event has the time of the deadline, and the frame with the set point as evidence.
                 let time = cx.bus.clock.stamp_of(deadline);
                 let frame = Frame { number: came.frame, time, ..Frame::EMPTY };
                 emit_set_point(id, place, value, came, &frame, cx);
@@ -145,7 +177,7 @@ impl Timed for Devices {
     }
 }
 
-/// Tells a new value: it acts, or does not, from `frame` on.
+/// Emits a new value with its effectiveness from `frame` on.
 fn emit_set_point(
     id: NodeId,
     place: usize,
@@ -174,7 +206,7 @@ fn emit_set_point(
     cx.send(&event);
 }
 
-/// Something changed that gates look at: tells set points that began or ceased to act.
+/// Re-evaluates the gates and emits set points whose effectiveness changed.
 pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node(id) else { return };
@@ -222,8 +254,8 @@ mod tests {
         open = { sync = true }
     "#;
 
-    /// Set points told of frames: milliseconds, identifier, data.
-    fn told(frames: &[(i64, u16, &[u8])]) -> Vec<(Option<i64>, String, &'static str, FrameRange)> {
+    /// Set points emitted for frames, each with time in ms, identifier and data.
+    fn set_points_of(frames: &[(i64, u16, &[u8])]) -> Vec<(Option<i64>, String, &'static str, FrameRange)> {
         let mut catalogue = Catalogue::default();
         catalogue.add_text("pump.toml", PROFILE).unwrap();
         let device = catalogue.device("acme-pump").unwrap();
@@ -246,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_point_acts_at_sync_or_is_told_not_to_a_second_after_it_came() {
+    fn a_set_point_takes_effect_at_sync_or_is_reported_after_a_second() {
         let heartbeat: (u16, &[u8]) = (0x705, &[5]);
         let mut frames: Vec<(i64, u16, &[u8])> = vec![
             (0, 0x702, &[0]),
@@ -255,14 +287,14 @@ mod tests {
             (500, 0x202, &[2, 0]),
             (900, 0x202, &[3, 0]),
         ];
-        // The bus goes on, without SYNC.
+        // The bus continues without SYNC.
         frames.extend((1..40).map(|step| (900 + step * 100, heartbeat.0, heartbeat.1)));
         frames.push((5000, 0x080, &[]));
-        let told = told(&frames);
+        let told = set_points_of(&frames);
         assert_eq!(told[0], (Some(20), "1".into(), "yes", FrameRange { first: 2, last: 3 }));
-        // 900 + 1000 ms: the value replaced before a SYNC never acted and is not told.
+        // 900 + 1000 ms: the value replaced before a SYNC never took effect and is not emitted.
         assert_eq!(told[1], (Some(1900), "3".into(), "no", FrameRange::one(5)));
-        // The SYNC comes after all.
+        // The late SYNC arrives.
         assert_eq!(told[2], (Some(5000), "3".into(), "yes", FrameRange::one(45)));
         assert_eq!(told.len(), 3);
     }

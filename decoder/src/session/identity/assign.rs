@@ -1,4 +1,4 @@
-//! Which device a node is: by the user's word, or by what it says of itself.
+//! Device of a node: assigned by the user, or identified by its objects.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,15 +7,15 @@ use super::messages::refresh_messages;
 use crate::event::{EventKind, NodeIdentified};
 use crate::frame::Frame;
 use crate::profile::imported::Import;
-use crate::profile::{Device, Introduction, little_endian};
+use crate::profile::{Device, ReportedIdentity, little_endian};
 use crate::session::bus::Node;
 use crate::session::context::Context;
 use crate::session::objects::take_delivered;
-use crate::session::options::{AssignedBy, Assignment};
+use crate::session::options::{AssignedBy, Assignment, ProtocolChoice};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// Objects that introduce a node (CiA 301 §7.5.2.1, §7.5.2.8, §7.5.2.19).
+/// Objects that identify a device (CiA 301 §7.5.2.1, §7.5.2.8, §7.5.2.19).
 const INTRODUCING: [ObjectAddress; 5] = [
     ObjectAddress::new(0x1000, 0),
     ObjectAddress::new(0x1008, 0),
@@ -24,7 +24,7 @@ const INTRODUCING: [ObjectAddress; 5] = [
     ObjectAddress::new(0x1018, 3),
 ];
 
-/// From now on the node is this device.
+/// Assigns a device to a node.
 pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedBy, cx: &mut Context<'_>) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.device = Arc::clone(device);
@@ -33,19 +33,25 @@ pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedB
         take_delivered(&mut cx.bus, id, by);
     }
     cx.bus.routes.refresh_pdos_of(id);
+    let is_detected = matches!(by, AssignedBy::Identity | AssignedBy::DeviceType);
+    if cx.bus.protocol != ProtocolChoice::None {
+        cx.bus.named.add(id, is_detected);
+    }
     if id.j1939().is_some() {
-        cx.bus.j1939.add_evidence();
+        if is_detected {
+            cx.bus.j1939.add_evidence();
+        }
         refresh_messages(cx);
     }
 }
 
-/// An object was learnt that may tell what a node is whose device nobody named.
+/// Tries to identify a node, after an identity object was learnt, if the user assigned no profile.
 pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &Frame, cx: &mut Context<'_>) {
     if !INTRODUCING.contains(&object) {
         return;
     }
-    // Beside a device file, which knows no more than objects, a profile is welcome; so is one where only the sort of
-    // device is known.
+    // A device file only describes objects, and a device type only the class of device: a profile can still
+    // be added.
     let is_open = |node: &&Node| {
         matches!(node.assigned, None | Some(AssignedBy::DeviceType)) || node.device.is_file_alone()
     };
@@ -55,7 +61,7 @@ pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &F
         let value = seen(object).filter(|value| !value.is_empty())?;
         u32::try_from(little_endian(value)).ok().filter(|_| value.len() <= 8)
     };
-    let introduction = Introduction {
+    let introduction = ReportedIdentity {
         vendor_id: number(ObjectAddress::new(0x1018, 1)),
         product_code: number(ObjectAddress::new(0x1018, 2)),
         revision: number(ObjectAddress::new(0x1018, 3)),
@@ -65,7 +71,7 @@ pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &F
             characters.map(|byte| char::from(*byte)).collect()
         }),
     };
-    // The same words were tried before.
+    // This identity was already compared with all devices.
     if node.introduction.as_deref() == Some(&introduction) {
         return;
     }
@@ -75,10 +81,10 @@ pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &F
     }
 }
 
-/// Assigns what fits; several are said, not guessed.
+/// Assigns the matching device; several matching ones are only reported.
 pub(in crate::session) fn recognise(
     id: NodeId,
-    introduction: &Introduction,
+    introduction: &ReportedIdentity,
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
@@ -86,7 +92,7 @@ pub(in crate::session) fn recognise(
     let file = cx.bus.node(id).and_then(|node| node.device.file.clone());
     let is_assigned = cx.bus.node(id).is_some_and(|node| node.assigned.is_some());
     let mut candidates = options.catalogue.identify(introduction);
-    // The sort of device is news only of one of which nothing is known.
+    // A generic profile for the device type is used only if no device is assigned.
     candidates.retain(|candidate| !is_assigned || !options.catalogue.is_generic(candidate));
     if file.is_some() {
         candidates.retain(|candidate| !options.catalogue.is_device_file(candidate));
@@ -105,7 +111,9 @@ pub(in crate::session) fn recognise(
                 }
                 let names = several.join(", ");
                 let first = several.first().map_or("", String::as_str);
-                let text = format!("node {id} may be {names}: choose with --node {id}={first}");
+                let text = format!(
+                    "node {id} matches several profiles: {names}; select one with --node {id}={first}"
+                );
                 cx.emit_note(frame, text);
             }
             return;
@@ -119,8 +127,8 @@ pub(in crate::session) fn recognise(
     cx.emit(frame, id, false, EventKind::NodeIdentified(Box::new(identified)));
 }
 
-/// What the user says the nodes of a bus are. Of two profiles of a node the last counts, of two device files
-/// too; a device file fills in what a profile leaves out.
+/// Devices assigned by the user to the nodes of a bus. The last profile of a node wins, and the last device
+/// file; a device file adds the objects missing from the profile.
 pub(in crate::session) fn given_devices(
     assignments: &[Assignment],
     bus: &str,

@@ -1,9 +1,9 @@
-//! J1939 messages whose meaning changes with devices and addresses.
+//! J1939 messages whose meaning depends on devices and addresses.
 
 use crate::session::context::Context;
 use crate::session::timers::Subject;
 
-/// What devices are, or their addresses, changed: messages mean something else, and none is overdue.
+/// Resets J1939 messages after a change of devices or addresses: new layouts apply, no message is overdue.
 pub(in crate::session) fn refresh_messages(cx: &mut Context<'_>) {
     for (slot, cadence) in cx.bus.routes.refresh_messages() {
         cx.timers.remove(Subject::Message(slot));

@@ -1,4 +1,4 @@
-//! Which device a node is, and under which node-ID.
+//! Identity of a node: device and node-ID.
 
 mod assign;
 mod messages;

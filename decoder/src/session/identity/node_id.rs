@@ -1,4 +1,4 @@
-//! A node takes another node-ID: what moves with it, what stays.
+//! Change of the node-ID: state that moves with the node, and state that stays.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::session::timers::Subject;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// A node appears under `id`: if one was given that node-ID, it is that one.
+/// Handles the first frame under `id`, if a node was configured with this node-ID.
 pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let (from, by) = if let Some((from, _)) = cx.bus.node_id_changes.take_by_lss(id) {
         (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(&cx.bus, id)), "lss")
@@ -35,15 +35,15 @@ fn emit_node_id_announcement(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     emit_announcement(id, change, frame, cx);
 }
 
-/// The node that was reset and did not come back, if there is just one: LSS does not always tell which
-/// node it configured.
+/// The only node that has not booted since its reset; LSS messages do not always identify the configured
+/// node.
 fn only_one_in_reset(bus: &Bus, but: NodeId) -> Option<NodeId> {
     let mut reset = bus.nodes().filter(|node| node.id != but && node.reset_frame.is_some());
     reset.next().map(|node| node.id).filter(|_| reset.next().is_none())
 }
 
-/// A node told its serial number (1018:04). A rotary switch is never seen on the bus: a node with the
-/// numbers of another one that is silent since is that one under a new node-ID.
+/// Handles a serial number (1018:04). A node with the identity of another one, silent since, is the same
+/// device under a new node-ID; a rotary switch is not visible on the bus.
 pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let numbers = |node: &Node| {
         let number = |sub| node.store.number(ObjectAddress::new(0x1018, sub));
@@ -70,7 +70,7 @@ pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Con
     cx.emit(frame, id, false, kind);
 }
 
-/// The node whose node-ID object holds `id`, waiting for a restart.
+/// Node whose written node-ID object has the value `id` and takes effect at a restart.
 fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
     let is_told = |node: &&Node| {
         node.id != id
@@ -83,7 +83,7 @@ fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
     bus.nodes().find(is_told).map(|node| node.id)
 }
 
-/// Moves a node to another node-ID, with all that is known of it.
+/// Moves a node with all its state to another node-ID.
 pub(in crate::session) fn change_node_id(
     from: Option<NodeId>,
     to: NodeId,
@@ -108,7 +108,7 @@ pub(in crate::session) fn change_node_id(
     );
 }
 
-/// PDOs that keep the identifier of the old node-ID, by the device's manual.
+/// PDOs that keep the identifier of the old node-ID, as the manual states.
 fn retained_pdo_ids(bus: &Bus, id: NodeId) -> Vec<(PdoName, CanId)> {
     let Some(node) = bus.node(id) else { return Vec::new() };
     let names = node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok());
@@ -116,7 +116,7 @@ fn retained_pdo_ids(bus: &Bus, id: NodeId) -> Vec<(PdoName, CanId)> {
     free.filter_map(|name| Some((name, predefined(name, id)?))).collect()
 }
 
-/// Objects that fall back to their defaults with a new node-ID.
+/// Resets objects that return to their defaults with a new node-ID.
 fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
     let Some(node) = bus.node(id) else { return };
     let ranges = node.device.identity_change.resets.clone();
@@ -129,8 +129,8 @@ fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
     }
 }
 
-/// Gives a node another node-ID; the node that had it loses it. What was learnt of its identifiers
-/// stays with it, the defaults follow the node-ID.
+/// Changes the node-ID of a node; a node that has it already is removed. Learnt identifiers stay with the
+/// node, default identifiers follow the node-ID.
 fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
     let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.place()).copied().unwrap_or(0);
     let (moved, replaced) = (place(&cx.bus, from), place(&cx.bus, to));
@@ -142,7 +142,7 @@ fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
             *slot = place;
         }
     }
-    // The place of the node that was replaced is empty now, under the node-ID that became free.
+    // The entry of the replaced node is now empty and has the old node-ID.
     if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
         *node = Node::new(from, None);
     }
@@ -154,6 +154,7 @@ fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
         };
         cx.bus.routes.learn(id, moved);
     }
+    cx.bus.refresh_pdo_users();
     // Deadlines are queued by node-ID.
     for id in [from, to] {
         cx.timers.remove(Subject::Heartbeat(id));
@@ -211,7 +212,7 @@ mod tests {
         assert!(changes(&introduced(&mut bus, 3, 8, &mut number)).is_empty(), "another serial number");
         let events = introduced(&mut bus, 5, 9, &mut number);
         assert_eq!(changes(&events), [(Some(2), 5, "serial number")]);
-        // Without a serial number nothing tells one device from its neighbour.
+        // Without a serial number two equal devices cannot be distinguished.
         introduced(&mut bus, 6, 0, &mut number);
         assert!(changes(&introduced(&mut bus, 7, 0, &mut number)).is_empty());
     }

@@ -1,4 +1,4 @@
-//! Messages that must come again within the time the device's manual gives.
+//! Messages for which the manual of the receiver gives a max interval.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::session::context::Context;
 use crate::session::device::reassess_set_points;
 use crate::session::timers::Subject;
 
-/// A message came whose cadence is watched. A gap is told when it is over, with its length.
+/// Handles a message with a monitored interval. A gap is emitted when it ends, with its length.
 pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mut Context<'_>) {
     if !cx.bus.clock.runs() {
         return;
@@ -42,7 +42,7 @@ pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mu
     }
 }
 
-/// The entry of a message in the queue came due.
+/// Handles the queue entry of a message that is due.
 pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Context<'_>) {
     let Some(cadence) =
         cx.bus.routes.slot_mut(usize::from(slot)).and_then(|slot| slot.cadence.as_deref_mut())
@@ -62,12 +62,12 @@ pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Cont
     {
         node.behaviour.overdue.push(name);
     }
-    // The deadline's own time, and the last one as the evidence.
+    // The event has the time of the deadline, and the last message as evidence.
     let frame = Frame { number, time: cx.bus.clock.stamp_of(deadline), ..Frame::EMPTY };
     reassess_set_points(node, &frame, cx);
 }
 
-/// The capture ends: messages that are still missing.
+/// Emits the messages that are still missing at the end of the capture.
 pub(in crate::session) fn emit_overdue_messages(cx: &mut Context<'_>) {
     let now = cx.bus.clock.now();
     let overdue: Vec<_> = cx
@@ -83,7 +83,7 @@ pub(in crate::session) fn emit_overdue_messages(cx: &mut Context<'_>) {
     }
 }
 
-/// What an identifier brings to a device, and how often it must.
+/// Starts monitoring the interval of a message.
 pub(in crate::session) fn watch_message(bus: &mut Bus, slot: usize, cadence: Option<Cadence>) {
     if let Some(slot) = bus.routes.slot_mut(slot)
         && slot.cadence.is_none()
@@ -92,7 +92,7 @@ pub(in crate::session) fn watch_message(bus: &mut Bus, slot: usize, cadence: Opt
     }
 }
 
-/// Name of a message as what brings values.
+/// Message name of a carrier; `None` for a PDO.
 pub(super) fn carrier_name(carrier: &Carrier) -> Option<&Arc<str>> {
     match carrier {
         Carrier::Message(name) => Some(name),

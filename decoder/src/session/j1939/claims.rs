@@ -1,14 +1,14 @@
-//! Who has which address: claims, contention and commanded addresses.
+//! J1939 addresses: claims, contention and commanded addresses.
 //!
-//! What is known of a device belongs to its NAME; the table of addresses is a map over time. Only names the
-//! user gave stay with the address they were given for.
+//! The state of a device belongs to its NAME; the table of addresses changes over time. Only node names from
+//! the user stay with their address.
 //!
 //! ```text
 //! claim of address S by NAME N (J1939-81 §4.2.2)
-//!  S is free, or nobody's by NAME   N takes it                 claimed
+//!  S is free, or holder unnamed     N takes S                  claimed
 //!  N has S                          nothing changes            confirmed
-//!  N has another address            N moves with all it is     claimed, from
-//!  M has S, N is lower              M loses it to N            claimed, contention
+//!  N has another address            N moves with its state     claimed, from
+//!  M has S, N is lower              M loses S to N             claimed, contention
 //!  M has S, N is higher             N is without address       lost, contention
 //!  S is 254                         N is without address       cannot-claim
 //! ```
@@ -26,14 +26,14 @@ use crate::session::machine::Machine;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS, Name, commanded_address};
 use crate::wire::{Malformed, NodeId};
 
-/// Time within which the holder of an address answers a claim of another one with its own, in nanoseconds
-/// (J1939-81 §4.2.2): who is silent for so long is not there.
+/// Time in ns within which the holder of an address must respond to a contending claim with its own claim
+/// (J1939-81 §4.2.2); a holder that does not respond is absent.
 const DEFENCE: i64 = 250_000_000;
 
-/// A claim has eight bytes.
+/// Bytes of an address claim.
 const CLAIM_BYTES: u8 = 8;
 
-/// An address that a device was told to take.
+/// A commanded address.
 #[derive(Debug, Clone, Copy)]
 struct Command {
     name: Name,
@@ -41,19 +41,19 @@ struct Command {
     frame: u64,
 }
 
-/// Devices without an address, and what they were told.
+/// Devices without an address, and pending commanded addresses.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Claims {
-    /// Devices that lost their address, under that address; the latest last.
+    /// Devices that lost their address, stored under that address; the latest is last.
     without_address: Vec<Node>,
-    /// Commands that were not followed yet, the latest last.
+    /// Commanded addresses not yet claimed; the latest is last.
     commands: Vec<Command>,
-    /// Devices given up since it was said.
+    /// Devices evicted since the last `evicted` event.
     evicted: u64,
 }
 
 impl Claims {
-    /// Address a device without one had last.
+    /// Last address of a device that has none now.
     fn last_address(&self, name: Name) -> Option<u8> {
         let node = self.without_address.iter().find(|node| node.j1939_name() == Some(name))?;
         node.id().j1939()
@@ -72,7 +72,7 @@ impl Claims {
         self.without_address.push(node);
     }
 
-    /// Notes a command; says whether an old one had to go.
+    /// Stores a commanded address; returns whether an old one was evicted.
     fn command(&mut self, command: Command) -> bool {
         self.commands.retain(|known| known.name != command.name);
         let is_full = self.commands.len() >= COMMANDED_LIMIT;
@@ -83,7 +83,7 @@ impl Claims {
         is_full
     }
 
-    /// Frame of the command that a claim follows; 0 for none.
+    /// Frame of the commanded address that a claim obeys; 0 for none.
     fn commanded(&mut self, name: Name, address: u8, action: ClaimAction) -> u64 {
         if !matches!(action, ClaimAction::Claimed | ClaimAction::Lost) {
             return 0;
@@ -98,7 +98,7 @@ impl Machine for Claims {
     type Route<'a> = J1939Id;
     type Product = ();
 
-    /// A claim, or the message of a device that finds no address.
+    /// Handles an address claim or a cannot-claim message.
     #[cold]
     fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
         if frame.flags.contains(FrameFlags::REMOTE) {
@@ -115,7 +115,7 @@ impl Machine for Claims {
         let mut claim =
             if id.source == NO_ADDRESS { self.release(name, cx) } else { self.claim(name, id.source, cx) };
         claim.commanded = self.commanded(name, id.source, claim.action);
-        // The frame of a loser says nothing of the device that keeps the address.
+        // The frame of a device that loses does not come from the holder of the address.
         if matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed) {
             mark_sender_alive(&mut cx.bus, id.source, frame);
         }
@@ -136,7 +136,7 @@ impl Machine for Claims {
 }
 
 impl Claims {
-    /// A commanded address; it takes two packets.
+    /// Handles a commanded address, which needs two packets.
     pub(in crate::session) fn on_command(
         &mut self,
         payload: Payload<'_>,
@@ -161,7 +161,7 @@ impl Claims {
         }
     }
 
-    /// What becomes of the claim of an address.
+    /// Result of an address claim.
     fn claim(&mut self, name: Name, source: u8, cx: &mut Context<'_>) -> AddressClaim {
         let holder = cx.bus.node(NodeId::J1939(source)).and_then(Node::j1939_name);
         let had = cx.bus.address_of(name).or_else(|| self.last_address(name));
@@ -190,7 +190,7 @@ impl Claims {
         AddressClaim { action, name, source, from, contention, commanded: 0 }
     }
 
-    /// A device says that it finds no address.
+    /// Handles a cannot-claim message.
     fn release(&mut self, name: Name, cx: &mut Context<'_>) -> AddressClaim {
         let from = cx.bus.address_of(name).or_else(|| self.last_address(name));
         self.leave_address(name, cx);
@@ -198,7 +198,7 @@ impl Claims {
         AddressClaim { action, name, source: NO_ADDRESS, from, contention: None, commanded: 0 }
     }
 
-    /// The device with a NAME has an address from now on, with all that is known of it.
+    /// Assigns an address to the device with this NAME, with all its state.
     fn take_address(&mut self, name: Name, address: u8, cx: &mut Context<'_>) {
         let present = cx.bus.address_of(name);
         refresh_assigned(&[present, Some(address)], cx);
@@ -206,14 +206,14 @@ impl Claims {
             Some(present) => lift(present, cx),
             None => self.recall(name),
         };
-        // One that waited without an address has messages again.
+        // A device that had no address sends messages again.
         if present.is_none() && known.as_ref().is_some_and(|known| known.assigned.is_some()) {
             refresh_messages(cx);
         }
         let resident = lift(address, cx);
         let mut node = match (known, resident) {
             (Some(known), Some(resident)) if resident.j1939_name().is_none() => joined(known, resident),
-            // The capture may have begun behind its first claim.
+            // The capture may have started after the first claim of the device.
             (None, Some(resident)) if resident.j1939_name().is_none() => resident,
             (known, resident) => {
                 if let Some(resident) = resident {
@@ -227,7 +227,7 @@ impl Claims {
         settle(address, node, cx);
     }
 
-    /// The device with a NAME has no address any more; what is known of it waits for its next claim.
+    /// Removes the address of a device; its state is stored until its next claim.
     fn leave_address(&mut self, name: Name, cx: &mut Context<'_>) {
         let Some(present) = cx.bus.address_of(name) else { return };
         refresh_assigned(&[Some(present)], cx);
@@ -237,15 +237,15 @@ impl Claims {
     }
 }
 
-/// The holder of an address answered who wanted it.
+/// The holder of an address defended it.
 fn note_defence(address: u8, bus: &mut Bus) {
     if let Some(state) = bus.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut()) {
         state.challenged = None;
     }
 }
 
-/// Whether the holder of an address let an earlier claim of the same NAME stand: it is not there any
-/// more, whichever NAME is lower. Notes the claim.
+/// Whether the holder did not defend its address against an earlier claim of the same NAME: it is then
+/// absent, also if its NAME is lower. Stores the claim.
 fn is_undefended(address: u8, name: Name, bus: &mut Bus) -> bool {
     let (now, runs) = (bus.clock.now(), bus.clock.runs());
     let Some(node) = bus.node_mut(NodeId::J1939(address)) else { return false };
@@ -259,7 +259,7 @@ fn is_undefended(address: u8, name: Name, bus: &mut Bus) -> bool {
     }
 }
 
-/// Where a device that moves has a profile, messages mean something else from now on.
+/// Resets the messages if one of these devices has a profile.
 fn refresh_assigned(addresses: &[Option<u8>], cx: &mut Context<'_>) {
     let mut nodes = addresses.iter().flatten().filter_map(|address| cx.bus.node(NodeId::J1939(*address)));
     if nodes.any(|node| node.assigned.is_some()) {
@@ -267,7 +267,7 @@ fn refresh_assigned(addresses: &[Option<u8>], cx: &mut Context<'_>) {
     }
 }
 
-/// Takes a device from its address; an unknown one is there then.
+/// Removes a device from its address and puts an unknown device there.
 fn lift(address: u8, cx: &mut Context<'_>) -> Option<Node> {
     let id = NodeId::J1939(address);
     cx.bus.node(id)?;
@@ -277,7 +277,7 @@ fn lift(address: u8, cx: &mut Context<'_>) -> Option<Node> {
     Some(std::mem::replace(node, Node::new(id, name)))
 }
 
-/// Puts a device to an address.
+/// Stores a device under an address.
 fn settle(address: u8, mut node: Node, cx: &mut Context<'_>) {
     let id = NodeId::J1939(address);
     node.id = id;
@@ -288,8 +288,8 @@ fn settle(address: u8, mut node: Node, cx: &mut Context<'_>) {
     schedule_dm1_deadline(id, cx);
 }
 
-/// A device comes to an address at which one without NAME is. What the user said of that address holds
-/// for it, unless he said something of the device itself.
+/// Combines a device with the unnamed device at its new address. Settings of the user for that address
+/// apply to it, except those for the device itself.
 fn joined(known: Node, resident: Node) -> Node {
     let given = resident.j1939.as_ref().and_then(|state| state.conversion);
     let (mut node, other) = if known.assigned.is_none() && resident.assigned.is_some() {
@@ -319,7 +319,7 @@ mod tests {
     use crate::session::BusDecoder;
     use crate::session::{AssignedBy, Assignment, SessionOptions};
 
-    /// A claim of a NAME with this identity number.
+    /// Sends a claim of a NAME with this identity number.
     fn claim(bus: &mut BusDecoder, number: u64, address: u8, identity: u64) -> AddressClaim {
         let mut claims = Vec::new();
         let mut observer = |event: &Event, _: &Bus| {
@@ -358,19 +358,19 @@ mod tests {
             }],
             ..SessionOptions::default()
         });
-        // It starts at 81; what the user said of 80 holds once it is there.
+        // The device starts at 81; the settings for 80 apply once it has address 80.
         assert_eq!(claim(&mut bus, 1, 0x81, 7).from, None);
         assert_eq!(device(bus.bus(), 0x81), (Some("slew"), None));
         assert_eq!(claim(&mut bus, 2, 0x80, 7).from, Some(0x81));
         assert_eq!(device(bus.bus(), 0x80), (Some("boom"), Some("danfoss-pve-ci:pvea")));
         let state = bus.bus().node(NodeId::J1939(0x80)).unwrap().j1939.as_deref().unwrap();
         assert_eq!((state.name, state.conversion.is_some()), (Some(Name(7)), true));
-        // From then on it goes along; a stranger does not inherit it.
+        // From then on they move with the device; another device at 80 does not get them.
         assert_eq!(claim(&mut bus, 3, 0x82, 7).from, Some(0x80));
         assert_eq!(device(bus.bus(), 0x82), (None, Some("danfoss-pve-ci:pvea")));
         assert_eq!(claim(&mut bus, 4, 0x80, 9).from, None);
         assert_eq!(device(bus.bus(), 0x80), (Some("boom"), None));
-        // Also over a time without an address.
+        // This also applies after a time without an address.
         assert_eq!(claim(&mut bus, 5, 0x82, 1).contention.unwrap().other, Name(7));
         assert_eq!(device(bus.bus(), 0x82), (None, None));
         assert_eq!(claim(&mut bus, 6, 0x83, 7).from, Some(0x82));
@@ -384,7 +384,7 @@ mod tests {
         let mut told = Vec::new();
         let mut observer = |event: &Event, _: &Bus| told.push((event.frames, event.kind.clone()));
         let payload = [7, 0, 0, 0, 0, 0, 0, 0, 0x85];
-        // 1CFED8F9: commanded address (FED8) of F9, in frames 2 to 4.
+        // 1CFED8F9: commanded address (FED8) from F9, in frames 2 to 4.
         let id = J1939Id::of(0x1CFE_D8F9).unwrap();
         let frame = Frame { number: 4, ..Frame::EMPTY };
         let frames = FrameRange { first: 2, last: 4 };
@@ -396,7 +396,7 @@ mod tests {
         }
         let followed = claim(&mut bus, 5, 0x85, 7);
         assert_eq!((followed.commanded, followed.from), (4, Some(0x80)));
-        // A command is followed once, and by its address only.
+        // A commanded address is obeyed only once, and only by a claim of that address.
         assert_eq!(claim(&mut bus, 6, 0x80, 7).commanded, 0);
         bus.on_payload(Payload { id, data: &payload, frames }, &frame, &mut |_: &Event, _: &Bus| {});
         assert_eq!(claim(&mut bus, 7, 0x86, 7).commanded, 0);

@@ -1,17 +1,31 @@
-//! Frames before J1939 is confirmed, and who sends them.
+//! Frames before J1939 is confirmed, and the presence of senders.
 
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
 use crate::session::context::Context;
+use crate::session::options::ProtocolChoice;
 use crate::wire::NodeId;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS};
 
-/// Without a sign of J1939 yet: whether the frame is read as such, marked as presumed.
+/// Whether to decode a frame before J1939 is confirmed; its events are marked as presumed.
 #[cold]
 pub(in crate::session) fn is_followed(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) -> bool {
     let is_plain = !frame.flags.contains(FrameFlags::REMOTE) && !frame.flags.contains(FrameFlags::FD);
     cx.bus.j1939.weigh(id, frame.data(), is_plain);
+    if !is_plain || cx.bus.protocol == ProtocolChoice::None {
+        return is_believed(frame, is_plain, cx);
+    }
+    // The user's database describes the group: its sender uses J1939.
+    if cx.bus.database.is_j1939() && cx.bus.database.message(id.pgn).is_some() {
+        cx.bus.named.add(NodeId::J1939(id.source), false);
+    }
+    cx.bus.named.hear_message(id) || is_believed(frame, is_plain, cx)
+}
+
+/// Whether to decode a frame of an address that nobody named.
+fn is_believed(frame: &Frame, is_plain: bool, cx: &mut Context<'_>) -> bool {
     if !is_plain || cx.bus.j1939.is_rejected() {
+        cx.bus.omissions.j1939 += u64::from(is_plain && cx.bus.protocol != ProtocolChoice::None);
         emit_rejection(frame, cx);
         cx.emit_undecoded(frame, None);
         return false;
@@ -21,12 +35,12 @@ pub(in crate::session) fn is_followed(id: J1939Id, frame: &Frame, cx: &mut Conte
 
 fn emit_rejection(frame: &Frame, cx: &mut Context<'_>) {
     if let Some(reason) = cx.bus.j1939.take_reason() {
-        let text = format!("29-bit frames are not taken for J1939: {reason}; --protocol j1939 decodes them");
+        let text = format!("29-bit frames not detected as J1939: {reason} (--protocol j1939 decodes them)");
         cx.emit_note(frame, text);
     }
 }
 
-/// The device at an address sent a frame.
+/// Registers a frame of the device at an address.
 #[inline]
 pub(in crate::session) fn mark_sender_alive(bus: &mut Bus, source: u8, frame: &Frame) {
     if source >= NO_ADDRESS {

@@ -1,4 +1,4 @@
-//! Messages of one frame: the hot path. One prepared event an identifier is updated in place and lent to the
+//! Single-frame messages: the hot path. One prepared event per identifier is updated in place and lent to the
 //! observer, as with PDOs.
 
 use std::sync::Arc;
@@ -9,23 +9,23 @@ use super::cadence::{
 use crate::event::{EventKind, FrameRange, J1939Message};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile::device::MessageSpec;
-use crate::profile::{Carrier, NothingKnown, PdoDirection, Resolver};
-use crate::session::bus::{Bus, Cadence, Group, Origin, OriginKind, Plan, Planned, Recent};
+use crate::profile::{Carrier, NoValues, PdoDirection, Resolver, is_nmea2000_group};
+use crate::session::bus::{Bus, Cadence, Group, IdentifierPlan, Origin, OriginKind, Plan, Recent};
 use crate::session::bus::{ConcernedDevice, layout_of_profile};
 use crate::session::context::Context;
 use crate::session::device::on_values;
 use crate::session::machine::{Machine, Timed};
-use crate::wire::j1939::J1939Id;
+use crate::wire::j1939::{J1939Id, Pgn};
 
-/// Last group of data page 0; those of NMEA 2000 lie above.
+/// Last PGN of data page 0; those of NMEA 2000 are higher.
 const LAST_OF_PAGE_0: u32 = 0xFFFF;
 
-/// Messages of one frame of all addresses; the last one of each identifier is in its slot.
+/// Single-frame messages of all addresses; the last one of each identifier is in its slot.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Messages;
 
 impl Machine for Messages {
-    /// Slot of the identifier, if it has one, and the identifier.
+    /// Slot of the identifier, if there is one, and the identifier.
     type Route<'a> = (Option<usize>, J1939Id);
     type Product = ();
 
@@ -35,8 +35,7 @@ impl Machine for Messages {
             return cx.emit_undecoded(frame, None);
         }
         let Some(slot) = slot else { return unprepared_message(id, frame, cx) };
-        cx.bus.clock.saw_periodic();
-        let believed = cx.bus.j1939.is_confirmed();
+        let believed = cx.bus.j1939.is_confirmed() || cx.bus.named.concerns(id);
         let bus = &mut cx.bus;
         let Some(entry) = bus.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
@@ -46,7 +45,7 @@ impl Machine for Messages {
         if let (Some(change), Some(planned)) = (change, &entry.plan)
             && change & planned.plan.deciding != 0
         {
-            // The message itself decides how it is read.
+            // A field of the message decides how the message is decoded.
             return first_message(slot, id, frame, cx);
         }
         event.time = frame.time;
@@ -71,7 +70,7 @@ impl Machine for Messages {
             pass_values_to_device(slot, id, frame, cx);
         }
         if continues {
-            emit_fast_packet_note(frame, cx);
+            emit_fast_packet_note(id.pgn, frame, cx);
         }
     }
 
@@ -87,7 +86,7 @@ impl Machine for Messages {
 }
 
 impl Timed for Messages {
-    /// Slot of a message that must come again in time.
+    /// Slot of a message with a monitored interval.
     type Deadline = u16;
 
     fn on_deadline(&mut self, slot: u16, now: i64, cx: &mut Context<'_>) {
@@ -95,18 +94,25 @@ impl Timed for Messages {
     }
 }
 
-/// NMEA 2000 sends longer messages in frames of its own making; which groups do is not told on the bus.
+/// NMEA 2000 splits longer messages into fast packets; a frame does not show whether its group does.
 #[cold]
-fn emit_fast_packet_note(frame: &Frame, cx: &mut Context<'_>) {
+fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
+    // By chance, data of a single-frame group can look like the counter of a fast packet.
+    if is_nmea2000_group(pgn) {
+        return;
+    }
+    cx.bus.omissions.fast_packets += 1;
     if !std::mem::replace(&mut cx.notices.fast_packets, true) {
-        let text = "this looks like NMEA 2000: fast packets are not put together, their frames are shown as they are";
-        cx.emit_note(frame, text.into());
+        let text =
+            format!("PGN {pgn} looks like fast packets, but is not in the list: each frame is one message");
+        cx.emit_note(frame, text);
     }
 }
 
-/// The first message of an identifier, and those that change how it is read.
+/// Handles the first message of an identifier, and a message whose layout changes.
 #[cold]
 fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    cx.bus.is_nmea2000 |= is_nmea2000_group(id.pgn);
     let concerned = cx.bus.concerned_device(id);
     if let Some(concerned) = &concerned {
         store_deciding_values(&mut cx.bus, concerned, frame);
@@ -125,7 +131,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
         entry.plan = plan.map(|plan| {
             let mut recent = before.map_or(Recent::default(), |before| before.recent);
             recent.push(frame.number, now);
-            Box::new(Planned { plan: Arc::new(plan), recent })
+            Box::new(IdentifierPlan { plan: Arc::new(plan), recent })
         });
     }
     watch_message(&mut cx.bus, slot, concerned.and_then(|concerned| cadence(&concerned, id)));
@@ -134,7 +140,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
     pass_values_to_device(slot, id, frame, cx);
 }
 
-/// A message of an identifier that is not kept apart: too many were seen.
+/// Handles a message without a slot: the table of identifiers is full.
 #[cold]
 fn unprepared_message(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
     let group = cx.bus.group(id, usize::from(frame.length));
@@ -151,10 +157,10 @@ fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Conte
     on_values(slot, (&carrier(spec), direction), concerned.node, frame, cx);
 }
 
-/// Values within the message that decide how the rest of it is read.
+/// Stores values of the message that decide how the rest of it is decoded.
 fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Frame) {
     let Some(spec) = concerned.spec() else { return };
-    let mut resolver = Resolver::new(&concerned.device.dictionary, &NothingKnown);
+    let mut resolver = Resolver::new(&concerned.device.dictionary, &NoValues);
     let Some(layout) = layout_of_profile(&spec.fields, "profile", false, &mut resolver) else { return };
     for field in &layout.fields {
         let decides = field.object().filter(|object| concerned.device.decides(*object));
@@ -163,7 +169,7 @@ fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Fra
         let bytes = raw.to_le_bytes();
         let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
         let Some(node) = bus.node_mut(concerned.node) else { return };
-        // More objects than a node can have are a profile no person wrote.
+        // If the store is full, the value is ignored: no real profile lists that many objects.
         let _ = Arc::make_mut(&mut node.store).set(object, bytes.get(..length).unwrap_or(&bytes), origin);
     }
 }
@@ -172,7 +178,7 @@ fn carrier(spec: &MessageSpec) -> Carrier {
     Carrier::Message(spec.name.as_str().into())
 }
 
-/// How often a message must come, where the profile says it.
+/// Max interval of a message, if the profile gives one.
 fn cadence(concerned: &ConcernedDevice, id: J1939Id) -> Option<Cadence> {
     let spec = concerned.spec()?;
     let carrier = carrier(spec);
@@ -191,8 +197,8 @@ fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
     }
 }
 
-/// Whether a frame is the second of a fast packet that the one before began: the same sequence in the upper
-/// three bits of byte 0, the frame's number in the lower five; the first one tells the length in byte 1.
+/// Whether a frame is the second one of a fast packet. Bits 7..5 of byte 0 are the sequence, bits 4..0 the
+/// number of the frame; byte 1 of the first frame is the length.
 #[inline]
 fn continues(before: &[u8], now: &[u8]) -> bool {
     const LONGEST: u8 = 223;
@@ -203,7 +209,7 @@ fn continues(before: &[u8], now: &[u8]) -> bool {
     }
 }
 
-/// The bits in which a frame differs from the one before, all for another length; `None` if it repeats it.
+/// Bits in which a frame differs from the previous one; all if the length differs, `None` if it is equal.
 #[inline]
 fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
     if message.length != frame.length {

@@ -1,16 +1,18 @@
-//! J1939 and ISOBUS: the way of a 29-bit frame that nothing else owns.
+//! J1939 and ISOBUS: path of a 29-bit frame that belongs to no other protocol.
 //!
 //! ```text
-//! Frame ─▶ priority, group, source, destination ─▶ request, acknowledgement   told as they are
-//!                                               ├▶ address claim              the table of addresses
-//!                                               ├▶ TP.CM, TP.DT, ETP.…        transport: one event a transfer
-//!                                               └▶ any other group            one prepared event an identifier
-//!                                      DM1, DM2, commanded address            of any length: what they say
+//! Frame ─▶ priority, group, source, destination ─▶ request, acknowledgement   one event each
+//!                                               ├▶ address claim              table of addresses
+//!                                               ├▶ TP.CM, TP.DT, ETP.…        one event per transfer
+//!                                               ├▶ group of NMEA 2000         one event per fast packet
+//!                                               └▶ any other group            one event per identifier
+//!                                      DM1, DM2, commanded address            payload of any length
 //! ```
 
 mod cadence;
 mod claims;
 mod evidence;
+mod fast_packets;
 mod messages;
 mod payload;
 mod requests;
@@ -19,6 +21,7 @@ mod trouble_codes;
 
 pub(in crate::session) use claims::Claims;
 pub(in crate::session) use evidence::{is_followed, mark_sender_alive};
+pub(in crate::session) use fast_packets::FastPackets;
 pub(in crate::session) use messages::Messages;
 pub(in crate::session) use payload::Payload;
 pub(in crate::session) use requests::Requests;

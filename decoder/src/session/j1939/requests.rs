@@ -7,7 +7,7 @@ use crate::session::context::Context;
 use crate::session::machine::Machine;
 use crate::wire::j1939::{Acknowledgement, J1939Id, Pgn, request};
 
-/// Control byte of an acknowledgement that says it was done (J1939-21 §5.4.4).
+/// Control byte of a positive acknowledgement (J1939-21 §5.4.4).
 const DONE: u8 = 0;
 
 /// Requests and acknowledgements of all addresses.

@@ -1,8 +1,8 @@
-//! Trouble codes over time: what DM1 and DM2 list becomes raised, recurred, no longer reported, previously
-//! active and cleared, once each.
+//! Trouble codes over time: the lists in DM1 and DM2 become single events, raised, recurred, no longer
+//! reported, previously active and cleared.
 //!
 //! ```text
-//!            DM1 has it          DM1 without it, or silence of DM1
+//!            in DM1              not in DM1, or DM1 missing
 //!  unknown ────────────▶ active ───────────────────────────────▶ previously active ─DM3─▶ cleared
 //!                          └─────────────────DM11, acknowledged─────────────────────────▶ cleared
 //! ```
@@ -21,13 +21,13 @@ use crate::session::timers::Subject;
 use crate::wire::NodeId;
 use crate::wire::j1939::{Pgn, ReportedDtc, SpnConversion, TroubleCodes as DtcList};
 
-/// Milliseconds between two DM1 while a code is active, where the manual says nothing (J1939-73 §5.7.1.2).
+/// Period of DM1 in ms while a code is active, unless the profile gives another (J1939-73 §5.7.1.2).
 const PERIOD: u32 = 1_000;
 
-/// Periods without DM1 behind which its codes are no longer reported.
+/// Periods without DM1 after which its codes are no longer reported.
 const PERIODS: i64 = 3;
 
-/// What is given up where a device has had too many codes.
+/// Name of an evicted code in the event.
 const PREVIOUS: &str = "previously active trouble code";
 
 /// DM1 and DM2 of all addresses; the codes of each are in its node.
@@ -38,7 +38,7 @@ impl Machine for TroubleCodes {
     type Route<'a> = Payload<'a>;
     type Product = ();
 
-    /// A DM1 or DM2 of any length.
+    /// Handles a DM1 or DM2 of any length.
     fn on_frame(&mut self, payload: Payload<'_>, frame: &Frame, cx: &mut Context<'_>) {
         let Payload { id, data, frames } = payload;
         let list = match DtcList::read(data) {
@@ -96,7 +96,7 @@ impl Timed for TroubleCodes {
             return cx.timers.add(deadline, Subject::Dm1(id));
         }
         let (ended, number) = (std::mem::take(&mut faults.active), faults.last_frame);
-        // The deadline's own time, and the last DM1 as the evidence.
+        // The event has the time of the deadline, and the last DM1 as evidence.
         let frame = Frame { number, time: cx.bus.clock.stamp_of(deadline), ..Frame::EMPTY };
         for known in ended {
             let since = Some(deadline.saturating_sub(known.since));
@@ -108,7 +108,7 @@ impl Timed for TroubleCodes {
     }
 }
 
-/// Tells a change and what it brings.
+/// Emits a change of a trouble code and applies its effects.
 fn emit_trouble_code(id: NodeId, change: DtcChange, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     let code = change.known.code;
@@ -154,8 +154,8 @@ fn emit_frames(id: NodeId, kind: EventKind, frames: FrameRange, frame: &Frame, c
     cx.send(&event);
 }
 
-/// A device did what it was asked for. Only its acknowledgement of DM3 or DM11 clears: a request to all
-/// is not answered (J1939-73 §5.7.3), and without an answer nothing is known.
+/// Clears trouble codes after a positive acknowledgement of DM3 or DM11. A request to all is not acknowledged
+/// (J1939-73 §5.7.3): its result is unknown.
 pub(in crate::session) fn clear_trouble_codes(source: u8, pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
     let all = match pgn {
         Pgn::DM3 => false,
@@ -169,7 +169,7 @@ pub(in crate::session) fn clear_trouble_codes(source: u8, pgn: Pgn, frame: &Fram
     }
 }
 
-/// Waits for the next DM1 of a node with active codes.
+/// Sets the deadline for the next DM1 of a node with active codes.
 pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
     let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.runs());
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -183,7 +183,7 @@ pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut Context<'_>
     cx.timers.add(now.saturating_add(silence), Subject::Dm1(id));
 }
 
-/// A node is not there any more: its silence says nothing.
+/// Cancels the DM1 deadline of a node that lost its address.
 pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
     let state = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut());
     if state.is_some_and(|state| std::mem::take(&mut state.faults.is_queued)) {
@@ -191,13 +191,13 @@ pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut Context<'_>) 
     }
 }
 
-/// How a device codes old SPNs, by the bus file, else by its profile.
+/// Conversion method of old SPNs, from the bus file, otherwise from the profile.
 fn conversion(node: &Node) -> Option<SpnConversion> {
     let given = node.j1939.as_ref().and_then(|state| state.conversion);
     given.or_else(|| node.device.j1939.spn_conversion.map(|conversion| conversion.0))
 }
 
-/// Nanoseconds without DM1 behind which its codes are no longer reported.
+/// Time in ns without DM1 after which its codes are no longer reported.
 fn silence(device: &Arc<Device>) -> i64 {
     let period = match device.j1939.dm1_period {
         0 => PERIOD,
@@ -206,8 +206,8 @@ fn silence(device: &Arc<Device>) -> i64 {
     i64::from(period) * 1_000_000 * PERIODS
 }
 
-/// Whether a code that left DM1 may still be there: the device shows only its most urgent one, and one is
-/// shown that is not surely less urgent.
+/// Whether a code missing in DM1 may still be active: the device lists only its code of highest priority,
+/// and the listed one may have a higher priority.
 fn may_be_hidden(node: &Node, left: ReportedDtc) -> bool {
     if !node.device.j1939.highest_only {
         return false;
@@ -230,7 +230,7 @@ mod tests {
 
     const DM1: u32 = 0x18FE_CA80;
 
-    /// A bus that is J1939, a millisecond before its first frame.
+    /// A J1939 bus before its first frame.
     fn bus() -> BusDecoder {
         let options = SessionOptions { protocol: ProtocolChoice::J1939, ..SessionOptions::default() };
         BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
@@ -241,7 +241,7 @@ mod tests {
         Frame { number, time, ..Frame::data_frame(CanId::extended(id), data) }
     }
 
-    /// A list with FMI 3 of these SPNs below 65536.
+    /// A list with FMI 3 for these SPNs below 65536.
     fn list(spns: impl IntoIterator<Item = u16>) -> Vec<u8> {
         let codes = spns.into_iter().flat_map(|spn| {
             let [low, high] = spn.to_le_bytes();
@@ -250,8 +250,13 @@ mod tests {
         [0, 0xFF].into_iter().chain(codes).collect()
     }
 
-    /// What a payload of many packets makes: kind, action of codes, number of the given up.
-    fn told(bus: &mut BusDecoder, id: u32, number: u64, payload: &[u8]) -> Vec<(&'static str, u64)> {
+    /// Events of a multi-packet payload: kind or action, with SPN or number of evicted codes.
+    fn transfer_results(
+        bus: &mut BusDecoder,
+        id: u32,
+        number: u64,
+        payload: &[u8],
+    ) -> Vec<(&'static str, u64)> {
         let mut all = Vec::new();
         let mut observer = |event: &Event, _: &Bus| {
             all.push(match &event.kind {
@@ -269,42 +274,45 @@ mod tests {
     #[test]
     fn a_code_named_twice_is_one() {
         let mut bus = bus();
-        assert_eq!(told(&mut bus, DM1, 1, &list([7, 8, 7])), [("raised", 7), ("raised", 8)]);
-        assert_eq!(told(&mut bus, DM1, 2, &list([8, 7])), []);
-        assert_eq!(told(&mut bus, DM1, 3, &list([9, 8])), [("raised", 9), ("no-longer-reported", 7)]);
+        assert_eq!(transfer_results(&mut bus, DM1, 1, &list([7, 8, 7])), [("raised", 7), ("raised", 8)]);
+        assert_eq!(transfer_results(&mut bus, DM1, 2, &list([8, 7])), []);
+        assert_eq!(
+            transfer_results(&mut bus, DM1, 3, &list([9, 8])),
+            [("raised", 9), ("no-longer-reported", 7)]
+        );
         let errors: Vec<_> = bus.bus().node(NodeId::J1939(0x80)).unwrap().errors().collect();
         assert_eq!(errors, ["SPN 8 FMI 3", "SPN 9 FMI 3"]);
     }
 
     #[test]
-    fn more_codes_than_are_kept_are_said_once() {
+    fn codes_over_the_limit_are_reported_once() {
         let mut bus = bus();
         let limit = u64::try_from(ACTIVE_ERROR_LIMIT).unwrap();
         // 445 codes fill the longest message of J1939-21.
-        let all = told(&mut bus, DM1, 1, &list(1..=445));
+        let all = transfer_results(&mut bus, DM1, 1, &list(1..=445));
         assert_eq!(all.iter().filter(|(what, _)| *what == "raised").count(), ACTIVE_ERROR_LIMIT);
         assert_eq!(all.last(), Some(&("active trouble code", 445 - limit)));
-        assert_eq!(told(&mut bus, DM1, 2, &list(1..=445)), []);
-        assert_eq!(told(&mut bus, DM1, 3, &list(1..=64)), []);
-        assert_eq!(told(&mut bus, DM1, 4, &list(1..=66)), [("active trouble code", 2)]);
-        let all = told(&mut bus, 0x18FE_CB80, 5, &list(100..=200));
+        assert_eq!(transfer_results(&mut bus, DM1, 2, &list(1..=445)), []);
+        assert_eq!(transfer_results(&mut bus, DM1, 3, &list(1..=64)), []);
+        assert_eq!(transfer_results(&mut bus, DM1, 4, &list(1..=66)), [("active trouble code", 2)]);
+        let all = transfer_results(&mut bus, 0x18FE_CB80, 5, &list(100..=200));
         assert_eq!(all.len(), ACTIVE_ERROR_LIMIT + 1);
         assert_eq!(all.last(), Some(&(PREVIOUS, 101 - limit)));
-        assert_eq!(told(&mut bus, 0x18FE_CB80, 6, &list(100..=200)), []);
+        assert_eq!(transfer_results(&mut bus, 0x18FE_CB80, 6, &list(100..=200)), []);
     }
 
     #[test]
     fn dm2_alone_tells_what_was_listed() {
         let mut bus = bus();
-        told(&mut bus, DM1, 1, &list([7]));
-        told(&mut bus, DM1, 2, &list([0]));
-        // What left DM1 is listed now, and told once; what is not listed any more comes anew.
+        transfer_results(&mut bus, DM1, 1, &list([7]));
+        transfer_results(&mut bus, DM1, 2, &list([0]));
+        // Codes that left DM1 are in DM2 and emitted once; a code missing in DM2 is emitted again later.
         assert_eq!(
-            told(&mut bus, 0x18FE_CB80, 3, &list([7, 9])),
+            transfer_results(&mut bus, 0x18FE_CB80, 3, &list([7, 9])),
             [("previously-active", 7), ("previously-active", 9)]
         );
-        assert_eq!(told(&mut bus, 0x18FE_CB80, 4, &list([9])), []);
-        assert_eq!(told(&mut bus, 0x18FE_CB80, 5, &list([7, 9])), [("previously-active", 7)]);
+        assert_eq!(transfer_results(&mut bus, 0x18FE_CB80, 4, &list([9])), []);
+        assert_eq!(transfer_results(&mut bus, 0x18FE_CB80, 5, &list([7, 9])), [("previously-active", 7)]);
     }
 
     #[test]
@@ -315,16 +323,18 @@ mod tests {
             let mut observer = |event: &Event, _: &Bus| {
                 ended += u64::from(matches!(&event.kind, EventKind::Dtc(dtc) if dtc.by_silence));
             };
-            // Every 10 ms another one's message, which makes a pattern, and the DM1 once.
+            // Messages of three other devices every 10 ms make the traffic periodic; DM1 is sent once.
             for number in (from..=to).step_by(10) {
-                bus.push(&frame(0x18FF_0081, number, &[0]), &mut observer);
+                for id in [0x18FF_0081, 0x18FF_0082, 0x18FF_0083] {
+                    bus.push(&frame(id, number, &[0]), &mut observer);
+                }
             }
             if with_dm1 {
                 bus.push(&frame(DM1, to, &list([7])), &mut observer);
             }
             ended
         };
-        // DM1 at 1 s: its time is over at 4 s. All stop from 3.7 s to 8.7 s, so it is over at 9 s.
+        // DM1 at 1 s: deadline 4 s. All traffic stops from 3.7 s to 8.7 s, so the deadline moves to 9 s.
         assert_eq!(run(&mut bus, 10, 1_000, true), 0);
         assert_eq!(run(&mut bus, 1_010, 3_700, false), 0);
         assert_eq!(run(&mut bus, 8_700, 9_000, false), 0);

@@ -1,4 +1,4 @@
-//! What the wire says against the device file of a node: another device, another type, another configuration.
+//! Contradictions between bus and device file of a node: other device, other type, other configuration.
 
 use std::hash::BuildHasher as _;
 
@@ -15,14 +15,14 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::words::plural;
 
-/// Objects that say what a device is, and never change (CiA 301 §7.5.2.1, §7.5.2.21).
+/// Objects with the identity of a device, which never change (CiA 301 §7.5.2.1, §7.5.2.21).
 const DEVICE_TYPE: ObjectAddress = ObjectAddress::new(0x1000, 0);
 const IDENTITY: u16 = 0x1018;
 
-/// Store and restore: a write is a command, a read tells what it can do.
+/// Store and restore: a write is a command, a read returns the capabilities.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];
 
-/// Tells where a value that was read contradicts the device file of the node.
+/// Emits a contradiction between a value read from the node and its device file.
 pub(in crate::session) fn check_device_file(
     id: NodeId,
     object: ObjectAddress,
@@ -57,7 +57,7 @@ pub(in crate::session) fn check_device_file(
     cx.emit(frame, id, false, EventKind::Conflict(Box::new(conflict)));
 }
 
-/// Once an object and value, as far as they are remembered.
+/// Whether this object and value were not reported yet; false over the limit.
 fn is_new_conflict(
     id: NodeId,
     object: ObjectAddress,
@@ -76,7 +76,7 @@ fn is_new_conflict(
     false
 }
 
-/// A value the DCF wants, that nobody wrote since, and that no PDO carries.
+/// Configured value in the DCF, unless the object was written since, or a PDO contains it.
 fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) -> Option<(Vec<u8>, String)> {
     let wanted = object.wanted(id.number())?;
     let node = bus.node(id)?;
@@ -86,10 +86,10 @@ fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) ->
         || node.conflicts.written.contains(&object.address)
         || same(&wanted, value, object.data_type)
         || is_in_pdo(bus, id, object.address);
-    (!is_said).then(|| (wanted, "the node is not configured so".to_owned()))
+    (!is_said).then(|| (wanted, "value differs from the configuration in the file".to_owned()))
 }
 
-/// Whether a PDO of the node that was seen carries an object.
+/// Whether a PDO of the node, received so far, contains an object.
 fn is_in_pdo(bus: &Bus, id: NodeId, object: ObjectAddress) -> bool {
     bus.routes.layouts().any(|(service, layout)| {
         matches!(service, Service::Pdo(_, node) if node == id)
@@ -97,7 +97,7 @@ fn is_in_pdo(bus: &Bus, id: NodeId, object: ObjectAddress) -> bool {
     })
 }
 
-/// Fewer or more bytes than the type has. An expedited transfer that does not say its size is padded by zeros.
+/// Compares the size with that of the data type; an expedited transfer without indicated size is zero-padded.
 fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<u8>, String)> {
     let data_type = object.data_type?;
     let length = usize::from(data_type.bits()?.div_ceil(8));
@@ -105,15 +105,15 @@ fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<
         value.split_at_checked(length).is_some_and(|(_, padding)| padding.iter().all(|byte| *byte == 0));
     let bytes = |count: usize| plural(count, "byte");
     let text = format!(
-        "{} by the {source}, which has {}, but {} came",
-        data_type.name(),
+        "{} received, {} expected ({} in the {source})",
+        bytes(value.len()),
         bytes(length),
-        bytes(value.len())
+        data_type.name()
     );
     (!fits).then_some((Vec::new(), text))
 }
 
-/// The node says that it is another device than the one of the file.
+/// Compares the identity of the node with that in the device file.
 fn other_device(
     file: &DeviceFile,
     object: &DeviceObject,
@@ -130,17 +130,17 @@ fn other_device(
     let data_type = object.data_type?;
     let given = [&object.value, &object.default].into_iter().flatten();
     let stated = given.filter_map(|given| given.encode(data_type, node.number()));
-    // Zero is what an editor leaves where nobody filled in a number.
+    // Editors write 0 if no number was entered.
     let stated =
         stated.chain(header.map(|number| number.to_le_bytes().to_vec())).find(|it| little_endian(it) != 0)?;
     let text = match object.address.sub {
-        3 => "the file is of another revision",
-        _ => "the file is of another device",
+        3 => "the file is for another revision",
+        _ => "the file is for another device",
     };
     (!same(&stated, value, Some(data_type))).then(|| (stated, text.to_owned()))
 }
 
-/// Whether bytes mean the same: padding does not count.
+/// Whether two values are equal except for padding.
 fn same(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
     match data_type {
         Some(data_type) => data_type.decode(wanted) == data_type.decode(value),
@@ -179,7 +179,7 @@ mod tests {
         BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
     }
 
-    /// Texts of the conflicts when these values are read.
+    /// Texts of the conflicts after reading these values.
     fn read(bus: &mut BusDecoder, values: &[(u16, u8, &[u8])]) -> Vec<String> {
         let mut texts = Vec::new();
         for (index, sub, value) in values {
@@ -202,14 +202,14 @@ mod tests {
 
     #[test]
     fn a_number_nobody_filled_in_says_nothing() {
-        // 1000:00 and 1018:03 are 0 in the file; the revision stands in its header.
+        // 1000:00 and 1018:03 are 0 in the file; the file header contains the revision.
         let values: [(u16, u8, &[u8]); 4] = [
             (0x1000, 0, &[9, 0, 0, 0]),
             (0x1018, 1, &[1, 0, 0, 0]),
             (0x1018, 3, &[3, 0, 0, 0]),
             (0x1018, 3, &[4, 0, 0, 0]),
         ];
-        assert_eq!(read(&mut bus(), &values), ["the file is of another revision"]);
+        assert_eq!(read(&mut bus(), &values), ["the file is for another revision"]);
     }
 
     #[test]
@@ -217,13 +217,16 @@ mod tests {
         let values: [(u16, u8, &[u8]); 3] =
             [(0x2001, 0, &[9, 0]), (0x1010, 1, &[1, 0, 0, 0]), (0x2000, 0, &[5, 0, 0, 0])];
         assert!(read(&mut bus(), &values).is_empty());
-        assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0])]), ["the node is not configured so"]);
-        let text = "UNSIGNED16 by the dcf, which has 2 bytes, but 3 bytes came";
+        assert_eq!(
+            read(&mut bus(), &[(0x2000, 0, &[9, 0])]),
+            ["value differs from the configuration in the file"]
+        );
+        let text = "3 bytes received, 2 bytes expected (UNSIGNED16 in the dcf)";
         assert_eq!(read(&mut bus(), &[(0x2000, 0, &[9, 0, 1])]), [text]);
     }
 
     #[test]
-    fn conflicts_are_told_up_to_a_limit() {
+    fn conflicts_are_reported_up_to_a_limit() {
         let values: Vec<[u8; 2]> = (0..300_u16).map(|number| (1000 + number).to_le_bytes()).collect();
         let values: Vec<(u16, u8, &[u8])> =
             values.iter().map(|value| (0x2000, 0, value.as_slice())).collect();

@@ -1,6 +1,6 @@
-//! What a device is delivered with, or configured to by its DCF: identifiers and values no message told.
+//! Delivery state of a device, or its configuration by a DCF: identifiers and values not seen on the bus.
 //!
-//! All of it stands behind what the wire told and the user gave.
+//! Values from the bus and from the user override them.
 
 use std::sync::Arc;
 
@@ -13,14 +13,14 @@ use crate::session::options::AssignedBy;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// Number of the SDO channel that is the default one, but on other identifiers; beside 1200 and up.
+/// Number of the default SDO channel if it has other identifiers; in addition to those of 1200 and up.
 const MOVED_CHANNEL: u16 = 1;
 
-/// The node has another device: its identifiers, and the values of its DCF.
+/// Applies identifiers and DCF values of a device that was assigned to the node.
 pub(in crate::session) fn take_delivered(bus: &mut Bus, id: NodeId, by: AssignedBy) {
     let Some(node) = bus.node_mut(id) else { return };
     if let Some(import) = &node.device.file {
-        // A DCF that was found by identity may be that of another node of the same kind.
+        // A DCF found by identity may belong to another node with the same type of device.
         let is_its = by != AssignedBy::Identity || import.file.node_id.is_none_or(|own| own == id.number());
         if is_its {
             let values = import
@@ -39,7 +39,7 @@ pub(in crate::session) fn take_delivered(bus: &mut Bus, id: NodeId, by: Assigned
     }
 }
 
-/// An object fell back to something nobody told: what it is delivered with or configured to holds.
+/// Applies the delivered or configured value of an object whose present value is unknown again.
 pub(in crate::session) fn revert_to_delivered(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     if bus.node(id).is_some_and(|node| node.store.get(object).is_some()) {
         apply_wanted(bus, id, object);
@@ -48,14 +48,13 @@ pub(in crate::session) fn revert_to_delivered(bus: &mut Bus, id: NodeId, object:
     }
 }
 
-/// The node has another node-ID: identifiers that depend on it follow, unless its manual says that they
-/// stay.
+/// Updates identifiers that depend on the node-ID after a change, except those that the manual excludes.
 pub(in crate::session) fn move_delivered(bus: &mut Bus, id: NodeId) {
     forget_delivered(bus, id);
     route_delivered(bus, id);
 }
 
-/// A value its DCF wants. The heartbeat time is none that is believed: the intervals tell it.
+/// Applies a value of the DCF. The heartbeat time is not used: the measured intervals are reliable.
 fn apply_wanted(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     let Some(node) = bus.node(id).filter(|node| node.store.seen(object).is_none()) else { return };
     let number = node.store.number(object).unwrap_or(0);
@@ -69,7 +68,7 @@ fn apply_wanted(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     }
 }
 
-/// Takes back the identifiers the node has by delivery.
+/// Removes the identifiers of the delivery state.
 fn forget_delivered(bus: &mut Bus, id: NodeId) {
     let Some(node) = bus.node_mut(id) else { return };
     let stays: Vec<PdoName> =
@@ -89,7 +88,7 @@ fn forget_delivered(bus: &mut Bus, id: NodeId) {
     }
 }
 
-/// Routes the identifiers the device is delivered with, where nothing else is known of the service.
+/// Routes the identifiers of the delivery state, for services without another identifier.
 fn route_delivered(bus: &mut Bus, id: NodeId) {
     let Some(node) = bus.node(id) else { return };
     let device = Arc::clone(&node.device);
@@ -115,7 +114,7 @@ fn route_delivered(bus: &mut Bus, id: NodeId) {
     }
 }
 
-/// The identifier an object is delivered with; `None` if it is marked invalid, or the object was told.
+/// Delivered identifier of an object; `None` if it is marked invalid, or the object value is known.
 fn delivered_id(bus: &Bus, id: NodeId, object: ObjectAddress) -> Option<CanId> {
     let node = bus.node(id).filter(|node| node.store.get(object).is_none())?;
     let entry = node.device.dictionary.find(object)?.entry?;
@@ -140,7 +139,7 @@ fn learn_delivered(bus: &mut Bus, id: NodeId, can_id: CanId, service: Service) {
     }
 }
 
-/// The SYNC a node obeys; others may obey another one.
+/// Sets the SYNC that a node uses; other nodes may use another one.
 fn deliver_sync(bus: &mut Bus, id: NodeId, can_id: CanId) {
     if let Some(node) = bus.node_mut(id) {
         node.sync = can_id;
@@ -150,7 +149,7 @@ fn deliver_sync(bus: &mut Bus, id: NodeId, can_id: CanId) {
     }
 }
 
-/// The default SDO channel, where it is not on the predefined identifiers (CiA 301 §7.5.2.33).
+/// Routes the default SDO channel if it has other than the predefined identifiers (CiA 301 §7.5.2.33).
 fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
     let Some(response) = delivered_id(bus, id, ObjectAddress::new(0x1200, 2)) else { return };
     let predefined = [0x600, 0x580].map(|base: u16| CanId::standard(base + u16::from(id.number())));
@@ -165,12 +164,12 @@ fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
     }
 }
 
-/// Whether another node's TPDO has the identifier: then this one listens to it, and the sender counts.
+/// Whether the identifier belongs to a TPDO of another node: then this node only receives it.
 fn is_sent_by_another(bus: &Bus, can_id: CanId, id: NodeId) -> bool {
     matches!(present(bus, can_id), Some(Service::Pdo(name, node)) if node != id && name.direction == PdoDirection::Transmit)
 }
 
-/// What an identifier is now, of the services a device is delivered with.
+/// Present service of an identifier, if a device can be delivered with this service.
 fn present(bus: &Bus, can_id: CanId) -> Option<Service> {
     match bus.routes.origin(can_id) {
         RouteOrigin::Learnt(service) => Some(service),
@@ -181,7 +180,7 @@ fn present(bus: &Bus, can_id: CanId) -> Option<Service> {
     }
 }
 
-/// Objects that hold the identifiers of a node's own services.
+/// Objects with the identifiers of a node's own services.
 const fn is_cob_id(object: ObjectAddress) -> bool {
     matches!(
         (object.index, object.sub),
@@ -201,7 +200,7 @@ mod tests {
     use crate::session::identity::change_node_id;
     use crate::session::{Assignment, SessionOptions};
 
-    /// A bus whose nodes have device files with these COB-IDs as default or, behind `=`, wanted.
+    /// A bus whose nodes have device files with these COB-IDs, as default or, after `=`, as configured value.
     fn bus(nodes: &[(u8, &[(&str, &str)])]) -> BusDecoder {
         let assignments = nodes.iter().map(|(node, objects)| {
             let mut text = String::new();
@@ -225,7 +224,7 @@ mod tests {
         BusDecoder::new(BusIndex(0), "can0", Arc::new(options))
     }
 
-    /// What frames with these identifiers are understood as.
+    /// Meaning of frames with these identifiers.
     fn seen(bus: &mut BusDecoder, ids: &[u16]) -> Vec<String> {
         let mut seen = Vec::new();
         for (number, id) in (1..).zip(ids) {
@@ -269,7 +268,7 @@ mod tests {
             "SDO Server of 5",
             "RPDO1 of 5",
             "TPDO1 of 5",
-            // Marked invalid: what the predefined connection set says.
+            // Marked invalid: the predefined connection set applies.
             "RPDO2 of 5",
             "TPDO2 of 5",
         ];
@@ -279,7 +278,7 @@ mod tests {
 
     #[test]
     fn who_listens_does_not_take_the_identifier_of_who_sends() {
-        // Node 5 listens to TPDO1 of node 4, and to TPDO2, which is on another identifier.
+        // Node 5 receives TPDO1 of node 4, and its TPDO2, which has another identifier.
         let listener: &[(&str, &str)] =
             &[("1400sub1", "=0x184"), ("1401sub1", "0x3A0"), ("1402sub1", "=0x3A1")];
         let sender: &[(&str, &str)] = &[("1801sub1", "0x3A0")];
@@ -340,7 +339,7 @@ mod tests {
             (layout.origin, layout.assumed, layout.fields[0].object().unwrap().index)
         };
         assert_eq!(layout(&mut bus), ("dcf", true, 0x2000));
-        // The intervals tell the heartbeat time.
+        // The heartbeat time follows from the intervals.
         assert_eq!(bus.bus().node(5).unwrap().heartbeat.configured, None);
         upload(&mut bus, 5, (0x1A00, 0), 1);
         assert_eq!(layout(&mut bus), ("wire", true, 0x2000));

@@ -1,4 +1,4 @@
-//! Objects of nodes: values as transfers, restarts and deliveries leave them, and what communication parameters bring about.
+//! Object values after transfers and restarts or as delivered, and the effect of communication parameters.
 
 mod conflict;
 mod delivered;

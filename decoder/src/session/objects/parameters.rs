@@ -1,11 +1,11 @@
-//! What an object tells of the bus: COB-IDs, PDO mappings, timers, SDO channels.
+//! Effect of communication parameters: COB-IDs, PDO mappings, timers, SDO channels.
 
 use crate::profile::PdoName;
-use crate::session::bus::{Bus, Service, identifier};
+use crate::session::bus::{Bus, Service, identifier, predefined};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// Bit 31 of a PDO's COB-ID: it does not exist.
+/// Bit 31 of a PDO's COB-ID: the PDO does not exist.
 const INVALID: u64 = 1 << 31;
 
 /// Default identifier of SYNC (CiA 301 §7.5.2.5).
@@ -25,7 +25,7 @@ pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: Objec
     }
 }
 
-/// The identifier of a service changed: the old one goes back to its default, unless another uses it.
+/// Changes the identifier of a service; the old one returns to its default service.
 fn route_to(bus: &mut Bus, service: Service, cob_id: u64) {
     let new = identifier(cob_id);
     if let Some(old) = bus.routes.learnt_id(service).filter(|old| Some(*old) != new) {
@@ -60,7 +60,7 @@ fn learn_channel(bus: &mut Bus, id: NodeId, index: u16) {
     }
 }
 
-/// SDO client parameter 1280 and up: whom this node asks, and on which identifiers.
+/// SDO client parameter 1280 and up: server that the node accesses, and the identifiers.
 fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
     let number = |sub| bus.object_number(id, ObjectAddress::new(index, sub));
     let ids = [number(1).and_then(identifier), number(2).and_then(identifier)];
@@ -72,8 +72,8 @@ fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
     }
 }
 
-/// A PDO parameter changed. The identifier takes effect when it becomes valid, the mapping when the
-/// PDO becomes valid again, or at once with the number of entries if it never was invalid.
+/// Applies a PDO parameter. The identifier takes effect when it becomes valid. The mapping takes effect when
+/// the PDO becomes valid again; if it stayed valid, with the number of entries.
 fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     let Some(name) = PdoName::of_parameter(address.index) else { return };
     let service = Service::Pdo(name, id);
@@ -82,7 +82,12 @@ fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     if address == ObjectAddress::new(name.communication_index(), 1)
         && let Some(cob_id) = cob_id
     {
-        route_to(bus, service, cob_id);
+        // While bit 31 is set, frames on the old identifier still belong to the PDO: it should not be sent.
+        if is_valid {
+            route_to(bus, service, cob_id);
+        }
+        route_predefined(bus, name, id);
+        bus.refresh_pdo_users();
     }
     let is_mapping = address.index == name.mapping_index();
     if is_valid && (is_mapping || address.sub == 1) {
@@ -90,7 +95,23 @@ fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     }
 }
 
-/// An object fell back to something unknown: identifiers and times are the default ones again.
+/// Updates the service of the predefined identifier of a TPDO: after the TPDO moved to another identifier, its
+/// producer is unknown.
+fn route_predefined(bus: &mut Bus, name: PdoName, id: NodeId) {
+    let Some(default) = predefined(name, id).filter(|_| name.is_sent()) else { return };
+    let service = bus.default_service(default);
+    let is_old =
+        matches!(bus.routes.service_of(default), Some(Service::Pdo(of, node)) if (of, node) == (name, id));
+    let is_orphan = bus.routes.service_of(default) == Some(Service::Unclassified);
+    if (is_old || is_orphan)
+        && bus.routes.learnt_at(default).is_none()
+        && bus.routes.service_of(default) != Some(service)
+    {
+        bus.routes.reroute(default, service);
+    }
+}
+
+/// Returns identifiers and times to their defaults after an object value became unknown.
 pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     match (address.index, address.sub) {
         (0x1005, 0) => own_sync(bus, id, SYNC),
@@ -103,6 +124,8 @@ pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: Obje
         (0x1400..=0x1BFF, 1) => {
             if let Some(name) = PdoName::of_parameter(address.index) {
                 forget_route(bus, Service::Pdo(name, id));
+                route_predefined(bus, name, id);
+                bus.refresh_pdo_users();
             }
         }
         _ => {}
@@ -116,7 +139,7 @@ fn forget_route(bus: &mut Bus, service: Service) {
     }
 }
 
-/// The SYNC a node obeys; others may obey another one, so none is given up.
+/// Sets the SYNC that a node uses; identifiers of other SYNCs stay, because other nodes may use them.
 fn own_sync(bus: &mut Bus, id: NodeId, cob_id: u64) {
     let Some(sync) = identifier(cob_id & !0xC000_0000) else { return };
     if let Some(node) = bus.node_mut(id) {

@@ -1,5 +1,5 @@
-//! A node starts anew: what waited takes effect, what was not kept is gone (DESIGN: a trace never shows a
-//! power-on, so effects of one are presumed until something confirms or contradicts them).
+//! Object values at a restart: waiting values take effect, volatile values are lost. A power-on is not
+//! visible on the bus, so its effects are presumed until a message confirms or contradicts them.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::session::context::Context;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
-/// One value that is another one behind the restart.
+/// A value that the restart changed.
 pub(in crate::session) struct RestartChange {
     object: ObjectAddress,
     from: Option<Vec<u8>>,
@@ -24,7 +24,7 @@ pub(in crate::session) struct RestartChange {
     origin: &'static str,
 }
 
-/// Values that will be gone, of those written: for the event that tells the start.
+/// Number of written values lost by a restart, for the boot event.
 pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
     let Some(node) = bus.node(id) else { return 0 };
     let lost = lost(node).into_iter().filter(|change| {
@@ -34,7 +34,7 @@ pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
     u32::try_from(lost.count()).unwrap_or(u32::MAX)
 }
 
-/// What a restart does to the values known of a node; the changes are emitted after it.
+/// Applies a restart to the values of a node; returns the changes, which are emitted after the boot event.
 pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Frame) -> Vec<RestartChange> {
     let Some(node) = bus.node_mut(id) else { return Vec::new() };
     let presumed = node.restart == Restart::PowerOn;
@@ -84,7 +84,7 @@ pub(in crate::session) fn emit_restart_changes(
     }
 }
 
-/// An object has another value without a message: identifiers and times follow.
+/// Applies an object that changed without a message: its identifiers and times follow.
 fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     if let Some(node) = bus.node_mut(id) {
         let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
@@ -99,7 +99,7 @@ fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     }
 }
 
-/// What falls back: volatile objects, and those whose last write was not stored.
+/// Values lost by a restart: volatile objects, and those written but not stored.
 fn lost(node: &Node) -> Vec<RestartChange> {
     let mut changes = Vec::new();
     for (object, entry) in node.store.sorted() {
@@ -107,7 +107,7 @@ fn lost(node: &Node) -> Vec<RestartChange> {
             continue;
         }
         let known = node.device.dictionary.find(object).and_then(|found| found.entry);
-        // A signature is a command: nothing was set.
+        // A signature is a command, not a value.
         let known = known.filter(|known| known.format != Format::Ascii);
         let kept = node.store.kept(object).map(<[u8]>::to_vec);
         let to = match known.map(|known| known.storage) {
@@ -123,7 +123,7 @@ fn lost(node: &Node) -> Vec<RestartChange> {
 }
 
 impl Node {
-    /// Whether a waiting value takes effect at the present restart.
+    /// Condition for a waiting value to take effect at the present restart.
     fn restart_brings(&self) -> impl Fn(Effect) -> bool + use<> {
         let restart = self.restart;
         move |effect| restart.brings(effect)

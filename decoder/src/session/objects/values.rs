@@ -1,4 +1,4 @@
-//! Values of objects as transfers confirm them: what acts now, what waits, what is kept, what is void.
+//! Object values from transfers: in effect, waiting for a restart, stored, or invalidated.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use crate::event::{EventKind, ObjectChange};
 use crate::frame::Frame;
 use crate::profile::device::Device;
 use crate::profile::object::Format;
-use crate::profile::{DataType, Effect, Entry, Found, Storage};
-use crate::session::bus::Waiting;
+use crate::profile::{DataType, Effect, Entry, ResolvedObject, Storage};
+use crate::session::bus::PendingValue;
 use crate::session::bus::{Bus, Node, Origin, OriginKind};
 use crate::session::context::Context;
 use crate::wire::NodeId;
@@ -20,7 +20,7 @@ use crate::wire::canopen::ObjectAddress;
 const STORE: u16 = 0x1010;
 const RESTORE: u16 = 0x1011;
 
-/// The value of an object that a transfer confirmed.
+/// Object value confirmed by a transfer.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct ObjectTransfer {
     pub(in crate::session) node: NodeId,
@@ -30,16 +30,16 @@ pub(in crate::session) struct ObjectTransfer {
     pub(in crate::session) kind: OriginKind,
 }
 
-/// One value of one object in one transfer.
+/// Object value from one transfer.
 #[derive(Clone, Copy)]
-struct Learnt<'a> {
+struct LearntValue<'a> {
     object: ObjectAddress,
     value: &'a [u8],
     origin: Origin,
 }
 
-/// Puts the value of a confirmed transfer into the store and applies it. The value loses the padding of an expedited
-/// transfer that does not state its size.
+/// Stores and applies the value of a confirmed transfer; removes the padding of an expedited transfer without
+/// indicated size.
 pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
     let (id, object, kind) = (transfer.node, transfer.object, transfer.kind);
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -48,7 +48,7 @@ pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &
     let entry = found.and_then(|found| found.entry);
     let origin = Origin { kind, frame: frame.number, time: frame.time };
     transfer.value.truncate(unpadded(&transfer.value, entry.and_then(|entry| entry.data_type)).len());
-    let learnt = Learnt { object, value: &transfer.value, origin };
+    let learnt = LearntValue { object, value: &transfer.value, origin };
     check_device_file(id, object, learnt.value, kind, frame, cx);
     match kind {
         OriginKind::Download => apply_download(id, learnt, &device, found, frame, cx),
@@ -58,9 +58,9 @@ pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &
 
 fn apply_download(
     id: NodeId,
-    learnt: Learnt<'_>,
+    learnt: LearntValue<'_>,
     device: &Device,
-    found: Option<Found<'_>>,
+    found: Option<ResolvedObject<'_>>,
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
@@ -70,7 +70,7 @@ fn apply_download(
     if effect == Effect::Never {
         return;
     }
-    // A signature is a command: it is no value that could wait.
+    // A signature is a command and cannot wait for a restart.
     let is_command = entry.is_some_and(|entry| entry.format == Format::Ascii);
     if effect.waits() && !is_command {
         defer_download(id, learnt, entry, frame, cx);
@@ -82,10 +82,10 @@ fn apply_download(
     }
 }
 
-/// A value that acts from a restart on.
+/// Adds a value that takes effect at a restart.
 fn defer_download(
     id: NodeId,
-    learnt: Learnt<'_>,
+    learnt: LearntValue<'_>,
     entry: Option<&Entry>,
     frame: &Frame,
     cx: &mut Context<'_>,
@@ -93,15 +93,21 @@ fn defer_download(
     let Some(node) = cx.bus.node_mut(id) else { return };
     let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
     let from = node.store.seen(learnt.object).map(|entry| entry.value.clone());
-    let waiting = Waiting { value: learnt.value.to_vec(), effect, origin: learnt.origin };
+    let waiting = PendingValue { value: learnt.value.to_vec(), effect, origin: learnt.origin };
     Arc::make_mut(&mut node.store).wait(learnt.object, waiting);
     if from.as_deref() != Some(learnt.value) {
         emit_object_change(id, learnt, from, entry, frame, cx);
     }
 }
 
-fn apply_upload(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Frame, cx: &mut Context<'_>) {
-    // What waits for a restart may be read back before it acts.
+fn apply_upload(
+    id: NodeId,
+    learnt: LearntValue<'_>,
+    entry: Option<&Entry>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
+    // A waiting value can be read back before it takes effect.
     let waits = cx.bus.node(id).and_then(|node| node.store.waiting(learnt.object));
     if waits.is_some_and(|waiting| waiting.value == learnt.value) {
         return;
@@ -109,7 +115,13 @@ fn apply_upload(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &F
     set_value(id, learnt, entry, frame, cx);
 }
 
-fn set_value(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Frame, cx: &mut Context<'_>) {
+fn set_value(
+    id: NodeId,
+    learnt: LearntValue<'_>,
+    entry: Option<&Entry>,
+    frame: &Frame,
+    cx: &mut Context<'_>,
+) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     let Ok(before) = Arc::make_mut(&mut node.store).set(learnt.object, learnt.value, learnt.origin) else {
         let kind = EventKind::Evicted { what: "object", count: 1 };
@@ -129,7 +141,7 @@ fn set_value(id: NodeId, learnt: Learnt<'_>, entry: Option<&Entry>, frame: &Fram
 
 fn emit_object_change(
     id: NodeId,
-    learnt: Learnt<'_>,
+    learnt: LearntValue<'_>,
     from: Option<Vec<u8>>,
     entry: Option<&Entry>,
     frame: &Frame,
@@ -147,11 +159,11 @@ fn emit_object_change(
     cx.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)));
 }
 
-/// "save" keeps values over a restart, "load" voids what is kept.
+/// Applies store and restore: "save" makes values non-volatile, "load" invalidates the stored ones.
 fn note_store_command(bus: &mut Bus, id: NodeId, object: ObjectAddress, value: &[u8], device: &Device) {
     let Some(node) = bus.node_mut(id) else { return };
     let is_save = object.index == STORE && value == b"save";
-    // Without a word of the device: any later write is unsaved again.
+    // Any later write makes the parameters unsaved again.
     node.saved = is_save;
     let covers = |kept: ObjectAddress| covers(device, object.sub, kept);
     if is_save {
@@ -161,8 +173,8 @@ fn note_store_command(bus: &mut Bus, id: NodeId, object: ObjectAddress, value: &
     }
 }
 
-/// Objects whose known value is void after a write.
-fn invalidate_dependents(bus: &mut Bus, id: NodeId, found: Found<'_>) {
+/// Marks values as doubtful that a write made void.
+fn invalidate_dependents(bus: &mut Bus, id: NodeId, found: ResolvedObject<'_>) {
     let Some(entry) = found.entry.filter(|entry| !entry.invalidates.is_empty()) else { return };
     let stride = found.object.repeat.stride;
     let covers = |object: ObjectAddress| {
@@ -172,7 +184,7 @@ fn invalidate_dependents(bus: &mut Bus, id: NodeId, found: Found<'_>) {
     mark_stale(bus, id, covers);
 }
 
-/// Values of these objects may be others now.
+/// Marks values as doubtful and refreshes the PDOs that depend on them.
 pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(ObjectAddress) -> bool) {
     let Some(node) = bus.node_mut(id) else { return };
     for object in Arc::make_mut(&mut node.store).doubt_all(covers) {
@@ -180,7 +192,7 @@ pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(
     }
 }
 
-/// A device put a value of its own: as its manual says, so it is assumed.
+/// Sets a value that the device sets by itself, as its manual states; the value is assumed.
 pub(in crate::session) fn set_fallback(
     bus: &mut Bus,
     id: NodeId,
@@ -199,7 +211,7 @@ pub(in crate::session) fn set_fallback(
     }
 }
 
-/// A node booted: what it was told and did not save may be gone, where the device does not tell.
+/// Marks unsaved values as doubtful after a boot, if the profile does not define their storage.
 pub(in crate::session) fn mark_unsaved_stale(bus: &mut Bus, id: NodeId) {
     let Some(node) = bus.node_mut(id) else { return };
     if node.saved || node.store().is_empty() {
@@ -214,7 +226,7 @@ pub(in crate::session) fn mark_unsaved_stale(bus: &mut Bus, id: NodeId) {
     bus.routes.refresh_pdos_of(id);
 }
 
-/// A value without the padding of an expedited transfer that does not tell its size.
+/// Removes the padding of an expedited transfer without indicated size.
 fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
     let length = data_type.and_then(DataType::bits).map(|bits| usize::from(bits.div_ceil(8)));
     match length.and_then(|length| value.split_at_checked(length)) {
@@ -224,8 +236,8 @@ fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
 }
 
 impl Node {
-    /// Whether the present value of an object outlives a restart, as far as the device's profile tells:
-    /// `yes`, `no`, `not-stored` (its store object was not written since).
+    /// Whether the value of an object survives a restart, from the profile: `yes`, `no`, or `not-stored` if
+    /// its store object was not written. `None` if unknown.
     pub fn persists(&self, object: ObjectAddress) -> Option<&'static str> {
         let entry = self.device.dictionary.find(object)?.entry.filter(|it| it.format != Format::Ascii)?;
         let value = self.store.get(object)?;
@@ -233,7 +245,7 @@ impl Node {
             Storage::EachWrite | Storage::Fixed => Some("yes"),
             Storage::Volatile => Some("no"),
             Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => Some("yes"),
-            // What was read and never written is what the device had stored.
+            // A value that was read and never written is the stored one.
             Storage::Save if value.origin.kind == OriginKind::Upload => Some("yes"),
             Storage::Save => Some("not-stored"),
             Storage::Unknown => None,
@@ -241,7 +253,7 @@ impl Node {
     }
 }
 
-/// Whether a store or restore object concerns an object: as the device says, else by CiA 301 (1: all,
+/// Whether a sub-index of store or restore covers an object, from the profile or else CiA 301 (1: all,
 /// 2: communication, 3: application).
 fn covers(device: &Device, sub: u8, object: ObjectAddress) -> bool {
     let found = device.dictionary.find(object);

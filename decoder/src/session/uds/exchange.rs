@@ -1,7 +1,7 @@
-//! Requests that wait for their answers.
+//! UDS requests that wait for their response.
 //!
-//! A client asks one thing at a time (ISO 14229-2 §9), yet requests overlap: while one is pending, to a group
-//! and to one server, or by a client that does not wait. So those of a link are a short list.
+//! A client sends one request at a time (ISO 14229-2 §9). Requests overlap while one is pending, if one is
+//! sent to a group, or if a client does not wait. So each link has a short list of requests.
 
 use std::collections::HashMap;
 
@@ -13,41 +13,41 @@ use crate::session::bus::{Link, Pairs};
 use crate::session::limits::EXCHANGE_LIMIT;
 use crate::wire::uds::SubFunction;
 
-/// Nanoseconds without an answer after which a request counts as unanswered; anew after each response that
-/// says the answer takes longer (P2*server_max by default, ISO 14229-2 §7.2).
+/// Time in ns without a response after which a request ends; it starts again with each response-pending
+/// message (P2*server_max by default, ISO 14229-2 §7.2).
 pub(super) const SILENCE: i64 = 5_000_000_000;
 
-/// Nanoseconds a server has for its answer by default (P2server_max): after them a client that asks the same
-/// again has given up on the first request.
+/// Default response time of a server in ns (P2server_max); after it, a client that repeats the request has
+/// ended the first one.
 const ANSWER_TIME: i64 = 50_000_000;
 
-/// Nanoseconds after which a request that asks for no answer is over: four times what a server has to refuse it, or to
-/// say that it takes longer.
+/// Time in ns after which a request with suppressed response ends: four times the time for a negative or
+/// response-pending message.
 const REFUSAL_TIME: i64 = 4 * ANSWER_TIME;
 
-/// Requests of one link that wait at once.
+/// Max waiting requests per link.
 const LINK_LIMIT: usize = 8;
 
-/// A request that waits.
+/// A waiting request.
 #[derive(Debug, Clone)]
 pub(super) struct Exchange {
-    /// The way of the request.
+    /// Link of the request.
     pub(super) link: Link,
     pub(super) service: u8,
     pub(super) sub_function: Option<SubFunction>,
     pub(super) identifier: Option<u16>,
     pub(super) request: Box<Transfer>,
-    /// Responses that said the answer takes longer.
+    /// Number of response-pending messages.
     pub(super) pending: u32,
-    /// Of a group: a server answered.
+    /// A server responded to a request to a group.
     pub(super) is_answered: bool,
-    /// Monotonic time of the last sign of it.
+    /// Monotonic time of the request, or of its last response-pending message.
     pub(super) last: i64,
     deadline: i64,
 }
 
 impl Exchange {
-    /// A request that ends at monotonic time `now`.
+    /// Creates a request whose last frame arrived at monotonic time `now`.
     pub(super) fn new(link: Link, service: u8, request: Box<Transfer>, now: i64) -> Self {
         Self {
             link,
@@ -62,7 +62,7 @@ impl Exchange {
         }
     }
 
-    /// How it ends when nothing (more) comes: `None` where it was answered.
+    /// Outcome without a further response; `None` if there was a response.
     pub(super) fn unanswered(&self) -> Option<ExchangeOutcome> {
         match (self.is_answered, self.is_suppressed() && self.pending == 0) {
             (true, _) => None,
@@ -71,7 +71,7 @@ impl Exchange {
         }
     }
 
-    /// It asks for no answer (suppressPosRspMsgIndicationBit).
+    /// Whether the positive response is suppressed (suppressPosRspMsgIndicationBit).
     fn is_suppressed(&self) -> bool {
         self.sub_function.is_some_and(|it| it.suppress_response)
     }
@@ -83,35 +83,35 @@ impl Exchange {
     }
 }
 
-/// The requests of one link, oldest first.
+/// Requests of one link, oldest first.
 #[derive(Debug, Clone, Default)]
-struct Waiting {
+struct PendingRequests {
     exchanges: Vec<Exchange>,
     /// Monotonic time of the first entry in the timer queue.
     queued: Option<i64>,
 }
 
-/// What an answer says.
+/// Contents of a response.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Answer {
+pub(super) struct ResponseHeader {
     pub(super) service: u8,
-    /// Identifier it repeats.
+    /// Identifier repeated in the response.
     pub(super) identifier: Option<u16>,
-    /// It only says that it takes longer.
+    /// Response pending (NRC 78).
     pub(super) is_pending: bool,
 }
 
-/// All requests of a bus that wait.
+/// All waiting requests of a bus.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Exchanges {
-    waiting: HashMap<Link, Waiting, FixedState>,
+    waiting: HashMap<Link, PendingRequests, FixedState>,
     count: usize,
     open_bytes: usize,
     refused: bool,
 }
 
 impl Exchanges {
-    /// A request; gives those it puts an end to.
+    /// Adds a request; returns the requests that it ends.
     pub(super) fn begin(&mut self, mut exchange: Exchange, now: i64) -> Vec<Exchange> {
         if exchange.is_suppressed() {
             exchange.deadline = now.saturating_add(REFUSAL_TIME);
@@ -143,7 +143,7 @@ impl Exchanges {
         self.waiting.entry(exchange.link).or_default().exchanges.push(exchange);
     }
 
-    /// Takes the oldest request of a link that `fits` out.
+    /// Removes and returns the oldest request of a link for which `fits` is true.
     fn take(&mut self, link: Link, fits: impl Fn(&Exchange) -> bool) -> Option<Exchange> {
         let waiting = self.waiting.get_mut(&link)?;
         let place = waiting.exchanges.iter().position(fits)?;
@@ -158,7 +158,7 @@ impl Exchanges {
         self.open_bytes = self.open_bytes.saturating_sub(exchange.request.data.len());
     }
 
-    /// Links without requests are kept only as long as the timer queue has an entry of them.
+    /// Removes a link without requests and without an entry in the timer queue.
     fn tidy(&mut self, link: Link) {
         if self
             .waiting
@@ -169,9 +169,15 @@ impl Exchanges {
         }
     }
 
-    /// The request an answer by `link` belongs to. A pending one stays; a request to a group stays for the
-    /// answers of the other servers, too.
-    pub(super) fn answer(&mut self, link: Link, answer: Answer, now: i64, pairs: &Pairs) -> Option<Exchange> {
+    /// Request for a response on `link`. A pending request remains; a request to a group remains for the
+    /// responses of other servers.
+    pub(super) fn answer(
+        &mut self,
+        link: Link,
+        answer: ResponseHeader,
+        now: i64,
+        pairs: &Pairs,
+    ) -> Option<Exchange> {
         let own = self.place(link.back(), answer);
         let (at, place) = own.map(|place| (link.back(), place)).or_else(|| {
             let mut groups: Vec<Link> =
@@ -204,9 +210,8 @@ impl Exchanges {
         Some(single)
     }
 
-    /// Place of the request of a link that an answer fits: the one with its identifier, else the oldest with
-    /// its service.
-    fn place(&self, link: Link, answer: Answer) -> Option<usize> {
+    /// Index of the request for a response: with equal identifier, otherwise the oldest with equal service.
+    fn place(&self, link: Link, answer: ResponseHeader) -> Option<usize> {
         let exchanges = &self.waiting.get(&link)?.exchanges;
         let same = |it: &Exchange| it.service == answer.service;
         let exact = |it: &Exchange| same(it) && it.identifier == answer.identifier;
@@ -214,7 +219,7 @@ impl Exchanges {
         exact.or_else(|| exchanges.iter().position(same))
     }
 
-    /// Whether the link must go into the timer queue, and when it comes due.
+    /// Deadline of a link that must be added to the timer queue; `None` if queued already.
     pub(super) fn arm(&mut self, link: Link) -> Option<i64> {
         let waiting = self.waiting.get_mut(&link)?;
         let deadline = waiting.exchanges.iter().map(|exchange| exchange.deadline).min()?;
@@ -222,8 +227,8 @@ impl Exchanges {
         is_first.then(|| *waiting.queued.insert(deadline))
     }
 
-    /// The timer entry of a link came due: those whose time is over, with their deadlines. While its answer
-    /// is on its way (`is_answering`), a request goes on waiting.
+    /// Removes the requests that timed out when the timer entry of a link is due; returns them with their
+    /// deadlines. While a response is being transferred (`is_answering`), requests continue to wait.
     pub(super) fn due(&mut self, link: Link, now: i64, is_answering: bool) -> Vec<(Exchange, i64)> {
         let Some(waiting) = self.waiting.get_mut(&link) else { return Vec::new() };
         waiting.queued = waiting.queued.filter(|queued| *queued > now);
@@ -241,7 +246,7 @@ impl Exchanges {
         over
     }
 
-    /// Moves all deadlines by `delay` nanoseconds.
+    /// Postpones all deadlines by `delay` ns.
     pub(super) fn postpone(&mut self, delay: i64) {
         for exchange in self.waiting.values_mut().flat_map(|waiting| &mut waiting.exchanges) {
             exchange.deadline = exchange.deadline.saturating_add(delay);
@@ -249,7 +254,7 @@ impl Exchanges {
         }
     }
 
-    /// Takes out all requests, in the order they began.
+    /// Removes and returns all requests in the order of their start.
     pub(super) fn drain(&mut self) -> Vec<Exchange> {
         (self.count, self.open_bytes) = (0, 0);
         let mut all: Vec<_> = self.waiting.drain().flat_map(|(_, waiting)| waiting.exchanges).collect();
@@ -257,20 +262,25 @@ impl Exchanges {
         all
     }
 
-    /// Bytes of all requests that wait.
+    /// Whether a request of a link waits for a response.
+    pub(super) fn is_waiting(&self, link: Link) -> bool {
+        self.waiting.get(&link).is_some_and(|waiting| !waiting.exchanges.is_empty())
+    }
+
+    /// Bytes of all waiting requests.
     pub(super) fn open_bytes(&self) -> usize {
         self.open_bytes
     }
 
-    /// Whether a request found no room since the last question.
+    /// Whether a request was rejected, because the table is full, since the last call.
     pub(super) fn take_refused(&mut self) -> bool {
         std::mem::take(&mut self.refused)
     }
 
-    /// Bytes held.
+    /// Bytes held by the table.
     pub(super) fn footprint(&self) -> usize {
         let exchanges = self.waiting.values().flat_map(|waiting| &waiting.exchanges);
-        self.waiting.capacity() * size_of::<(Link, Waiting)>()
+        self.waiting.capacity() * size_of::<(Link, PendingRequests)>()
             + exchanges.map(|it| size_of::<Exchange>() + it.request.footprint()).sum::<usize>()
     }
 }
@@ -292,8 +302,8 @@ mod tests {
         Exchange { identifier, ..Exchange::new(link(id), service, transfer, now) }
     }
 
-    fn answer(service: u8, identifier: Option<u16>) -> Answer {
-        Answer { service, identifier, is_pending: false }
+    fn answer(service: u8, identifier: Option<u16>) -> ResponseHeader {
+        ResponseHeader { service, identifier, is_pending: false }
     }
 
     const THERE: u32 = 0x18DA_20F1;
@@ -307,7 +317,7 @@ mod tests {
         assert!(all.begin(request(THERE, 0x22, Some(2), MS), MS).is_empty());
         let found = all.answer(link(BACK), answer(0x22, Some(2)), MS, &pairs).unwrap();
         assert_eq!(found.identifier, Some(2));
-        // A negative response repeats no identifier.
+        // A negative response does not contain the identifier.
         let found = all.answer(link(BACK), answer(0x22, None), MS, &pairs).unwrap();
         assert_eq!(found.identifier, Some(1));
         assert!(all.answer(link(BACK), answer(0x22, None), MS, &pairs).is_none());
@@ -329,7 +339,7 @@ mod tests {
         let (mut all, pairs) = (Exchanges::default(), Pairs::default());
         all.begin(request(THERE, 0x31, None, 0), 0);
         assert_eq!(all.arm(link(THERE)), Some(SILENCE));
-        let pending = Answer { is_pending: true, ..answer(0x31, None) };
+        let pending = ResponseHeader { is_pending: true, ..answer(0x31, None) };
         all.answer(link(BACK), pending, 4_000 * MS, &pairs);
         assert!(all.due(link(THERE), SILENCE + 1, false).is_empty());
         assert_eq!(all.arm(link(THERE)), Some(4_000 * MS + SILENCE));
@@ -348,7 +358,7 @@ mod tests {
             assert_eq!(found.link.server(), u8::try_from(server).ok());
         }
         assert!(all.answer(link(0x18DA_F220), answer(0x3E, None), MS, &pairs).is_none(), "another client's");
-        let pending = Answer { is_pending: true, ..answer(0x3E, None) };
+        let pending = ResponseHeader { is_pending: true, ..answer(0x3E, None) };
         all.answer(link(0x18DA_F122), pending, MS, &pairs);
         let found = all.answer(link(0x18DA_F122), answer(0x3E, None), 2 * MS, &pairs).unwrap();
         assert_eq!(found.pending, 1);

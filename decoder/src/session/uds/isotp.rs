@@ -1,7 +1,7 @@
-//! ISO-TP: frames become messages.
+//! ISO-TP: combines frames to messages.
 
-use super::reassembly::{Due, Reassembly, Taken};
-use super::transfer::{Oddity, Transfer};
+use super::reassembly::{Due, Reassembly, ReassemblyStep};
+use super::transfer::{IsoTpIrregularity, Transfer};
 use crate::event::{EventKind, FrameRange, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome};
 use crate::frame::Frame;
 use crate::profile;
@@ -14,13 +14,13 @@ use crate::session::timers::Subject;
 use crate::wire::Malformed;
 use crate::wire::isotp::{self, IsoTp as Message};
 
-/// Nanoseconds a sender waits for flow control and a receiver for the next frame (N_Bs, N_Cr: ISO 15765-2
-/// §9.8).
+/// Timeout in ns of a sender for flow control, and of a receiver for the next frame (N_Bs, N_Cr:
+/// ISO 15765-2 §9.8).
 const FRAME_TIME: i64 = 1_000_000_000;
 
-/// A message that ended with all its frames, or with some of them missing.
-pub(in crate::session) struct WholeMessage {
-    /// The way it was sent.
+/// A message that ended, with all its frames or with missing ones.
+pub(in crate::session) struct CompleteMessage {
+    /// Link of the message.
     pub(super) link: Link,
     pub(super) transfer: Box<Transfer>,
 }
@@ -33,11 +33,11 @@ pub(in crate::session) struct IsoTp {
 
 impl Machine for IsoTp {
     type Route<'a> = Link;
-    /// The message that the frame completes.
-    type Product = Option<WholeMessage>;
+    /// Message completed by the frame.
+    type Product = Option<CompleteMessage>;
 
     fn on_frame(&mut self, link: Link, frame: &Frame, cx: &mut Context<'_>) -> Self::Product {
-        if cx.bus.options.protocol == ProtocolChoice::None {
+        if cx.bus.protocol == ProtocolChoice::None {
             cx.emit_undecoded(frame, None);
             return None;
         }
@@ -47,7 +47,7 @@ impl Machine for IsoTp {
         };
         let message = self.parse(link, data, frame, cx)?;
         let taken = self.reassembly.take(link, &message, address_byte, frame);
-        // Flow control goes against the message it belongs to.
+        // Flow control has the opposite direction of its message.
         let of = if matches!(message, Message::FlowControl(_)) { link.back() } else { link };
         let whole = emit_results(link, of, taken, frame, cx);
         self.keep_within_limits(of, frame, cx);
@@ -64,7 +64,7 @@ impl Machine for IsoTp {
         self.reassembly.postpone(delay);
     }
 
-    /// Open messages are unfinished.
+    /// Ends open messages as unfinished.
     fn on_end(&mut self, cx: &mut Context<'_>) {
         let frame = cx.last_frame();
         for (link, transfer) in self.reassembly.drain() {
@@ -96,12 +96,12 @@ impl Timed for IsoTp {
 }
 
 impl IsoTp {
-    /// Whether an answer to the requests of a link has begun and is not whole yet.
+    /// Whether a response to requests of a link has started and is not complete.
     pub(in crate::session) fn is_answering(&self, link: Link) -> bool {
         !link.is_functional() && self.reassembly.is_open(link.back())
     }
 
-    /// The message of a frame; reports one that cannot be understood.
+    /// Message of a frame; a malformed one is reported.
     fn parse<'f>(
         &mut self,
         link: Link,
@@ -135,7 +135,7 @@ impl IsoTp {
         }
     }
 
-    /// Drops data over the limit, and reports what did not fit.
+    /// Drops data over the limit, and reports evicted data and messages.
     fn keep_within_limits(&mut self, link: Link, frame: &Frame, cx: &mut Context<'_>) {
         let held = self.reassembly.open_bytes() + cx.open_data.uds + cx.open_data.sdo;
         if held > OPEN_DATA_LIMIT && self.reassembly.give_up_data(link) {
@@ -148,14 +148,14 @@ impl IsoTp {
     }
 }
 
-/// Emits what a frame of `link` led to; it belongs to a message of the link `of`.
+/// Emits the results of a frame of `link`; it belongs to a message of the link `of`.
 fn emit_results(
     link: Link,
     of: Link,
-    taken: Taken,
+    taken: ReassemblyStep,
     frame: &Frame,
     cx: &mut Context<'_>,
-) -> Option<WholeMessage> {
+) -> Option<CompleteMessage> {
     for what in taken.odd.into_iter().flatten() {
         emit_irregularity(link, what, frame, cx);
     }
@@ -168,10 +168,10 @@ fn emit_results(
     let ended = taken.ended?;
     emit_message(of, &ended, frame, cx);
     let is_whole = matches!(ended.outcome, MessageOutcome::Complete | MessageOutcome::Incomplete);
-    is_whole.then_some(WholeMessage { link: of, transfer: ended })
+    is_whole.then_some(CompleteMessage { link: of, transfer: ended })
 }
 
-fn emit_irregularity(link: Link, what: Oddity, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_irregularity(link: Link, what: IsoTpIrregularity, frame: &Frame, cx: &mut Context<'_>) {
     let ends = cx.bus.uds_pairs.ends(link);
     let address = |address: Option<u16>| address.and_then(|address| u8::try_from(address).ok());
     let kind = EventKind::TransportIrregularity(Box::new(Irregularity {
@@ -183,7 +183,7 @@ fn emit_irregularity(link: Link, what: Oddity, frame: &Frame, cx: &mut Context<'
     cx.send(&event);
 }
 
-/// Emits a message; `frame` is the one that ended it.
+/// Emits a message; `frame` is the last one of the message.
 fn emit_message(link: Link, transfer: &Transfer, frame: &Frame, cx: &mut Context<'_>) {
     let message = IsoTpTransfer {
         ends: cx.bus.uds_pairs.ends(link),
@@ -206,20 +206,22 @@ fn emit_message(link: Link, transfer: &Transfer, frame: &Frame, cx: &mut Context
     cx.send(&event);
 }
 
-/// What is wrong with a frame, for an event.
-fn irregularity(what: Oddity) -> Irregularity {
+/// Irregularity of a frame, for an event.
+fn irregularity(what: IsoTpIrregularity) -> Irregularity {
     let (what, message, packet, expected) = match what {
-        Oddity::SequenceGap { expected, found } => {
+        IsoTpIrregularity::SequenceGap { expected, found } => {
             (IrregularityKind::Gap, "consecutive frame", Some(found), Some(expected))
         }
-        Oddity::Duplicate { found } => (IrregularityKind::Duplicate, "consecutive frame", Some(found), None),
-        Oddity::StartNotSeen => {
+        IsoTpIrregularity::Duplicate { found } => {
+            (IrregularityKind::Duplicate, "consecutive frame", Some(found), None)
+        }
+        IsoTpIrregularity::StartNotSeen => {
             (IrregularityKind::Unexpected, "consecutive frame without a first one", None, None)
         }
-        Oddity::MissingFlowControl => {
+        IsoTpIrregularity::MissingFlowControl => {
             (IrregularityKind::Unexpected, "consecutive frame without flow control", None, None)
         }
-        Oddity::StrayFlowControl => (IrregularityKind::Unexpected, "flow control", None, None),
+        IsoTpIrregularity::StrayFlowControl => (IrregularityKind::Unexpected, "flow control", None, None),
     };
     Irregularity {
         what,
@@ -234,10 +236,11 @@ fn irregularity(what: Oddity) -> Irregularity {
     }
 }
 
-/// Whether a message begins with a service identifier there is.
+/// Whether a message starts with a defined service identifier.
 fn is_service(data: &[u8]) -> bool {
     const NEGATIVE: u8 = 0x7F;
-    let known = |service: u8| profile::uds().service(service & !0x40).is_some();
+    let known =
+        |service: u8| profile::uds().service(service & !0x40).is_some_and(|service| !service.is_obd());
     match data {
         [NEGATIVE, service, ..] | [service, ..] => known(*service),
         [] => false,

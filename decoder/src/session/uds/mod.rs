@@ -1,15 +1,16 @@
-//! ISO-TP and UDS: frames become messages, messages become requests with their responses.
+//! ISO-TP and UDS: combines frames to messages, and messages to requests with their responses.
 //!
 //! ```text
 //! IsoTp::on_frame ─▶ wire::isotp ─▶ Reassembly, Transfer ─▶ isotp-transfer
 //!                                        └─▶ Uds::on_frame ─▶ wire::uds ─▶ Exchanges ─▶ uds-exchange
 //! ```
 //!
-//! A [`Link`](super::bus::Link) is one way between two ends. Frames, not the protocol of the bus, show that it is ISO-TP:
-//! UDS is used next to CANopen and J1939.
+//! A [`Link`](super::bus::Link) is one direction between two addresses. ISO-TP is detected by frames, not by
+//! the protocol of the bus, because UDS is used together with CANopen and J1939.
 
 mod exchange;
 mod isotp;
+mod obd;
 mod reassembly;
 mod requests;
 #[cfg(test)]
@@ -17,4 +18,5 @@ mod tests;
 mod transfer;
 
 pub(in crate::session) use isotp::IsoTp;
+pub(in crate::session) use obd::ObdPairs;
 pub(in crate::session) use requests::Uds;

@@ -1,58 +1,58 @@
-//! All ISO-TP messages on their way, by sender and receiver.
+//! Open ISO-TP messages, by sender and receiver.
 
 use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::transfer::{Oddity, Transfer};
+use super::transfer::{IsoTpIrregularity, Transfer};
 use crate::event::MessageOutcome;
 use crate::frame::Frame;
 use crate::session::bus::Link;
 use crate::session::limits::TRANSPORT_LIMIT;
 use crate::wire::isotp::{FlowStatus, IsoTp};
 
-/// What is known of one way between two ends.
+/// State of one link.
 #[derive(Debug, Clone, Default)]
 struct State {
-    /// A frame of it was received.
+    /// A frame of the link was received.
     is_active: bool,
-    /// A message that makes sense was seen on it, or on the way back.
+    /// A valid UDS message was received on the link, or in the opposite direction.
     confirmed: bool,
-    /// Frames without a beginning were told of, since the last beginning.
+    /// Consecutive frames without a first frame were already reported, since the last first frame.
     said_start: bool,
-    /// Flow control that nobody waits for was told of, alike.
+    /// Flow control without a message was already reported, since the last first frame.
     said_control: bool,
     transfer: Option<Box<Transfer>>,
     deadline: Option<i64>,
-    /// An entry is in the timer queue.
+    /// The deadline is in the timer queue.
     queued: bool,
 }
 
-/// What one frame came to.
+/// Result of one frame.
 #[derive(Debug, Default)]
-pub(super) struct Taken {
-    /// The message it put an end to by beginning another one.
+pub(super) struct ReassemblyStep {
+    /// Open message that was superseded by the start of another one.
     pub(super) superseded: Option<Box<Transfer>>,
-    /// The message it ended.
+    /// Message that the frame ended.
     pub(super) ended: Option<Box<Transfer>>,
-    /// What is wrong with it.
-    pub(super) odd: [Option<Oddity>; 2],
-    /// It belongs to no message.
+    /// Irregularities of the frame.
+    pub(super) odd: [Option<IsoTpIrregularity>; 2],
+    /// The frame belongs to no open message.
     pub(super) is_stray: bool,
 }
 
-/// What a timer entry of a link comes to.
+/// Result of the timer entry of a link.
 pub(super) enum Due {
-    /// Nothing is open.
+    /// No open message.
     Nothing,
-    /// The deadline moved.
+    /// The deadline moved to this time.
     Later(i64),
-    /// Nothing came until the deadline.
+    /// Message without a further frame until this deadline.
     Over(Box<Transfer>, i64),
 }
 
-/// All messages on their way on a bus. There is a state for each link that was seen, so no more than
-/// identifiers that are kept apart.
+/// Open messages of a bus. The number of states is bounded by the number of identifiers that have their own
+/// state.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reassembly {
     states: HashMap<Link, State, FixedState>,
@@ -62,74 +62,74 @@ pub(super) struct Reassembly {
 }
 
 impl Reassembly {
-    /// Whether a link is known to carry ISO-TP.
+    /// Whether a link is confirmed as ISO-TP.
     pub(super) fn is_confirmed(&self, link: Link) -> bool {
         self.states.get(&link).is_some_and(|state| state.confirmed)
     }
 
-    /// A link carries ISO-TP, and so does the way back.
+    /// Confirms a link and its opposite direction as ISO-TP.
     pub(super) fn confirm(&mut self, link: Link) {
         for link in [link, link.back()] {
             self.states.entry(link).or_default().confirmed = true;
         }
     }
 
-    /// Takes a frame of a link.
+    /// Applies a frame of a link.
     pub(super) fn take(
         &mut self,
         link: Link,
         message: &IsoTp<'_>,
         address_byte: Option<u8>,
         frame: &Frame,
-    ) -> Taken {
+    ) -> ReassemblyStep {
         self.states.entry(link).or_default().is_active = true;
         match message {
             IsoTp::Single { data } => {
                 let superseded = self.begin(link);
                 let single = Box::new(Transfer::single(frame, address_byte, data));
-                Taken { superseded, ended: Some(single), ..Taken::default() }
+                ReassemblyStep { superseded, ended: Some(single), ..ReassemblyStep::default() }
             }
             IsoTp::First { size, data } => {
                 let superseded = self.begin(link);
                 self.open(link, Transfer::new(frame, address_byte, *size, data));
-                Taken { superseded, ..Taken::default() }
+                ReassemblyStep { superseded, ..ReassemblyStep::default() }
             }
             IsoTp::Consecutive { sequence, data } => self.consecutive(link, *sequence, data, frame),
             IsoTp::FlowControl(control) => {
                 let sender = self.states.entry(link.back()).or_default();
                 let Some(transfer) = &mut sender.transfer else {
                     let odd = !std::mem::replace(&mut sender.said_control, true);
-                    let odd = [odd.then_some(Oddity::StrayFlowControl), None];
-                    return Taken { odd, is_stray: true, ..Taken::default() };
+                    let odd = [odd.then_some(IsoTpIrregularity::StrayFlowControl), None];
+                    return ReassemblyStep { odd, is_stray: true, ..ReassemblyStep::default() };
                 };
                 let odd = [transfer.flow_control(*control, frame), None];
                 let refused = control.status == FlowStatus::Overflow && odd[0].is_none();
                 let ended = if refused { self.close(link.back()) } else { None };
-                Taken { ended, odd, ..Taken::default() }
+                ReassemblyStep { ended, odd, ..ReassemblyStep::default() }
             }
-            IsoTp::Unknown { .. } => Taken { is_stray: true, ..Taken::default() },
+            IsoTp::Unknown { .. } => ReassemblyStep { is_stray: true, ..ReassemblyStep::default() },
         }
     }
 
-    fn consecutive(&mut self, link: Link, sequence: u8, data: &[u8], frame: &Frame) -> Taken {
+    fn consecutive(&mut self, link: Link, sequence: u8, data: &[u8], frame: &Frame) -> ReassemblyStep {
         let receiver_is_active = self.states.get(&link.back()).is_some_and(|state| state.is_active);
         let state = self.states.entry(link).or_default();
         let Some(transfer) = &mut state.transfer else {
             let odd = !std::mem::replace(&mut state.said_start, true);
-            let odd = [odd.then_some(Oddity::StartNotSeen), None];
-            return Taken { odd, is_stray: true, ..Taken::default() };
+            let odd = [odd.then_some(IsoTpIrregularity::StartNotSeen), None];
+            return ReassemblyStep { odd, is_stray: true, ..ReassemblyStep::default() };
         };
         let before = transfer.data.len();
         let odd = transfer.consecutive(sequence, data, frame, receiver_is_active);
         self.open_bytes += transfer.data.len().saturating_sub(before);
         if !transfer.is_over() {
-            return Taken { odd, ..Taken::default() };
+            return ReassemblyStep { odd, ..ReassemblyStep::default() };
         }
         transfer.complete();
-        Taken { odd, ended: self.close(link), ..Taken::default() }
+        ReassemblyStep { odd, ended: self.close(link), ..ReassemblyStep::default() }
     }
 
-    /// A message begins: gives the one that was open.
+    /// Prepares the link for a new message; returns the open one.
     fn begin(&mut self, link: Link) -> Option<Box<Transfer>> {
         let state = self.states.entry(link).or_default();
         (state.said_start, state.said_control) = (false, false);
@@ -142,7 +142,7 @@ impl Reassembly {
         let state = self.states.entry(link).or_default();
         if self.open >= TRANSPORT_LIMIT {
             self.refused = true;
-            // Its frames are not told of as frames without a beginning.
+            // Its consecutive frames must not be reported as frames without a first one.
             state.said_start = true;
             state.said_control = true;
             return;
@@ -161,7 +161,7 @@ impl Reassembly {
         Some(transfer)
     }
 
-    /// Whether a message is on its way.
+    /// Whether a message is open.
     pub(super) fn is_open(&self, link: Link) -> bool {
         self.states.get(&link).is_some_and(|state| state.transfer.is_some())
     }
@@ -175,7 +175,7 @@ impl Reassembly {
         !std::mem::replace(&mut state.queued, true)
     }
 
-    /// What to do when the timer entry of a link comes due.
+    /// Evaluates the timer entry of a link that is due.
     pub(super) fn due(&mut self, link: Link, now: i64) -> Due {
         let Some(state) = self.states.get_mut(&link) else { return Due::Nothing };
         state.queued = false;
@@ -195,14 +195,14 @@ impl Reassembly {
         }
     }
 
-    /// Moves all deadlines by `delay` nanoseconds.
+    /// Postpones all deadlines by `delay` ns.
     pub(super) fn postpone(&mut self, delay: i64) {
         for state in self.states.values_mut() {
             state.deadline = state.deadline.map(|deadline| deadline.saturating_add(delay));
         }
     }
 
-    /// Takes out all open messages, in the order they began.
+    /// Removes and returns all open messages in the order of their start.
     pub(super) fn drain(&mut self) -> Vec<(Link, Box<Transfer>)> {
         (self.open, self.open_bytes) = (0, 0);
         let open = self.states.iter_mut().filter_map(|(link, state)| Some((*link, state.transfer.take()?)));
@@ -216,7 +216,7 @@ impl Reassembly {
         self.open_bytes
     }
 
-    /// Drops the data of an open message; `true` if it held any.
+    /// Drops the data of an open message; `true` if there was any.
     pub(super) fn give_up_data(&mut self, link: Link) -> bool {
         let Some(transfer) = self.states.get_mut(&link).and_then(|state| state.transfer.as_mut()) else {
             return false;
@@ -227,12 +227,12 @@ impl Reassembly {
         held > 0
     }
 
-    /// Whether a message found no room since the last question.
+    /// Whether a message was rejected, because the limit is reached, since the last call.
     pub(super) fn take_refused(&mut self) -> bool {
         std::mem::take(&mut self.refused)
     }
 
-    /// Bytes held.
+    /// Bytes held by the table.
     pub(super) fn footprint(&self) -> usize {
         let open = self.states.values().filter_map(|state| state.transfer.as_ref());
         self.states.capacity() * size_of::<(Link, State)>()
@@ -249,7 +249,7 @@ mod tests {
     const THERE: u32 = 0x18DA_20F1;
     const BACK: u32 = 0x18DA_F120;
 
-    fn push(all: &mut Reassembly, id: u32, data: &[u8]) -> Taken {
+    fn push(all: &mut Reassembly, id: u32, data: &[u8]) -> ReassemblyStep {
         let frame = Frame::data_frame(CanId::extended(id), data);
         let link = Link::of(frame.id).unwrap();
         all.take(link, &parse(data, data.len()).unwrap(), None, &frame)
@@ -280,14 +280,17 @@ mod tests {
     }
 
     #[test]
-    fn strays_are_told_once_a_run() {
+    fn stray_frames_are_reported_once_per_run() {
         let mut all = Reassembly::default();
-        let stray = |taken: Taken| (taken.odd[0], taken.is_stray);
-        assert_eq!(stray(push(&mut all, THERE, &[0x22, 1])), (Some(Oddity::StartNotSeen), true));
+        let stray = |taken: ReassemblyStep| (taken.odd[0], taken.is_stray);
+        assert_eq!(stray(push(&mut all, THERE, &[0x22, 1])), (Some(IsoTpIrregularity::StartNotSeen), true));
         assert_eq!(stray(push(&mut all, THERE, &[0x23, 1])), (None, true));
         push(&mut all, THERE, &[0x02, 0x3E, 0x00]);
-        assert_eq!(stray(push(&mut all, THERE, &[0x24, 1])), (Some(Oddity::StartNotSeen), true));
-        assert_eq!(stray(push(&mut all, BACK, &[0x30, 0, 0])), (Some(Oddity::StrayFlowControl), true));
+        assert_eq!(stray(push(&mut all, THERE, &[0x24, 1])), (Some(IsoTpIrregularity::StartNotSeen), true));
+        assert_eq!(
+            stray(push(&mut all, BACK, &[0x30, 0, 0])),
+            (Some(IsoTpIrregularity::StrayFlowControl), true)
+        );
         assert_eq!(stray(push(&mut all, BACK, &[0x30, 0, 0])), (None, true));
     }
 
@@ -300,7 +303,7 @@ mod tests {
         push(&mut all, BACK, &[0x02, 0x3E, 0x00]);
         push(&mut all, THERE, &first);
         let odd = push(&mut all, THERE, &[0x21, 1, 1, 1, 1, 1, 1, 1]).odd;
-        assert_eq!(odd, [Some(Oddity::MissingFlowControl), None]);
+        assert_eq!(odd, [Some(IsoTpIrregularity::MissingFlowControl), None]);
     }
 
     #[test]

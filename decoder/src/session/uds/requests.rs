@@ -1,9 +1,9 @@
-//! Requests meet their answers: what a whole UDS message does.
+//! Matches UDS responses with their requests.
 
 use std::sync::Arc;
 
-use super::exchange::{Answer, Exchange, Exchanges};
-use super::isotp::WholeMessage;
+use super::exchange::{Exchange, Exchanges, ResponseHeader};
+use super::isotp::CompleteMessage;
 use super::transfer::Transfer;
 use crate::event::{EventKind, ExchangeOutcome, FrameRange, Message, UdsExchange};
 use crate::frame::Frame;
@@ -17,14 +17,15 @@ use crate::session::presence::mark_alive;
 use crate::session::timers::Subject;
 use crate::wire::NodeId;
 use crate::wire::canopen::emcy::ByteOrder;
-use crate::wire::uds::{self, RESPONSE_PENDING, Shape, Uds as Parsed};
+use crate::wire::isotp;
+use crate::wire::uds::{self, RESPONSE_PENDING, ServiceLayout, Uds as Parsed};
 
-/// Tester present: a repetition that keeps a session alive.
+/// Tester present, repeated to keep a session open.
 const TESTER_PRESENT: u8 = 0x3E;
 
-/// A final answer.
-struct Final {
-    /// The way it came.
+/// A final response.
+struct FinalResponse {
+    /// Link of the response.
     link: Link,
     transfer: Box<Transfer>,
     service: u8,
@@ -38,10 +39,10 @@ pub(in crate::session) struct Uds {
 }
 
 impl Machine for Uds {
-    type Route<'a> = WholeMessage;
+    type Route<'a> = CompleteMessage;
     type Product = ();
 
-    fn on_frame(&mut self, message: WholeMessage, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut Context<'_>) {
         self.on_message(message, frame, cx);
         if self.exchanges.take_refused() {
             cx.emit_can(frame, EventKind::Evicted { what: "waiting UDS request", count: 1 });
@@ -53,7 +54,7 @@ impl Machine for Uds {
         self.exchanges.postpone(delay);
     }
 
-    /// Requests without response are unfinished.
+    /// Ends requests without response as unfinished.
     fn on_end(&mut self, cx: &mut Context<'_>) {
         let frame = cx.last_frame();
         for exchange in self.exchanges.drain() {
@@ -82,8 +83,8 @@ impl Timed for Uds {
 }
 
 impl Uds {
-    fn on_message(&mut self, message: WholeMessage, frame: &Frame, cx: &mut Context<'_>) {
-        let WholeMessage { link, transfer } = message;
+    fn on_message(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut Context<'_>) {
+        let CompleteMessage { link, transfer } = message;
         let (service, nrc) = match uds::parse(&transfer.data) {
             Ok(Parsed::Request { service, .. }) => {
                 return self.on_request(link, service, transfer, frame, cx);
@@ -98,16 +99,37 @@ impl Uds {
         let now = cx.bus.clock.now();
         let is_pending = nrc == Some(RESPONSE_PENDING);
         let shape = profile::uds().service(service).filter(|_| nrc.is_none());
-        let shape = shape.map_or_else(Shape::default, profile::UdsService::response);
+        let shape = shape.map_or_else(ServiceLayout::default, profile::UdsService::response);
         let order = identifier_order(&cx.bus, link.back());
         let identifier = shape.identifier(transfer.data.get(1..).unwrap_or_default(), order);
-        let answer = Answer { service, identifier, is_pending };
+        let answer = ResponseHeader { service, identifier, is_pending };
         let pairs = Arc::clone(&cx.bus.uds_pairs);
         let exchange = self.exchanges.answer(link, answer, now, &pairs);
         if is_pending && exchange.is_some() {
             return self.arm(link.back(), cx);
         }
-        conclude(exchange.as_ref(), &Final { link, transfer, service, nrc }, frame, cx);
+        conclude(exchange.as_ref(), &FinalResponse { link, transfer, service, nrc }, frame, cx);
+    }
+
+    /// Whether a request of a link waits for a response.
+    pub(in crate::session) fn is_waiting(&self, link: Link) -> bool {
+        self.exchanges.is_waiting(link)
+    }
+
+    /// Begins an exchange with a request of one frame that was not decoded.
+    pub(in crate::session) fn begin_unseen(
+        &mut self,
+        link: Link,
+        request: &Frame,
+        frame: &Frame,
+        cx: &mut Context<'_>,
+    ) {
+        if let Ok(isotp::IsoTp::Single { data }) = isotp::parse(request.data(), request.data().len())
+            && let Some(service) = data.first()
+        {
+            let transfer = Box::new(Transfer::single(request, None, data));
+            self.on_request(link, *service, transfer, frame, cx);
+        }
     }
 
     fn on_request(
@@ -119,7 +141,8 @@ impl Uds {
         cx: &mut Context<'_>,
     ) {
         let now = cx.bus.clock.now();
-        let shape = profile::uds().service(service).map_or_else(Shape::default, profile::UdsService::request);
+        let shape =
+            profile::uds().service(service).map_or_else(ServiceLayout::default, profile::UdsService::request);
         let data = transfer.data.get(1..).unwrap_or_default();
         let sub_function = shape.sub_function(data);
         let identifier = shape.identifier(data, identifier_order(&cx.bus, link));
@@ -140,7 +163,7 @@ impl Uds {
     }
 }
 
-/// A request ends without a final answer; `instead`: of no answer.
+/// Emits a request without final response; `instead` replaces the outcome "no response".
 fn end_unanswered(
     exchange: &Exchange,
     instead: Option<ExchangeOutcome>,
@@ -153,8 +176,8 @@ fn end_unanswered(
     emit_exchange(exchange.link, told, exchange.request.frames, frame, cx);
 }
 
-/// A final answer came.
-fn conclude(exchange: Option<&Exchange>, answer: &Final, frame: &Frame, cx: &mut Context<'_>) {
+/// Emits a final response with its request.
+fn conclude(exchange: Option<&Exchange>, answer: &FinalResponse, frame: &Frame, cx: &mut Context<'_>) {
     let outcome = match (exchange, answer.nrc) {
         (None, _) => ExchangeOutcome::Unsolicited,
         (Some(_), Some(_)) => ExchangeOutcome::Negative,
@@ -171,13 +194,13 @@ fn conclude(exchange: Option<&Exchange>, answer: &Final, frame: &Frame, cx: &mut
     emit_exchange(server, told, frames, frame, cx);
     if let Some((from, to)) = written {
         cx.bus.node_id_changes.by_uds = Some((from, to));
-        let text = format!("node-ID {} after its next start", to.number());
+        let text = format!("node-ID {} from the next boot-up", to.number());
         let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
         emit_announcement(from, change, frame, cx);
     }
 }
 
-/// The node-ID a server took over for its next start, and the one it has.
+/// Present node-ID of a server, and the accepted one for its next boot-up.
 fn node_id_written(bus: &Bus, server: Link, told: &UdsExchange) -> Option<(NodeId, NodeId)> {
     let is_node_id = told.meaning.as_ref().is_some_and(|meaning| meaning.role == Some(Role::NodeId));
     if !is_write(told.service) || !is_node_id || told.outcome != ExchangeOutcome::Positive {
@@ -188,10 +211,10 @@ fn node_id_written(bus: &Bus, server: Link, told: &UdsExchange) -> Option<(NodeI
     (matches!(from, NodeId::Canopen(_)) && to.is_valid() && from != to).then_some((from, to))
 }
 
-/// The node a request of `link` is for. Below 0x80 the addresses of a CANopen network are its node-IDs.
+/// Node that receives requests of `link`. In a CANopen network, addresses below 0x80 are node-IDs.
 fn uds_node(bus: &Bus, link: Link) -> Option<NodeId> {
     let address = link.server()?;
-    let canopen = Some(NodeId::Canopen(address)).filter(|id| bus.canopen.is_confirmed() && id.is_valid());
+    let canopen = Some(NodeId::Canopen(address)).filter(|id| bus.is_settled(Some(*id)) && id.is_valid());
     canopen.or(Some(NodeId::J1939(address))).filter(|id| id.is_valid())
 }
 
@@ -209,13 +232,13 @@ fn emit_exchange(link: Link, told: UdsExchange, frames: FrameRange, frame: &Fram
     cx.send(&event);
 }
 
-/// A request and its answer as an event; `link` is that of the request.
+/// Event of a request and its response; `link` is that of the request.
 fn describe_exchange(
     bus: &Bus,
     link: Link,
     service: u8,
     exchange: Option<&Exchange>,
-    answer: Option<&Final>,
+    answer: Option<&FinalResponse>,
     outcome: ExchangeOutcome,
 ) -> UdsExchange {
     let order = identifier_order(bus, link);
@@ -266,7 +289,7 @@ fn is_write(service: u8) -> bool {
     service.and_then(profile::UdsService::value_in) == Some(profile::ValueIn::Request)
 }
 
-/// When a write acts, where the profile says so.
+/// Effect of a write, if the profile defines it.
 fn effect(known: &UdsIdentifier) -> Option<profile::Effect> {
     Some(known.effect).filter(|effect| *effect != profile::Effect::Unknown)
 }

@@ -1,4 +1,4 @@
-//! Frames through a bus.
+//! Tests with frames on a bus.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::wire::NodeId;
 
 const MS: i64 = 1_000_000;
 
-/// A bus, what it told, and the time.
+/// A bus, its events, and the time.
 struct Scene {
     bus: BusDecoder,
     events: Vec<Event>,
@@ -27,7 +27,7 @@ impl Scene {
         Self { bus, events: Vec::new(), number: 0 }
     }
 
-    /// A frame at a time in milliseconds.
+    /// Sends a frame at a time in ms.
     fn at(&mut self, ms: i64, id: CanId, data: &[u8]) {
         self.push(ms, Frame::data_frame(id, data));
     }
@@ -128,11 +128,12 @@ fn answers_without_a_request() {
 
 #[test]
 fn standard_identifiers_are_uds_only_where_they_are_named() {
-    let named = "[[uds]]\nrequest = 0x7E4\nresponse = 0x7EC\nname = \"ECU\"";
+    // Not identifiers of OBD (7DF, 7E0 to 7EF: ISO 15765-4), which need no name.
+    let named = "[[uds]]\nrequest = 0x6E4\nresponse = 0x6EC\nname = \"ECU\"";
     for (bus_file, expected) in [("", 0), (named, 1)] {
         let mut scene = Scene::new(bus_file);
-        scene.at(0, CanId::standard(0x7E4), &[2, 0x10, 3, 0, 0, 0, 0, 0]);
-        scene.at(5, CanId::standard(0x7EC), &[2, 0x50, 3, 0, 0, 0, 0, 0]);
+        scene.at(0, CanId::standard(0x6E4), &[2, 0x10, 3, 0, 0, 0, 0, 0]);
+        scene.at(5, CanId::standard(0x6EC), &[2, 0x50, 3, 0, 0, 0, 0, 0]);
         assert_eq!(scene.exchanges().len(), expected, "{bus_file}");
         if let Some(exchange) = scene.exchanges().first() {
             assert_eq!(exchange.ends.server.as_deref(), Some("ECU"));
@@ -155,7 +156,7 @@ fn an_address_before_the_payload_is_taken_off() {
 fn edp_and_dp_need_a_service_that_exists() {
     let mut scene = Scene::new("");
     let id = CanId::extended(0x1BC7_8820);
-    // No service 4D; a consecutive frame; then 22 01 10.
+    // 4D is not a service, then a consecutive frame, then 22 01 10.
     scene.at(0, id, &[1, 0x4D]);
     scene.at(1, id, &[0x21, 1, 2]);
     assert_eq!(scene.kinds(), ["frame", "frame"]);

@@ -1,35 +1,35 @@
-//! One ISO-TP message on its way: what its first frame promised, what came, what comes next.
+//! State of one ISO-TP message.
 
 use crate::event::{FrameRange, MessageOutcome};
 use crate::frame::{CanId, Frame};
 use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::isotp::{FlowControl, FlowStatus};
 
-/// What is wrong with a frame.
+/// Irregularity of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Oddity {
-    /// A sequence number beyond the one expected: frames are missing.
+pub(super) enum IsoTpIrregularity {
+    /// The sequence number is higher than expected: frames are missing.
     SequenceGap { expected: u8, found: u8 },
-    /// The sequence number of the frame before.
+    /// The sequence number repeats that of the previous frame.
     Duplicate { found: u8 },
-    /// Consecutive frames without a first one.
+    /// Consecutive frame without a first frame.
     StartNotSeen,
-    /// Consecutive frames that the receiver did not ask for, though it talks on this bus.
+    /// Consecutive frame without flow control, although the receiver sends other frames on this bus.
     MissingFlowControl,
     /// Flow control without a message that waits for it.
     StrayFlowControl,
 }
 
-/// What the message waits for.
+/// Frame that the message waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Waits {
-    /// Flow control, at the beginning or behind a block.
+enum AwaitedFrame {
+    /// Flow control, after the first frame or after a block.
     FlowControl,
-    /// This many consecutive frames; all that are left where there is no number.
+    /// This many consecutive frames; `None` for all remaining frames.
     Frames(Option<u8>),
 }
 
-/// One message.
+/// State of one message.
 #[derive(Debug, Clone)]
 pub(super) struct Transfer {
     pub(super) id: CanId,
@@ -40,27 +40,27 @@ pub(super) struct Transfer {
     pub(super) first_time: Option<i64>,
     pub(super) last_time: Option<i64>,
     pub(super) announced: u32,
-    /// Bytes counted, kept or not, those of missing frames included.
+    /// Bytes transferred, stored or not, including those of missing frames.
     received: u64,
     /// Bytes of missing frames.
     missing: u64,
     pub(super) data: Vec<u8>,
-    /// The data is not all that was sent: none is kept from then on.
+    /// The data is incomplete; later data is not stored.
     pub(super) truncated: bool,
     pub(super) is_single: bool,
     pub(super) waits: u32,
-    /// Sequence number the next frame should have.
+    /// Expected sequence number of the next frame.
     next: u8,
-    waiting: Waits,
-    /// A consecutive frame was taken.
+    waiting: AwaitedFrame,
+    /// At least one consecutive frame was received.
     has_gone_on: bool,
-    /// Missing flow control was told.
+    /// Missing flow control was already reported.
     said: bool,
     pub(super) outcome: MessageOutcome,
 }
 
 impl Transfer {
-    /// A message that begins with `data` of `announced` bytes.
+    /// Creates a message of `announced` bytes that starts with `data`.
     pub(super) fn new(frame: &Frame, address_byte: Option<u8>, announced: u32, data: &[u8]) -> Self {
         let time = frame.time.map(|time| time.0);
         let mut transfer = Self {
@@ -79,7 +79,7 @@ impl Transfer {
             is_single: false,
             waits: 0,
             next: 1,
-            waiting: Waits::FlowControl,
+            waiting: AwaitedFrame::FlowControl,
             has_gone_on: false,
             said: false,
             outcome: MessageOutcome::Unfinished,
@@ -88,7 +88,7 @@ impl Transfer {
         transfer
     }
 
-    /// A message that is one frame.
+    /// Creates a message of a single frame.
     pub(super) fn single(frame: &Frame, address_byte: Option<u8>, data: &[u8]) -> Self {
         let announced = u32::try_from(data.len()).unwrap_or(u32::MAX);
         let mut transfer = Self::new(frame, address_byte, announced, data);
@@ -97,14 +97,14 @@ impl Transfer {
         transfer
     }
 
-    /// Another frame belongs to it.
+    /// Adds a frame to the message.
     fn add_frame(&mut self, frame: &Frame) {
         self.frames.last = frame.number;
         self.frame_count += 1;
         self.last_time = frame.time.map(|time| time.0).or(self.last_time);
     }
 
-    /// Takes data; what is over a limit is counted only. Padding of the last frame is left out.
+    /// Appends data; bytes over the limit are only counted. Padding of the last frame is removed.
     fn keep(&mut self, bytes: &[u8]) {
         let left = u64::from(self.announced).saturating_sub(self.received);
         let bytes = bytes.get(..usize::try_from(left).unwrap_or(usize::MAX)).unwrap_or(bytes);
@@ -115,25 +115,26 @@ impl Transfer {
         self.data.extend_from_slice(kept);
     }
 
-    /// A consecutive frame; `receiver_is_heard`: its flow control would be in the capture. Gives what is
-    /// wrong with it.
+    /// Applies a consecutive frame; returns its irregularities. `receiver_is_heard`: frames of the receiver
+    /// are in the capture, so its flow control would be, too.
     pub(super) fn consecutive(
         &mut self,
         sequence: u8,
         data: &[u8],
         frame: &Frame,
         receiver_is_heard: bool,
-    ) -> [Option<Oddity>; 2] {
+    ) -> [Option<IsoTpIrregularity>; 2] {
         self.add_frame(frame);
         if sequence == self.next.wrapping_sub(1) & 0x0F && self.has_gone_on {
-            return [None, Some(Oddity::Duplicate { found: sequence })];
+            return [None, Some(IsoTpIrregularity::Duplicate { found: sequence })];
         }
-        let unasked = self.waiting == Waits::FlowControl && receiver_is_heard && !self.said;
+        let unasked = self.waiting == AwaitedFrame::FlowControl && receiver_is_heard && !self.said;
         self.said |= unasked;
         let lost = sequence.wrapping_sub(self.next) & 0x0F;
-        let gap = (lost > 0).then_some(Oddity::SequenceGap { expected: self.next, found: sequence });
+        let gap =
+            (lost > 0).then_some(IsoTpIrregularity::SequenceGap { expected: self.next, found: sequence });
         if lost > 0 {
-            // Only the number of lost frames modulo 16 is known; what follows is no continuation.
+            // Only the number of lost frames modulo 16 is known; later data cannot be placed.
             self.truncated = true;
             let bytes = u64::from(lost) * data.len() as u64;
             let left = u64::from(self.announced).saturating_sub(self.received);
@@ -144,24 +145,24 @@ impl Transfer {
         self.next = sequence.wrapping_add(1) & 0x0F;
         self.has_gone_on = true;
         self.waiting = match self.waiting {
-            Waits::Frames(Some(left)) if left <= 1 + lost => Waits::FlowControl,
-            Waits::Frames(Some(left)) => Waits::Frames(Some(left - 1 - lost)),
-            _ if unasked => Waits::Frames(None),
+            AwaitedFrame::Frames(Some(left)) if left <= 1 + lost => AwaitedFrame::FlowControl,
+            AwaitedFrame::Frames(Some(left)) => AwaitedFrame::Frames(Some(left - 1 - lost)),
+            _ if unasked => AwaitedFrame::Frames(None),
             waiting => waiting,
         };
-        [unasked.then_some(Oddity::MissingFlowControl), gap]
+        [unasked.then_some(IsoTpIrregularity::MissingFlowControl), gap]
     }
 
-    /// Flow control of the receiver; gives what is wrong with it.
-    pub(super) fn flow_control(&mut self, control: FlowControl, frame: &Frame) -> Option<Oddity> {
+    /// Applies flow control of the receiver; returns its irregularity.
+    pub(super) fn flow_control(&mut self, control: FlowControl, frame: &Frame) -> Option<IsoTpIrregularity> {
         self.add_frame(frame);
         self.flow_control = Some(frame.id);
-        if self.waiting != Waits::FlowControl {
-            return Some(Oddity::StrayFlowControl);
+        if self.waiting != AwaitedFrame::FlowControl {
+            return Some(IsoTpIrregularity::StrayFlowControl);
         }
         match control.status {
             FlowStatus::Continue => {
-                self.waiting = Waits::Frames(Some(control.block_size).filter(|size| *size != 0));
+                self.waiting = AwaitedFrame::Frames(Some(control.block_size).filter(|size| *size != 0));
             }
             FlowStatus::Wait => self.waits = self.waits.saturating_add(1),
             FlowStatus::Overflow => self.outcome = MessageOutcome::Overflow,
@@ -169,41 +170,41 @@ impl Transfer {
         None
     }
 
-    /// All bytes came, those of missing frames included.
+    /// Whether all bytes were transferred, including those of missing frames.
     pub(super) fn is_over(&self) -> bool {
         self.received >= u64::from(self.announced)
     }
 
-    /// It ends with all its bytes.
+    /// Ends a message with all its bytes.
     pub(super) fn complete(&mut self) {
         self.outcome = if self.missing == 0 { MessageOutcome::Complete } else { MessageOutcome::Incomplete };
     }
 
-    /// It ends because nothing more came.
+    /// Ends a message after a timeout.
     pub(super) fn time_out(&mut self) {
         self.outcome = match self.waiting {
-            Waits::FlowControl => MessageOutcome::NoFlowControl,
-            Waits::Frames(_) => MessageOutcome::Timeout,
+            AwaitedFrame::FlowControl => MessageOutcome::NoFlowControl,
+            AwaitedFrame::Frames(_) => MessageOutcome::Timeout,
         };
     }
 
-    /// Bytes seen.
+    /// Bytes received.
     pub(super) fn size(&self) -> u64 {
         self.received.saturating_sub(self.missing)
     }
 
-    /// Drops the data: what comes is counted only.
+    /// Drops the data; later data is only counted.
     pub(super) fn give_up_data(&mut self) {
         self.data = Vec::new();
         self.truncated = true;
     }
 
-    /// Nanoseconds from first to last frame.
+    /// Time from the first to the last frame, in ns.
     pub(super) fn duration(&self) -> Option<i64> {
         Some(self.last_time?.saturating_sub(self.first_time?))
     }
 
-    /// Bytes held.
+    /// Bytes held by the message.
     pub(super) fn footprint(&self) -> usize {
         size_of::<Self>() + self.data.capacity()
     }
@@ -242,16 +243,16 @@ mod tests {
         let mut transfer = begun(27);
         transfer.flow_control(GO_ON, &frame(2));
         let gap = transfer.consecutive(2, &[0; 7], &frame(3), true)[1];
-        assert_eq!(gap, Some(Oddity::SequenceGap { expected: 1, found: 2 }));
+        assert_eq!(gap, Some(IsoTpIrregularity::SequenceGap { expected: 1, found: 2 }));
         assert_eq!(transfer.consecutive(3, &[0; 7], &frame(4), true), [None; 2]);
         assert!(transfer.is_over());
         transfer.complete();
-        // No frame is before the first one: 0 is a gap of fifteen.
+        // Nothing precedes the first frame: 0 is a gap of fifteen.
         let mut early = begun(200);
         early.flow_control(GO_ON, &frame(2));
         let gap = early.consecutive(0, &[0; 7], &frame(3), true)[1];
-        assert_eq!(gap, Some(Oddity::SequenceGap { expected: 1, found: 0 }));
-        // 6 bytes of the first frame, 7 missing, 7 and 7 seen.
+        assert_eq!(gap, Some(IsoTpIrregularity::SequenceGap { expected: 1, found: 0 }));
+        // 6 bytes of the first frame, 7 missing, twice 7 received.
         assert_eq!((transfer.outcome, transfer.size()), (MessageOutcome::Incomplete, 20));
         assert_eq!((transfer.data.len(), transfer.truncated), (6, true));
     }
@@ -262,9 +263,9 @@ mod tests {
         transfer.flow_control(GO_ON, &frame(2));
         assert_eq!(transfer.consecutive(1, &[7; 7], &frame(3), true), [None; 2]);
         let again = transfer.consecutive(1, &[7; 7], &frame(4), true)[1];
-        assert_eq!(again, Some(Oddity::Duplicate { found: 1 }));
+        assert_eq!(again, Some(IsoTpIrregularity::Duplicate { found: 1 }));
         assert_eq!(transfer.data.len(), 13);
-        // Sequence numbers go on with 0 behind 15.
+        // After 15 the sequence number continues with 0.
         transfer.next = 0;
         assert_eq!(transfer.consecutive(0, &[7; 7], &frame(5), true), [None; 2]);
         assert_eq!(transfer.next, 1);
@@ -275,10 +276,10 @@ mod tests {
         let mut transfer = begun(40);
         transfer.flow_control(FlowControl { block_size: 2, ..GO_ON }, &frame(2));
         transfer.consecutive(1, &[0; 7], &frame(3), true);
-        assert_eq!(transfer.flow_control(GO_ON, &frame(4)), Some(Oddity::StrayFlowControl));
+        assert_eq!(transfer.flow_control(GO_ON, &frame(4)), Some(IsoTpIrregularity::StrayFlowControl));
         transfer.consecutive(2, &[0; 7], &frame(5), true);
         let unasked = transfer.consecutive(3, &[0; 7], &frame(6), true);
-        assert_eq!(unasked, [Some(Oddity::MissingFlowControl), None]);
+        assert_eq!(unasked, [Some(IsoTpIrregularity::MissingFlowControl), None]);
         assert_eq!(transfer.consecutive(4, &[0; 7], &frame(7), true), [None; 2]);
     }
 

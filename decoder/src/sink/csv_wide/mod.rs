@@ -1,11 +1,11 @@
-//! Values as a wide table: CSV (RFC 4180), a row an event, a column a signal.
+//! Values as a wide CSV table (RFC 4180): one row per event, one column per signal.
 //!
 //! ```text
 //! time,bus,frame,node/2/tpdo1 Actual angle [%],node/2/tpdo1 Actual pressure [bar]
 //! 1700000002.141000000,can0,28,49.40779,124.893219
 //! ```
 //!
-//! Which columns there are is known at the end, so rows wait in a spool until then.
+//! The set of columns is complete only at the end of the input, so rows are spooled until then.
 
 mod spool;
 
@@ -15,57 +15,59 @@ use std::io::{self, Read, Seek, Write};
 use foldhash::fast::FixedState;
 
 use super::csv::{push_cell, push_value};
-use super::values::{self, Carried, Groups};
+use super::values::{self, EventValues, Groups};
 use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::{push_decimal, push_seconds};
 use crate::event::Event;
 use crate::frame::Timestamp;
+use crate::query::record::quantity;
 use crate::session::Bus;
 use spool::{Rows, Spool};
 
-/// Signals that get a column. Each row has a place for all of them, so a capture made for it could fill any disk.
+/// Maximum number of signal columns. Each row has a cell for each of them, so the limit bounds the size of
+/// the output.
 const MOST_COLUMNS: usize = 4096;
 
-/// Columns that every row has.
+/// Columns of every row.
 const HEADER: &str = "time,bus,frame";
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "csv-wide",
     suffix: "wide.csv",
     title: "values as wide CSV",
-    help: "The same values: a line an event, a column a signal",
+    help: "Values of PDOs and messages: one row per event, one column per signal",
     content: EventContent::Values,
     is_binary: false,
     sink: |files, _| Ok(Box::new(CsvWide::new(files.whole()?, files.spool()?))),
 };
 
-/// Writes values as CSV, wide. The first write error is kept and ends all writing.
+/// Writer for wide CSV. After the first write error nothing more is written; `finish` returns the error.
 struct CsvWide<W, S: Write> {
     output: W,
     spool: Spool<S>,
-    groups: Groups<Vec<Place>>,
+    groups: Groups<Vec<FieldColumn>>,
     columns: Columns,
     error: Option<io::Error>,
 }
 
-/// A field of a layout.
-struct Place {
+/// Column of one field of a layout.
+struct FieldColumn {
     title: String,
-    /// Known from its first value on.
+    /// Assigned at the first value of the field.
     column: Option<u16>,
 }
 
-/// All columns there are.
+/// All signal columns.
 struct Columns {
     titles: Vec<String>,
     numbers: HashMap<String, u16, FixedState>,
     most: usize,
-    /// Values without a column.
+    /// Number of values dropped for lack of a column.
     left_out: u64,
 }
 
 impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
-    /// Writes to `output` what waited in `spool`, which should be empty.
+    /// Writes the table to `output`; `spool` must be empty.
     fn new(output: W, spool: S) -> Self {
         Self {
             output,
@@ -76,7 +78,7 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
         }
     }
 
-    fn row(&mut self, event: &Event, bus: &Bus, carried: &Carried<'_>) -> io::Result<()> {
+    fn row(&mut self, event: &Event, bus: &Bus, carried: &EventValues<'_>) -> io::Result<()> {
         let Some(places) = self.groups.of(carried, || places(carried, bus)) else { return Ok(()) };
         let row = self.spool.begin();
         if let Some(Timestamp(time)) = event.time {
@@ -87,7 +89,7 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
         push_decimal(row, event.frames.last);
         for (signal, place) in carried.with(places) {
             if let Some(column) = self.columns.of(place) {
-                push_value(self.spool.cell(column), values::told(&signal).value);
+                push_value(self.spool.cell(column), quantity(signal.field.meaning.as_deref(), &signal.value));
             }
         }
         self.spool.end()
@@ -135,14 +137,13 @@ impl<W: Write, S: Read + Write + Seek> EventSink for CsvWide<W, S> {
         let values = self.columns.left_out;
         (values > 0).then(|| {
             format!(
-                "{values} values of further signals are left out: there is a column for {MOST_COLUMNS}; --filter chooses, \
-                 -f csv has all"
+                "{values} values dropped: more than {MOST_COLUMNS} signals; select signals with --filter, or use -f csv"
             )
         })
     }
 }
 
-/// Replaces a line by the next row with all its columns; `false` behind the last one.
+/// Replaces `line` with the next row, padded to all columns; `false` after the last row.
 fn push_row<S: Read>(rows: &mut Rows<S>, columns: usize, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();
     let Some(row) = rows.next()? else { return Ok(false) };
@@ -151,7 +152,7 @@ fn push_row<S: Read>(rows: &mut Rows<S>, columns: usize, line: &mut Vec<u8>) -> 
     for (column, cell) in row.cells {
         let column = usize::from(column);
         line.resize(line.len() + column.saturating_sub(next), b',');
-        // A cell has its comma in front.
+        // A cell starts with its comma.
         line.extend_from_slice(cell);
         next = column + 1;
     }
@@ -164,8 +165,8 @@ impl Columns {
         Self { titles: Vec::new(), numbers: HashMap::default(), most, left_out: 0 }
     }
 
-    /// The column of a field that has a value: that of its title, else a new one while there is room.
-    fn of(&mut self, place: &mut Place) -> Option<u16> {
+    /// Column of a field with a value: the column of its title, else a new one below the limit.
+    fn of(&mut self, place: &mut FieldColumn) -> Option<u16> {
         if place.column.is_none() {
             place.column = self.numbers.get(&place.title).copied().or_else(|| self.add(&place.title));
         }
@@ -183,13 +184,13 @@ impl Columns {
     }
 }
 
-/// What the fields of a layout are called, each once: with a number behind the second of a name.
-fn places(carried: &Carried<'_>, bus: &Bus) -> Vec<Place> {
+/// Columns for the fields of a layout, with unique titles: the second of two equal names gets a number.
+fn places(carried: &EventValues<'_>, bus: &Bus) -> Vec<FieldColumn> {
     let group = values::name(carried.group, bus);
-    titles(&group, carried).into_iter().map(|title| Place { title, column: None }).collect()
+    titles(&group, carried).into_iter().map(|title| FieldColumn { title, column: None }).collect()
 }
 
-fn titles(group: &str, carried: &Carried<'_>) -> Vec<String> {
+fn titles(group: &str, carried: &EventValues<'_>) -> Vec<String> {
     let mut titles: Vec<String> = Vec::new();
     for field in &carried.layout.fields {
         let unit = values::unit(field);
@@ -215,19 +216,19 @@ mod tests {
     use crate::wire::canopen::ObjectAddress;
 
     #[test]
-    fn a_name_that_comes_twice_gets_a_number() {
+    fn equal_names_are_numbered() {
         let field = |index| Field::of_object(ObjectAddress::new(index, 0), 0, 8, DataType::Unsigned8);
         let fields = vec![field(0x6041), field(0x6041), field(0x6042), field(0x6041)];
         let layout = Arc::new(Layout { fields, ..Layout::default() });
         let group = Group::Frame(BusIndex::default(), CanId::Standard(0x123));
-        let carried = Carried { group, layout: &layout, payload: &[] };
+        let carried = EventValues { group, layout: &layout, payload: &[] };
         assert_eq!(titles("g", &carried), ["g 6041:00", "g 6041:00 2", "g 6042:00", "g 6041:00 3"]);
     }
 
     #[test]
-    fn there_are_so_many_columns_and_no_more() {
+    fn columns_are_limited() {
         let mut columns = Columns::new(2);
-        let mut place = |title: &str| columns.of(&mut Place { title: title.to_owned(), column: None });
+        let mut place = |title: &str| columns.of(&mut FieldColumn { title: title.to_owned(), column: None });
         assert_eq!(
             [place("a"), place("b"), place("c"), place("a"), place("d")],
             [Some(0), Some(1), None, Some(0), None]

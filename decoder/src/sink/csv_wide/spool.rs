@@ -1,42 +1,42 @@
-//! Rows that wait: what stands in front of each, and its cells in the order of their columns.
+//! Spooled rows: the leading columns of each row, then its cells sorted by column.
 //!
 //! ```text
-//! row    length of what follows (4 bytes), length (4 bytes) and bytes of what stands before, cells
-//! cell   column (2 bytes), length (4 bytes) and bytes
+//! row    length of the rest (4 bytes), length (4 bytes) and bytes of the leading columns, cells
+//! cell   column (2 bytes), length (4 bytes), bytes
 //! ```
 
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::ops::Range;
 
-/// Bytes written and read at once.
+/// Buffer size for reading and writing, in bytes.
 const BUFFER: usize = 64 * 1024;
 
-/// Rows on their way into a spool.
+/// Writer of spooled rows.
 pub(super) struct Spool<S: Write> {
-    /// None when they were taken out.
+    /// `None` after `take`.
     file: Option<BufWriter<S>>,
     rows: u64,
-    /// Bytes of the present row: what stands before, then cells.
+    /// Bytes of the current row: leading columns, then cells.
     row: Vec<u8>,
-    /// Where the cells begin.
+    /// Column and start offset of each cell in `row`.
     cells: Vec<(u16, usize)>,
     packed: Vec<u8>,
 }
 
-/// Rows on their way out of it.
+/// Reader of spooled rows.
 pub(super) struct Rows<S> {
     file: BufReader<S>,
     left: u64,
     row: Vec<u8>,
 }
 
-/// A row that waited.
+/// A spooled row.
 pub(super) struct Row<'a> {
     pub(super) before: &'a [u8],
     pub(super) cells: Cells<'a>,
 }
 
-/// The cells of a row, by column.
+/// Cells of a row, sorted by column.
 pub(super) struct Cells<'a>(&'a [u8]);
 
 impl<S: Read + Write + Seek> Spool<S> {
@@ -45,23 +45,23 @@ impl<S: Read + Write + Seek> Spool<S> {
         Self { file, rows: 0, row: Vec::new(), cells: Vec::new(), packed: Vec::new() }
     }
 
-    /// Begins a row; what stands before its cells is to be appended.
+    /// Starts a row; the caller appends its leading columns.
     pub(super) fn begin(&mut self) -> &mut Vec<u8> {
         self.row.clear();
         self.cells.clear();
         &mut self.row
     }
 
-    /// Begins a cell of the row, whose bytes are to be appended.
+    /// Starts a cell of the current row; the caller appends its bytes.
     pub(super) fn cell(&mut self, column: u16) -> &mut Vec<u8> {
         self.cells.push((column, self.row.len()));
         &mut self.row
     }
 
-    /// Ends the row; one without cells is dropped.
+    /// Ends the current row; a row without cells is dropped.
     ///
     /// # Errors
-    /// When the spool takes no more.
+    /// If the spool cannot be written.
     pub(super) fn end(&mut self) -> io::Result<()> {
         let Some(file) = self.file.as_mut().filter(|_| !self.cells.is_empty()) else { return Ok(()) };
         let ends = self.cells.iter().skip(1).map(|(_, start)| *start).chain([self.row.len()]);
@@ -80,10 +80,10 @@ impl<S: Read + Write + Seek> Spool<S> {
         file.write_all(&self.packed)
     }
 
-    /// All rows from the first one on; none when they were taken before.
+    /// All rows in order; `None` if they were already taken.
     ///
     /// # Errors
-    /// When the last of them cannot be written.
+    /// If buffered rows cannot be written.
     pub(super) fn take(&mut self) -> io::Result<Option<Rows<S>>> {
         let Some(file) = self.file.take() else { return Ok(None) };
         let mut file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -106,10 +106,10 @@ fn length(bytes: &[u8]) -> io::Result<[u8; 4]> {
 }
 
 impl<S: Read> Rows<S> {
-    /// The next row; none behind the last one.
+    /// The next row; `None` after the last one.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// If the spool cannot be read.
     pub(super) fn next(&mut self) -> io::Result<Option<Row<'_>>> {
         if self.left == 0 {
             return Ok(None);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spool_that_is_full_says_so() {
+    fn a_full_spool_reports_an_error() {
         let mut place = [0; 8];
         let mut spool = Spool::new(Cursor::new(place.as_mut_slice()));
         spool.begin().extend_from_slice(b"1.0,can0,7");

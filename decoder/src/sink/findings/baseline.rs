@@ -1,28 +1,27 @@
-//! Findings that are known and accepted, kept in a file: one line a finding, sorted, so that a change is a
-//! line in a diff.
+//! Baseline: a file of known and accepted findings, one line per finding, sorted for readable diffs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use super::comparison::{Comparison, Known};
-use super::report::{Judged, Report, Standing};
+pub use super::comparison::{Comparison, KnownFinding};
+use super::report::{CaptureResult, Report, Standing};
 use crate::finding::{Severity, Verdict};
 
-/// Version of the file's form.
+/// Version of the file format.
 const VERSION: u32 = 1;
 
-/// What was known of captures when the file was written.
+/// Findings and verdicts of captures when the file was written.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Baseline {
     version: u32,
-    findings: Vec<Known>,
+    findings: Vec<KnownFinding>,
     verdicts: Vec<KnownVerdict>,
 }
 
-/// A rule that was exercised.
+/// Verdict of an exercised rule.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct KnownVerdict {
@@ -31,33 +30,33 @@ struct KnownVerdict {
     verdict: String,
 }
 
-/// What became of the captures of an earlier baseline that were not judged this time.
+/// Captures of an earlier baseline that were not checked this time.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Others {
-    /// How many it still has.
+pub struct UnjudgedCaptures {
+    /// Number of captures whose entries are kept.
     pub kept: usize,
-    /// Those it does not have any more.
+    /// Captures whose entries are dropped.
     pub dropped: Vec<String>,
 }
 
 impl Baseline {
-    /// Reads a file.
+    /// Parses a baseline file.
     ///
     /// # Errors
-    /// Text that is no baseline, with line and column.
+    /// A message with line and column if `text` is not a valid baseline.
     pub fn parse(text: &str) -> Result<Self, String> {
         let baseline: Self = serde_json::from_str(text).map_err(|error| plain(&error))?;
         if baseline.version != VERSION {
-            return Err(format!("version {} is not known, only {VERSION}", baseline.version));
+            return Err(format!("version {}; expected {VERSION}", baseline.version));
         }
         let unknown = baseline.findings.iter().find(|known| severity(&known.severity).is_none());
         match unknown {
-            Some(known) => Err(format!("{}: '{}' is no severity", known.fingerprint, known.severity)),
+            Some(known) => Err(format!("{}: unknown severity '{}'", known.fingerprint, known.severity)),
             None => Ok(baseline),
         }
     }
 
-    /// What was judged now; suppressed findings are not part of it.
+    /// Baseline of a report; suppressed findings are not included.
     pub fn of(report: &Report) -> Self {
         let mut baseline = Self { version: VERSION, ..Self::default() };
         for judged in report.captures.iter().filter(|judged| judged.failure.is_none()) {
@@ -65,7 +64,7 @@ impl Baseline {
             let groups = judged.findings.groups.iter();
             let groups =
                 groups.filter(|group| matches!(judged.standing(group), Standing::New | Standing::Accepted));
-            baseline.findings.extend(groups.map(|group| Known {
+            baseline.findings.extend(groups.map(|group| KnownFinding {
                 capture: capture.clone(),
                 fingerprint: group.fingerprint(),
                 severity: group.severity.name().to_owned(),
@@ -84,7 +83,7 @@ impl Baseline {
         baseline
     }
 
-    /// The file: one line a finding.
+    /// Content of the file: one line per finding.
     pub fn text(&self) -> String {
         let list = |lines: Vec<String>| {
             if lines.is_empty() { String::new() } else { format!("\n    {}\n  ", lines.join(",\n    ")) }
@@ -100,7 +99,7 @@ impl Baseline {
         )
     }
 
-    /// Compares all captures with it.
+    /// Compares all captures of a report with the baseline.
     pub fn compare(&self, report: &mut Report) {
         report.has_baseline = true;
         for judged in &mut report.captures {
@@ -109,9 +108,15 @@ impl Baseline {
         report.absent = self.absent(report);
     }
 
-    /// Takes over what `before` has of captures that were not judged, unless they are gone: `is_there` tells.
-    pub fn keep(&mut self, before: &Self, report: &Report, is_there: impl Fn(&str) -> bool) -> Others {
-        let mut others = Others::default();
+    /// Copies the entries of `before` for captures that were not checked, if `is_there` is true for the
+    /// capture.
+    pub fn keep(
+        &mut self,
+        before: &Self,
+        report: &Report,
+        is_there: impl Fn(&str) -> bool,
+    ) -> UnjudgedCaptures {
+        let mut others = UnjudgedCaptures::default();
         for capture in before.absent(report) {
             if !is_there(&capture) {
                 others.dropped.push(capture);
@@ -128,7 +133,7 @@ impl Baseline {
         others
     }
 
-    /// Captures it has that were not judged.
+    /// Captures of the baseline that were not checked.
     fn absent(&self, report: &Report) -> Vec<String> {
         let judged: BTreeSet<String> = report.captures.iter().map(|one| portable(&one.capture)).collect();
         let known = self.verdicts.iter().map(|known| &known.capture);
@@ -136,15 +141,16 @@ impl Baseline {
         known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect()
     }
 
-    fn comparison(&self, judged: &Judged) -> Comparison {
+    fn comparison(&self, judged: &CaptureResult) -> Comparison {
         let mut comparison = Comparison::default();
-        // Of a capture that could not be read to its end nothing can be said to be gone.
+        // After an incomplete read no finding can be reported as gone.
         if judged.failure.is_some() && judged.findings.rules.is_empty() {
             return comparison;
         }
         let capture = portable(&judged.capture);
         let own = self.findings.iter().filter(|known| known.capture == capture);
-        let known: BTreeMap<&str, &Known> = own.map(|known| (known.fingerprint.as_str(), known)).collect();
+        let known: BTreeMap<&str, &KnownFinding> =
+            own.map(|known| (known.fingerprint.as_str(), known)).collect();
         let mut seen = BTreeSet::new();
         for group in &judged.findings.groups {
             let fingerprint = group.fingerprint();
@@ -168,7 +174,7 @@ impl Baseline {
     }
 }
 
-/// What the reader of JSON says, in plain words.
+/// JSON parser message without Rust terms.
 fn plain(error: &serde_json::Error) -> String {
     let text = error.to_string();
     let text = match text.strip_prefix("EOF while parsing ") {
@@ -190,7 +196,7 @@ fn severity(name: &str) -> Option<Severity> {
     [Severity::Note, Severity::Warning, Severity::Error].into_iter().find(|severity| severity.name() == name)
 }
 
-/// The same name on every system: `./a\b.log` is `a/b.log`.
+/// Capture name that is equal on all systems: `./a\b.log` becomes `a/b.log`.
 pub(crate) fn portable(capture: &str) -> String {
     let path = if cfg!(windows) { capture.replace('\\', "/") } else { capture.to_owned() };
     let path = path.trim_start_matches("./");
@@ -202,8 +208,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again() {
-        let known = Known {
+    fn a_baseline_can_be_written_and_parsed() {
+        let known = KnownFinding {
             capture: "a.log".into(),
             fingerprint: "node-lost|can0|5".into(),
             severity: "error".into(),
@@ -221,17 +227,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_none_is_refused_with_its_place() {
+    fn an_invalid_baseline_is_rejected_with_its_position() {
         let error = Baseline::parse("{\n  \"version\": 1,\n  x\n}").unwrap_err();
         assert!(error.contains("line 3 column 3"), "{error}");
         let cut = Baseline::parse("{\"version\": 1,").unwrap_err();
         assert_eq!(cut, "the file ends inside a value at line 1 column 14");
         let text = "{\"version\": 9, \"findings\": [], \"verdicts\": []}";
-        assert_eq!(Baseline::parse(text).unwrap_err(), "version 9 is not known, only 1");
+        assert_eq!(Baseline::parse(text).unwrap_err(), "version 9; expected 1");
     }
 
     #[test]
-    fn names_of_captures_are_those_of_every_run() {
+    fn capture_names_are_portable() {
         assert_eq!(portable("./fixtures/a.log"), "fixtures/a.log");
         assert_eq!(portable("../a.log"), "../a.log");
     }

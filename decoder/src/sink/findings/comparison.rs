@@ -1,39 +1,39 @@
-//! What differs from a baseline.
+//! Differences from a baseline.
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-/// A finding that is accepted.
+/// A finding in the baseline.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Known {
+pub struct KnownFinding {
     /// Name of the capture.
     pub capture: String,
-    /// Which finding.
+    /// Fingerprint of the finding.
     pub fingerprint: String,
-    /// How bad it was.
+    /// Severity when the baseline was written.
     pub severity: String,
-    /// How often it was seen.
+    /// Number of occurrences when the baseline was written.
     pub count: u64,
-    /// What it said.
+    /// Finding text.
     pub text: String,
 }
 
-impl Known {
+impl KnownFinding {
     /// `error node-lost|can0|5: silent since {10}`.
     pub fn line(&self) -> String {
         format!("{} {}: {}", self.severity, self.fingerprint, self.text)
     }
 }
 
-/// What differs from the baseline.
+/// Differences between a capture and the baseline.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Comparison {
-    /// Groups it has, at least as severe.
+    /// Ids of groups that are in the baseline with at least the same severity.
     pub accepted: BTreeSet<u64>,
-    /// Findings it has that did not come again.
-    pub gone: Vec<Known>,
-    /// Rules it saw exercised, which are not any more.
+    /// Findings in the baseline that did not occur.
+    pub gone: Vec<KnownFinding>,
+    /// Rules exercised in the baseline but not in this run.
     pub silent: Vec<String>,
 }

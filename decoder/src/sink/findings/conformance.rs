@@ -1,16 +1,16 @@
-//! A run of CiA's conformance test tool: its verdicts beside ours.
+//! Verdicts of the CiA conformance test tool in a capture, compared with the verdicts of the rules.
 
 use std::fmt::Write as _;
 
-use super::report::Judged;
+use super::report::CaptureResult;
 use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, Verdict};
 use crate::sink::escape;
 use crate::wire::canopen::test_marker::TestResult;
 use crate::words::plural;
 
-/// A conformance test that was run: what the tool said, and where ours differs and why.
-pub(super) fn write(judged: &Judged, out: &mut String) {
+/// Appends the verdicts of the test tool and of the rules, and each case in which they differ.
+pub(super) fn write(judged: &CaptureResult, out: &mut String) {
     let cases = &judged.findings.conformance;
     if cases.is_empty() {
         return;
@@ -19,7 +19,7 @@ pub(super) fn write(judged: &Judged, out: &mut String) {
     let ours = |wanted| cases.iter().filter(|case| case.ours() == wanted).count();
     let _ = writeln!(
         out,
-        "conformance test: {}; the tool: {} passed, {}, {} failed, {} skipped; here: {} passed, {} failed, \
+        "conformance test: {}; test tool: {} passed, {}, {} failed, {} skipped; rules: {} passed, {} failed, \
          {} not exercised",
         plural(cases.len(), "case"),
         tool(TestResult::Passed),
@@ -35,7 +35,7 @@ pub(super) fn write(judged: &Judged, out: &mut String) {
     }
 }
 
-/// `3.7 failed by the tool, pass here (pdo-sync-acyclic 1 passed): an acyclic TPDO after SYNC {851-860}`.
+/// `3.7 name: failed (test tool), pass (rules; pdo-sync-acyclic 1 passed) {851-860}`.
 fn line(case: &CaseVerdict) -> String {
     let judged = case.judged.iter().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
     let judged: Vec<_> = judged
@@ -44,14 +44,14 @@ fn line(case: &CaseVerdict) -> String {
             failed => format!("{rule} {} passed, {failed} failed", tally.passed),
         })
         .collect();
-    let why = if judged.is_empty() { String::new() } else { format!(" ({})", judged.join("; ")) };
+    let why = if judged.is_empty() { String::new() } else { format!("; {}", judged.join("; ")) };
     let FrameRange { first, last } = case.frames;
     format!(
-        "{:6} {}: {} by the tool, {} here{why} {{{first}-{last}}}{}",
+        "{:6} {}: {} (test tool), {} (rules{why}) {{{first}-{last}}}{}",
         case.id,
         case.name,
         case.tool.name(),
         case.ours().name(),
-        if case.has_begin { "" } else { ", its beginning was not marked" }
+        if case.has_begin { "" } else { ", start mark missing" }
     )
 }

@@ -1,4 +1,4 @@
-//! How often rules and cases of the test plan were judged, as tables.
+//! Tables of verdict counts per rule and per case of the conformance test plan.
 
 use std::fmt::Write as _;
 
@@ -25,7 +25,7 @@ pub(super) fn write(report: &Report, out: &mut String) {
     if !plan.is_empty() {
         let _ = writeln!(
             out,
-            "\nCases of CiA's conformance test plan that rules judge: exercised where the capture shows the case itself"
+            "\nCases of the CiA conformance test plan covered by rules; exercised if the capture contains the case"
         );
         plan.write(0, out);
     }

@@ -1,34 +1,34 @@
-//! A format of findings, as the registry lists it.
+//! Description of a findings format.
 
 use std::io::{self, Write};
 
 use super::report::Report;
 
-/// One format of findings.
+/// A format for findings.
 #[derive(Debug)]
 pub struct FindingFormat {
-    /// Short name, as options take it.
+    /// Short name for options.
     pub name: &'static str,
-    /// One line of help.
+    /// Help text, one line.
     pub help: &'static str,
-    /// Findings are located by lines of the capture ([`super::Judged::lines`]).
+    /// Whether findings refer to lines of the capture ([`super::CaptureResult::lines`]).
     pub has_lines: bool,
-    /// Writes all captures.
+    /// Writes the report on all captures.
     pub write: fn(&Report, TextOptions, &mut dyn Write) -> io::Result<()>,
 }
 
-/// How much is told.
+/// Options for the text format.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TextOptions {
-    /// ANSI colours.
+    /// Use ANSI colours.
     pub color: bool,
-    /// Every occurrence that was kept, what is suppressed and what is accepted.
+    /// Print all recorded occurrences, and suppressed and accepted findings.
     pub verbose: bool,
-    /// How often each rule and each case of the test plan was judged.
+    /// Print verdict counts per rule and per case of the conformance test plan.
     pub coverage: bool,
 }
 
-/// Writes a text that is complete in memory first.
+/// Writes text that is first built in memory.
 pub(super) fn write_at_once(out: &mut dyn Write, make: impl FnOnce(&mut String)) -> io::Result<()> {
     let mut text = String::new();
     make(&mut text);

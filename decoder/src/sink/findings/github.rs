@@ -1,37 +1,38 @@
-//! Findings as commands of GitHub Actions: each becomes a note beside the line of the capture.
+//! Findings as GitHub Actions workflow commands; each finding becomes an annotation at its line of the
+//! capture.
 
 use std::fmt::Write as _;
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
 use super::incident::incidents;
-use super::report::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, sentence, who};
 use super::text;
 use crate::finding::{Group, Severity, SuppressionUse};
 use crate::sink::escape;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "github",
-    help: "Commands of GitHub Actions: notes beside the lines of captures",
+    help: "GitHub Actions workflow commands: annotations at the lines of captures",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),
 };
 
-/// Writes one command a finding, the worst of a capture first, what was suppressed and why, and the total as plain
+/// Writes one command per finding, worst first within a capture, then suppressions, and the total as plain
 /// text.
 fn write(report: &Report, out: &mut String) {
     for judged in &report.captures {
         if let Some(failure) = &judged.failure {
-            command(out, "error", &place(judged, None), "unreadable", failure);
+            command(out, "error", &place(judged.first_file(), None), "unreadable", failure);
         }
         for note in &judged.findings.quality {
-            command(out, "notice", &place(judged, None), "quality", note);
+            command(out, "notice", &place(judged.first_file(), None), "quality", note);
         }
         for rule in &judged.comparison.silent {
-            command(out, "error", &place(judged, None), rule, SILENT);
+            command(out, "error", &place(judged.first_file(), None), rule, SILENT);
         }
         for known in &judged.comparison.gone {
-            command(out, "notice", &place(judged, None), "gone", &known.line());
+            command(out, "notice", &place(judged.first_file(), None), "gone", &known.line());
         }
         for (_, group) in incidents(judged.telling()).iter().flat_map(|incident| &incident.groups) {
             finding(judged, group, out);
@@ -44,29 +45,29 @@ fn write(report: &Report, out: &mut String) {
         command(out, "error", &format!("file={},", property(capture)), "absent", ABSENT);
     }
     let suppressions = report.suppressions();
-    let said = |one: &SuppressionUse| [one.covered(), one.complaint()];
-    for text in suppressions.iter().flat_map(said).flatten() {
+    let messages = |one: &SuppressionUse| [one.covered(), one.complaint()];
+    for text in suppressions.iter().flat_map(messages).flatten() {
         command(out, "notice", "", "suppression", &text);
     }
     let _ = writeln!(out, "{}", text::total(report));
 }
 
-fn finding(judged: &Judged, group: &Group, out: &mut String) {
+fn finding(judged: &CaptureResult, group: &Group, out: &mut String) {
     let level = match group.severity {
         Severity::Error => "error",
         Severity::Warning => "warning",
         Severity::Note => "notice",
     };
-    let place = place(judged, judged.line(group.began()));
-    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged.first));
-    // An escaped line end is one again in GitHub's own page.
+    let place = place(judged.file(group.began()), judged.line(group.began()));
+    let lines = [format!("{}  {}", who(group), sentence(group))].into_iter().chain(judged.notes(group));
+    // GitHub unescapes line ends, so each line is escaped separately.
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     command(out, level, &place, &group.rule, &text);
 }
 
 /// `file=captures/a.log,line=12,`.
-fn place(judged: &Judged, line: Option<u64>) -> String {
-    let file = property(&portable(&judged.capture));
+fn place(file: &str, line: Option<u64>) -> String {
+    let file = property(&portable(file));
     match line {
         Some(line) => format!("file={file},line={line},"),
         None => format!("file={file},"),
@@ -78,12 +79,12 @@ fn command(out: &mut String, level: &str, place: &str, title: &str, text: &str) 
     let _ = writeln!(out, "::{level} {place}title={}::{}", property(title), data(&lines));
 }
 
-/// What the runner undoes in a message.
+/// Escapes the message of a workflow command.
 fn data(text: &str) -> String {
     text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
 }
 
-/// What it undoes in a property.
+/// Escapes a property of a workflow command.
 fn property(text: &str) -> String {
     data(&escape(text)).replace(':', "%3A").replace(',', "%2C")
 }

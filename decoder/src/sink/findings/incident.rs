@@ -1,4 +1,4 @@
-//! Findings with one cause, told as one.
+//! Incidents: findings grouped by their common cause.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,28 +7,28 @@ use std::fmt;
 use crate::finding::{Cause, Findings, Group, Severity};
 use crate::words::plural;
 
-/// A finding and what follows from it.
+/// A finding and its consequences.
 pub struct Incident<'a> {
-    /// The worst of them.
+    /// Highest severity in the incident.
     pub severity: Severity,
-    /// The cause first; each with how far down it is told.
+    /// Groups with their indentation depth, cause first.
     pub groups: Vec<(usize, &'a Group)>,
 }
 
-/// These findings by cause, the worst first.
+/// Groups findings by cause, most severe incident first.
 pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'a>> {
-    let told: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
+    let by_id: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
     let mut effects: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
-    for group in told.values() {
-        if let Some(cause) = cause(group, &told) {
+    for group in by_id.values() {
+        if let Some(cause) = cause(group, &by_id) {
             effects.entry(cause.id).or_default().push(group);
         }
     }
     let mut incidents = Vec::new();
     let mut seen = BTreeSet::new();
-    // What explains each other has no beginning: it is told from the earliest on, once all else is.
-    let roots = told.values().filter(|group| cause(group, &told).is_none());
-    for root in roots.chain(told.values()) {
+    // Groups that are causes of each other have no root; each such cycle starts at its earliest group.
+    let roots = by_id.values().filter(|group| cause(group, &by_id).is_none());
+    for root in roots.chain(by_id.values()) {
         let groups = below(root, &effects, &mut seen);
         let severity = groups.iter().map(|(_, group)| group.severity).max();
         incidents.extend(severity.map(|severity| Incident { severity, groups }));
@@ -39,14 +39,14 @@ pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'
     incidents
 }
 
-fn cause<'a>(group: &Group, told: &BTreeMap<u64, &'a Group>) -> Option<&'a Group> {
+fn cause<'a>(group: &Group, by_id: &BTreeMap<u64, &'a Group>) -> Option<&'a Group> {
     match group.cause {
-        Some(Cause::Group(id)) => told.get(&id).copied(),
+        Some(Cause::Group(id)) => by_id.get(&id).copied(),
         _ => None,
     }
 }
 
-/// A group and all that follows from it, as far as not told yet.
+/// A group and all its consequences that are not yet in `seen`.
 fn below<'a>(
     root: &'a Group,
     effects: &BTreeMap<u64, Vec<&'a Group>>,
@@ -65,25 +65,25 @@ fn below<'a>(
     found
 }
 
-/// What a group stands for beside itself: findings the cause of which says the same.
+/// Findings that another group also covers, because it is their cause and describes the same defect.
 #[derive(Debug, Default)]
-pub struct Absorbed<'a> {
-    /// Findings taken in.
+pub struct AbsorbedFindings<'a> {
+    /// Number of findings covered.
     pub count: usize,
-    /// Their rules.
+    /// Rules of the findings covered.
     pub rules: BTreeSet<&'a str>,
 }
 
-impl fmt::Display for Absorbed<'_> {
+impl fmt::Display for AbsorbedFindings<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rules: Vec<_> = self.rules.iter().copied().collect();
-        write!(f, "{} of other rules too: {}", plural(self.count, "finding"), rules.join(", "))
+        write!(f, "{} of other rules: {}", plural(self.count, "finding"), rules.join(", "))
     }
 }
 
-/// What groups have taken in, by their ids.
-pub fn absorbed(findings: &Findings) -> BTreeMap<u64, Absorbed<'_>> {
-    let mut all: BTreeMap<u64, Absorbed> = BTreeMap::new();
+/// Covered findings by the id of the covering group.
+pub fn absorbed(findings: &Findings) -> BTreeMap<u64, AbsorbedFindings<'_>> {
+    let mut all: BTreeMap<u64, AbsorbedFindings> = BTreeMap::new();
     for group in findings.groups.iter().filter(|group| group.is_absorbed && group.suppressed.is_none()) {
         if let Some(Cause::Group(id)) = group.cause {
             let absorbed = all.entry(id).or_default();
@@ -107,10 +107,15 @@ mod tests {
             rule: "r".into(),
             bus: "can0".into(),
             node_name: None,
+            object_name: None,
+            next_step: None,
+            manual: None,
             severity,
             text: format!("text {id}"),
             worst: None,
             count: 1,
+            lasted: None,
+            lasts_to_end: false,
             first: Vec::new(),
             last: std::collections::VecDeque::new(),
             cause: cause.map(Cause::Group),
@@ -121,7 +126,7 @@ mod tests {
         }
     }
 
-    fn told(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
+    fn reading(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
         let findings = Findings { groups, ..Findings::default() };
         let all = incidents(findings.counting());
         all.iter()
@@ -130,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn effects_stand_under_their_cause_and_the_worst_incident_first() {
+    fn effects_follow_their_cause_and_the_worst_incident_is_first() {
         let groups = vec![
             group(1, Severity::Warning, None),
             group(2, Severity::Note, Some(4)),
@@ -138,23 +143,23 @@ mod tests {
             group(4, Severity::Note, None),
             group(5, Severity::Note, Some(4)),
         ];
-        assert_eq!(told(groups), [vec![(0, 4), (1, 2), (2, 3), (1, 5)], vec![(0, 1)]]);
+        assert_eq!(reading(groups), [vec![(0, 4), (1, 2), (2, 3), (1, 5)], vec![(0, 1)]]);
     }
 
     #[test]
-    fn what_explains_each_other_is_told_once() {
+    fn findings_that_explain_each_other_are_one_incident() {
         let groups = vec![
             group(1, Severity::Error, Some(2)),
             group(2, Severity::Error, Some(1)),
             group(3, Severity::Error, Some(9)),
         ];
-        assert_eq!(told(groups), [vec![(0, 1), (1, 2)], vec![(0, 3)]]);
+        assert_eq!(reading(groups), [vec![(0, 1), (1, 2)], vec![(0, 3)]]);
     }
 
     #[test]
-    fn an_effect_of_what_does_not_count_stands_for_itself() {
+    fn an_effect_of_a_cause_that_does_not_count_counts_itself() {
         let mut cause = group(1, Severity::Error, None);
         cause.suppressed = Some("known".into());
-        assert_eq!(told(vec![cause, group(2, Severity::Note, Some(1))]), [vec![(0, 2)]]);
+        assert_eq!(reading(vec![cause, group(2, Severity::Note, Some(1))]), [vec![(0, 2)]]);
     }
 }

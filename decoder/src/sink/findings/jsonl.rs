@@ -1,10 +1,10 @@
-//! JSON Lines: an object a finding, then one a capture, and a total; keys as `docs/check.schema.json` describes
-//! them. Times and objects are written as in `decode -f jsonl`.
+//! JSON Lines: one object per finding, one per capture, and a total, with the keys of
+//! `docs/check.schema.json`. Times and objects are written as in `decode -f jsonl`.
 
 use std::io::{self, Write};
 
 use super::format::FindingFormat;
-use super::report::{Judged, Outcome, Report, Standing};
+use super::report::{CaptureResult, Outcome, Report, Standing};
 use crate::event::FrameRange;
 use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally};
 use crate::frame::Timestamp;
@@ -12,43 +12,43 @@ use crate::query::record::{FieldValue, Fields as _};
 use crate::sink::jsonl::object::Object;
 use crate::wire::NodeId;
 
-/// Types of values.
+/// Types of JSON values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KeyType {
     /// Text.
     Text,
-    /// A number from 0.
+    /// A non-negative integer.
     Count,
     /// A number.
     Number,
-    /// Seconds with nine digits; null in a capture without times.
+    /// Seconds with nine decimal places; null in a capture without timestamps.
     Seconds,
     /// Text or null.
     TextOrNull,
-    /// True or false.
+    /// A Boolean.
     Bool,
-    /// A list of texts.
+    /// A list of strings.
     Texts,
-    /// First and last frame.
+    /// First and last frame number.
     Frames,
-    /// An object whose keys follow.
+    /// An object; the following entries are its keys.
     Group,
-    /// A list of such objects.
+    /// A list of objects; the following entries are their keys.
     Groups,
 }
 
-/// A key of a line.
+/// A key of a JSON line.
 #[derive(Debug, Clone, Copy)]
 pub struct Key {
-    /// Kinds of lines that have it: `finding`, `summary`, `total`.
+    /// Kinds of lines with this key: `finding`, `summary`, `total`.
     pub kinds: &'static [&'static str],
-    /// Its name, nested ones behind a dot.
+    /// Key name; nested keys as `outer.inner`.
     pub key: &'static str,
-    /// What it holds.
+    /// Type of the value.
     pub value: KeyType,
-    /// Every such line has it.
+    /// Present in every line of these kinds.
     pub is_required: bool,
-    /// What it says.
+    /// Description for the schema.
     pub doc: &'static str,
 }
 
@@ -79,76 +79,105 @@ pub const KEYS: &[Key] = &[
         "Capture, as named on the command line or found in a folder",
     ),
     key(FINDING, "finding", KeyType::Count, true, "Number of the finding within its capture, as in `decode`"),
-    key(
-        FINDING,
-        "fingerprint",
-        KeyType::Text,
-        true,
-        "The same in every run: rule, bus, node and what it is about",
-    ),
-    key(FINDING, "rule", KeyType::Text, true, "Name of the rule; `cobscope explain RULE` tells more"),
-    key(FINDING, "title", KeyType::Text, true, "The defect in a line"),
-    key(FINDING, "severity", KeyType::Text, true, "error, warning or note, after what lowers it"),
+    key(FINDING, "fingerprint", KeyType::Text, true, "Stable identity: rule, bus, node and subject"),
+    key(FINDING, "rule", KeyType::Text, true, "Name of the rule; see `cobscope explain RULE`"),
+    key(FINDING, "title", KeyType::Text, true, "Defect, as a short title"),
+    key(FINDING, "severity", KeyType::Text, true, "error, warning or note, after any downgrade"),
     key(
         FINDING,
         "standing",
         KeyType::Text,
         true,
-        "new: it stands for itself; accepted: the baseline has it; suppressed: by the bus file; absorbed: the finding \
-         that explains it says the same",
+        "new; accepted: in the baseline; suppressed: by the bus file; absorbed: covered by the finding that is its \
+         cause",
     ),
     key(FINDING, "bus", KeyType::Text, true, "Name of the bus"),
-    key(FINDING, "protocol", KeyType::Text, false, "canopen or j1939: what kind of number `node` is"),
+    key(FINDING, "protocol", KeyType::Text, false, "canopen or j1939; determines the meaning of `node`"),
     key(FINDING, "node", KeyType::Count, false, "Node-ID, or J1939 address"),
-    key(FINDING, "node_name", KeyType::Text, false, "The user's name of the node"),
-    key(FINDING, "about", KeyType::Text, false, "Object, PGN, code, identifier or name it is about"),
-    key(FINDING, "text", KeyType::Text, true, "What is wrong"),
-    key(FINDING, "count", KeyType::Count, true, "Times it was seen"),
+    key(FINDING, "node_name", KeyType::Text, false, "Name of the node in the bus file"),
+    key(FINDING, "about", KeyType::Text, false, "Subject: object, PGN, code, identifier or name"),
+    key(FINDING, "text", KeyType::Text, true, "Defect with measured value and limit"),
+    key(FINDING, "count", KeyType::Count, true, "Number of occurrences"),
+    key(
+        FINDING,
+        "duration",
+        KeyType::Seconds,
+        false,
+        "Time for which it was present: total of a condition, else first to last",
+    ),
+    key(FINDING, "lasts", KeyType::Bool, false, "The condition still lasted at the end of the capture"),
+    key(FINDING, "next_step", KeyType::Text, false, "Next step that the rule proposes"),
     key(FINDING, "occurrences", KeyType::Groups, true, "The first five and the last five"),
-    key(FINDING, "occurrences.t", KeyType::Seconds, true, "When; null in a capture without times"),
-    key(FINDING, "occurrences.frames", KeyType::Frames, true, "First and last frame that show it"),
-    key(FINDING, "worst", KeyType::Group, false, "The worst, where that is not the first"),
-    key(FINDING, "worst.measure", KeyType::Number, false, "How far it is off, in the unit of the rule"),
-    key(FINDING, "worst.text", KeyType::Text, true, "What was wrong then"),
-    key(FINDING, "worst.t", KeyType::Seconds, true, "When"),
+    key(FINDING, "occurrences.t", KeyType::Seconds, true, "Time; null in a capture without timestamps"),
+    key(FINDING, "occurrences.frames", KeyType::Frames, true, "First and last frame of the occurrence"),
+    key(
+        FINDING,
+        "occurrences.file",
+        KeyType::Text,
+        false,
+        "File of the last frame, in a capture of several parts",
+    ),
+    key(
+        FINDING,
+        "occurrences.line",
+        KeyType::Count,
+        false,
+        "Line of the last frame in `file`, if it is text",
+    ),
+    key(FINDING, "worst", KeyType::Group, false, "Worst occurrence, if it is not the first"),
+    key(FINDING, "worst.measure", KeyType::Number, false, "Deviation, in the unit of the rule"),
+    key(FINDING, "worst.text", KeyType::Text, true, "Text of the worst occurrence"),
+    key(FINDING, "worst.t", KeyType::Seconds, true, "Time"),
     key(FINDING, "worst.frames", KeyType::Frames, true, "First and last frame"),
-    key(FINDING, "cause_finding", KeyType::Count, false, "Finding of the same capture that explains it"),
-    key(FINDING, "cause", KeyType::Text, false, "What else explains it"),
-    key(FINDING, "downgraded", KeyType::Text, false, "Why it is less severe than its rule says"),
-    key(FINDING, "suppressed", KeyType::Text, false, "The bus file's reason why it does not count"),
-    key(SUMMARY, "frames", KeyType::Count, true, "Frames read"),
+    key(FINDING, "worst.file", KeyType::Text, false, "File of the last frame, in a capture of several parts"),
+    key(FINDING, "worst.line", KeyType::Count, false, "Line of the last frame in `file`, if it is text"),
+    key(
+        FINDING,
+        "cause_finding",
+        KeyType::Count,
+        false,
+        "Number of the finding that is the cause, in the same capture",
+    ),
+    key(FINDING, "cause", KeyType::Text, false, "Other cause"),
+    key(FINDING, "downgraded", KeyType::Text, false, "Reason for a severity lower than the rule's"),
+    key(FINDING, "manual", KeyType::Text, false, "Manual and section of a finding about a device"),
+    key(FINDING, "suppressed", KeyType::Text, false, "Reason for the suppression, from the bus file"),
+    key(SUMMARY, "frames", KeyType::Count, true, "Frames read, over all parts"),
+    key(SUMMARY, "parts", KeyType::Groups, false, "Files of a capture of several parts, in order"),
+    key(SUMMARY, "parts.file", KeyType::Text, true, "Name of the file"),
+    key(SUMMARY, "parts.first_frame", KeyType::Count, true, "Number of its first frame"),
     key(SUMMARY, "verdict", KeyType::Text, true, "pass, fail or unreadable"),
-    key(SUMMARY, "failure", KeyType::Text, false, "Why it could not be read, or not to its end"),
-    key(TOTAL, "captures", KeyType::Count, true, "Captures judged"),
+    key(SUMMARY, "failure", KeyType::Text, false, "Reason why the capture was not read, or not to its end"),
+    key(TOTAL, "captures", KeyType::Count, true, "Captures checked"),
     key(TOTAL, "failed", KeyType::Count, true, "Captures that fail"),
-    key(TOTAL, "unreadable", KeyType::Count, true, "Captures that could not be read, or not to their end"),
+    key(TOTAL, "unreadable", KeyType::Count, true, "Captures not read, or not to their end"),
     key(COUNTS, "errors", KeyType::Count, true, "New findings that are errors"),
     key(COUNTS, "warnings", KeyType::Count, true, "New findings that are warnings"),
     key(COUNTS, "notes", KeyType::Count, true, "New findings that are notes"),
-    key(COUNTS, "accepted", KeyType::Count, true, "Findings the baseline has"),
-    key(COUNTS, "suppressed", KeyType::Count, true, "Findings the bus file suppresses"),
-    key(SUMMARY, "ungrouped", KeyType::Count, true, "Further times something was wrong that found no room"),
-    key(SUMMARY, "quality", KeyType::Texts, true, "What limits the verdicts"),
-    key(SUMMARY, "gone", KeyType::Texts, true, "Fingerprints the baseline has that did not come again"),
-    key(SUMMARY, "silent", KeyType::Texts, true, "Rules the baseline has exercised that are not any more"),
-    key(SUMMARY, "rules", KeyType::Groups, true, "Rules in use"),
+    key(COUNTS, "accepted", KeyType::Count, true, "Findings that are in the baseline"),
+    key(COUNTS, "suppressed", KeyType::Count, true, "Findings suppressed by the bus file"),
+    key(SUMMARY, "ungrouped", KeyType::Count, true, "Further occurrences not recorded (limit reached)"),
+    key(SUMMARY, "quality", KeyType::Texts, true, "Properties of the capture that limit the verdicts"),
+    key(SUMMARY, "gone", KeyType::Texts, true, "Fingerprints in the baseline that did not occur"),
+    key(SUMMARY, "silent", KeyType::Texts, true, "Rules exercised in the baseline but not in this run"),
+    key(SUMMARY, "rules", KeyType::Groups, true, "Active rules"),
     key(SUMMARY, "rules.rule", KeyType::Text, true, "Name"),
     key(SUMMARY, "rules.verdict", KeyType::Text, true, "pass, fail or not-exercised"),
-    key(SUMMARY, "rules.passed", KeyType::Count, true, "Times nothing was wrong"),
-    key(SUMMARY, "rules.failed", KeyType::Count, true, "Times something was"),
-    key(SUMMARY, "rules.waived", KeyType::Count, true, "Times the device's manual excuses it"),
-    key(SUMMARY, "cases", KeyType::Groups, true, "Cases of CiA's conformance test plan that rules judge"),
+    key(SUMMARY, "rules.passed", KeyType::Count, true, "Number of checks that passed"),
+    key(SUMMARY, "rules.failed", KeyType::Count, true, "Number of checks that failed"),
+    key(SUMMARY, "rules.waived", KeyType::Count, true, "Number of failures waived by the device manual"),
+    key(SUMMARY, "cases", KeyType::Groups, true, "Cases of the CiA conformance test plan covered by rules"),
     key(SUMMARY, "cases.case", KeyType::Text, true, "Number of the case"),
     key(SUMMARY, "cases.verdict", KeyType::Text, true, "pass, fail or not-exercised"),
-    key(SUMMARY, "cases.passed", KeyType::Count, true, "Times nothing was wrong"),
-    key(SUMMARY, "cases.failed", KeyType::Count, true, "Times something was"),
-    key(SUMMARY, "cases.waived", KeyType::Count, true, "Times the device's manual excuses it"),
+    key(SUMMARY, "cases.passed", KeyType::Count, true, "Number of checks that passed"),
+    key(SUMMARY, "cases.failed", KeyType::Count, true, "Number of checks that failed"),
+    key(SUMMARY, "cases.waived", KeyType::Count, true, "Number of failures waived by the device manual"),
     key(
         SUMMARY,
         "conformance",
         KeyType::Groups,
         true,
-        "Cases of a conformance test that was run in the capture",
+        "Cases of a conformance test that the capture contains",
     ),
     key(SUMMARY, "conformance.case", KeyType::Text, true, "Number of the case"),
     key(
@@ -156,41 +185,42 @@ pub const KEYS: &[Key] = &[
         "conformance.name",
         KeyType::Text,
         true,
-        "Its subject; empty for a case the plan does not have",
+        "Subject of the case; empty for a case unknown to the test plan",
     ),
-    key(SUMMARY, "conformance.tool", KeyType::Text, true, "The test tool's verdict"),
+    key(SUMMARY, "conformance.tool", KeyType::Text, true, "Verdict of the test tool"),
     key(
         SUMMARY,
         "conformance.verdict",
         KeyType::Text,
         true,
-        "That of the rules here: pass, fail or not-exercised",
+        "Verdict of the rules: pass, fail or not-exercised",
     ),
-    key(SUMMARY, "conformance.frames", KeyType::Frames, true, "From its first mark to its last"),
-    key(COUNTS, "suppressions", KeyType::Groups, true, "Suppressions of the bus file"),
-    key(COUNTS, "suppressions.what", KeyType::Text, true, "What it covers"),
-    key(COUNTS, "suppressions.reason", KeyType::Text, true, "The user's reason"),
+    key(SUMMARY, "conformance.frames", KeyType::Frames, true, "Frames of the first and last mark"),
+    key(COUNTS, "suppressions", KeyType::Groups, true, "Suppressions in the bus file"),
+    key(COUNTS, "suppressions.what", KeyType::Text, true, "Rule and node covered"),
+    key(COUNTS, "suppressions.reason", KeyType::Text, true, "Reason"),
+    key(COUNTS, "suppressions.met", KeyType::Count, true, "Findings covered, in the capture or in total"),
+    key(COUNTS, "suppressions.ended", KeyType::TextOrNull, true, "Expiry date, if it has passed"),
+    key(TOTAL, "missing", KeyType::Texts, true, "Required rules that were not exercised in any capture"),
     key(
-        COUNTS,
-        "suppressions.met",
-        KeyType::Count,
+        TOTAL,
+        "absent",
+        KeyType::Texts,
         true,
-        "Findings it covers: of the capture, in the total of all",
+        "Captures of the baseline that were not checked; the check fails",
     ),
-    key(COUNTS, "suppressions.ended", KeyType::TextOrNull, true, "The day it ran out"),
-    key(TOTAL, "missing", KeyType::Texts, true, "Rules that had to be exercised, and were in no capture"),
-    key(TOTAL, "absent", KeyType::Texts, true, "Captures of the baseline that were not judged, which fails"),
-    key(TOTAL, "fails", KeyType::Bool, true, "Whether the exit status says that something is wrong"),
+    key(TOTAL, "fails", KeyType::Bool, true, "Whether the check fails (exit status 1)"),
 ];
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "jsonl",
-    help: "One JSON object a finding and a capture, and a total (docs/check.schema.json)",
+    help: "One JSON object per finding and per capture, and a total (docs/check.schema.json)",
     has_lines: false,
     write: |report, _, out| write(report, out),
 };
 
-/// Writes all captures, a line at a time: of thousands of findings the text is larger than what is kept of them.
+/// Writes all captures line by line, because the text of thousands of findings needs more memory than the
+/// findings.
 fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     let mut line = Vec::new();
     for judged in &report.captures {
@@ -207,7 +237,7 @@ fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     out.write_all(&line)
 }
 
-fn finding(group: &Group, judged: &Judged, lines: &mut Vec<u8>) {
+fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
     let mut line = Object::begin(lines);
     line.field("kind", FieldValue::Text("finding"));
     line.field("capture", FieldValue::Text(&judged.capture));
@@ -229,21 +259,28 @@ fn finding(group: &Group, judged: &Judged, lines: &mut Vec<u8>) {
     optional(&mut line, "about", Some(about.as_str()).filter(|about| !about.is_empty()));
     line.field("text", FieldValue::Text(&group.text));
     line.field("count", FieldValue::Unsigned(group.count));
+    if let Some(duration) = group.duration() {
+        line.field("duration", FieldValue::Seconds(duration));
+    }
+    if group.lasts_to_end {
+        line.field("lasts", FieldValue::Bool(true));
+    }
+    optional(&mut line, "next_step", group.next_step.as_deref());
     line.open_list("occurrences");
     for at in group.first.iter().chain(&group.last) {
         line.open("");
-        occurrence(&mut line, *at);
+        occurrence(&mut line, *at, judged);
         line.close();
     }
     line.close_list();
     if let Some((measure, text, at)) = &group.worst {
         line.open("worst");
-        // What never came has no measure.
+        // A message that never arrived has no measure.
         if *measure < f64::MAX {
             line.field("measure", FieldValue::Real(*measure));
         }
         line.field("text", FieldValue::Text(text));
-        occurrence(&mut line, *at);
+        occurrence(&mut line, *at, judged);
         line.close();
     }
     match &group.cause {
@@ -252,6 +289,7 @@ fn finding(group: &Group, judged: &Judged, lines: &mut Vec<u8>) {
         None => {}
     }
     optional(&mut line, "downgraded", group.downgraded.as_deref());
+    optional(&mut line, "manual", group.manual.as_deref());
     optional(&mut line, "suppressed", group.suppressed.as_deref());
     line.end();
 }
@@ -262,9 +300,15 @@ fn optional(line: &mut Object<'_>, key: &'static str, text: Option<&str>) {
     }
 }
 
-fn occurrence(line: &mut Object<'_>, at: Occurrence) {
+fn occurrence(line: &mut Object<'_>, at: Occurrence, judged: &CaptureResult) {
     line.field("t", at.time.map_or(FieldValue::Null, |Timestamp(time)| FieldValue::Seconds(time)));
     frames(line, at.frames);
+    if let Some((_, file)) = judged.part_of(at.frames.last) {
+        line.field("file", FieldValue::Text(file));
+        if let Some(number) = judged.line(at) {
+            line.field("line", FieldValue::Unsigned(number));
+        }
+    }
 }
 
 fn frames(line: &mut Object<'_>, frames: FrameRange) {
@@ -274,12 +318,22 @@ fn frames(line: &mut Object<'_>, frames: FrameRange) {
     line.close_list();
 }
 
-fn summary(judged: &Judged, report: &Report, lines: &mut Vec<u8>) {
+fn summary(judged: &CaptureResult, report: &Report, lines: &mut Vec<u8>) {
     let findings = &judged.findings;
     let mut line = Object::begin(lines);
     line.field("kind", FieldValue::Text("summary"));
     line.field("capture", FieldValue::Text(&judged.capture));
     line.field("frames", FieldValue::Unsigned(judged.frames));
+    if !judged.parts.is_empty() {
+        line.open_list("parts");
+        for part in &judged.parts {
+            line.open("");
+            line.field("file", FieldValue::Text(&part.file));
+            line.field("first_frame", FieldValue::Unsigned(part.first_frame));
+            line.close();
+        }
+        line.close_list();
+    }
     line.field("verdict", FieldValue::Text(judged.outcome(report.least).name()));
     optional(&mut line, "failure", judged.failure.as_deref());
     counts(&mut line, std::slice::from_ref(judged));
@@ -340,7 +394,7 @@ fn total(report: &Report, lines: &mut Vec<u8>) {
     line.end();
 }
 
-fn counts(line: &mut Object<'_>, captures: &[Judged]) {
+fn counts(line: &mut Object<'_>, captures: &[CaptureResult]) {
     let severities =
         [("errors", Severity::Error), ("warnings", Severity::Warning), ("notes", Severity::Note)];
     for (key, severity) in severities {

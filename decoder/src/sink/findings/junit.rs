@@ -1,16 +1,16 @@
-//! JUnit XML: a suite a capture, a case a rule.
+//! JUnit XML: one suite per capture, one test case per rule.
 
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::format::{FindingFormat, write_at_once};
 use super::incident::incidents;
-use super::report::{ABSENT, Judged, MISSING, Report, SILENT, notes, what, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "junit",
-    help: "JUnit XML: a suite a capture, a case a rule",
+    help: "JUnit XML: one suite per capture, one test case per rule",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),
 };
@@ -24,11 +24,11 @@ fn write(report: &Report, out: &mut String) {
     let absent = report.absent.iter().map(|capture| (capture, "absent", ABSENT));
     junit.add_test_suites(failures("baseline", absent));
     junit.add_test_suites(suppressions(&report.suppressions()));
-    // Writing to memory does not fail; names without what XML cannot hold were made above.
+    // Writing to memory cannot fail; names were stripped of characters that XML forbids.
     out.push_str(&junit.to_string().unwrap_or_default());
 }
 
-fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
+fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
     let mut suite = TestSuite::new(xml(&judged.capture));
     if let Some(text) = &judged.failure {
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
@@ -38,17 +38,17 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
     let quality = judged.findings.quality.iter().map(|note| escape(note).into_owned());
     let gone =
         judged.comparison.gone.iter().map(|known| escape(&format!("gone: {}", known.line())).into_owned());
-    let said: Vec<_> = quality.chain(gone).collect();
-    if !said.is_empty() {
-        suite.set_system_out(xml_lines(&said.join("\n")));
+    let notes: Vec<_> = quality.chain(gone).collect();
+    if !notes.is_empty() {
+        suite.set_system_out(xml_lines(&notes.join("\n")));
     }
-    let told: Vec<&Group> = incidents(judged.telling())
+    let findings: Vec<&Group> = incidents(judged.telling())
         .into_iter()
         .flat_map(|incident| incident.groups)
         .map(|(_, group)| group)
         .collect();
     for (rule, tally) in judged.rules() {
-        let own: Vec<&Group> = told.iter().copied().filter(|group| group.rule == rule.name).collect();
+        let own: Vec<&Group> = findings.iter().copied().filter(|group| group.rule == rule.name).collect();
         let suppressed = suppressed(judged, &rule.name);
         let is_silent = judged.comparison.silent.iter().any(|silent| **silent == *rule.name);
         let mut case = TestCase::new(xml(&rule.name), status(&own, judged, least));
@@ -59,11 +59,11 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
             case.status.set_message(xml_lines(&suppressed.join("; ")));
         } else if own.is_empty() && tally.verdict() == Verdict::NotExercised {
             case.status = TestCaseStatus::skipped();
-            case.status.set_message("not exercised: nothing in the capture to judge");
+            case.status.set_message("not exercised: nothing to check in the capture");
         } else if !own.is_empty() {
-            let told = if fails(&own, least) { String::new() } else { texts(&own, judged) };
+            let text = if fails(&own, least) { String::new() } else { texts(&own, judged) };
             let lines: Vec<_> =
-                std::iter::once(told).chain(suppressed).filter(|text| !text.is_empty()).collect();
+                std::iter::once(text).chain(suppressed).filter(|text| !text.is_empty()).collect();
             if !lines.is_empty() {
                 case.set_system_out(xml_lines(&lines.join("\n")));
             }
@@ -74,7 +74,7 @@ fn suite(judged: &Judged, least: Option<Severity>) -> TestSuite {
     suite
 }
 
-/// A suite of cases that fail; none where there is no such case.
+/// A suite of failed test cases; `None` if there are no cases.
 fn failures<'a>(
     name: &str,
     cases: impl Iterator<Item = (&'a String, &'static str, &'static str)>,
@@ -84,36 +84,36 @@ fn failures<'a>(
     (!suite.test_cases.is_empty()).then_some(suite)
 }
 
-/// What the suppressions of the bus file came to: a case each, which passes with what is to be said of it.
+/// A suite of suppressions; each test case passes and lists the covered findings.
 fn suppressions(all: &[SuppressionUse]) -> Option<TestSuite> {
     let mut suite = TestSuite::new("suppressions");
     for one in all {
         let mut case = TestCase::new(xml(&one.what), TestCaseStatus::success());
-        let said: Vec<_> = [one.covered(), one.complaint()].into_iter().flatten().collect();
-        case.set_system_out(xml_lines(&said.iter().map(|text| escape(text)).collect::<Vec<_>>().join("\n")));
+        let lines: Vec<_> = [one.covered(), one.complaint()].into_iter().flatten().collect();
+        case.set_system_out(xml_lines(&lines.iter().map(|text| escape(text)).collect::<Vec<_>>().join("\n")));
         suite.add_test_case(case);
     }
     (!all.is_empty()).then_some(suite)
 }
 
-/// Findings of a rule that the bus file suppresses, each with its reason.
-fn suppressed(judged: &Judged, rule: &str) -> Vec<String> {
+/// Suppressed findings of a rule, with reasons.
+fn suppressed(judged: &CaptureResult, rule: &str) -> Vec<String> {
     let own = judged.findings.groups.iter().filter(|group| *group.rule == *rule);
-    let told = own.filter_map(|group| {
+    let suppressed = own.filter_map(|group| {
         let reason = group.suppressed.as_deref()?;
         Some(escape(&format!("suppressed: {}  {}: {reason}", who(group), what(group))).into_owned())
     });
-    told.collect()
+    suppressed.collect()
 }
 
 fn fails(groups: &[&Group], least: Option<Severity>) -> bool {
     groups.iter().any(|group| least.is_some_and(|least| group.severity >= least))
 }
 
-fn status(groups: &[&Group], judged: &Judged, least: Option<Severity>) -> TestCaseStatus {
+fn status(groups: &[&Group], judged: &CaptureResult, least: Option<Severity>) -> TestCaseStatus {
     match groups.iter().max_by_key(|group| group.severity) {
         Some(worst) if fails(groups, least) => {
-            let message = format!("{}  {}", who(worst), what(worst));
+            let message = format!("{}  {}", who(worst), sentence(worst));
             failure(worst.severity.name(), &message, &texts(groups, judged))
         }
         _ => TestCaseStatus::success(),
@@ -126,25 +126,25 @@ fn failure(kind: &str, message: &str, text: &str) -> TestCaseStatus {
     status
 }
 
-/// Each finding with its notes.
-fn texts(groups: &[&Group], judged: &Judged) -> String {
+/// Findings with their notes, as lines.
+fn texts(groups: &[&Group], judged: &CaptureResult) -> String {
     let mut lines = Vec::new();
     for group in groups {
-        lines.push(format!("{} {}  {}", group.severity.name(), who(group), what(group)));
-        lines.extend(notes(group, judged.first).into_iter().map(|note| format!("    {note}")));
+        lines.push(format!("{} {}  {}", group.severity.name(), who(group), sentence(group)));
+        lines.extend(judged.notes(group).into_iter().map(|note| format!("    {note}")));
         if let Some(line) = judged.line(group.began()) {
-            lines.push(format!("    {}:{line}", judged.capture));
+            lines.push(format!("    {}:{line}", judged.file(group.began())));
         }
     }
     lines.iter().map(|line| escape(line).into_owned()).collect::<Vec<_>>().join("\n")
 }
 
-/// What a capture says, with its control characters shown.
+/// Text from a capture, with control characters escaped.
 fn xml(text: &str) -> XmlString {
     XmlString::new(escape(text))
 }
 
-/// The same of text of ours in lines, each escaped before.
+/// Text of several lines, each already escaped.
 fn xml_lines(text: &str) -> XmlString {
     XmlString::new(text)
 }

@@ -1,4 +1,4 @@
-//! What was judged of captures, one format a file.
+//! Reports on checked captures, one module per format.
 //!
 //! ```text
 //! Findings of each capture ─compare─▶ Report ─▶ text, jsonl, junit, sarif, github
@@ -19,8 +19,10 @@ mod sarif;
 mod text;
 
 pub use format::{FindingFormat, TextOptions};
-pub use report::{Coverage, Judged, Outcome, Report, Standing, moment, notes, what, when, who};
+pub use report::{
+    CapturePart, CaptureResult, Coverage, Outcome, Report, Standing, moment, notes, sentence, what, who,
+};
 
-/// All formats of findings.
+/// All findings formats.
 pub const FINDING_FORMATS: &[FindingFormat] =
     &[text::FORMAT, jsonl::FORMAT, junit::FORMAT, sarif::FORMAT, github::FORMAT];

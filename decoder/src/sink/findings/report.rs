@@ -1,6 +1,7 @@
-//! What was judged of captures, and the words for it that all formats share.
+//! Results of checked captures, and texts shared by all formats.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::comparison::Comparison;
@@ -8,59 +9,70 @@ use crate::finding::{Findings, Group, Occurrence, RuleInfo, Severity, Suppressio
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 
-/// What is said of a capture that the baseline has and that was judged nowhere.
-pub(super) const ABSENT: &str = "not judged in this run: the baseline has it judged";
+/// Text for a capture of the baseline that was not checked.
+pub(super) const ABSENT: &str = "in the baseline, but not checked in this run";
 
-/// What is said of a rule that the baseline has exercised and that is not any more.
-pub(super) const SILENT: &str = "not exercised any more: the baseline has it exercised";
+/// Text for a rule exercised in the baseline but not in this run.
+pub(super) const SILENT: &str = "no longer exercised (exercised in the baseline)";
 
-/// What is said of a rule of `--require-exercised`.
-pub(super) const MISSING: &str = "had to be exercised, and was in no capture";
+/// Text for a rule of `--require-exercised` without a verdict.
+pub(super) const MISSING: &str = "required, but not exercised in any capture";
 
-/// What was judged of all captures.
+/// Results of all captures.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
     /// Each capture, in the order of the command line.
-    pub captures: Vec<Judged>,
-    /// Findings from this severity on are failures; none are without.
+    pub captures: Vec<CaptureResult>,
+    /// Lowest severity that counts as a failure; `None` if findings never count as failures.
     pub least: Option<Severity>,
-    /// There is a baseline.
+    /// Whether a baseline was given.
     pub has_baseline: bool,
-    /// Rules that had to be exercised, and were in no capture.
+    /// Required rules that were not exercised in any capture.
     pub missing: Vec<String>,
-    /// Captures of the baseline that were not judged this time: what they judged is lost.
+    /// Captures of the baseline that were not checked this time.
     pub absent: Vec<String>,
 }
 
-/// What was judged of one capture.
+/// Results of one capture.
 #[derive(Debug, Clone, Default)]
-pub struct Judged {
+pub struct CaptureResult {
     /// Name of the capture.
     pub capture: String,
     /// Frames read.
     pub frames: u64,
-    /// Stamp of the first frame: the zero of times.
+    /// Timestamp of the first frame, the zero of printed times.
     pub first: Option<Timestamp>,
-    /// Stamp of the last frame.
+    /// Timestamp of the last frame.
     pub last: Option<Timestamp>,
-    /// Everything judged.
+    /// Findings and verdicts.
     pub findings: Findings,
-    /// Why it could not be read, or not to its end.
+    /// Reason why the capture was not read, or not to its end.
     pub failure: Option<String>,
-    /// Lines of frames that findings name, where the capture is text.
+    /// Line number of each frame that a finding refers to, for text captures; in the file of its part.
     pub lines: BTreeMap<u64, u64>,
-    /// What differs from the baseline.
+    /// Files of a capture that consists of several parts, in order; empty for a single file.
+    pub parts: Vec<CapturePart>,
+    /// Differences from the baseline.
     pub comparison: Comparison,
 }
 
-/// What a capture comes to.
+/// A file of a capture that consists of several parts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CapturePart {
+    /// Name of the file.
+    pub file: String,
+    /// Number of its first frame; frames are counted over all parts.
+    pub first_frame: u64,
+}
+
+/// Overall result of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Nothing that counts as a failure.
+    /// No failure.
     Passed,
-    /// Findings that do, or a rule that is not exercised any more.
+    /// A finding counts as a failure, or a rule is no longer exercised.
     Failed,
-    /// It could not be read, or not to its end.
+    /// The capture was not read, or not to its end.
     Unreadable,
 }
 
@@ -75,16 +87,16 @@ impl Outcome {
     }
 }
 
-/// What a finding counts for.
+/// Treatment of a finding in the report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// It stands for itself.
+    /// Counts as a new finding.
     New,
-    /// The baseline has it.
+    /// In the baseline.
     Accepted,
-    /// The bus file has a reason why it does not count.
+    /// Suppressed by the bus file.
     Suppressed,
-    /// The finding that explains it says the same.
+    /// Covered by the finding that is its cause.
     Absorbed,
 }
 
@@ -100,17 +112,17 @@ impl Standing {
     }
 }
 
-/// What was judged of one rule, or one case of the test plan, over all captures.
+/// Verdict counts of one rule over all captures.
 #[derive(Debug, Clone)]
 pub struct Coverage<'a> {
-    /// The rule.
+    /// Rule.
     pub rule: &'a RuleInfo,
-    /// How often.
+    /// Verdict counts.
     pub tally: Tally,
 }
 
-impl Judged {
-    /// What a group counts for.
+impl CaptureResult {
+    /// Treatment of a group.
     pub fn standing(&self, group: &Group) -> Standing {
         match () {
             () if group.suppressed.is_some() => Standing::Suppressed,
@@ -120,36 +132,79 @@ impl Judged {
         }
     }
 
-    /// Groups that stand for themselves.
+    /// Groups that count as new findings.
     pub fn telling(&self) -> impl Iterator<Item = &Group> {
         self.findings.groups.iter().filter(|group| self.standing(group) == Standing::New)
     }
 
-    /// How many groups of a severity stand for themselves.
+    /// Number of new findings of a severity.
     pub fn number(&self, severity: Severity) -> usize {
         self.telling().filter(|group| group.severity == severity).count()
     }
 
-    /// How many groups count for something else.
+    /// Number of groups with a given treatment.
     pub fn number_of(&self, standing: Standing) -> usize {
         self.findings.groups.iter().filter(|group| self.standing(group) == standing).count()
     }
 
-    /// Line of the last of these frames, where the capture is text.
+    /// Line of the last frame of an occurrence, for text captures.
     pub fn line(&self, at: Occurrence) -> Option<u64> {
         self.lines.get(&at.frames.last).copied()
     }
 
-    /// Frames of which lines are asked for.
-    pub fn frames_of_findings(&self) -> BTreeSet<u64> {
-        let of = |group: &Group| {
-            let worst = group.worst.as_ref().map(|(_, _, at)| at.frames.last);
-            [Some(group.began().frames.last), worst]
-        };
-        self.findings.groups.iter().flat_map(of).flatten().filter(|frame| *frame > 0).collect()
+    /// Index and file of the part with a frame; `None` for a capture in a single file.
+    pub fn part_of(&self, frame: u64) -> Option<(usize, &str)> {
+        let index = self.parts.partition_point(|part| part.first_frame <= frame).saturating_sub(1);
+        self.parts.get(index).map(|part| (index, part.file.as_str()))
     }
 
-    /// What it comes to.
+    /// File of an occurrence: that of its part.
+    pub fn file(&self, at: Occurrence) -> &str {
+        self.part_of(at.frames.last).map_or(&self.capture, |(_, file)| file)
+    }
+
+    /// File of everything that concerns the whole capture: that of the first part.
+    pub fn first_file(&self) -> &str {
+        self.parts.first().map_or(&self.capture, |part| &part.file)
+    }
+
+    /// `1.300 s {12-13}`, in a capture of several parts with the file: `1.300 s {140} part2.log:22`.
+    pub fn moment(&self, at: Occurrence) -> String {
+        let mut text = moment(at, self.first);
+        if let Some((_, file)) = self.part_of(at.frames.last).filter(|_| at.frames.last > 0) {
+            text.push(' ');
+            text.push_str(file);
+            if let Some(line) = self.line(at) {
+                text.push(':');
+                text.push_str(&line.to_string());
+            }
+        }
+        text
+    }
+
+    /// `at 1.300 s {12-13}`, `first 1.300 s {12}, last 9.100 s {500}`.
+    pub fn when(&self, group: &Group) -> String {
+        when(group, |at| self.moment(at))
+    }
+
+    /// Lines below a finding: time, worst occurrence, reason for a lowered severity, section of the manual.
+    pub fn notes(&self, group: &Group) -> Vec<String> {
+        notes_of(group, |at| self.moment(at))
+    }
+
+    /// Frames whose line numbers are needed.
+    pub fn frames_of_findings(&self) -> BTreeSet<u64> {
+        let is_joined = !self.parts.is_empty();
+        let of = |group: &Group| {
+            let worst = group.worst.as_ref().map(|(_, _, at)| *at);
+            let all = group.first.iter().chain(&group.last).filter(|_| is_joined).copied();
+            let all: Vec<_> = [group.began()].into_iter().chain(worst).chain(all).collect();
+            all.into_iter().map(|at| at.frames.last)
+        };
+        self.findings.groups.iter().flat_map(of).filter(|frame| *frame > 0).collect()
+    }
+
+    /// Overall result; `least` is the lowest severity that counts as a failure.
     pub fn outcome(&self, least: Option<Severity>) -> Outcome {
         let is_failure = |group: &Group| least.is_some_and(|least| group.severity >= least);
         match () {
@@ -159,26 +214,26 @@ impl Judged {
         }
     }
 
-    /// Rules in use with how often they were judged.
+    /// Active rules with their verdict counts.
     pub fn rules(&self) -> impl Iterator<Item = (&RuleInfo, Tally)> {
         let all = self.findings.rules.iter().zip(self.findings.tallies.iter().copied());
         all.filter(|(rule, _)| rule.is_on)
     }
 
-    /// How many rules have a verdict.
+    /// Number of active rules with a given verdict.
     pub fn verdicts(&self, wanted: Verdict) -> usize {
         self.rules().filter(|(_, tally)| tally.verdict() == wanted).count()
     }
 }
 
 impl Report {
-    /// Whether it fails: the exit status says so.
+    /// Whether the check fails, as stated by the exit status.
     pub fn fails(&self) -> bool {
-        let failed = |judged: &Judged| judged.outcome(self.least) == Outcome::Failed;
+        let failed = |judged: &CaptureResult| judged.outcome(self.least) == Outcome::Failed;
         !self.missing.is_empty() || !self.absent.is_empty() || self.captures.iter().any(failed)
     }
 
-    /// Takes note of which of these rules were exercised nowhere.
+    /// Sets `missing` to those of `rules` that were not exercised.
     pub fn require(&mut self, rules: &[String]) {
         let coverage = self.coverage();
         let exercised = |wanted: &String| {
@@ -189,11 +244,11 @@ impl Report {
         self.missing = missing;
     }
 
-    /// Rules in use over all captures, in the order they are asked.
+    /// Active rules over all captures, in evaluation order.
     pub fn coverage(&self) -> Vec<Coverage<'_>> {
         let mut all: Vec<Coverage<'_>> = Vec::new();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
-        for (rule, tally) in self.captures.iter().flat_map(Judged::rules) {
+        for (rule, tally) in self.captures.iter().flat_map(CaptureResult::rules) {
             let place = *places.entry(&rule.name).or_insert(all.len());
             match all.get_mut(place) {
                 Some(known) => known.tally.add(tally),
@@ -203,7 +258,7 @@ impl Report {
         all
     }
 
-    /// Cases of the test plan over all captures.
+    /// Cases of the conformance test plan over all captures.
     pub fn cases(&self) -> BTreeMap<Arc<str>, Tally> {
         let mut all: BTreeMap<Arc<str>, Tally> = BTreeMap::new();
         for (case, tally) in self.captures.iter().flat_map(|judged| &judged.findings.cases) {
@@ -212,7 +267,7 @@ impl Report {
         all
     }
 
-    /// What the suppressions came to over all captures.
+    /// Use of each suppression over all captures.
     pub fn suppressions(&self) -> Vec<SuppressionUse> {
         let mut all: Vec<SuppressionUse> = Vec::new();
         for judged in &self.captures {
@@ -234,23 +289,47 @@ pub fn who(group: &Group) -> String {
     parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// What is wrong, with what it is about: `1018:01: answered after 300 ms`.
+/// The subject of a finding and its text: `1018:01 Vendor-ID: response after 300 ms`.
 pub fn what(group: &Group) -> String {
     let about = group.key.about.to_string();
     if about.is_empty() || group.text.contains(&about) {
-        group.text.clone()
-    } else {
-        format!("{about}: {}", group.text)
+        return group.text.clone();
+    }
+    match &group.object_name {
+        Some(name) => format!("{about} {name}: {}", group.text),
+        None => format!("{about}: {}", group.text),
     }
 }
 
-/// `at 1.300 s {12-13}`, `3 times, first 1.300 s {12}, last 9.100 s {500}`.
-pub fn when(group: &Group, zero: Option<Timestamp>) -> String {
-    let (began, ended) = (moment(group.began(), zero), moment(group.ended(), zero));
-    if group.count == 1 {
-        return format!("at {began}");
+/// The finding in one sentence: `heartbeat interval 170 ms > 150 ms for 6.6 s, 12 times; check the cycle
+/// time`.
+pub fn sentence(group: &Group) -> String {
+    let mut text = what(group);
+    if let Some(duration) = group.duration() {
+        text.push_str(" for ");
+        text.push_str(&length(duration));
     }
-    format!("{} times, first {began}, last {ended}", group.count)
+    if group.count > 1 {
+        let _ = write!(text, ", {} times", group.count);
+    }
+    if group.lasts_to_end {
+        text.push_str(", until the end of the capture");
+    }
+    if let Some(next) = &group.next_step {
+        text.push_str("; ");
+        text.push_str(next);
+    }
+    text
+}
+
+/// A duration: `312 ms`, `6.6 s`.
+fn length(nanoseconds: i64) -> String {
+    let milliseconds = nanoseconds.max(0) / 1_000_000;
+    if milliseconds < 1_000 {
+        return format!("{milliseconds} ms");
+    }
+    let tenths = (milliseconds + 50) / 100;
+    format!("{}.{} s", tenths / 10, tenths % 10)
 }
 
 /// `1.300 s {12-13}`.
@@ -274,14 +353,24 @@ pub(super) fn seconds(nanoseconds: i64) -> String {
     format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
-/// The lines below the finding: when, the worst, why it is less severe, what explains it.
+/// Lines below a finding: time, worst occurrence, reason for a lowered severity, section of the manual.
 pub fn notes(group: &Group, zero: Option<Timestamp>) -> Vec<String> {
-    let mut notes = vec![when(group, zero)];
+    notes_of(group, |at| moment(at, zero))
+}
+
+fn when(group: &Group, moment: impl Fn(Occurrence) -> String) -> String {
+    let (began, ended) = (moment(group.began()), moment(group.ended()));
+    if group.count == 1 { format!("at {began}") } else { format!("first {began}, last {ended}") }
+}
+
+fn notes_of(group: &Group, moment: impl Fn(Occurrence) -> String) -> Vec<String> {
+    let mut notes = vec![when(group, &moment)];
     if let Some((_, text, at)) = &group.worst {
-        notes.push(format!("worst {}: {text}", moment(*at, zero)));
+        notes.push(format!("worst {}: {text}", moment(*at)));
     }
     if let Some(reason) = &group.downgraded {
-        notes.push(format!("less severe: {reason}"));
+        notes.push(format!("severity lowered: {reason}"));
     }
+    notes.extend(group.manual.as_ref().map(|manual| format!("manual: {manual}")));
     notes
 }

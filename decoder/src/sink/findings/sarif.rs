@@ -8,17 +8,20 @@ use serde_json::{Value, json};
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, Judged, MISSING, Report, SILENT, Standing, notes, what, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing, sentence, what, who};
 use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
 use crate::sink::escape;
 
-/// Where the schema of this form is found.
+/// Page of the program, shown next to its results.
+const INFORMATION: &str = "https://crates.io/crates/cobscope";
+
+/// URL of the schema.
 const SCHEMA: &str =
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json";
 
-/// Names of the fingerprint: ours, and the only one GitHub looks at. Without that it would take a hash of the line, which
-/// holds a time stamp and is another one in each recording.
+/// Names of the fingerprint: our own name, and the name that GitHub uses. Without it, GitHub hashes the line,
+/// which contains a timestamp and therefore differs in each capture.
 const FINGERPRINTS: [&str; 2] = ["cobscopeGroup/v1", "primaryLocationLineHash"];
 
 #[derive(Serialize)]
@@ -71,9 +74,10 @@ fn write(report: &Report, out: &mut String) {
     let places: BTreeMap<&str, usize> =
         coverage.iter().enumerate().map(|(place, one)| (&*one.rule.name, place)).collect();
     let rules: Vec<_> = coverage.iter().map(|one| rule(one.rule)).collect();
-    let artifacts = report.captures.iter().map(|judged| json!({"location": {"uri": uri(&judged.capture)}}));
+    let artifacts =
+        report.captures.iter().flat_map(files).map(|file| json!({"location": {"uri": uri(file)}}));
     let mut results = Vec::new();
-    for (place, judged) in report.captures.iter().enumerate() {
+    for (place, judged) in with_places(report) {
         for group in &judged.findings.groups {
             let standing = judged.standing(group);
             if standing != Standing::Absorbed
@@ -89,6 +93,7 @@ fn write(report: &Report, out: &mut String) {
         runs: [Run {
             tool: json!({"driver": {
                 "name": "cobscope",
+                "informationUri": INFORMATION,
                 "version": env!("CARGO_PKG_VERSION"),
                 "semanticVersion": env!("CARGO_PKG_VERSION"),
                 "rules": rules,
@@ -103,7 +108,7 @@ fn write(report: &Report, out: &mut String) {
     out.push('\n');
 }
 
-/// What is known of a rule.
+/// SARIF description of a rule.
 fn rule(rule: &RuleInfo) -> Value {
     let markdown = manual(&rule.explanation);
     let text = markdown.lines().map(|line| line.trim_start_matches("# ")).collect::<Vec<_>>().join("\n");
@@ -112,7 +117,7 @@ fn rule(rule: &RuleInfo) -> Value {
     if rule.is_timing {
         tags.push("timing".into());
     }
-    let title = sentence(&rule.title);
+    let title = title_sentence(&rule.title);
     let (text, markdown) = if text.is_empty() { (title.clone(), title.clone()) } else { (text, markdown) };
     json!({
         "id": *rule.name,
@@ -128,51 +133,53 @@ fn rule(rule: &RuleInfo) -> Value {
     })
 }
 
-/// What limits the verdicts, what could not be read, and what the files of the user say in vain.
+/// Capture quality, unreadable captures, and unused entries of the bus file.
 fn invocation(report: &Report) -> Value {
-    let mut said = Vec::new();
-    for (place, judged) in report.captures.iter().enumerate() {
-        let location = || json!([{"physicalLocation": {"artifactLocation": artifact(judged, place)}}]);
+    let mut notifications = Vec::new();
+    for (place, judged) in with_places(report) {
+        let location = || json!([{"physicalLocation": {"artifactLocation": artifact(judged, place, 0)}}]);
         for note in &judged.findings.quality {
             let text = escape(note).into_owned();
-            said.push(json!({"level": "warning", "message": {"text": text}, "locations": location()}));
+            notifications
+                .push(json!({"level": "warning", "message": {"text": text}, "locations": location()}));
         }
         for rule in &judged.comparison.silent {
             let text = format!("{rule} is {SILENT}");
-            said.push(json!({"level": "error", "message": {"text": escape(&text)}, "locations": location()}));
+            notifications
+                .push(json!({"level": "error", "message": {"text": escape(&text)}, "locations": location()}));
         }
         for known in &judged.comparison.gone {
             let text = escape(&format!("gone: {}", known.line())).into_owned();
-            said.push(json!({"level": "note", "message": {"text": text}, "locations": location()}));
+            notifications.push(json!({"level": "note", "message": {"text": text}, "locations": location()}));
         }
         if let Some(failure) = &judged.failure {
             let text = escape(failure).into_owned();
-            said.push(json!({"level": "error", "message": {"text": text}, "locations": location()}));
+            notifications.push(json!({"level": "error", "message": {"text": text}, "locations": location()}));
         }
     }
     for rule in &report.missing {
         let text = format!("{rule} {MISSING}");
-        said.push(json!({"level": "error", "message": {"text": escape(&text)}}));
+        notifications.push(json!({"level": "error", "message": {"text": escape(&text)}}));
     }
     for capture in &report.absent {
         let text = format!("{capture}: {ABSENT}");
-        said.push(json!({"level": "error", "message": {"text": escape(&text)}}));
+        notifications.push(json!({"level": "error", "message": {"text": escape(&text)}}));
     }
     for complaint in report.suppressions().iter().filter_map(SuppressionUse::complaint) {
-        said.push(json!({"level": "note", "message": {"text": escape(&complaint)}}));
+        notifications.push(json!({"level": "note", "message": {"text": escape(&complaint)}}));
     }
     let is_complete = report.captures.iter().all(|judged| judged.failure.is_none());
-    json!({"executionSuccessful": is_complete, "toolExecutionNotifications": said})
+    json!({"executionSuccessful": is_complete, "toolExecutionNotifications": notifications})
 }
 
 fn result(
     group: &Group,
-    judged: &Judged,
+    judged: &CaptureResult,
     (place, rule_index): (usize, usize),
     has_baseline: bool,
 ) -> SarifResult {
     let standing = judged.standing(group);
-    let lines = [format!("{}  {}", who(group), what(group))].into_iter().chain(notes(group, judged.first));
+    let lines = [format!("{}  {}", who(group), sentence(group))].into_iter().chain(judged.notes(group));
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     let mut related = Vec::new();
     if let Some((_, text, at)) = &group.worst {
@@ -205,9 +212,15 @@ fn result(
     }
 }
 
-/// The line of the frame where the capture is text; the frames in any case.
-fn location(group: &Group, judged: &Judged, place: usize, at: Occurrence, text: Option<&str>) -> Value {
-    let artifact = artifact(judged, place);
+/// Location of an occurrence: the frames, and the line for text captures.
+fn location(
+    group: &Group,
+    judged: &CaptureResult,
+    place: usize,
+    at: Occurrence,
+    text: Option<&str>,
+) -> Value {
+    let artifact = artifact(judged, place, at.frames.last);
     let physical = match judged.line(at) {
         Some(line) => json!({"artifactLocation": artifact, "region": {"startLine": line}}),
         None => json!({"artifactLocation": artifact}),
@@ -230,15 +243,34 @@ fn location(group: &Group, judged: &Judged, place: usize, at: Occurrence, text: 
     }
 }
 
-fn artifact(judged: &Judged, place: usize) -> Value {
-    json!({"uri": uri(&judged.capture), "index": place})
+/// File with a frame; `place` is the index of the first file of the capture.
+fn artifact(judged: &CaptureResult, place: usize, frame: u64) -> Value {
+    let (part, file) = judged.part_of(frame).unwrap_or((0, &judged.capture));
+    json!({"uri": uri(file), "index": place + part})
+}
+
+/// Files of a capture: its parts, or itself.
+fn files(judged: &CaptureResult) -> Vec<&str> {
+    if judged.parts.is_empty() {
+        return vec![&judged.capture];
+    }
+    judged.parts.iter().map(|part| part.file.as_str()).collect()
+}
+
+/// Captures, each with the index of its first file.
+fn with_places(report: &Report) -> impl Iterator<Item = (usize, &CaptureResult)> {
+    report.captures.iter().scan(0, |next, judged| {
+        let place = *next;
+        *next += files(judged).len();
+        Some((place, judged))
+    })
 }
 
 const fn level(severity: Severity) -> &'static str {
     severity.name()
 }
 
-/// GitHub's word for it.
+/// GitHub's severity name.
 const fn problem(severity: Severity) -> &'static str {
     match severity {
         Severity::Error => "error",
@@ -247,14 +279,14 @@ const fn problem(severity: Severity) -> &'static str {
     }
 }
 
-/// A title as a sentence.
-fn sentence(title: &str) -> String {
+/// The title as a sentence, capitalised and with a full stop.
+fn title_sentence(title: &str) -> String {
     let mut letters = title.chars();
     let first = letters.next().map(|letter| letter.to_uppercase().to_string());
     format!("{}{}.", first.unwrap_or_default(), letters.as_str())
 }
 
-/// A path as a reference (RFC 3986): relative where it is, bytes other than letters and digits in hex.
+/// A path as a URI reference (RFC 3986): relative paths stay relative, special bytes are percent-encoded.
 fn uri(capture: &str) -> String {
     let path = portable(capture);
     let mut uri = String::new();
@@ -279,6 +311,6 @@ mod tests {
     fn paths_are_references() {
         assert_eq!(uri("./a b/ä.log"), "a%20b/%C3%A4.log");
         assert_eq!(uri("/tmp/x:1.log"), "file:///tmp/x%3A1.log");
-        assert_eq!(sentence("a node is lost"), "A node is lost.");
+        assert_eq!(title_sentence("a node is lost"), "A node is lost.");
     }
 }

@@ -1,12 +1,12 @@
-//! Findings for people: what limits the verdicts first, the worst first, what follows from a finding beneath it,
-//! and all captures in one table at the end.
+//! Findings as text: capture quality first, then findings with the worst first and consequences below their
+//! cause, and a table of all captures at the end.
 
 use std::fmt::Write as _;
 
 use super::format::{FindingFormat, TextOptions, write_at_once};
-use super::incident::{Absorbed, absorbed, incidents};
+use super::incident::{AbsorbedFindings, absorbed, incidents};
 use super::report::{
-    ABSENT, Judged, MISSING, Outcome, Report, SILENT, Standing, moment, notes, seconds, what, when, who,
+    ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing, seconds, sentence, what, who,
 };
 use super::{conformance, coverage};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
@@ -14,10 +14,10 @@ use crate::sink::escape;
 use crate::sink::table::{Align, Table};
 use crate::words::plural;
 
-/// Incidents of a capture that are told unless all are asked for; the others are counted.
+/// Maximum number of incidents printed per capture without `--verbose`; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;
 
-/// What lines begin with.
+/// Indentation of lines below a label.
 const INDENT: &str = "         ";
 
 const RED: &str = "\x1b[31m";
@@ -26,7 +26,7 @@ const GREEN: &str = "\x1b[32m";
 const BOLD: &str = "\x1b[1m";
 const DIM: &str = "\x1b[2m";
 
-/// Text as it is built.
+/// Text under construction.
 struct Page<'a> {
     out: &'a mut String,
     options: TextOptions,
@@ -34,12 +34,12 @@ struct Page<'a> {
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "text",
-    help: "Lines and a table for people",
+    help: "One line per finding, and a summary table",
     has_lines: false,
     write: |report, options, out| write_at_once(out, |text| write(report, options, text)),
 };
 
-/// Writes everything.
+/// Writes the complete report.
 fn write(report: &Report, options: TextOptions, out: &mut String) {
     let mut page = Page { out, options };
     let common = common_notes(report);
@@ -54,7 +54,7 @@ fn write(report: &Report, options: TextOptions, out: &mut String) {
     page.summary(report);
 }
 
-/// What limits the verdicts of all captures alike, where there are several.
+/// Quality notes that apply to all captures, if there are several.
 fn common_notes(report: &Report) -> Vec<&str> {
     let [first, others @ ..] = report.captures.as_slice() else { return Vec::new() };
     let is_common = |note: &&String| others.iter().all(|judged| judged.findings.quality.contains(note));
@@ -72,7 +72,7 @@ impl Page<'_> {
         };
     }
 
-    /// A label in its colour, and what is said.
+    /// A coloured label, followed by text.
     fn labelled(&mut self, depth: usize, (color, label): (&str, &str), text: &str) {
         let indent = "  ".repeat(depth);
         let text = escape(text);
@@ -89,14 +89,14 @@ impl Page<'_> {
         let _ = writeln!(self.out, "{indent}{INDENT}{text}");
     }
 
-    /// One capture; nothing of one that there is nothing to say of.
-    fn capture(&mut self, judged: &Judged, common: &[&str]) {
+    /// One capture; omitted if there is nothing to report.
+    fn capture(&mut self, judged: &CaptureResult, common: &[&str]) {
         let start = self.out.len();
         let duration = judged.first.zip(judged.last).map(|(first, last)| seconds(last.since(first)));
         let duration = duration.map_or_else(String::new, |duration| format!(", {duration}"));
         let frames = usize::try_from(judged.frames).unwrap_or(usize::MAX);
         self.line(BOLD, &format!("== {} ({}{duration})", judged.capture, plural(frames, "frame")));
-        let behind_heading = self.out.len();
+        let after_heading = self.out.len();
         self.quality(judged, common);
         self.incidents(judged);
         conformance::write(judged, self.out);
@@ -104,14 +104,14 @@ impl Page<'_> {
         if self.options.verbose {
             self.set_aside(judged);
         }
-        if self.out.len() == behind_heading {
+        if self.out.len() == after_heading {
             self.out.truncate(start);
         } else {
             self.out.push('\n');
         }
     }
 
-    /// What is said once instead of for each capture.
+    /// Quality notes that apply to all captures.
     fn common(&mut self, report: &Report, notes: &[&str]) {
         if !notes.is_empty() {
             self.line(BOLD, &format!("== all {}", plural(report.captures.len(), "capture")));
@@ -122,7 +122,7 @@ impl Page<'_> {
         }
     }
 
-    fn quality(&mut self, judged: &Judged, common: &[&str]) {
+    fn quality(&mut self, judged: &CaptureResult, common: &[&str]) {
         if let Some(failure) = &judged.failure {
             self.labelled(0, (RED, "unread"), failure);
         }
@@ -131,7 +131,7 @@ impl Page<'_> {
         }
     }
 
-    fn incidents(&mut self, judged: &Judged) {
+    fn incidents(&mut self, judged: &CaptureResult) {
         let incidents = incidents(judged.telling());
         let absorbed = absorbed(&judged.findings);
         let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
@@ -140,39 +140,48 @@ impl Page<'_> {
         }
         let rest: usize = incidents.iter().skip(shown).map(|incident| incident.groups.len()).sum();
         if rest > 0 {
-            self.line("", &format!("{INDENT}and {} more: --verbose tells all", plural(rest, "finding")));
+            self.line(
+                "",
+                &format!("{INDENT}and {} more; use --verbose to print all", plural(rest, "finding")),
+            );
         }
         let ungrouped = judged.findings.ungrouped;
         if ungrouped > 0 {
-            self.line("", &format!("{INDENT}{ungrouped} further times something was wrong found no room"));
+            self.line("", &format!("{INDENT}{ungrouped} further occurrences not recorded (limit reached)"));
         }
     }
 
-    fn group(&mut self, depth: usize, group: &Group, judged: &Judged, absorbed: Option<&Absorbed>) {
+    fn group(
+        &mut self,
+        depth: usize,
+        group: &Group,
+        judged: &CaptureResult,
+        absorbed: Option<&AbsorbedFindings>,
+    ) {
         let who = who(group);
         let gap = if who.is_empty() { "" } else { "  " };
-        let text = format!("{who}{gap}{} [{}]", what(group), group.rule);
+        let text = format!("{who}{gap}{} [{}]", sentence(group), group.rule);
         self.labelled(depth, label(group.severity), &text);
-        for note in notes(group, judged.first) {
+        for note in judged.notes(group) {
             self.below(depth, &note);
         }
         if let Some(absorbed) = absorbed {
-            self.below(depth, &format!("stands for {absorbed}"));
+            self.below(depth, &format!("also covers {absorbed}"));
         }
         if self.options.verbose {
             self.occurrences(depth, group, judged);
         }
     }
 
-    fn occurrences(&mut self, depth: usize, group: &Group, judged: &Judged) {
+    fn occurrences(&mut self, depth: usize, group: &Group, judged: &CaptureResult) {
         let kept = group.first.iter().chain(&group.last);
-        let kept: Vec<_> = kept.map(|at| moment(*at, judged.first)).collect();
+        let kept: Vec<_> = kept.map(|at| judged.moment(*at)).collect();
         if kept.len() > 2 {
-            self.below(depth, &format!("seen {}", kept.join(", ")));
+            self.below(depth, &format!("occurrences: {}", kept.join(", ")));
         }
     }
 
-    fn baseline(&mut self, judged: &Judged) {
+    fn baseline(&mut self, judged: &CaptureResult) {
         for rule in &judged.comparison.silent {
             let text = format!("{rule} is {SILENT}");
             self.labelled(0, (RED, "silent"), &text);
@@ -182,25 +191,25 @@ impl Page<'_> {
         }
     }
 
-    /// What does not count, and why.
-    fn set_aside(&mut self, judged: &Judged) {
+    /// Accepted and suppressed findings, with reasons.
+    fn set_aside(&mut self, judged: &CaptureResult) {
         for group in &judged.findings.groups {
             let reason = match judged.standing(group) {
                 Standing::New | Standing::Absorbed => continue,
-                Standing::Accepted => "the baseline has it",
+                Standing::Accepted => "in the baseline",
                 Standing::Suppressed => group.suppressed.as_deref().unwrap_or_default(),
             };
             let label = judged.standing(group).name();
             let text = format!("{}  {} [{}]", who(group), what(group), group.rule);
             let _ = writeln!(self.out, "{label:10} {}", escape(&text));
-            let _ = writeln!(self.out, "           {}; {}", when(group, judged.first), escape(reason));
+            let _ = writeln!(self.out, "           {}; {}", escape(&judged.when(group)), escape(reason));
         }
     }
 
     fn suppressions(&mut self, report: &Report) {
         let all = report.suppressions();
-        for said in all.iter().filter_map(SuppressionUse::complaint) {
-            self.labelled(0, label(Severity::Note), &said);
+        for complaint in all.iter().filter_map(SuppressionUse::complaint) {
+            self.labelled(0, label(Severity::Note), &complaint);
         }
         for covered in all.iter().filter_map(SuppressionUse::covered) {
             if self.options.verbose || self.options.coverage {
@@ -269,11 +278,11 @@ pub(super) fn total(report: &Report) -> String {
     text
 }
 
-/// What is not exercised has not passed.
-fn verdict(outcome: Outcome, judged: &Judged) -> &'static str {
+/// Verdict column; a capture without any verdict has not passed.
+fn verdict(outcome: Outcome, judged: &CaptureResult) -> &'static str {
     let is_exercised = judged.rules().any(|(_, tally)| tally.verdict() != Verdict::NotExercised);
     match outcome {
-        Outcome::Passed if !is_exercised => "nothing judged",
+        Outcome::Passed if !is_exercised => "nothing checked",
         Outcome::Passed => "passed",
         Outcome::Failed => "FAILED",
         Outcome::Unreadable => "UNREADABLE",

@@ -1,4 +1,4 @@
-//! JSON Lines: one object an event, keys as `docs/events.schema.json` describes them.
+//! JSON Lines: one object per event, with the keys of `docs/events.schema.json`.
 
 pub(super) mod object;
 mod prepared;
@@ -11,19 +11,19 @@ use crate::event::Event;
 use crate::query::record::visit;
 use crate::session::Bus;
 use object::{Marks, Object};
-use prepared::Prepared;
+use prepared::LineCache;
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "jsonl",
     suffix: "jsonl",
     title: "events as JSON Lines",
-    help: "One JSON object a line",
+    help: "One JSON object per line",
     content: EventContent::Events,
     is_binary: false,
     sink: |files, _| Ok(Box::new(Jsonl::new(files.whole()?))),
 };
 
-/// Writes events as JSON Lines. The first write error is kept and ends all writing.
+/// Writer for JSON Lines. After the first write error nothing more is written; `finish` returns the error.
 pub struct Jsonl<W> {
     output: W,
     lines: Lines,
@@ -38,7 +38,7 @@ impl<W: Write> Jsonl<W> {
 }
 
 impl<W: Write> EventSink for Jsonl<W> {
-    /// Every following line names it.
+    /// Adds the capture name to every following line.
     fn begin_capture(&mut self, name: &str) {
         self.lines.set_capture(name);
     }
@@ -67,23 +67,23 @@ impl<W: Write> EventSink for Jsonl<W> {
     }
 }
 
-/// Makes lines of events, each in the same memory.
+/// Formats events as lines in a reused buffer.
 #[derive(Default)]
 pub(super) struct Lines {
     capture: Option<String>,
-    prepared: Prepared,
+    prepared: LineCache,
     line: Vec<u8>,
 }
 
 impl Lines {
-    /// Names the capture in every following line.
+    /// Adds the capture name to every following line.
     pub(super) fn set_capture(&mut self, capture: &str) {
         self.capture = Some(capture.to_owned());
-        self.prepared = Prepared::default();
+        self.prepared = LineCache::default();
     }
 
-    /// The line of an event, with its end.
-    // Not `#[inline]`: the crate that uses the writer would compile it, at its own level of optimisation.
+    /// The line of an event, with its line end.
+    // Not `#[inline]`: the calling crate would compile it at its own optimisation level.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
         self.line.clear();
         if !self.prepared.write(event, bus, &mut self.line) {
@@ -95,7 +95,7 @@ impl Lines {
     }
 }
 
-/// Appends the line of any event; says where its parts begin.
+/// Appends the line of an event; returns the offsets of its variable parts.
 fn write_line(event: &Event, bus: &Bus, capture: Option<&str>, line: &mut Vec<u8>) -> Marks {
     let mut object = Object::begin(line);
     visit(event, bus, capture, &mut object);

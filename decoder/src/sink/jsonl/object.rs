@@ -1,20 +1,20 @@
-//! One JSON object being written, any event's.
+//! Writer for one JSON object.
 
 use std::io::Write as _;
 
 use crate::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
 use crate::query::record::{FieldValue, Fields};
 
-/// Where the parts of a line begin that differ from event to event of the same kind.
+/// Offsets of the parts of a line that vary between events of the same kind.
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::sink) struct Marks {
-    /// Behind the time.
+    /// End of the time.
     pub(super) behind_time: usize,
-    /// The first frame's number.
+    /// Start of the first frame number.
     pub(super) frames: usize,
-    /// Behind the last frame's number.
+    /// End of the last frame number.
     pub(super) behind_frames: usize,
-    /// The payload's hex digits; 0 without a payload.
+    /// Start of the hex digits of the payload; 0 without a payload.
     pub(super) data: usize,
 }
 
@@ -24,33 +24,33 @@ pub(in crate::sink) fn push(value: FieldValue<'_>, line: &mut Vec<u8>) {
     Object::resume(line).value(value);
 }
 
-/// One JSON object being written.
+/// Writer for one JSON object.
 pub(in crate::sink) struct Object<'a> {
     line: &'a mut Vec<u8>,
     fresh: bool,
-    /// Lists and objects that are open within this one.
+    /// Number of open nested lists and objects.
     depth: u32,
     marks: Marks,
 }
 
 impl<'a> Object<'a> {
-    /// An object at the end of `line`.
+    /// Starts an object at the end of `line`.
     pub(in crate::sink) fn begin(line: &'a mut Vec<u8>) -> Self {
         line.push(b'{');
         Self { line, fresh: true, depth: 0, marks: Marks::default() }
     }
 
-    /// The first item of a list at the end of `line`.
+    /// Starts the first item of a list at the end of `line`.
     pub(super) fn in_list(line: &'a mut Vec<u8>) -> Self {
         Self { line, fresh: true, depth: 0, marks: Marks::default() }
     }
 
-    /// Goes on with an object in `line` that has fields already.
+    /// Continues an object in `line` that already has fields.
     pub(super) fn resume(line: &'a mut Vec<u8>) -> Self {
         Self { line, fresh: false, depth: 0, marks: Marks::default() }
     }
 
-    /// Ends object and line.
+    /// Ends the object and the line.
     pub(in crate::sink) fn end(self) -> Marks {
         self.line.extend_from_slice(b"}\n");
         self.marks

@@ -1,12 +1,12 @@
-//! Lines that repeat: PDOs, heartbeats, guarding and SYNC are most of a capture.
+//! Cached parts of repeated lines: PDO, heartbeat, guarding and SYNC, which make up most of a capture.
 //!
 //! ```text
 //! {"t":1700000000.123456000,"bus":"can0","frames":[118,118],"kind":"pdo",…,"cob_id":"185","data":"0102"}
-//!      └ cached ┘└ digits ┘└──── head of the bus ────┘└ digits ┘└─ tail, by what the event is ─┘└ hex ┘
+//!      └ cached ┘└ digits ┘└──── head of the bus ────┘└ digits ┘└──── tail of the event ───────┘└ hex ┘
 //! ```
 //!
-//! Head and tail are cut from a line the general writer wrote, so they cannot differ from it; the key
-//! of a tail is everything the tail is made of. A property test compares whole lines.
+//! Head and tail are cut from a line of the general writer, so they cannot differ from it. The key of a tail
+//! contains everything that determines the tail. A property test compares whole lines.
 
 use super::object::{Marks, Object};
 use super::signals::Signals;
@@ -21,26 +21,26 @@ use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
-/// Tails of PDOs: the predefined ones have their own place each (0x180 to 0x57F).
+/// Slots for the tails of PDOs; each predefined COB-ID (0x180 to 0x57F) has its own slot.
 const PDO_TAILS: usize = 1024;
 
-/// Tails of everything else.
+/// Slots for all other tails.
 const OTHER_TAILS: usize = 256;
 
-/// Longest cached text of time and seconds, in bytes.
+/// Maximum length of the cached `{"t":` and seconds, in bytes.
 const SECOND_TEXT: usize = 32;
 
-/// Everything a tail is made of, the node's name apart.
+/// Everything that determines a tail, except the node name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
     protocol: Protocol,
     node: Option<NodeId>,
     presumed: bool,
-    what: What,
+    what: PreparedKey,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum What {
+enum PreparedKey {
     Pdo { name: PdoName, cob_id: CanId },
     Heartbeat { state: Option<NmtState>, code: u8 },
     GuardRequest,
@@ -62,8 +62,8 @@ struct Head {
     text: Vec<u8>,
 }
 
-/// Parts of lines written before.
-pub(super) struct Prepared {
+/// Cached parts of earlier lines.
+pub(super) struct LineCache {
     tails: Vec<Tail>,
     /// By bus index.
     heads: Vec<Head>,
@@ -72,7 +72,7 @@ pub(super) struct Prepared {
     second_length: usize,
 }
 
-impl Default for Prepared {
+impl Default for LineCache {
     fn default() -> Self {
         Self {
             tails: Vec::new(),
@@ -85,42 +85,44 @@ impl Default for Prepared {
 }
 
 impl Key {
-    /// `None` for an event whose line is not prepared.
+    /// `None` for an event whose lines are not cached.
     #[inline]
     fn of(event: &Event) -> Option<Self> {
         let what = match event.kind {
-            EventKind::Pdo(ref pdo) if !pdo.is_request => What::Pdo { name: pdo.name, cob_id: pdo.cob_id },
-            EventKind::Heartbeat { state, code } => What::Heartbeat { state, code },
-            EventKind::GuardRequest => What::GuardRequest,
-            EventKind::GuardReply { state, code, toggle, toggle_error } => {
-                What::GuardReply { state, code, toggle, toggle_error }
+            EventKind::Pdo(ref pdo) if !pdo.is_request => {
+                PreparedKey::Pdo { name: pdo.name, cob_id: pdo.cob_id }
             }
-            EventKind::Sync { counter, expected } => What::Sync { counter, expected },
+            EventKind::Heartbeat { state, code } => PreparedKey::Heartbeat { state, code },
+            EventKind::GuardRequest => PreparedKey::GuardRequest,
+            EventKind::GuardReply { state, code, toggle, toggle_error } => {
+                PreparedKey::GuardReply { state, code, toggle, toggle_error }
+            }
+            EventKind::Sync { counter, expected } => PreparedKey::Sync { counter, expected },
             _ => return None,
         };
         Some(Self { protocol: event.protocol, node: event.node, presumed: event.presumed, what })
     }
 
-    /// Where its tail is kept. Any place is right; one of its own is fast.
+    /// Index of the slot for the tail. Collisions are harmless but slow.
     #[inline]
     fn place(&self, bus: &Bus) -> usize {
         let bus = usize::from(bus.index().0);
         let node = self.node.map_or(0, NodeId::place);
         let other = |place: usize| PDO_TAILS + (place + bus * 83) % OTHER_TAILS;
         match self.what {
-            What::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_TAILS,
-            What::Sync { counter, .. } => other(usize::from(counter.unwrap_or(0))),
-            What::Heartbeat { code, .. } => other(node + usize::from(code)),
-            What::GuardRequest => other(node + 128),
-            What::GuardReply { toggle, code, .. } => {
+            PreparedKey::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_TAILS,
+            PreparedKey::Sync { counter, .. } => other(usize::from(counter.unwrap_or(0))),
+            PreparedKey::Heartbeat { code, .. } => other(node + usize::from(code)),
+            PreparedKey::GuardRequest => other(node + 128),
+            PreparedKey::GuardReply { toggle, code, .. } => {
                 other(node + 32 + 128 * usize::from(toggle) + usize::from(code))
             }
         }
     }
 }
 
-impl Prepared {
-    /// Appends the event's line to `line`; `false` if it is not prepared, `line` is then spoilt.
+impl LineCache {
+    /// Appends the line of an event; `false` if no cached parts exist, with `line` in an undefined state.
     #[inline]
     pub(super) fn write(&mut self, event: &Event, bus: &Bus, line: &mut Vec<u8>) -> bool {
         let (Some(key), Some(time)) = (Key::of(event), event.time) else { return false };
@@ -149,7 +151,7 @@ impl Prepared {
         true
     }
 
-    /// Keeps the parts of a line the general writer wrote.
+    /// Caches the parts of a line of the general writer.
     #[cold]
     pub(super) fn learn(&mut self, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
         let (Some(key), Some(_)) = (Key::of(event), event.time) else { return };
@@ -231,7 +233,7 @@ fn push_payload(pdo: &Pdo, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
     push_signals(pdo, layout, prepared, line);
 }
 
-/// Writes signals in the general way, and prepares the next ones.
+/// Writes signals with the general writer, and prepares the cache for the next ones.
 #[cold]
 fn push_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
     let mut object = Object::resume(line);
@@ -257,7 +259,7 @@ mod tests {
     use crate::sink::EventSink as _;
     use crate::wire::canopen::ObjectAddress;
 
-    /// A bus with nodes 1 to 3, the second and third with names.
+    /// A bus with nodes 1 to 3; nodes 2 and 3 have names.
     fn bus(index: u8, name: &str) -> BusDecoder {
         let node_names =
             vec![(NodeId::Canopen(2), "boom \"\u{1}".into()), (NodeId::Canopen(3), format!("jib{index}"))];
@@ -275,7 +277,7 @@ mod tests {
             ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, bits, data_type)
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
-        Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, depends: Vec::new() })
+        Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, ..Layout::default() })
     }
 
     fn pdo() -> impl Strategy<Value = EventKind> {
@@ -344,7 +346,7 @@ mod tests {
                     jsonl.begin_capture(name);
                 }
                 let mut expected = Vec::new();
-                // Twice, so that most lines are prepared the second time.
+                // Twice, so that most lines are cached in the second pass.
                 for (event, place) in events.iter().chain(&events) {
                     jsonl.write(event, buses[*place].bus());
                     write_line(event, buses[*place].bus(), capture, &mut expected);

@@ -1,51 +1,52 @@
-//! Signals of one layout, put together from parts prepared per field.
+//! Signals of one layout, assembled from cached parts of each field.
 //!
 //! ```text
 //! {"id":"0x6300:01","name":"actual pressure","raw":4711,"value":157.5,"unit":"bar","origin":"profile"}
-//! └──────────────── before ──────────────────────┘    └between ┘     └──────────── behind ───────────┘
+//! └──────────────── before ──────────────────────┘    └between ┘     └──────────── after ───────────┘
 //! ```
 //!
-//! The parts are cut from a text the general writer wrote. A value with a name, bits or a remark is written by it
-//! too and kept until the field has another one: such values change rarely. Property tests compare with it.
+//! The parts are cut from a text of the general writer. The general writer also writes every value with a
+//! name, bits or a remark; that text is cached until the value changes, which is rare. Property tests compare
+//! both.
 
 use std::sync::Arc;
 
 use super::object::Object;
 use crate::ascii::{push_decimal, push_fixed, push_integer};
-use crate::profile::{Cut, Field, Layout, Meaning, integer};
+use crate::profile::{Field, IntegerPosition, Layout, Meaning, integer};
 use crate::query::record::{UNROUNDED, digits, signal};
 
-/// Digits behind the point that are written here.
+/// Maximum number of decimal places that is written here.
 const MOST_DIGITS: u8 = 8;
 
-/// Values that are tried until one is not special.
+/// Number of values tried to find a plain one.
 const TRIED: usize = 64;
 
-/// What is prepared of a layout whose fields are always there.
+/// Cached parts of a layout without optional fields.
 pub(super) struct Signals {
     layout: Arc<Layout>,
-    /// Bytes all its fields need.
+    /// Payload length that contains all fields, in bytes.
     length: usize,
-    parts: Vec<Part>,
+    parts: Vec<SignalPart>,
 }
 
-/// What is prepared of a field.
-struct Part {
+/// Cached parts of one field.
+struct SignalPart {
     number: Option<Number>,
-    /// Bits of the value that was last written in the general way, and what was written.
+    /// Raw bits of the value in `text`.
     last: Option<u64>,
     text: Vec<u8>,
 }
 
-/// How a number without name, bits or remark is written.
+/// Parts of a plain number: without name, bits or remark.
 struct Number {
-    cut: Cut,
+    cut: IntegerPosition,
     scale: Option<Scale>,
-    /// Between these no value is remarkable, special ones apart.
+    /// Range of plain values; special values inside it are checked separately.
     inside: [i64; 2],
     before: Vec<u8>,
     between: Vec<u8>,
-    behind: Vec<u8>,
+    after: Vec<u8>,
 }
 
 struct Scale {
@@ -57,22 +58,22 @@ struct Scale {
 }
 
 impl Signals {
-    /// `None` where which fields there are depends on values, and where a payload has more than eight bytes.
+    /// `None` for a layout with optional fields or more than eight bytes.
     pub(super) fn of(layout: &Arc<Layout>) -> Option<Self> {
         let is_plain = layout.bits <= 64 && layout.fields.iter().all(|field| field.present.is_none());
         is_plain.then(|| Self {
             layout: Arc::clone(layout),
             length: usize::from(layout.bits.div_ceil(8)),
-            parts: layout.fields.iter().map(|field| Part::of(layout, field)).collect(),
+            parts: layout.fields.iter().map(|field| SignalPart::of(layout, field)).collect(),
         })
     }
 
-    /// Whether they are prepared of a layout.
+    /// Whether the parts belong to `layout`.
     pub(super) fn is_of(&self, layout: &Arc<Layout>) -> bool {
         Arc::ptr_eq(&self.layout, layout)
     }
 
-    /// Whether these are the signals of a layout in a payload of some length.
+    /// Whether the parts belong to `layout` and a payload of `length` bytes contains all fields.
     #[inline]
     pub(super) fn are_of(&self, layout: &Arc<Layout>, length: usize) -> bool {
         self.is_of(layout) && (self.length..=8).contains(&length)
@@ -94,7 +95,7 @@ impl Signals {
     }
 }
 
-impl Part {
+impl SignalPart {
     fn of(layout: &Layout, field: &Field) -> Self {
         Self { number: Number::of(layout, field), last: None, text: Vec::new() }
     }
@@ -117,16 +118,17 @@ impl Part {
 }
 
 impl Number {
-    /// `None` of a field whose values are no numbers, or hardly ever are without a name.
+    /// `None` for a field whose values are not plain numbers, or almost always have a name.
     fn of(layout: &Layout, field: &Field) -> Option<Self> {
-        let cut = Cut::of(field)?;
+        let cut = IntegerPosition::of(field)?;
         let (scale, inside) = match field.meaning.as_deref() {
-            Some(Meaning { values: Some(_), .. } | Meaning { bits: Some(_), .. }) => return None,
+            Some(meaning) if meaning.values.is_some() || meaning.is_composed() => return None,
+            Some(meaning) if meaning.scale.is_some_and(|scale| scale.is_reciprocal) => return None,
             Some(meaning) if meaning.scale.is_some() && digits(meaning) > MOST_DIGITS => return None,
             Some(meaning) => (Scale::of(meaning), meaning.inside()?),
             None => (None, [i64::MIN, i64::MAX]),
         };
-        // Any value that nothing more is said of shows the parts.
+        // The text of any plain value yields the parts.
         let [least, most] = inside;
         let raw = (0.clamp(least, most)..=most).take(TRIED).find_map(|number| {
             let raw = number.cast_unsigned() & field.mask();
@@ -135,18 +137,18 @@ impl Number {
         let mut text = Vec::new();
         general(layout, field, raw, &mut text);
         let (before, rest) = split(&text, b"\"raw\":")?;
-        let (between, behind) = split(rest, b"\"value\":")?;
+        let (between, after) = split(rest, b"\"value\":")?;
         Some(Self {
             cut,
             scale,
             inside,
             before: before.to_vec(),
             between: between.get(number_length(between)..)?.to_vec(),
-            behind: behind.get(number_length(behind)..)?.to_vec(),
+            after: after.get(number_length(after)..)?.to_vec(),
         })
     }
 
-    /// Appends the signal; `false` leaves it to the general writer.
+    /// Appends the signal; returns `false` if the general writer must write it.
     #[inline]
     fn write(&self, field: &Field, word: u64, line: &mut Vec<u8>) -> bool {
         let number = self.cut.number(word, 8).filter(|number| is_plain(field, self.inside, *number));
@@ -165,20 +167,20 @@ impl Number {
             Some(scale) => push_fixed(line, rounded, scale.digits),
             None => push_integer(line, number),
         }
-        line.extend_from_slice(&self.behind);
+        line.extend_from_slice(&self.after);
         true
     }
 }
 
 impl Scale {
-    /// The scale of a meaning, if it has one.
+    /// Scale of a meaning; `None` without one.
     fn of(meaning: &Meaning) -> Option<Self> {
         let digits = digits(meaning);
         let unit = 10_f64.powi(i32::from(digits));
         meaning.scale.map(|scale| Self { factor: scale.factor, offset: scale.offset, digits, unit })
     }
 
-    /// The quantity in units of its last digit.
+    /// Scaled value in units of its last digit; `None` if too large.
     #[inline]
     #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "below 10^15")]
     fn rounded(&self, number: i64) -> Option<i64> {
@@ -187,7 +189,7 @@ impl Scale {
     }
 }
 
-/// Whether nothing but its value is said of a number.
+/// Whether a number has no label and is inside the range.
 #[inline]
 fn is_plain(field: &Field, [least, most]: [i64; 2], number: i64) -> bool {
     let is_special = |meaning: &Meaning| {
@@ -197,17 +199,17 @@ fn is_plain(field: &Field, [least, most]: [i64; 2], number: i64) -> bool {
     (least..=most).contains(&number) && !field.meaning.as_deref().is_some_and(is_special)
 }
 
-/// Writes one signal as any sink gets it.
+/// Writes one signal with the general writer.
 fn general(layout: &Layout, field: &Field, raw: u64, text: &mut Vec<u8>) {
     signal(layout, (field, raw, &field.value(raw)), &mut Object::in_list(text));
 }
 
-/// What stands before the end of `by`, with it, and what behind.
+/// Splits `text` after the first occurrence of `by`.
 fn split<'a>(text: &'a [u8], by: &[u8]) -> Option<(&'a [u8], &'a [u8])> {
     text.split_at_checked(memchr::memmem::find(text, by)? + by.len())
 }
 
-/// Bytes of the number at the beginning.
+/// Length of the number at the start of `text`, in bytes.
 fn number_length(text: &[u8]) -> usize {
     text.iter().take_while(|byte| matches!(byte, b'0'..=b'9' | b'-' | b'.')).count()
 }
@@ -218,7 +220,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::profile::{BitName, BitNames, DataType, Factor, Indicators, Names};
+    use crate::profile::{BitName, BitNames, DataType, Factor, IndicatorCoding, Indicators, Names};
     use crate::query::record::signals;
     use crate::wire::canopen::ObjectAddress;
 
@@ -230,8 +232,12 @@ mod tests {
     fn factor() -> impl Strategy<Value = Option<Factor>> {
         let numbers = prop_oneof![Just(0.1), Just(100.0 / 16383.0), Just(-0.25), -1e3_f64..1e3, Just(1e12)];
         let offsets = prop_oneof![3 => Just(0.0), 1 => -300.0_f64..300.0];
-        let factor =
-            (numbers, offsets).prop_map(|(factor, offset)| Factor { factor, offset, full_scale: None });
+        let factor = (numbers, offsets).prop_map(|(factor, offset)| Factor {
+            factor,
+            offset,
+            full_scale: None,
+            is_reciprocal: false,
+        });
         option::weighted(0.7, factor)
     }
 
@@ -261,7 +267,11 @@ mod tests {
                     limits: limits.map(|least| [least, least + 50.0]),
                     values,
                     special,
-                    indicators: largest.map(|largest| Indicators { bits: 8, largest }),
+                    indicators: largest.map(|largest| Indicators {
+                        bits: 8,
+                        largest,
+                        coding: IndicatorCoding::J1939,
+                    }),
                     bits: list.map(|bit| Arc::new(BitNames { list: vec![bit] })),
                     assumed,
                     ..Meaning::default()
@@ -283,7 +293,7 @@ mod tests {
         (option::weighted(0.8, meaning()), prop_oneof![1_u16..20, Just(8), Just(16), Just(32)], types)
     }
 
-    /// Fields one behind the other.
+    /// Contiguous fields.
     fn layout() -> impl Strategy<Value = Layout> {
         prop::collection::vec(field(), 0..5).prop_map(|made| {
             let mut bits = 0;
@@ -294,7 +304,7 @@ mod tests {
                 fields.push(Field { meaning: meaning.map(Arc::new), ..field });
                 bits += width;
             }
-            Layout { fields, bits, origin: "profile", assumed: false, depends: Vec::new() }
+            Layout { fields, bits, origin: "profile", assumed: false, ..Layout::default() }
         })
     }
 
@@ -316,7 +326,7 @@ mod tests {
             };
             prop_assert!(prepared.are_of(&layout, 8));
             prop_assert!(!prepared.are_of(&layout, usize::from(layout.bits.div_ceil(8)).wrapping_sub(1)));
-            // Twice, so that texts that are kept come too.
+            // Twice, so that cached texts are also used.
             for payload in payloads.iter().flat_map(|payload| [payload, payload]) {
                 let (mut line, mut expected) = (b"{\"a\":1".to_vec(), b"{\"a\":1".to_vec());
                 prepared.write(payload.to_le_bytes(), &mut line);
@@ -337,10 +347,10 @@ mod tests {
             let layout = with(meaning);
             Number::of(&layout, &layout.fields[0]).is_some()
         };
-        let scale = Some(Factor { factor: 0.1, offset: -40.0, full_scale: None });
+        let scale = Some(Factor { factor: 0.1, offset: -40.0, full_scale: None, is_reciprocal: false });
         assert!(is_prepared(Meaning { scale, range: Some([-1000, -5]), ..Meaning::default() }));
         assert!(is_prepared(Meaning {
-            indicators: Some(Indicators { bits: 12, largest: 5 }),
+            indicators: Some(Indicators { bits: 12, largest: 5, coding: IndicatorCoding::J1939 }),
             ..Meaning::default()
         }));
         assert!(!is_prepared(Meaning { digits: 9, scale, ..Meaning::default() }));

@@ -1,8 +1,8 @@
 //! Events and their values as two Parquet files, for DuckDB, Polars and Spark.
 //!
 //! ```text
-//! signals  a row a value, as in CSV; values that are no number stand in `text`
-//! events   a row an event, with the line for people and the object of JSON Lines
+//! signals  one row per value, as in CSV; values that are not numbers are in `text`
+//! events   one row per event, with its text line and its JSON Lines object
 //! ```
 
 mod table;
@@ -11,7 +11,7 @@ use std::io::{self, Write};
 
 use super::jsonl::Lines;
 use super::text::Line;
-use super::values::{self, Carried, Groups, Named};
+use super::values::{self, EventValues, FieldNames, GroupNames, Groups};
 use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::frame::Timestamp;
@@ -57,25 +57,26 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     name: "parquet",
     suffix: "parquet",
     title: "events as Parquet",
-    help: "Events and values for DuckDB, Polars and Spark, as two files NAME.events.parquet and NAME.signals.parquet; \
-           wants -o NAME",
+    help: "Events and values for DuckDB, Polars and Spark: NAME.events.parquet and NAME.signals.parquet; \
+           requires -o NAME",
     content: EventContent::Events,
     is_binary: true,
     sink: |files, _| Ok(Box::new(Parquet::new(files.part("events")?, files.part("signals")?)?)),
 };
 
-/// Writes events and values as Parquet. The first write error is kept and ends all writing.
+/// Writer for events and values as Parquet. After the first write error nothing more is written; `finish`
+/// returns the error.
 struct Parquet<W: Write + Send> {
     events: Table<W>,
     signals: Table<W>,
     lines: Lines,
-    groups: Groups<Named>,
+    groups: Groups<GroupNames>,
     capture: Option<String>,
     error: Option<io::Error>,
 }
 
 impl<W: Write + Send> Parquet<W> {
-    /// Begins both files.
+    /// Starts both files.
     fn new(events: W, signals: W) -> io::Result<Self> {
         Ok(Self {
             events: Table::new(events, EVENTS)?,
@@ -111,13 +112,13 @@ impl<W: Write + Send> Parquet<W> {
         ])
     }
 
-    fn values(&mut self, event: &Event, bus: &Bus, carried: &Carried<'_>) -> io::Result<()> {
-        let Some(named) = self.groups.of(carried, || Named::of(carried, bus)) else { return Ok(()) };
+    fn values(&mut self, event: &Event, bus: &Bus, carried: &EventValues<'_>) -> io::Result<()> {
+        let Some(named) = self.groups.of(carried, || GroupNames::of(carried, bus)) else { return Ok(()) };
         let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
-        for (signal, (name, id)) in carried.with(&named.fields) {
-            let told = values::told(&signal);
+        for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
+            let reading = values::reading(&signal, label);
             let mut hex = String::new();
-            let (value, text) = cells(told.value, &mut hex);
+            let (value, text) = cells(reading.value, &mut hex);
             let unit = values::unit(signal.field);
             self.signals.push(&[
                 time(event),
@@ -132,7 +133,7 @@ impl<W: Write + Send> Parquet<W> {
                 value,
                 text,
                 if unit.is_empty() { Cell::Null } else { Cell::Text(unit) },
-                Cell::text(told.label),
+                Cell::text(reading.label),
                 Cell::Number(signal.raw.cast_signed()),
             ])?;
         }
@@ -141,7 +142,7 @@ impl<W: Write + Send> Parquet<W> {
 }
 
 impl<W: Write + Send> EventSink for Parquet<W> {
-    /// Every following row names it.
+    /// Adds the capture name to every following row.
     fn begin_capture(&mut self, name: &str) {
         self.groups = Groups::default();
         self.lines.set_capture(name);
@@ -162,7 +163,7 @@ impl<W: Write + Send> EventSink for Parquet<W> {
     fn finish(&mut self) -> io::Result<()> {
         match self.error.take() {
             Some(error) => Err(error),
-            // Of two files one that can be read is better than none.
+            // Finish `signals` even if `events` fails: one readable file is better than none.
             None => self.events.finish().and(self.signals.finish()),
         }
     }
@@ -180,7 +181,7 @@ fn number(event: &Event) -> Cell<'static> {
     event.node.map_or(Cell::Null, |node| Cell::Number(i64::from(node.number())))
 }
 
-/// A value as a number, or what is no number as text.
+/// The number and the text cell of a value; one of them is null.
 #[expect(clippy::cast_precision_loss, reason = "raw is exact")]
 fn cells<'a>(value: FieldValue<'a>, hex: &'a mut String) -> (Cell<'a>, Cell<'a>) {
     let number = match value {

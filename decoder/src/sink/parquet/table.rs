@@ -1,4 +1,4 @@
-//! One Parquet file: rows gathered column by column, written a group of rows at a time.
+//! One Parquet file. Rows are buffered by column and written in row groups.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -16,50 +16,51 @@ use parquet::schema::types::{ColumnPath, Type, TypePtr};
 
 use crate::sink::escape;
 
-/// Rows of a group at most. All that is held of a capture is one group, and some hundred bytes for each one before.
+/// Maximum number of rows in a group. Memory is bounded to one group plus some hundred bytes per finished
+/// group.
 const MOST_ROWS: usize = 64 * 1024;
 
-/// Bytes gathered before a group ends, whatever its rows.
+/// Maximum buffered size of a group, in bytes.
 const MOST_BYTES: usize = 8 * 1024 * 1024;
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Nanoseconds since 1970, UTC.
+    /// Time in ns since 1970, UTC.
     Time,
-    /// Numbers with a sign that mostly rise.
+    /// Signed integers, mostly rising.
     Rising,
-    /// Numbers with a sign.
+    /// Signed integers.
     Number,
-    /// Numbers of 64 bits without a sign, as [`Cell::Number`] with the same bits.
+    /// Unsigned 64-bit integers, stored as [`Cell::Number`] with the same bits.
     Bits,
-    /// Numbers with a fraction.
+    /// Floating-point numbers.
     Real,
-    /// True or false.
+    /// Booleans.
     Truth,
-    /// Texts that come again and again.
+    /// Texts that repeat often.
     Name,
-    /// Texts of which each is another one.
+    /// Texts that rarely repeat.
     Text,
-    /// JSON; as it is, while all other texts are escaped.
+    /// JSON, not escaped; all other texts are escaped.
     Json,
 }
 
-/// A column of a table.
+/// Description of a column.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Heading {
     pub(super) name: &'static str,
     pub(super) kind: Kind,
-    /// Whether it may hold [`Cell::Null`].
+    /// Whether the column can contain [`Cell::Null`].
     pub(super) is_optional: bool,
 }
 
-/// A column that has a value in every row.
+/// A column with a value in every row.
 pub(super) const fn always(name: &'static str, kind: Kind) -> Heading {
     Heading { name, kind, is_optional: false }
 }
 
-/// A column that may have none.
+/// A column with optional values.
 pub(super) const fn maybe(name: &'static str, kind: Kind) -> Heading {
     Heading { name, kind, is_optional: true }
 }
@@ -75,13 +76,13 @@ pub(super) enum Cell<'a> {
 }
 
 impl<'a> Cell<'a> {
-    /// Null for what is not there.
+    /// [`Cell::Null`] for `None`.
     pub(super) fn text(text: Option<&'a str>) -> Self {
         text.map_or(Self::Null, Self::Text)
     }
 }
 
-/// Writes a table.
+/// Writer for one table.
 pub(super) struct Table<W: Write + Send> {
     file: SerializedFileWriter<W>,
     columns: Vec<Column>,
@@ -90,10 +91,10 @@ pub(super) struct Table<W: Write + Send> {
 }
 
 impl<W: Write + Send> Table<W> {
-    /// Begins a file of these columns.
+    /// Starts a file with these columns.
     ///
     /// # Errors
-    /// When its first bytes cannot be written.
+    /// If the header cannot be written.
     pub(super) fn new(output: W, headings: &[Heading]) -> io::Result<Self> {
         let begun = schema(headings)
             .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(headings)?)));
@@ -101,10 +102,10 @@ impl<W: Write + Send> Table<W> {
         Ok(Self { file: begun.map_err(io_error)?, columns, rows: 0, bytes: 0 })
     }
 
-    /// Adds a row, in the order of the headings.
+    /// Adds a row, with the cells in the order of the headings.
     ///
     /// # Errors
-    /// When a group of rows is full and cannot be written.
+    /// If a full row group cannot be written.
     pub(super) fn push(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             self.bytes = self.bytes.saturating_add(column.push(*cell));
@@ -133,10 +134,10 @@ impl<W: Write + Send> Table<W> {
         Ok(())
     }
 
-    /// Writes what is left and the file's index, without which nobody can read it.
+    /// Writes the remaining rows and the file index, without which the file is unreadable.
     ///
     /// # Errors
-    /// When that cannot be written.
+    /// If they cannot be written.
     pub(super) fn finish(&mut self) -> io::Result<()> {
         self.end_group()?;
         self.file.finish().map_err(io_error)?;
@@ -144,11 +145,11 @@ impl<W: Write + Send> Table<W> {
     }
 }
 
-/// The values of a column in the present group of rows.
+/// Values of a column in the current row group.
 struct Column {
     is_optional: bool,
     escapes: bool,
-    /// For each row 1 where it has a value.
+    /// Definition level of each row: 1 with a value, 0 without.
     levels: Vec<i16>,
     values: Values,
 }
@@ -174,7 +175,7 @@ impl Column {
         Self { is_optional: heading.is_optional, escapes, levels: Vec::new(), values }
     }
 
-    /// Adds a value; one of another kind counts as none. Gives the bytes it takes.
+    /// Adds a value, or null for a value of the wrong type. Returns the number of bytes used.
     fn push(&mut self, cell: Cell<'_>) -> usize {
         let taken = match (&mut self.values, cell) {
             (Values::Numbers(values), Cell::Number(value)) => {
@@ -198,7 +199,7 @@ impl Column {
         taken.unwrap_or(0) + size_of::<i16>()
     }
 
-    /// Writes all values as the next column of a group, and forgets them.
+    /// Writes all values as the next column of a row group and clears the buffer.
     fn write<W: Write + Send>(
         &mut self,
         group: &mut SerializedRowGroupWriter<'_, W>,
@@ -230,7 +231,7 @@ impl Column {
     }
 }
 
-/// Texts that come again: each is held once.
+/// Repeated texts; each distinct text is stored once.
 #[derive(Default)]
 struct Names {
     numbers: HashMap<Box<str>, usize, FixedState>,
@@ -247,7 +248,7 @@ impl Names {
         self.rows.push(self.distinct.len());
         self.numbers.insert(text.into(), self.distinct.len());
         self.distinct.push(ByteArray::from(text));
-        // It is held twice.
+        // The text is stored as a key and as a value.
         size_of::<usize>() + 2 * (text.len() + size_of::<ByteArray>())
     }
 
@@ -260,7 +261,7 @@ impl Names {
     }
 }
 
-/// Texts behind each other.
+/// Concatenated texts.
 #[derive(Default)]
 struct Texts {
     bytes: Vec<u8>,
@@ -311,7 +312,7 @@ fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
         .set_created_by(format!("cobscope version {version}"))
         .set_key_value_metadata(Some(vec![KeyValue::new("cobscope.version".to_owned(), version.to_owned())]))
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?))
-        // Of pages nothing is noted: that would be held until the end.
+        // Statistics per page would stay in memory until the end.
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true);
     for heading in headings {
@@ -327,7 +328,7 @@ fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
     Ok(properties.build())
 }
 
-/// What went wrong with the output, as the output said it.
+/// The underlying I/O error, if there is one.
 fn io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(inner) => match inner.downcast::<io::Error>() {
@@ -354,7 +355,7 @@ mod tests {
         maybe("j", Kind::Json),
     ];
 
-    /// A table of two rows again and again: all there is, and nothing that need not be there.
+    /// A table that alternates between rows with and without optional values.
     fn written(rows: usize, text: &str) -> SerializedFileReader<bytes::Bytes> {
         let mut out = Vec::new();
         let mut table = Table::new(&mut out, HEADINGS).unwrap();
@@ -370,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_escaped_except_json() {
+    fn texts_are_escaped_except_json() {
         let rows: Vec<_> =
             written(3, "\"\x07\"").get_row_iter(None).unwrap().map(|row| row.unwrap().to_string()).collect();
         let all = r#"{n: -7, x: 0.5, b: true, s: "a\u{1b}", t: ""\u{7}"", j: ""#.to_owned() + "\"\x07\"\"}";
@@ -384,13 +385,13 @@ mod tests {
             reader.metadata().row_groups().iter().map(RowGroupMetaData::num_rows).collect()
         };
         assert_eq!(rows(written(MOST_ROWS + 1, "{}")), [65_536, 1]);
-        // Each second row takes two texts of 1 MiB: the eighth MiB ends the group.
+        // Every second row contains two texts of 1 MiB, so the eighth MiB ends the group.
         assert_eq!(rows(written(14, &"x".repeat(1024 * 1024))), [7, 7]);
         assert_eq!(rows(written(0, "")), [0_i64; 0]);
     }
 
     #[test]
-    fn the_first_write_error_is_what_the_output_said() {
+    fn the_first_write_error_is_the_error_of_the_output() {
         let mut place = [0; 64];
         let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)]).unwrap();
         table.push(&[Cell::Number(1)]).unwrap();

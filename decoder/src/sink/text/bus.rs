@@ -1,9 +1,9 @@
-//! The words of events about bus and capture rather than a node.
+//! Text of events that concern the bus or the capture.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Said, bytes, seconds};
+use super::parts::{LineContent, bytes, seconds};
 use super::pdo::push_signals;
 use crate::event::Undecoded;
 use crate::frame::{FrameFlags, LinkState};
@@ -13,7 +13,7 @@ use crate::wire::canopen::test_marker::TestMarker;
 use crate::wire::error_frame::ErrorFrame;
 use crate::words::plural;
 
-pub(super) fn sync(counter: Option<u8>, expected: Option<u8>) -> Said {
+pub(super) fn sync(counter: Option<u8>, expected: Option<u8>) -> LineContent {
     let counter = counter.map_or(String::new(), |counter| format!(" counter {counter}"));
     match expected {
         Some(expected) => ("SYNC", format!("SYNC{counter}, expected {expected}"), Tone::Caution),
@@ -21,11 +21,11 @@ pub(super) fn sync(counter: Option<u8>, expected: Option<u8>) -> Said {
     }
 }
 
-pub(super) fn time(milliseconds: u32, days: u16) -> Said {
+pub(super) fn time(milliseconds: u32, days: u16) -> LineContent {
     ("TIME", time_of_day(milliseconds, days), Tone::Plain)
 }
 
-pub(super) fn can_error(error: ErrorFrame) -> Said {
+pub(super) fn can_error(error: ErrorFrame) -> LineContent {
     let mut what = can_error_text(error);
     if error.transmit_errors != 0 || error.receive_errors != 0 {
         let _ = write!(what, ", counters tx {} rx {}", error.transmit_errors, error.receive_errors);
@@ -33,49 +33,52 @@ pub(super) fn can_error(error: ErrorFrame) -> Said {
     ("ERROR", what, Tone::Bad)
 }
 
-pub(super) fn frame(undecoded: &Undecoded) -> Said {
+pub(super) fn frame(undecoded: &Undecoded) -> LineContent {
     let tone = if undecoded.message.is_some() { Tone::Plain } else { Tone::Quiet };
     ("FRAME", frame_words(undecoded), tone)
 }
 
-pub(super) fn malformed(error: &Malformed, reason: &str) -> Said {
+pub(super) fn malformed(error: &Malformed, reason: &str) -> LineContent {
     if error.needed == 0 {
         return ("BAD", reason.to_owned(), Tone::Caution);
     }
     let needed = plural(error.needed, "byte");
-    let what = format!("{reason}: {} of {needed} there from byte {}", error.available, error.offset);
+    let what = format!("{reason}: needs {needed} from byte {}, found {}", error.offset, error.available);
     ("BAD", what, Tone::Caution)
 }
 
-pub(super) fn evicted(what: &str, count: u64) -> Said {
-    ("LIMIT", format!("{count} × {what} given up: limit reached"), Tone::Caution)
+pub(super) fn evicted(what: &str, count: u64) -> LineContent {
+    ("LIMIT", format!("{count} × {what} evicted: limit reached"), Tone::Caution)
 }
 
 /// `step` in nanoseconds, negative.
-pub(super) fn clock_step(step: i64) -> Said {
-    let what = format!("time stamps went back by {} s", seconds(step.saturating_neg()));
+pub(super) fn clock_step(step: i64) -> LineContent {
+    let what = match step {
+        ..0 => format!("timestamps jumped back by {} s", seconds(step.saturating_neg())),
+        _ => format!("clock set forward by {} s", seconds(step)),
+    };
     ("CLOCK", what, Tone::Caution)
 }
 
 /// `gap` in nanoseconds.
-pub(super) fn bus_silent(gap: i64) -> Said {
-    let what = format!("no frame at all for {} s; deadlines within it do not count", seconds(gap));
+pub(super) fn bus_silent(gap: i64) -> LineContent {
+    let what = format!("no frames for {} s; deadlines within this gap ignored", seconds(gap));
     ("SILENT", what, Tone::Caution)
 }
 
-pub(super) fn lost_frames(count: Option<u64>) -> Said {
-    let count = count.map_or("some frames".into(), |count| plural(count, "frame"));
-    ("DROP", format!("the recorder lost {count}"), Tone::Bad)
+pub(super) fn lost_frames(count: Option<u64>) -> LineContent {
+    let count = count.map_or("frames (count unknown)".into(), |count| plural(count, "frame"));
+    ("DROP", format!("recorder lost {count}"), Tone::Bad)
 }
 
-/// What becomes of the bus; `bit_rate` in bit/s.
-pub(super) fn link(state: LinkState, bit_rate: Option<u32>) -> Said {
+/// Change of the interface; `bit_rate` in bit/s.
+pub(super) fn link(state: LinkState, bit_rate: Option<u32>) -> LineContent {
     let tone = if state == LinkState::Up { Tone::Plain } else { Tone::Bad };
     let what = match (state, bit_rate) {
-        (LinkState::Up, Some(rate)) => format!("the way to the bus is open, {rate} bit/s"),
-        (LinkState::Up, None) => "the way to the bus is open".to_owned(),
-        (LinkState::Down, _) => "the interface is down: nothing is seen until it is up".to_owned(),
-        (LinkState::Gone, _) => "the interface is gone: nothing is seen until it is back".to_owned(),
+        (LinkState::Up, Some(rate)) => format!("link up, {rate} bit/s"),
+        (LinkState::Up, None) => "link up".to_owned(),
+        (LinkState::Down, _) => "interface down: no frames until it is up".to_owned(),
+        (LinkState::Gone, _) => "interface removed: no frames until it is back".to_owned(),
     };
     ("LINK", what, tone)
 }
@@ -94,19 +97,26 @@ fn frame_words(undecoded: &Undecoded) -> String {
     format!("{}{fd} {} {}{signals}", frame.id, message.name, bytes(frame.data()))
 }
 
-pub(super) fn test_case(marker: TestMarker) -> Said {
+pub(super) fn test_case(marker: TestMarker) -> LineContent {
     let step = match marker.result {
-        Some(result) => format!("ends: {} by the test tool", result.name()),
-        None => "begins".to_owned(),
+        Some(result) => format!("ended: {} (test tool)", result.name()),
+        None => "started".to_owned(),
     };
     ("TEST", format!("conformance test {}.{} {step}", marker.group, marker.case), Tone::Plain)
 }
 
-pub(super) fn unreadable(line: Option<u64>, offset: Option<u64>, reason: &str) -> Said {
-    let what = match (line, offset) {
-        (Some(line), _) => format!("line {line}: {reason}"),
-        (None, Some(offset)) => format!("byte {offset}: {reason}"),
-        (None, None) => reason.to_owned(),
+pub(super) fn unreadable(
+    file: Option<&str>,
+    line: Option<u64>,
+    offset: Option<u64>,
+    reason: &str,
+) -> LineContent {
+    let what = match (file, line, offset) {
+        (Some(file), Some(line), _) => format!("{file}:{line}: {reason}"),
+        (Some(file), None, Some(offset)) => format!("{file}: byte {offset}: {reason}"),
+        (None, Some(line), _) => format!("line {line}: {reason}"),
+        (None, None, Some(offset)) => format!("byte {offset}: {reason}"),
+        (_, None, None) => reason.to_owned(),
     };
     ("UNREAD", what, Tone::Caution)
 }

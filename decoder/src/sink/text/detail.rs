@@ -1,4 +1,4 @@
-//! Everything known of an event, indented below its line.
+//! All fields of an event, indented below its line.
 
 use crate::event::{Event, EventKind};
 use crate::profile;
@@ -6,10 +6,10 @@ use crate::query::record::{FieldValue, Fields, visit};
 use crate::session::Bus;
 use crate::sink::escape;
 
-/// What the line above says already.
+/// Fields already shown in the event line.
 const ABOVE: &[&str] = &["t", "bus", "frames", "kind", "protocol", "node", "node_name", "presumed"];
 
-/// The details of an event, a line each.
+/// Fields of an event, one per line.
 pub(super) fn lines(event: &Event, bus: &Bus) -> String {
     let mut text = String::new();
     let mut lines = Lines { text: &mut text, path: Vec::new() };
@@ -20,7 +20,7 @@ pub(super) fn lines(event: &Event, bus: &Bus) -> String {
     text
 }
 
-/// What usually stands behind an error.
+/// Usual cause of an error.
 fn hints(event: &Event) -> Option<&'static str> {
     let hint = match &event.kind {
         EventKind::SdoTransfer(transfer) => &profile::abort_codes().find(transfer.abort?.code)?.hint,

@@ -1,9 +1,9 @@
-//! The words of a device's events.
+//! Text of device events.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Said, bytes, millis, seconds};
+use super::parts::{LineContent, bytes, millis, seconds};
 use crate::event::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
     ProcedureEvent, SetPoint,
@@ -11,10 +11,10 @@ use crate::event::{
 use crate::profile::Value;
 use crate::wire::NodeId;
 
-pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> Said {
+pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> LineContent {
     let id = id.map_or(String::new(), |id| id.to_string());
     let what = format!(
-        "is {}, told by its {}; --node {id}={} reads it so from the first frame",
+        "identified as {} by its {}; --node {id}={} applies from the first frame",
         node.title,
         node.by.replace('-', " "),
         node.device
@@ -22,24 +22,24 @@ pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> Said {
     ("IDENT", what, Tone::Good)
 }
 
-/// `c1 ` before what one of several outputs does.
+/// Prefix `c1 ` for devices with several channels.
 fn channel(channel: Option<u8>) -> String {
     channel.map_or(String::new(), |channel| format!("c{channel} "))
 }
 
-pub(super) fn state(state: &DeviceState) -> Said {
+pub(super) fn state(state: &DeviceState) -> LineContent {
     let from = state.from.as_deref().unwrap_or("?");
     let mut what = format!("{}{from} → {}", channel(state.channel), state.to);
     let frame = if state.cause_frame == 0 { String::new() } else { format!(" {{{}}}", state.cause_frame) };
     let _ = match (state.cause, state.control, state.emcy) {
         (DeviceCause::ControlWord, Some(control), _) => write!(what, ", control {control:02X}{frame}"),
         (DeviceCause::Emcy, _, Some(code)) => write!(what, ", cause EMCY {code:04X}{frame}"),
-        (DeviceCause::Dtc, ..) => write!(what, ", cause fault of DM1{frame}"),
+        (DeviceCause::Dtc, ..) => write!(what, ", cause DM1 fault{frame}"),
         (DeviceCause::NmtCommand, ..) => write!(what, ", cause NMT command{frame}"),
         (DeviceCause::LifeGuard, ..) => write!(what, ", cause life guarding{frame}"),
-        (DeviceCause::BootUp, ..) => write!(what, ", after its start{frame}"),
+        (DeviceCause::BootUp, ..) => write!(what, ", cause boot-up{frame}"),
         (DeviceCause::NotOnTheBus, ..) if state.from.is_none() => write!(what, ", first seen"),
-        _ => write!(what, ", cause not on the bus (hardware enable, maker's tool?)"),
+        _ => write!(what, ", cause not on the bus (hardware enable, manufacturer's tool?)"),
     };
     if let Some(leave) = &state.leave {
         let _ = write!(what, "; to leave: {leave}");
@@ -55,14 +55,14 @@ pub(super) fn state(state: &DeviceState) -> Said {
     ("STATE", what, if state.fault { Tone::Bad } else { Tone::Plain })
 }
 
-pub(super) fn bits(bits: &BitsChanged) -> Said {
+pub(super) fn bits(bits: &BitsChanged) -> LineContent {
     ("STAT", format!("{}{}: {}", channel(bits.channel), bits.name, bits.words.join(", ")), Tone::Plain)
 }
 
-pub(super) fn set_point(point: &SetPoint) -> Said {
+pub(super) fn set_point(point: &SetPoint) -> LineContent {
     let name = point.short.as_deref().unwrap_or(&point.signal);
     let assumed = if point.assumed { "?" } else { "" };
-    // A short name such as c1 tells the channel already.
+    // A short name such as c1 already identifies the channel.
     let channel = channel(point.channel);
     let channel = if channel.trim_end() == name { "" } else { &channel };
     let mut what = format!("{channel}{name} ");
@@ -80,13 +80,13 @@ pub(super) fn set_point(point: &SetPoint) -> Said {
             Tone::Plain
         }
         Effective::No => {
-            let _ = write!(what, "NOT effective, needs: {gates}");
+            let _ = write!(what, "NOT effective: needs {gates}");
             Tone::Caution
         }
         Effective::Unknown => {
-            // Without gates nothing tells what lets a set point act.
-            let why = if gates.is_empty() { "the profile has no gates for it" } else { &gates };
-            let _ = write!(what, "effective? not known: {why}");
+            // Without gates the effect of a set point cannot be evaluated.
+            let why = if gates.is_empty() { "no gates in the profile" } else { &gates };
+            let _ = write!(what, "effective: unknown ({why})");
             Tone::Plain
         }
     };
@@ -96,7 +96,7 @@ pub(super) fn set_point(point: &SetPoint) -> Said {
     ("SETPT", what, tone)
 }
 
-pub(super) fn mode(mode: &ModeChange) -> Said {
+pub(super) fn mode(mode: &ModeChange) -> LineContent {
     let from = mode.from.as_deref().map_or(String::new(), |from| format!("{from} → "));
     let consequence =
         if mode.consequence.is_empty() { String::new() } else { format!(" → {}", mode.consequence) };
@@ -104,13 +104,13 @@ pub(super) fn mode(mode: &ModeChange) -> Said {
     ("MODE", what, Tone::Plain)
 }
 
-/// KIND of a procedure's line; words a profile invents are PROC.
+/// KIND column of a procedure; PROC for words defined by profiles.
 fn word(word: Option<&str>) -> &'static str {
     const WORDS: [&str; 8] = ["CALIB", "STORE", "RESTORE", "SWITCH", "M/S", "IDENT", "RATE", "RESET"];
     WORDS.iter().find(|known| Some(**known) == word).unwrap_or(&"PROC")
 }
 
-pub(super) fn procedure(event: &ProcedureEvent) -> Said {
+pub(super) fn procedure(event: &ProcedureEvent) -> LineContent {
     let mut what = format!("{} {}", event.procedure, event.step);
     if event.step == "finished" {
         let _ = write!(what, ": {}", event.status);
@@ -125,7 +125,7 @@ pub(super) fn procedure(event: &ProcedureEvent) -> Said {
         let _ = write!(what, "; about {nominal} s");
     }
     if event.takes_over && event.step == "started" {
-        what.push_str("; set points of the bus are ignored");
+        what.push_str("; CAN set points ignored");
     }
     if !event.text.is_empty() {
         let _ = write!(what, "; {}", event.text);
@@ -139,22 +139,22 @@ pub(super) fn procedure(event: &ProcedureEvent) -> Said {
     (word(event.word.as_deref()), what, tone)
 }
 
-pub(super) fn conflict(conflict: &Conflict) -> Said {
-    let says: Vec<_> = conflict
+pub(super) fn conflict(conflict: &Conflict) -> LineContent {
+    let values: Vec<_> = conflict
         .sources
         .iter()
-        .map(|(source, data)| format!("{source} says {}", Value::Bytes(data.clone())))
+        .map(|(source, data)| format!("{source} {}", Value::Bytes(data.clone())))
         .collect();
-    let what = format!("{} {}: {}; {}", conflict.object, conflict.name, says.join(", "), conflict.text);
+    let what = format!("{} {}: {}; {}", conflict.object, conflict.name, values.join(", "), conflict.text);
     ("CONFLICT", what, Tone::Caution)
 }
 
-pub(super) fn object_change(change: &ObjectChange) -> Said {
+pub(super) fn object_change(change: &ObjectChange) -> LineContent {
     let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
     let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
     match change.origin {
-        "restart" => ("OBJ", format!("{what} in force since the restart"), Tone::Plain),
-        "reset" => ("OBJ", format!("{what}, not kept over the restart"), Tone::Plain),
+        "restart" => ("OBJ", format!("{what}, effective since the restart"), Tone::Plain),
+        "reset" => ("OBJ", format!("{what}, lost at the restart"), Tone::Plain),
         _ => ("OBJ", what, Tone::Quiet),
     }
 }

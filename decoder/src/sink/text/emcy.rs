@@ -1,4 +1,4 @@
-//! The words of an EMCY message.
+//! Text of EMCY messages.
 
 use std::io::Write as _;
 
@@ -8,17 +8,17 @@ use crate::ascii::{push_code, push_decimal};
 use crate::event::{BootCause, EmcyAction, Emergency};
 use crate::profile::{self, Device};
 
-/// Appends what happened; gives the kind of line and its tone.
+/// Appends the text; returns the KIND column and the tone.
 pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u8>) -> (&'static str, Tone) {
     let Some(code) = emergency.code else {
-        out.extend_from_slice(b"empty EMCY message = started without error");
+        out.extend_from_slice(b"empty EMCY message: started without error");
         match emergency.boot {
             Some(BootCause::Commanded { frame }) => {
                 // Writing to a vector cannot fail.
-                let _ = write!(out, ", reset was commanded {{{frame}}}");
+                let _ = write!(out, ", after NMT reset {{{frame}}}");
             }
             Some(BootCause::PresumedPowerOn { .. }) => {
-                out.extend_from_slice(", no NMT reset before → power-on or self-reset".as_bytes());
+                out.extend_from_slice(", no NMT reset before → power cycle or self-reset".as_bytes());
             }
             None => {}
         }
@@ -26,15 +26,15 @@ pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u
     };
     let tone = match emergency.action {
         EmcyAction::NoErrorAtBoot => {
-            out.extend_from_slice(b"0000 no error, sent at boot: no recovery");
+            out.extend_from_slice(b"0000 no error, sent at boot-up (not a recovery)");
             Tone::Plain
         }
         EmcyAction::AllCleared => {
-            out.extend_from_slice(b"0000 no error left");
+            out.extend_from_slice(b"0000 all errors cleared");
             Tone::Good
         }
         EmcyAction::Cleared => {
-            out.extend_from_slice(b"0000 an error went, register still ");
+            out.extend_from_slice(b"0000 error cleared, register still ");
             push_register(emergency.register.unwrap_or(0), out);
             Tone::Caution
         }
@@ -63,7 +63,7 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
         push_vendor(vendor, device, out);
     }
     if let Some(other) = emergency.alternative {
-        out.extend_from_slice(b", in the other byte order ");
+        out.extend_from_slice(b", byte-swapped ");
         push_code(out, u32::from(other), 4);
         let text = device.error(other).map_or("", |error| error.text.as_str());
         // Writing to a vector cannot fail.
@@ -76,19 +76,14 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
     }
 }
 
-/// The manufacturer's bytes: by name where the device's profile has names, else as they are.
+/// Appends the manufacturer-specific bytes, by name if the profile defines names, else as hex.
 fn push_vendor(vendor: &[u8], device: &Device, out: &mut Vec<u8>) {
-    /// Bytes of the message before them.
-    const BEFORE: usize = 3;
     let mut named = false;
     for field in &device.emcy.vendor {
-        let first = usize::from(field.byte).checked_sub(BEFORE);
-        let end = first.and_then(|first| first.checked_add(usize::from(field.bytes)));
-        let bytes = first.zip(end).and_then(|(first, end)| vendor.get(first..end));
-        if let Some(bytes) = bytes {
+        if let Some(value) = field.value(vendor) {
             named = true;
             // Writing to a vector cannot fail.
-            let _ = write!(out, ", {} {}", field.name, profile::little_endian(bytes));
+            let _ = write!(out, ", {} {value}", field.name);
         }
     }
     if !named {

@@ -1,25 +1,25 @@
-//! Lines of findings.
+//! Text of finding events.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::Said;
+use super::parts::LineContent;
 use crate::event::FindingNews;
 use crate::finding::Severity;
 
-pub(super) fn opened(news: &FindingNews) -> Said {
+pub(super) fn opened(news: &FindingNews) -> LineContent {
     words(news, false)
 }
 
-pub(super) fn closed(news: &FindingNews) -> Said {
+pub(super) fn closed(news: &FindingNews) -> LineContent {
     words(news, true)
 }
 
 /// `1018:01: answered after 312 ms [sdo-no-response]`.
-fn words(news: &FindingNews, is_over: bool) -> Said {
+fn words(news: &FindingNews, is_over: bool) -> LineContent {
     let mut what = String::new();
     if is_over {
-        what.push_str(if news.is_at_end { "still open at the end: " } else { "over: " });
+        what.push_str(if news.is_at_end { "still open at the end: " } else { "closed: " });
     }
     let object = news.object.map(|object| object.to_string());
     let pgn = news.pgn.map(|pgn| format!("PGN {pgn}/{pgn:04X}"));
@@ -33,6 +33,9 @@ fn words(news: &FindingNews, is_over: bool) -> Said {
     }
     if let Some(reason) = &news.downgraded {
         let _ = write!(what, " ({}: {reason})", news.severity.name());
+    }
+    if let Some(manual) = news.source.as_ref().filter(|_| news.is_manual) {
+        let _ = write!(what, " ({manual})");
     }
     let _ = write!(what, " [{}]", news.rule);
     let tone = match news.severity {

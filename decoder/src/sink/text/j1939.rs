@@ -1,13 +1,13 @@
-//! The words of J1939 events.
+//! Text of J1939 events.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Words, bytes, millis, node_label, node_short, seconds};
+use super::parts::{EventWords, bytes, millis, node_label, node_short, seconds};
 use super::pdo::push_signals;
 use crate::event::{
     AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, Irregularity, IrregularityKind,
-    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome,
+    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome, TransportMode,
 };
 use crate::profile;
 use crate::query::record::device as device_of;
@@ -16,15 +16,15 @@ use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, Name, Pgn};
 use crate::words::plural;
 
-pub(super) fn message(message: &J1939Message, bus: &Bus) -> Words {
+pub(super) fn message(message: &J1939Message, bus: &Bus) -> EventWords {
     let who = pair(message.id.source, message.id.destination, bus);
-    Words { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
+    EventWords { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
 }
 
-pub(super) fn request(request: &J1939Request, bus: &Bus) -> Words {
+pub(super) fn request(request: &J1939Request, bus: &Bus) -> EventWords {
     let who = pair(request.source, request.destination, bus);
-    let what = format!("asks for {}", group(request.pgn, request.name.as_deref()));
-    Words { who, kind: "REQ", what, tone: Tone::Plain }
+    let what = format!("requests {}", group(request.pgn, request.name.as_deref()));
+    EventWords { who, kind: "REQ", what, tone: Tone::Plain }
 }
 
 /// `F1`, `SA80 boom2`, `all`.
@@ -38,7 +38,7 @@ fn address(address: u8, bus: &Bus) -> String {
     }
 }
 
-/// `F1→SA80 boom2`; the sender alone where it goes to all.
+/// `F1→SA80 boom2`; only the source for a global message.
 fn pair(source: u8, destination: u8, bus: &Bus) -> String {
     if destination == ALL {
         return node_label(NodeId::J1939(source), bus);
@@ -61,10 +61,10 @@ fn message_words(message: &J1939Message) -> String {
     what
 }
 
-pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> Words {
+pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
     let mut what = match transfer.pgn {
         Some(pgn) => group(pgn, transfer.name.as_deref()),
-        None => "group not seen".into(),
+        None => "PGN unknown".into(),
     };
     let size = match transfer.announced {
         Some(announced) if u64::from(announced) != transfer.size => {
@@ -74,8 +74,10 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> Words {
     };
     let _ = write!(what, " {size}: {}", bytes(&transfer.data));
     let tone = outcome_words(transfer, &mut what);
+    let is_fast = transfer.mode == Some(TransportMode::FastPacket);
     if transfer.missing > 0 {
-        let _ = write!(what, ", {} missing", plural(transfer.missing, "packet"));
+        let unit = if is_fast { "frame" } else { "packet" };
+        let _ = write!(what, ", {} missing", plural(transfer.missing, unit));
     }
     if transfer.repeated > 0 {
         let _ = write!(what, ", {} repeated", transfer.repeated);
@@ -87,17 +89,18 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> Words {
         let _ = write!(what, " {}", mode.name());
     }
     if transfer.cut_start {
-        what.push_str(" (start not seen)");
+        what.push_str(" (start not captured)");
     }
     if let Some(layout) = &transfer.layout {
         let mut signals = Vec::new();
         push_signals(layout, &transfer.data, &mut signals);
         what.push_str(&String::from_utf8_lossy(&signals));
     }
-    Words { who: pair(transfer.source, transfer.destination, bus), kind: "TP", what, tone }
+    let kind = if is_fast { "FP" } else { "TP" };
+    EventWords { who: pair(transfer.source, transfer.destination, bus), kind, what, tone }
 }
 
-/// How a transfer ended.
+/// Appends the outcome of a transfer.
 fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> Tone {
     match transfer.outcome {
         Outcome::Complete => {
@@ -119,43 +122,43 @@ fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> Tone {
             Tone::Bad
         }
         Outcome::Superseded => {
-            what.push_str(" given up: another one began");
+            what.push_str(" superseded by a new transfer");
             Tone::Caution
         }
         Outcome::Incomplete => {
-            what.push_str(" not whole");
+            what.push_str(" incomplete");
             Tone::Caution
         }
         Outcome::Unfinished => {
-            what.push_str(" unfinished when the capture ends");
+            what.push_str(" unfinished at end of capture");
             Tone::Caution
         }
     }
 }
 
-pub(super) fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> Words {
-    let (says, tone) = match answer.message.control {
-        0 => ("done", Tone::Plain),
-        1 => ("NOT done", Tone::Caution),
+pub(super) fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> EventWords {
+    let (result, tone) = match answer.message.control {
+        0 => ("acknowledged", Tone::Plain),
+        1 => ("NOT acknowledged", Tone::Caution),
         2 => ("access DENIED", Tone::Caution),
         3 => ("cannot respond now", Tone::Caution),
-        _ => ("reserved answer", Tone::Caution),
+        _ => ("reserved control byte", Tone::Caution),
     };
     let for_whom = match answer.message.address {
         ALL => String::new(),
-        asker => format!(", asked by {}", address(asker, bus)),
+        requester => format!(", requested by {}", address(requester, bus)),
     };
-    let what = format!("{says}: {}{for_whom}", group(answer.message.pgn, answer.name.as_deref()));
+    let what = format!("{result}: {}{for_whom}", group(answer.message.pgn, answer.name.as_deref()));
     let kind = if answer.message.control == 0 { "ACK" } else { "NACK" };
-    Words { who: pair(answer.source, answer.destination, bus), kind, what, tone }
+    EventWords { who: pair(answer.source, answer.destination, bus), kind, what, tone }
 }
 
-/// `NAME A322810A07212345 (maker 57, function 129, agriculture, number 74565)`.
+/// `NAME A322810A07212345 (manufacturer 57, function 129, agriculture, number 74565)`.
 fn name_words(name: Name) -> String {
     let parts = name.fields();
     let industry = profile::industry_groups().text_of(u32::from(parts.industry_group));
     format!(
-        "NAME {:016X} (maker {}, function {}, {}, number {})",
+        "NAME {:016X} (manufacturer {}, function {}, {}, number {})",
         name.0,
         parts.manufacturer_code,
         parts.function,
@@ -164,34 +167,35 @@ fn name_words(name: Name) -> String {
     )
 }
 
-pub(super) fn claim(claim: &AddressClaim, bus: &Bus) -> Words {
+pub(super) fn claim(claim: &AddressClaim, bus: &Bus) -> EventWords {
     let name = name_words(claim.name);
     let from = claim.from.map_or(String::new(), |from| format!(", was {from:02X}"));
     let command =
-        if claim.commanded == 0 { String::new() } else { format!(", as commanded {{{}}}", claim.commanded) };
+        if claim.commanded == 0 { String::new() } else { format!(", commanded by {{{}}}", claim.commanded) };
     let (mut what, tone) = match claim.action {
         ClaimAction::Claimed => {
             (format!("claims address {:02X}{from}{command}: {name}", claim.source), Tone::Plain)
         }
         ClaimAction::Confirmed => (format!("has address {:02X}: {name}", claim.source), Tone::Quiet),
-        ClaimAction::Lost => (format!("wants address {:02X} and loses it: {name}", claim.source), Tone::Bad),
+        ClaimAction::Lost => (format!("loses address {:02X}: {name}", claim.source), Tone::Bad),
         ClaimAction::CannotClaim => (format!("CANNOT CLAIM an address{from}: {name}"), Tone::Bad),
     };
     if let Some(contention) = claim.contention {
         let winner = if contention.winner == claim.name { "wins" } else { "loses" };
-        let _ = write!(what, "; {winner} against {:016X}, the lower NAME has it", contention.other.0);
+        let _ = write!(what, "; {winner} against {:016X} (lower NAME wins)", contention.other.0);
     }
-    Words { who: node_label(NodeId::J1939(claim.source), bus), kind: "CLAIM", what, tone }
+    EventWords { who: node_label(NodeId::J1939(claim.source), bus), kind: "CLAIM", what, tone }
 }
 
-pub(super) fn commanded_address(command: &CommandedAddress, bus: &Bus) -> Words {
+pub(super) fn commanded_address(command: &CommandedAddress, bus: &Bus) -> EventWords {
     let present = command.present.map_or(String::new(), |present| format!(", now {present:02X}"));
-    let what = format!("tells {} to take address {:02X}{present}", name_words(command.name), command.address);
-    Words { who: address(command.source, bus), kind: "ADDR", what, tone: Tone::Caution }
+    let what =
+        format!("commands {} to use address {:02X}{present}", name_words(command.name), command.address);
+    EventWords { who: address(command.source, bus), kind: "ADDR", what, tone: Tone::Caution }
 }
 
 /// `SPN 298985 FMI 19 time guarding, warning; needs 2 neutral AVC and spool neutral`.
-pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
+pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> EventWords {
     let own = device_of(event, bus).dtc(dtc.spn, dtc.fmi);
     let assumed = if dtc.is_old_coding { "?" } else { "" };
     let name = bus.parameter(dtc.spn).map_or(String::new(), |parameter| format!(" {},", parameter.name));
@@ -219,7 +223,7 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
     let tone = match dtc.action {
         DtcAction::Raised | DtcAction::Recurred => {
             if dtc.action == DtcAction::Recurred {
-                what.push_str(", came again");
+                what.push_str(", recurred");
             }
             if let Some(own) = own.filter(|own| !own.recovery.is_empty()) {
                 let _ = write!(what, "; needs {}", own.recovery);
@@ -229,14 +233,14 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
         DtcAction::NoLongerReported => {
             let how = match (dtc.by_silence, dtc.may_be_hidden) {
                 (true, _) => ": DM1 stopped",
-                (false, true) => ": gone, or hidden by a more urgent fault",
+                (false, true) => ": cleared, or hidden by a more urgent fault",
                 (false, false) => "",
             };
             let _ = write!(what, ", no longer reported{since}{how}");
             Tone::Caution
         }
         DtcAction::PreviouslyActive => {
-            what.push_str(", was active before");
+            what.push_str(", previously active");
             Tone::Plain
         }
         DtcAction::Cleared => {
@@ -244,52 +248,52 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> Words {
             Tone::Good
         }
     };
-    Words { who: node_label(NodeId::J1939(dtc.source), bus), kind: "DTC", what, tone }
+    EventWords { who: node_label(NodeId::J1939(dtc.source), bus), kind: "DTC", what, tone }
 }
 
 /// `AVC valve 0: 312 ms > 250 ms (usual 100 ± 3)`.
-pub(super) fn message_gap(gap: &MessageGap, event: &Event, bus: &Bus) -> Words {
+pub(super) fn message_gap(gap: &MessageGap, event: &Event, bus: &Bus) -> EventWords {
     let whole = |nanoseconds: i64| (nanoseconds + 500_000) / 1_000_000;
     let mut what = format!("{}: {} ms > {} ms", gap.message, whole(gap.gap), whole(gap.limit));
     if let Some((usual, deviation)) = gap.usual {
         let _ = write!(what, " (usual {} ± {})", whole(usual), whole(deviation));
     }
     if !gap.came_again {
-        what.push_str(", not seen again");
+        what.push_str(", not received again");
     }
     let who = match event.node {
         Some(NodeId::J1939(to)) if to != gap.source => pair(gap.source, to, bus),
         _ => node_label(NodeId::J1939(gap.source), bus),
     };
-    Words { who, kind: "GAP", what, tone: Tone::Caution }
+    EventWords { who, kind: "GAP", what, tone: Tone::Caution }
 }
 
-pub(super) fn irregularity(irregularity: &Irregularity, bus: &Bus) -> Words {
+pub(super) fn irregularity(irregularity: &Irregularity, bus: &Bus) -> EventWords {
     let pgn = irregularity.pgn.map_or(String::new(), |pgn| format!(" of {pgn}"));
     let number = |number: Option<u32>| number.map_or("?".into(), |number: u32| number.to_string());
     let what = match irregularity.what {
         IrregularityKind::Gap => {
-            let (came, due) = (number(irregularity.packet), number(irregularity.expected));
-            format!("{}{pgn}: {came} came, {due} was due", irregularity.message)
+            let (received, expected) = (number(irregularity.packet), number(irregularity.expected));
+            format!("{}{pgn}: received {received}, expected {expected}", irregularity.message)
         }
         IrregularityKind::Duplicate => {
-            format!("{} {}{pgn} came again", irregularity.message, number(irregularity.packet))
+            format!("{} {}{pgn} repeated", irregularity.message, number(irregularity.packet))
         }
         IrregularityKind::Retransmission => match irregularity.expected {
-            Some(next) => format!("{}{pgn} asks again for packets from {next} on", irregularity.message),
-            None => format!("{}{pgn} came again", irregularity.message),
+            Some(next) => format!("{}{pgn} requests packets from {next} on again", irregularity.message),
+            None => format!("{}{pgn} repeated", irregularity.message),
         },
         IrregularityKind::Late => {
             let timer = irregularity.timer.map_or("", |timer| timer.name());
             let delay =
                 irregularity.delay.map_or(String::new(), |delay| format!(" after {} ms", millis(delay)));
-            format!("{}{pgn} late{delay}, {timer} passed", irregularity.message)
+            format!("{}{pgn} late{delay}, {timer} expired", irregularity.message)
         }
-        IrregularityKind::Unexpected => format!("{}{pgn} that nothing explains", irregularity.message),
+        IrregularityKind::Unexpected => format!("unexpected {}{pgn}", irregularity.message),
     };
     let who = match (irregularity.source, irregularity.destination) {
         (Some(source), Some(destination)) => pair(source, destination, bus),
         _ => String::new(),
     };
-    Words { who, kind: "TP", what, tone: Tone::Caution }
+    EventWords { who, kind: "TP", what, tone: Tone::Caution }
 }

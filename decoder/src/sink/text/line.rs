@@ -1,40 +1,40 @@
-//! The words of each kind of event.
+//! Text of each kind of event.
 
-use super::parts::{Said, Words, node_label, push_node};
+use super::parts::{EventWords, LineContent, node_label, push_node};
 use super::tone::Tone;
 use super::{bus, device, emcy, finding, j1939, node, pdo, sdo, uds};
 use crate::event::{Event, EventKind};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 
-/// The columns of a line behind the time, as UTF-8, control characters not yet escaped.
+/// Columns after the time, as UTF-8, with control characters not yet escaped.
 #[derive(Default)]
 pub(super) struct Columns {
-    /// Node, or sender → receiver.
+    /// Node, or source → destination.
     pub(super) who: Vec<u8>,
-    /// Kind in at most six letters.
+    /// KIND column, at most six letters.
     pub(super) kind: &'static str,
-    /// What happened.
+    /// Description of the event.
     pub(super) what: Vec<u8>,
-    /// How it looks.
+    /// Emphasis of the line.
     pub(super) tone: Tone,
 }
 
-/// An event in words, as a line of text shows it; control characters are not yet escaped.
+/// Event as text in columns, with control characters not yet escaped.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Line {
-    /// Node, or sender → receiver.
+    /// Node, or source → destination.
     pub who: String,
-    /// Kind in at most six letters.
+    /// KIND column, at most six letters.
     pub kind: &'static str,
-    /// What happened.
+    /// Description of the event.
     pub what: String,
-    /// How it looks.
+    /// Emphasis of the line.
     pub tone: Tone,
 }
 
 impl Line {
-    /// The words of an event.
+    /// Describes an event on its bus.
     pub fn of(event: &Event, bus: &Bus) -> Self {
         let mut columns = Columns::default();
         columns.fill(event, bus);
@@ -44,15 +44,18 @@ impl Line {
 }
 
 impl Columns {
-    /// Replaces all of them by those of an event.
+    /// Replaces all columns with those of an event.
     pub(super) fn fill(&mut self, event: &Event, bus: &Bus) {
         self.who.clear();
         self.what.clear();
-        // What storms are made of is written without the formatting machinery.
+        // PDO and EMCY are the most frequent events; they are written without `fmt`.
         match &event.kind {
             EventKind::Pdo(pdo) => {
                 (self.kind, self.tone) = ("PDO", Tone::Plain);
                 pdo::push_words(pdo, &mut self.what);
+                if let Some(users) = bus.other_users(pdo.cob_id) {
+                    pdo::push_users(pdo, event, users, bus, &mut self.what);
+                }
                 if pdo.layout.is_none() {
                     pdo::push_missing(pdo, event, device_of(event, bus), &mut self.what);
                 }
@@ -64,6 +67,10 @@ impl Columns {
         }
         if let Some(node) = event.node {
             push_node(node, bus, &mut self.who);
+            // Only the predefined connection set assigns the PDO to this node.
+            if bus.node(node).is_none() && matches!(event.kind, EventKind::Pdo(_)) {
+                self.who.push(b'?');
+            }
         }
     }
 
@@ -75,14 +82,14 @@ impl Columns {
     }
 }
 
-fn words(event: &Event, bus: &Bus) -> Words {
-    let of_node = |(kind, what, tone): Said| {
+fn words(event: &Event, bus: &Bus) -> EventWords {
+    let of_node = |(kind, what, tone): LineContent| {
         let who = event.node.map_or(String::new(), |node| node_label(node, bus));
-        Words { who, kind, what, tone }
+        EventWords { who, kind, what, tone }
     };
     match &event.kind {
-        // `fill` writes them without the formatting machinery.
-        EventKind::Pdo(_) | EventKind::Emcy(_) => Words::default(),
+        // Written by `fill` without `fmt`.
+        EventKind::Pdo(_) | EventKind::Emcy(_) => EventWords::default(),
         EventKind::NmtCommand { service, target, from, to } => {
             node::nmt_command(*service, *target, [*from, *to], bus)
         }
@@ -130,8 +137,8 @@ fn words(event: &Event, bus: &Bus) -> Words {
         EventKind::BusSilent { gap } => of_node(bus::bus_silent(*gap)),
         EventKind::LostFrames { count } => of_node(bus::lost_frames(*count)),
         EventKind::Link { state, bit_rate } => of_node(bus::link(*state, *bit_rate)),
-        EventKind::Unreadable { line, offset, reason, .. } => {
-            of_node(bus::unreadable(*line, *offset, reason))
+        EventKind::Unreadable { file, line, offset, reason, .. } => {
+            of_node(bus::unreadable(file.as_deref(), *line, *offset, reason))
         }
         EventKind::Note { text } => of_node(("NOTE", text.clone(), Tone::Caution)),
     }

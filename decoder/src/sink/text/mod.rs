@@ -1,11 +1,11 @@
-//! Text: one line an event, for people.
+//! Text: one line per event.
 //!
 //! ```text
 //!     TIME  NODE dec/hex NAME  KIND    what happened, cause, consequence {frames}
-//!    0.412  32/20 boom         BOOT    boot-up, no NMT reset before → power-on or self-reset {118}
+//!    0.412  32/20 boom         BOOT    boot-up, no NMT reset before → power cycle or self-reset {118}
 //! ```
 //!
-//! `?` behind a value or state marks what is presumed. Repetitions are left out unless asked for.
+//! `?` after a value or state marks it as presumed. Repeated events are printed only with `TextOptions::all`.
 
 mod bus;
 mod detail;
@@ -41,13 +41,13 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     name: "text",
     suffix: "txt",
     title: "events as text",
-    help: "Lines for people",
+    help: "One line of text per event",
     content: EventContent::News,
     is_binary: false,
     sink: |files, options| Ok(Box::new(Text::new(files.whole()?, options.text))),
 };
 
-/// Writes events as text. The first write error is kept and ends all writing.
+/// Writer for event lines. After the first write error nothing more is written; `finish` returns the error.
 pub struct Text<W> {
     output: W,
     options: TextOptions,
@@ -74,9 +74,9 @@ impl<W: Write> Text<W> {
         }
     }
 
-    /// Every string of the capture is in one of the columns: escaped, so that our own colours are the
-    /// only control characters.
-    // Apart from the choice, which most events do not pass.
+    /// Writes one line. All strings of the capture are escaped, so ANSI colours are the only control
+    /// characters.
+    // Separate from `write`, because most events are filtered out there.
     #[inline(never)]
     fn write_line(&mut self, event: &Event, bus: &Bus) {
         self.columns.fill(event, bus);
@@ -125,7 +125,7 @@ impl<W: Write> Text<W> {
             EventKind::Frame(_) if self.options.frames => true,
             EventKind::Frame(undecoded) => match self.options.pdo {
                 PdoLines::All => undecoded.message.is_some(),
-                // Without a database they are routine.
+                // Without a database, frames are routine events.
                 PdoLines::Change => !event.routine,
                 PdoLines::None => false,
             },
@@ -135,7 +135,7 @@ impl<W: Write> Text<W> {
 }
 
 impl<W: Write> EventSink for Text<W> {
-    /// Writes a heading.
+    /// Writes a heading with the capture name.
     fn begin_capture(&mut self, name: &str) {
         if self.error.is_none() {
             self.error = writeln!(self.output, "== {}", escape(name)).err();
@@ -173,7 +173,7 @@ impl<W: Write> EventSink for Text<W> {
     }
 }
 
-/// Characters of UTF-8 text.
+/// Number of characters in UTF-8 text.
 fn characters(text: &[u8]) -> usize {
     text.iter().filter(|byte| **byte & 0xC0 != 0x80).count()
 }

@@ -1,5 +1,5 @@
-//! Which PDOs of a known device are worth a line: set points, states and bits have lines of their own, and
-//! measured values always move a little.
+//! Filter for PDOs and J1939 messages with new information. Set points, states and bits have their own
+//! events, and measured values change a little in almost every message.
 
 use std::collections::HashMap;
 
@@ -9,21 +9,21 @@ use crate::event::{Event, EventKind, J1939Message};
 use crate::frame::{BusIndex, CanId};
 use crate::profile::{Field, Layout, Meaning, Role};
 
-/// A measured value is news when it moved by this part of its full scale.
+/// A measured value is new if it changed by this fraction of its full scale.
 const SHARE: u64 = 100;
 
-/// Identifiers remembered; those beyond are printed whenever they change.
+/// Maximum number of identifiers; beyond it, every changed message is new.
 const MOST: usize = 4096;
 
-/// What was printed last, by bus and identifier.
+/// Last printed payload per bus and identifier.
 #[derive(Debug, Clone, Default)]
 pub struct News {
     printed: HashMap<(BusIndex, CanId), Box<[u8]>, FixedState>,
 }
 
 impl News {
-    /// Whether an event says something new, so that a reader of changes wants to see it. Ask once for each
-    /// event, in order: what a PDO is compared with is the last one that was news.
+    /// Whether an event contains new information. Call it once per event, in order: a PDO is compared with
+    /// the last one for which the result was `true`.
     #[inline]
     pub fn has(&mut self, event: &Event) -> bool {
         !event.routine && self.has_changed(event)
@@ -40,14 +40,13 @@ impl News {
         }
     }
 
-    /// Bytes held.
+    /// Memory in use, in bytes.
     pub fn footprint(&self) -> usize {
         self.printed.len() * 2 * size_of::<((BusIndex, CanId), Box<[u8]>)>()
             + self.printed.values().map(|payload| payload.len()).sum::<usize>()
     }
 
-    /// Whether a PDO that changed says something no other line says. What it is compared with is the
-    /// last one that did.
+    /// Whether a changed PDO contains information that no other event shows, compared with the last such PDO.
     fn is_news(&mut self, bus: BusIndex, id: CanId, layout: Option<&Layout>, payload: &[u8]) -> bool {
         let Some(layout) = layout else { return true };
         let role = |field: &Field| field.meaning.as_deref().and_then(|meaning| meaning.role);
@@ -61,8 +60,8 @@ impl News {
         })
     }
 
-    /// The same of a J1939 message. Of one nobody knows, only the first is news: most are measured values,
-    /// and their bytes say little.
+    /// As `is_news`, for a J1939 message. Of an unknown message only the first one is new: most contain
+    /// measured values.
     fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
         let payload = message.payload();
         self.differs((bus, message.can_id), payload, |before| {
@@ -90,7 +89,7 @@ impl News {
     }
 }
 
-/// Whether a field changed in a way that no other line tells.
+/// Whether a field changed in a way that no other event shows.
 fn moved(field: &Field, role: Option<Role>, before: &[u8], now: &[u8]) -> bool {
     let (before, now) = (field.extract(before), field.extract(now));
     let (Some(before), Some(now)) = (before, now) else { return before != now };
@@ -108,12 +107,12 @@ fn moved(field: &Field, role: Option<Role>, before: &[u8], now: &[u8]) -> bool {
     }
 }
 
-/// Largest raw number of a value.
+/// Largest raw value of a field.
 fn full_scale(meaning: &Meaning, bits: u16) -> u64 {
     match (meaning.range, meaning.limits, meaning.scale) {
         (Some([least, most]), ..) => least.unsigned_abs().max(most.unsigned_abs()),
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-        (None, Some([least, most]), Some(scale)) if scale.factor != 0.0 => {
+        (None, Some([least, most]), Some(scale)) if scale.factor != 0.0 && !scale.is_reciprocal => {
             (least.abs().max(most.abs()) / scale.factor.abs()) as u64
         }
         _ => 1 << bits.saturating_sub(1).min(15),
@@ -140,22 +139,22 @@ mod tests {
     }
 
     #[test]
-    fn a_measured_value_is_news_when_it_moved_by_a_hundredth_since_the_last_line() {
+    fn a_measured_value_is_new_after_a_change_of_one_hundredth() {
         let mut news = News::default();
         let layout = layout([Some(Role::Status), Some(Role::Actual)]);
-        let mut tell =
+        let mut is_new =
             |payload: [u8; 4]| news.is_news(BusIndex(0), CanId::standard(0x181), Some(&layout), &payload);
-        assert!(tell([0, 0, 0, 0]));
-        assert!(!tell([1, 0, 100, 0]), "the status has a line of its own, 100 of 16384 is little");
-        assert!(!tell([1, 0, 160, 0]));
-        assert!(tell([1, 0, 164, 0]), "163 is a hundredth of 16384");
-        assert!(!tell([1, 0, 100, 0]));
+        assert!(is_new([0, 0, 0, 0]));
+        assert!(!is_new([1, 0, 100, 0]), "the status has a line of its own, 100 of 16384 is little");
+        assert!(!is_new([1, 0, 160, 0]));
+        assert!(is_new([1, 0, 164, 0]), "163 is a hundredth of 16384");
+        assert!(!is_new([1, 0, 100, 0]));
     }
 
     #[test]
-    fn of_a_message_nobody_knows_the_first_is_news() {
+    fn only_the_first_unknown_message_is_new() {
         let mut news = News::default();
-        let mut tell = |layout: Option<Layout>, first| {
+        let mut is_new = |layout: Option<Layout>, first| {
             let mut bytes = [0; MAX_DATA];
             bytes[0] = first;
             news.is_message_news(
@@ -170,8 +169,8 @@ mod tests {
                 },
             )
         };
-        assert!(tell(None, 1) && !tell(None, 2));
+        assert!(is_new(None, 1) && !is_new(None, 2));
         let measured = || Some(layout([None, None]));
-        assert!(tell(measured(), 0) && !tell(measured(), 163 - 1) && tell(measured(), 163));
+        assert!(is_new(measured(), 0) && !is_new(measured(), 163 - 1) && is_new(measured(), 163));
     }
 }

@@ -1,9 +1,9 @@
-//! The words of a node's life: states, boot-up, silence, LSS.
+//! Text of node events: NMT states, boot-up, loss, LSS.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Said, Words, millis, node_short, seconds};
+use super::parts::{EventWords, LineContent, millis, node_short, seconds};
 use crate::event::{BootCause, Certainty, PowerSign, Silence, StateCause, StateChange};
 use crate::profile;
 use crate::session::Bus;
@@ -12,49 +12,54 @@ use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 
-/// `states`: presumed before the command, and presumed after it.
+/// The third argument contains the presumed states before and after the command.
 pub(super) fn nmt_command(
     service: NmtService,
     target: u8,
     [from, to]: [Option<NmtState>; 2],
     bus: &Bus,
-) -> Words {
+) -> EventWords {
     let to_whom = if target == 0 { "all".to_owned() } else { node_short(target.into(), bus) };
     let from = from.map_or("?", |from| from.name());
     let what = match (service, to) {
-        (NmtService::Unknown(code), _) => format!("unknown NMT command {code:02X}"),
+        (NmtService::Unknown(code), _) => format!("undefined NMT command {code:02X}h"),
         (_, Some(to)) if target != 0 => format!("{}: {from} → {}?", service.name(), to.name()),
         (_, Some(to)) => format!("{}: all nodes → {}?", service.name(), to.name()),
         (_, None) => service.name().to_owned(),
     };
-    Words { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
+    EventWords { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
 }
 
-pub(super) fn heartbeat(state: Option<NmtState>, code: u8) -> Said {
+pub(super) fn heartbeat(state: Option<NmtState>, code: u8) -> LineContent {
     match state {
         Some(state) => ("HB", state.name().into(), Tone::Quiet),
-        None => ("HB", format!("undefined state {code:02X}"), Tone::Caution),
+        None => ("HB", format!("undefined state {code:02X}h"), Tone::Caution),
     }
 }
 
-pub(super) fn guard_request(node: Option<NodeId>, bus: &Bus) -> Words {
+pub(super) fn guard_request(node: Option<NodeId>, bus: &Bus) -> EventWords {
     let who = format!("master→{}", node.map_or(String::new(), |node| node_short(node, bus)));
-    Words { who, kind: "GUARD", what: "guarding request".into(), tone: Tone::Quiet }
+    EventWords { who, kind: "GUARD", what: "guarding request".into(), tone: Tone::Quiet }
 }
 
-pub(super) fn node_id_change(from: Option<u8>, to: u8, by: &str) -> Said {
+pub(super) fn node_id_change(from: Option<u8>, to: u8, by: &str) -> LineContent {
     let from = from.map_or_else(String::new, |from| format!("{from} → "));
-    ("ID", format!("node-ID {from}{to} in force, set by {by}"), Tone::Caution)
+    ("ID", format!("node-ID {from}{to}, set by {by}"), Tone::Caution)
 }
 
-pub(super) fn guard_reply(state: Option<NmtState>, code: u8, toggle: bool, is_toggle_wrong: bool) -> Said {
-    let state = state.map_or_else(|| format!("undefined state {code:02X}"), |state| state.name().into());
-    let error = if is_toggle_wrong { ", toggle bit did not alternate" } else { "" };
+pub(super) fn guard_reply(
+    state: Option<NmtState>,
+    code: u8,
+    toggle: bool,
+    is_toggle_wrong: bool,
+) -> LineContent {
+    let state = state.map_or_else(|| format!("undefined state {code:02X}h"), |state| state.name().into());
+    let error = if is_toggle_wrong { ", toggle bit repeated" } else { "" };
     let tone = if is_toggle_wrong { Tone::Caution } else { Tone::Quiet };
-    ("GUARD", format!("reply: {state}, toggle {}{error}", u8::from(toggle)), tone)
+    ("GUARD", format!("response: {state}, toggle {}{error}", u8::from(toggle)), tone)
 }
 
-pub(super) fn boot_up(cause: BootCause, lost: u32) -> Said {
+pub(super) fn boot_up(cause: BootCause, lost: u32) -> LineContent {
     let is_expected = matches!(cause, BootCause::Commanded { .. }) && lost == 0;
     ("BOOT", boot_cause(cause, lost), if is_expected { Tone::Good } else { Tone::Caution })
 }
@@ -62,24 +67,24 @@ pub(super) fn boot_up(cause: BootCause, lost: u32) -> Said {
 fn boot_cause(cause: BootCause, lost: u32) -> String {
     let settings = match lost {
         0 => String::new(),
-        1 => "; 1 setting gone that was not kept".into(),
-        _ => format!("; {lost} settings gone that were not kept"),
+        1 => "; 1 volatile setting lost".into(),
+        _ => format!("; {lost} volatile settings lost"),
     };
     let sign = match cause {
         BootCause::Commanded { frame } => {
-            return format!("boot-up, reset was commanded {{{frame}}}{settings}");
+            return format!("boot-up after NMT reset {{{frame}}}{settings}");
         }
         BootCause::PresumedPowerOn { sign } => sign,
     };
     let why = match sign {
-        None => "power-on or self-reset",
-        Some(PowerSign::OtherNodesToo) => "power-on, other nodes booted too",
-        Some(PowerSign::BusWasSilent) => "power-on, the bus was silent before",
+        None => "power cycle or self-reset",
+        Some(PowerSign::OtherNodesToo) => "power cycle, other nodes booted too",
+        Some(PowerSign::BusWasSilent) => "power cycle, bus silent before",
     };
     format!("boot-up, no NMT reset before → {why}{settings}")
 }
 
-pub(super) fn nmt_state(change: &StateChange) -> Said {
+pub(super) fn nmt_state(change: &StateChange) -> LineContent {
     ("STATE", state(change), Tone::Plain)
 }
 
@@ -89,8 +94,8 @@ fn state(change: &StateChange) -> String {
         StateCause::Command => "NMT command",
         StateCause::BootUp => "boot-up",
         StateCause::Heartbeat => "heartbeat",
-        StateCause::GuardReply => "guarding reply",
-        StateCause::Pdo => "its PDO",
+        StateCause::GuardReply => "guarding response",
+        StateCause::Pdo => "PDO",
         StateCause::LifeGuard => "life guarding",
         StateCause::Emcy => "EMCY",
     };
@@ -102,17 +107,17 @@ fn state(change: &StateChange) -> String {
             format!("{to} confirmed by {by}, +{} ms after {{{}}}", millis(after), change.cause_frame)
         }
         (_, Some(from), _) if from == change.to => format!("{to} confirmed by {by}"),
-        (_, Some(from), _) => format!("{} → {to}, told by {by}", from.name()),
-        (_, None, _) => format!("{to}, told by {by}"),
+        (_, Some(from), _) => format!("{} → {to}, reported by {by}", from.name()),
+        (_, None, _) => format!("{to}, reported by {by}"),
     }
 }
 
-pub(super) fn node_lost(silence: &Silence) -> Said {
+pub(super) fn node_lost(silence: &Silence) -> LineContent {
     ("LOST", lost(silence), Tone::Bad)
 }
 
-pub(super) fn node_back(silence: &Silence) -> Said {
-    ("BACK", format!("heard again after {} s", seconds(silence.gap)), Tone::Good)
+pub(super) fn node_back(silence: &Silence) -> LineContent {
+    ("BACK", format!("after {} s of silence", seconds(silence.gap)), Tone::Good)
 }
 
 fn lost(silence: &Silence) -> String {
@@ -127,9 +132,9 @@ fn lost(silence: &Silence) -> String {
     what
 }
 
-pub(super) fn lss(command: u8, is_from_master: bool, content: &Content) -> Words {
+pub(super) fn lss(command: u8, is_from_master: bool, content: &Content) -> EventWords {
     let who = if is_from_master { "LSS master" } else { "LSS slave" };
-    Words { who: who.into(), kind: "LSS", what: lss_message(command, content), tone: Tone::Plain }
+    EventWords { who: who.into(), kind: "LSS", what: lss_message(command, content), tone: Tone::Plain }
 }
 
 fn lss_message(command: u8, content: &Content) -> String {
@@ -139,7 +144,7 @@ fn lss_message(command: u8, content: &Content) -> String {
         Content::Mode(0) => ": waiting".into(),
         Content::Mode(1) => ": configuration".into(),
         Content::Mode(other) => format!(": undefined mode {other}"),
-        Content::NodeId(255) => ": none configured".into(),
+        Content::NodeId(255) => ": not configured".into(),
         Content::NodeId(id) => format!(": {id}/{id:02X}"),
         Content::BitTiming { table: 0, entry } => match profile::lss().bit_rate(entry) {
             Some(rate) => format!(": {rate} kbit/s"),
@@ -152,9 +157,9 @@ fn lss_message(command: u8, content: &Content) -> String {
             let specific = if code == u8::MAX { format!(" {specific:02X}") } else { String::new() };
             format!(": {}{specific}", profile::lss().result(command, code))
         }
-        Content::FastScan { bit: 128, .. } => ": is any slave without node-ID there?".into(),
+        Content::FastScan { bit: 128, .. } => ": any slave without node-ID?".into(),
         Content::FastScan { number, bit, sub, .. } => {
-            format!(": number {sub} {number:08X} from bit {bit} up?")
+            format!(": number {sub} {number:08X}, bits 31 to {bit}?")
         }
     };
     format!("{title}{detail}")

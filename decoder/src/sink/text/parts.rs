@@ -1,4 +1,4 @@
-//! Parts of lines: nodes, frames, data, times.
+//! Shared parts of event lines: nodes, frames, data, times.
 
 use super::tone::Tone;
 use crate::ascii::{push_code, push_decimal, push_spaced_hex};
@@ -6,15 +6,15 @@ use crate::event::FrameRange;
 use crate::session::Bus;
 use crate::wire::NodeId;
 
-/// Bytes of data shown in a line.
+/// Maximum number of data bytes in a line.
 const SHOWN_BYTES: usize = 16;
 
-/// Kind of line, what happened, tone: of an event that is the node's, or the bus's.
-pub(super) type Said = (&'static str, String, Tone);
+/// KIND column, text and tone of an event of a node or of the bus.
+pub(super) type LineContent = (&'static str, String, Tone);
 
-/// The columns of an event that is neither PDO nor EMCY.
+/// Columns of an event, except for PDO and EMCY.
 #[derive(Default)]
-pub(super) struct Words {
+pub(super) struct EventWords {
     pub(super) who: String,
     pub(super) kind: &'static str,
     pub(super) what: String,
@@ -73,7 +73,7 @@ pub(super) fn bytes(data: &[u8]) -> String {
     String::from_utf8(out).unwrap_or_default()
 }
 
-/// Appends the first bytes of data.
+/// Appends the first bytes of data as hex.
 pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
     let shown = data.get(..SHOWN_BYTES).unwrap_or(data);
     if let Some((first, rest)) = shown.split_first() {

@@ -1,5 +1,4 @@
-//! The words of a PDO: most lines are one, so they are written without the formatting machinery where
-//! nothing but numbers is known.
+//! Text of PDOs. They are the most frequent lines, so payload and plain numbers are written without `fmt`.
 
 use std::io::Write as _;
 
@@ -7,10 +6,13 @@ use super::parts::push_bytes;
 use crate::ascii::{push_code, push_decimal, push_integer};
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
-use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, Signal, Value};
+use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Signal, Value};
+use crate::session::Bus;
+use crate::wire::NodeId;
 use crate::words::plural;
 
-/// Appends `TPDO1 37 06: 6041:00=1591`, `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
+/// Appends `TPDO1 37 06: 6041:00=1591` or `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of
+/// 315`.
 pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
     out.extend_from_slice(match pdo.name.direction {
         PdoDirection::Transmit => b"TPDO",
@@ -48,7 +50,7 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Whether signals of several outputs or axes stand side by side, which are named alike.
+/// Whether the layout contains signals of several channels, which have equal names.
 fn has_several_channels(layout: &Layout) -> bool {
     let mut channels = layout.fields.iter().filter_map(channel_of);
     channels.next().is_some_and(|first| channels.any(|other| other != first))
@@ -62,6 +64,10 @@ fn channel_of(field: &Field) -> Option<u8> {
 fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
     // Writing to a vector cannot fail.
     let _ = write!(out, " (mapping needs {}", plural(needed, "byte"));
+    if layout.missing(payload).next().is_none() {
+        // Only bits without an object are missing.
+        let _ = write!(out, ": unused bytes");
+    }
     let mut separator = ": ";
     for field in layout.missing(payload) {
         let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));
@@ -74,14 +80,53 @@ fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>
     out.extend_from_slice(b" missing)");
 }
 
-/// Appends what would tell the contents of a PDO that the maker's tool decides.
+/// Appends the configured producer and the consumers of the identifier: ` (from TPDO3 of 2/02)`, ` (1400:01 =
+/// 20Ah; no known consumer)`.
+#[cold]
+pub(super) fn push_users(
+    pdo: &Pdo,
+    event: &Event,
+    users: &[(PdoName, NodeId)],
+    bus: &Bus,
+    out: &mut Vec<u8>,
+) {
+    let own = event.node.and_then(|node| bus.node(node)).and_then(|node| node.configured_cob_id(pdo.name));
+    let is_user = users.iter().any(|(name, node)| *name == pdo.name && Some(*node) == event.node);
+    let mut parts = Vec::new();
+    if let Some(cob_id) = own.filter(|_| !is_user) {
+        parts.push(format!("{:04X}:01 = {cob_id:X}h", pdo.name.communication_index()));
+    }
+    let list = |is_sent: bool| {
+        let others = users.iter().filter(|(name, node)| {
+            name.is_sent() == is_sent && (*name != pdo.name || Some(*node) != event.node)
+        });
+        others.map(|(name, node)| format!("{name} of {}", node.label())).collect::<Vec<_>>().join(", ")
+    };
+    let is_sent = pdo.name.is_sent();
+    match list(true) {
+        producers if !producers.is_empty() => parts.push(format!("from {producers}")),
+        _ if is_sent && !is_user => parts.push("no known producer".to_owned()),
+        _ => {}
+    }
+    match list(false) {
+        consumers if !consumers.is_empty() => parts.push(format!("to {consumers}")),
+        _ if !is_sent && !is_user => parts.push("no known consumer".to_owned()),
+        _ => {}
+    }
+    if !parts.is_empty() {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, " ({})", parts.join("; "));
+    }
+}
+
+/// Appends the bus file key to set for a PDO whose mapping is set in the manufacturer's tool.
 pub(super) fn push_missing(pdo: &Pdo, event: &Event, device: &Device, out: &mut Vec<u8>) {
     let asks = device.pdos.iter().any(|spec| spec.pdo == pdo.name && spec.mapping == Mapping::BusFile);
     let name = pdo.name.to_string();
     let area = device.areas.iter().find(|area| area.pdos.contains(&name)).filter(|_| asks);
     if let (Some(area), Some(node)) = (area, event.node) {
         // Writing to a vector cannot fail.
-        let _ = write!(out, ": mapping unknown; give [node.{node}] {} in the bus file", area.name);
+        let _ = write!(out, ": mapping unknown; set [node.{node}] {} in the bus file", area.name);
     }
 }
 

@@ -1,16 +1,16 @@
-//! The words of an SDO transfer.
+//! Text of SDO transfers.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Words, bytes, millis, node_short};
+use super::parts::{EventWords, bytes, millis, node_short};
 use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
-use crate::profile::{self, DataType, Device, Effect, Value};
+use crate::profile::{self, DataType, Device, Effect, Meaning, Value};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 
-/// The columns of a transfer.
-pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
+/// Columns of a transfer.
+pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> EventWords {
     let server = event.node.map_or(String::new(), |node| node_short(node, bus));
     let client = transfer.client.map_or("client".to_owned(), |client| node_short(client.into(), bus));
     let kind = match transfer.direction {
@@ -27,23 +27,27 @@ pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> Words {
                 let _ = write!(what, " {}", meaning.name);
             }
         }
-        None => what.push_str("object not seen"),
+        None => what.push_str("object unknown"),
     }
     let transferred =
         transfer.outcome == Outcome::Complete || transfer.direction == Some(Direction::Download);
-    if transferred && transfer.size > 0 {
+    if let Some((seen, whole)) = transfer.partly_seen() {
+        let _ = write!(what, ", {} of {} bytes seen", grouped(seen), grouped(whole));
+    } else if transferred && transfer.size > 0 {
         what.push_str(&value(transfer));
     }
     let tone = outcome(transfer, device_of(event, bus), &mut what);
-    Words { who: format!("{client}→{server}"), kind, what, tone }
+    let is_response = transfer.is_unrequested && transfer.abort.is_none_or(|abort| !abort.by_client);
+    let who = if is_response { format!("{server}→{client}") } else { format!("{client}→{server}") };
+    EventWords { who, kind, what, tone }
 }
 
-/// ` | active after power-on | lost at reset`.
+/// ` | active after power-on | lost at a restart`.
 fn consequence(transfer: &SdoTransfer, what: &mut String) {
     let _ = match transfer.effect {
         None => Ok(()),
         Some(Effect::AtOnce) => write!(what, " | active now"),
-        Some(Effect::Never) => write!(what, " | accepted, never effective"),
+        Some(Effect::Never) => write!(what, " | accepted without effect"),
         Some(effect) => write!(what, " | active {}", effect.when()),
     };
     what.push_str(match transfer.persists {
@@ -52,6 +56,23 @@ fn consequence(transfer: &SdoTransfer, what: &mut String) {
         Some("needs-save") => " | survives only if stored (1010)",
         _ => "",
     });
+}
+
+/// Requests and responses that do not alternate, and a missing start.
+fn order(transfer: &SdoTransfer, what: &mut String) {
+    if transfer.is_unrequested && transfer.abort.is_some() {
+        what.push_str(" (no request)");
+    }
+    if transfer.retries > 0 {
+        let retries = if transfer.retries == 1 { "retry" } else { "retries" };
+        let _ = write!(what, " ({} {retries})", transfer.retries);
+    }
+    if transfer.is_ambiguous {
+        what.push_str(" (ambiguous: segments of two transfers)");
+    }
+    if transfer.cut_start && !transfer.is_unrequested {
+        what.push_str(" (start not captured)");
+    }
 }
 
 /// ` = 500 ms → 1000 ms`.
@@ -64,7 +85,9 @@ fn value(transfer: &SdoTransfer) -> String {
         },
         None => unknown(data),
     };
-    let changed = transfer.direction == Some(Direction::Download);
+    // A signature is a command, not a value.
+    let is_command = transfer.meaning.as_deref().is_some_and(Meaning::is_signature);
+    let changed = transfer.direction == Some(Direction::Download) && !is_command;
     let previous =
         transfer.previous.as_deref().filter(|previous| changed && *previous != transfer.data.as_slice());
     let assumed = if transfer.previous_assumed { "?" } else { "" };
@@ -73,7 +96,20 @@ fn value(transfer: &SdoTransfer) -> String {
     format!(" = {before}{}{size}", show(&transfer.data))
 }
 
-/// Bytes of unknown type; a longer run of characters is most likely a text, so it is shown as one.
+/// A number with a comma after each group of three digits.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes of unknown type. More than four printable characters are shown as text.
 fn unknown(data: &[u8]) -> String {
     let characters = data.trim_ascii_end().strip_suffix(b"\0").unwrap_or(data);
     if characters.len() > 4 && characters.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ') {
@@ -86,33 +122,42 @@ fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
     let tone = match (transfer.outcome, transfer.abort) {
         (Outcome::Aborted, Some(abort)) => {
             let by = if abort.by_client { "ABORTED by client" } else { "REFUSED" };
-            let standard = profile::abort_codes().text(abort.code);
+            let text = profile::abort_codes().text(abort.code);
+            let standard = profile::abort_codes().find(abort.code).map_or(text, |entry| &entry.standard);
             let _ = match device.abort(abort.code, transfer.object) {
-                Some(own) if own.text != standard => {
+                Some(own) if own.text != text => {
                     write!(what, " {by} {:08X}: {} (CiA 301: {standard})", abort.code, own.text)
                 }
-                _ => write!(what, " {by} {:08X}: {standard}", abort.code),
+                _ => write!(what, " {by} {:08X}: {text}", abort.code),
             };
             Tone::Bad
+        }
+        (Outcome::Complete, _) if transfer.is_unrequested => {
+            what.push_str(" response without a request");
+            Tone::Caution
         }
         (Outcome::Complete | Outcome::Aborted, _) => {
             what.push_str(" ok");
             Tone::Plain
         }
+        (Outcome::Timeout, _) if transfer.cut_start && transfer.awaits_client => {
+            what.push_str(" no further message");
+            Tone::Caution
+        }
         (Outcome::Timeout, _) => {
-            what.push_str(" NO ANSWER");
+            what.push_str(" NO RESPONSE");
             Tone::Bad
         }
         (Outcome::Superseded, _) => {
             what.push_str(if transfer.waited.is_some() {
-                " NO ANSWER, another one began"
+                " NO RESPONSE before the next request"
             } else {
-                " given up: another one began"
+                " superseded by a new transfer"
             });
             Tone::Caution
         }
         (Outcome::Incomplete | Outcome::Unfinished, _) => {
-            what.push_str(" unfinished when the capture ends");
+            what.push_str(" unfinished at end of capture");
             Tone::Caution
         }
     };
@@ -129,9 +174,7 @@ fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
     if let Some(crc) = transfer.crc {
         let _ = write!(what, " crc {}", crc.name());
     }
-    if transfer.cut_start {
-        what.push_str(" (start not seen)");
-    }
+    order(transfer, what);
     consequence(transfer, what);
     tone
 }

@@ -6,13 +6,13 @@ use crate::ascii::{push_blanks, push_decimal, push_digits};
 use crate::frame::Timestamp;
 use crate::sink::options::TimeColumn;
 
-/// Turns times into the column.
+/// Formats timestamps for the time column.
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
     style: TimeColumn,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
-    /// The second whose date was written last, and that date.
+    /// Second of the cached `date`.
     second: i64,
     date: String,
 }
@@ -22,7 +22,7 @@ impl Clock {
         Self { style, first: None, last: None, second: 0, date: String::new() }
     }
 
-    /// The first time seen is the zero of the column.
+    /// Sets the zero of the column at the first timestamp.
     #[inline]
     pub(super) fn see(&mut self, time: Option<Timestamp>) {
         if self.first.is_none() {
@@ -30,7 +30,7 @@ impl Clock {
         }
     }
 
-    /// Appends the column of a line that is printed; equally wide from line to line.
+    /// Appends the column with constant width.
     pub(super) fn column(&mut self, time: Option<Timestamp>, out: &mut Vec<u8>) {
         let Some(time) = time else { return out.extend_from_slice("        –".as_bytes()) };
         let before = self.last.replace(time);

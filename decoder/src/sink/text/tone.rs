@@ -1,18 +1,18 @@
-//! How serious a line looks.
+//! Emphasis of event lines.
 
-/// How serious a line looks.
+/// Emphasis of an event line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Tone {
-    /// A fact like others.
+    /// Normal information.
     #[default]
     Plain,
-    /// A repetition.
+    /// Repeated information.
     Quiet,
-    /// Something wanted.
+    /// Normal operation restored or confirmed.
     Good,
-    /// Something to look at.
+    /// Needs attention.
     Caution,
-    /// Something wrong.
+    /// Fault or loss.
     Bad,
 }
 

@@ -1,28 +1,28 @@
-//! The words of ISO-TP messages and UDS exchanges.
+//! Text of ISO-TP messages and UDS exchanges.
 
 use std::fmt::Write as _;
 
 use super::Tone;
-use super::parts::{Words, bytes, millis, seconds};
-use crate::event::{Ends, Event, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
+use super::parts::{EventWords, bytes, millis, seconds};
+use crate::event::{Endpoints, Event, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::words::plural;
 
-pub(super) fn exchange(exchange: &UdsExchange, event: &Event, bus: &Bus) -> Words {
+pub(super) fn exchange(exchange: &UdsExchange, event: &Event, bus: &Bus) -> EventWords {
     let (what, tone) = exchange_words(exchange, device_of(event, bus));
-    Words { who: talk(exchange, event, bus), kind: "UDS", what, tone }
+    EventWords { who: talk(exchange, event, bus), kind: "UDS", what, tone }
 }
 
-/// `F1`, of another net `1:F1`.
+/// `F1`; with another network number `1:F1`.
 fn address(address: u16) -> String {
     let [net, node] = address.to_be_bytes();
     if net == 0 { format!("{node:02X}") } else { format!("{net}:{node:02X}") }
 }
 
-/// `F1→20`; the name of the server where identifiers are those of the bus file.
-fn path(ends: &Ends) -> String {
+/// `F1→20`; the server name if the bus file defines the identifiers.
+fn path(ends: &Endpoints) -> String {
     match (ends.source, ends.target, &ends.server) {
         (Some(source), Some(target), _) => {
             let group = if ends.functional { " (all)" } else { "" };
@@ -44,25 +44,25 @@ fn talk(exchange: &UdsExchange, event: &Event, bus: &Bus) -> String {
     node.map_or_else(|| format!("tester {path}"), |name| format!("tester {path} {name}"))
 }
 
-pub(super) fn isotp(message: &IsoTpTransfer) -> Words {
+pub(super) fn isotp(message: &IsoTpTransfer) -> EventWords {
     let mut what = format!("{} of {}", message.size, plural(message.announced, "byte"));
-    let (said, tone) = match message.outcome {
+    let (outcome, tone) = match message.outcome {
         MessageOutcome::Complete => (" complete", Tone::Quiet),
-        MessageOutcome::Incomplete => (", frames in between not seen", Tone::Caution),
-        MessageOutcome::NoFlowControl => (", NO FLOW CONTROL came", Tone::Bad),
-        MessageOutcome::Timeout => (", the sender did not go on", Tone::Bad),
-        MessageOutcome::Overflow => (", REFUSED: the receiver has no room for it", Tone::Bad),
-        MessageOutcome::Superseded => (", given up: another one began", Tone::Caution),
-        MessageOutcome::Unfinished => (", unfinished when the capture ends", Tone::Caution),
+        MessageOutcome::Incomplete => (", frames missing", Tone::Caution),
+        MessageOutcome::NoFlowControl => (", NO FLOW CONTROL", Tone::Bad),
+        MessageOutcome::Timeout => (", TIME-OUT: sender stopped", Tone::Bad),
+        MessageOutcome::Overflow => (", REFUSED: receiver buffer too small", Tone::Bad),
+        MessageOutcome::Superseded => (", superseded by a new message", Tone::Caution),
+        MessageOutcome::Unfinished => (", unfinished at end of capture", Tone::Caution),
     };
-    what.push_str(said);
+    what.push_str(outcome);
     if message.waits > 0 {
         let _ = write!(what, " ({} × wait)", message.waits);
     }
     if !message.data.is_empty() {
         let _ = write!(what, ": {}", bytes(&message.data));
     }
-    Words { who: path(&message.ends), kind: "ISO-TP", what, tone }
+    EventWords { who: path(&message.ends), kind: "ISO-TP", what, tone }
 }
 
 fn exchange_words(exchange: &UdsExchange, device: &Device) -> (String, Tone) {
@@ -92,17 +92,17 @@ fn exchange_words(exchange: &UdsExchange, device: &Device) -> (String, Tone) {
     if let Some(effect) = exchange.effect {
         let _ = match effect {
             Effect::AtOnce => write!(what, " | active now"),
-            Effect::Never => write!(what, " | accepted, never effective"),
+            Effect::Never => write!(what, " | accepted without effect"),
             effect => write!(what, " | active {}", effect.when()),
         };
     }
     (what, tone)
 }
 
-/// Odd and even sub-functions are seed and key of a security level, which the number tells.
+/// Odd and even sub-functions are seed and key of a security level, so the number is printed too.
 const SECURITY_ACCESS: u8 = 0x27;
 
-/// ` = "WAUZ…"`, ` = 33`; the bytes behind what was named where no value is known.
+/// ` = "WAUZ…"`, ` = 33`; the remaining bytes if the value is unknown.
 fn content(exchange: &UdsExchange) -> String {
     let shown = exchange.decoded().filter(|value| !matches!(value, Value::Bytes(_)));
     if let Some(value) = shown {
@@ -113,15 +113,15 @@ fn content(exchange: &UdsExchange) -> String {
         };
     }
     let service = uds().service(exchange.service);
-    let behind = |data: &[u8], is_response: bool| {
+    let rest_of = |data: &[u8], is_response: bool| {
         let rest = data.get(1..).unwrap_or_default();
         let shape = service.map(|service| if is_response { service.response() } else { service.request() });
         bytes(shape.map_or(rest, |shape| shape.record(rest)))
     };
-    let request = exchange.request.as_ref().map_or(String::new(), |request| behind(&request.data, false));
+    let request = exchange.request.as_ref().map_or(String::new(), |request| rest_of(&request.data, false));
     let is_read = service.and_then(UdsService::value_in) == Some(ValueIn::Response);
     let answered = exchange.response.as_ref().filter(|_| exchange.nrc.is_none());
-    let response = answered.map_or(String::new(), |response| behind(&response.data, true));
+    let response = answered.map_or(String::new(), |response| rest_of(&response.data, true));
     match (request.is_empty(), response.is_empty()) {
         (true, true) => String::new(),
         (true, false) if is_read => format!(" = {response}"),
@@ -131,10 +131,10 @@ fn content(exchange: &UdsExchange) -> String {
     }
 }
 
-/// Longest text a line shows.
+/// Maximum length of a text in a line, in characters.
 const SHOWN_CHARACTERS: usize = 48;
 
-/// A text, cut where it is too long for a line.
+/// A value, with a long text truncated.
 fn short(value: &Value) -> String {
     match value {
         Value::Text(text) if text.chars().count() > SHOWN_CHARACTERS => {
@@ -156,7 +156,7 @@ fn outcome(exchange: &UdsExchange, device: &Device, what: &mut String) -> Tone {
                 _ => write!(what, " REFUSED {code:02X}: {standard}"),
             };
             if exchange.outcome == ExchangeOutcome::Unsolicited {
-                what.push_str(" (request not seen)");
+                what.push_str(" (request not captured)");
             }
             Tone::Bad
         }
@@ -165,28 +165,28 @@ fn outcome(exchange: &UdsExchange, device: &Device, what: &mut String) -> Tone {
             Tone::Plain
         }
         (ExchangeOutcome::Unsolicited, _) => {
-            what.push_str(" ok (request not seen)");
+            what.push_str(" ok (request not captured)");
             Tone::Caution
         }
         (ExchangeOutcome::NoAnswer, _) => {
-            what.push_str(" NO ANSWER");
+            what.push_str(" NO RESPONSE");
             Tone::Bad
         }
         (ExchangeOutcome::Suppressed, _) => {
-            what.push_str(" no answer asked for");
+            what.push_str(" response suppressed by the request");
             Tone::Quiet
         }
         (ExchangeOutcome::Unfinished, _) => {
-            what.push_str(" unfinished when the capture ends");
+            what.push_str(" unfinished at end of capture");
             Tone::Caution
         }
     }
 }
 
-/// ` dt=8.0ms`, ` (2 × pending, 4.200 s)`, and whether bytes are missing.
+/// Appends ` dt=8.0ms` or ` (2 × pending, 4.200 s)`, and a note on truncated data.
 fn times(exchange: &UdsExchange, what: &mut String) {
     if exchange.request.iter().chain(&exchange.response).any(|message| message.truncated) {
-        what.push_str(" (not all bytes kept)");
+        what.push_str(" (data truncated)");
     }
     let _ = match (exchange.pending, exchange.latency) {
         (0, Some(latency)) => write!(what, " dt={}ms", millis(latency)),

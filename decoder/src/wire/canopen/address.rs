@@ -1,15 +1,15 @@
-//! Object addresses as people write them: `1018:01`, `0x1018:01`, `1018h:01h`, `1018sub1`.
+//! Object addresses in text: `1018:01`, `0x1018:01`, `1018h:01h`, `1018sub1`.
 
 use std::str::FromStr;
 
 use super::ObjectAddress;
 
-/// Text that is no object address.
+/// The text is not a valid object address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("an object is written 1018:01")]
+#[error("not a valid object; expected e.g. 1018:01")]
 pub struct NotAnAddress;
 
-/// Index and sub-index in hexadecimal; an index alone means sub-index 0.
+/// Parses index and sub-index in hexadecimal; an index alone means sub-index 0.
 impl FromStr for ObjectAddress {
     type Err = NotAnAddress;
 

@@ -4,24 +4,24 @@
 //! bytes 0..2  error code   byte 2  error register (0x1001)   bytes 3..8  manufacturer specific
 //! ```
 //!
-//! CiA 301 sends the code least significant byte first; some devices send it the other way round, so the
-//! order in force is the caller's to state. An EMCY without data is the "ready" message of CiA 301
-//! version 3.
+//! CiA 301 sends the code least significant byte first; some devices send the most significant byte
+//! first. The caller passes the order of the device. An EMCY without data is the "ready" message of
+//! CiA 301 version 3.
 
 use crate::wire::Malformed;
 
 /// Byte order of the error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ByteOrder {
-    /// As CiA 301 says.
+    /// Least significant byte first (CiA 301).
     #[default]
     LsbFirst,
-    /// The other way round.
+    /// Most significant byte first.
     MsbFirst,
 }
 
 impl ByteOrder {
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::LsbFirst => "lsb-first",
@@ -33,25 +33,25 @@ impl ByteOrder {
 /// An emergency message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Emcy {
-    /// No data: started, no error (CiA 301 version 3).
+    /// No data: boot-up without error (CiA 301 version 3).
     Ready,
-    /// An error or its end (code 0).
+    /// An error, or an error reset (code 0).
     Error {
         /// Error code; 0 = error reset or no error.
         code: u16,
         /// Error register, object 0x1001; `None` if the message is too short for it.
         register: Option<u8>,
-        /// Manufacturer-specific bytes, as many as were sent.
+        /// Manufacturer-specific bytes; only the first `vendor_length` are valid.
         vendor: [u8; 5],
-        /// How many of `vendor` were sent, 0..=5.
+        /// Number of manufacturer-specific bytes received, 0..=5.
         vendor_length: u8,
     },
 }
 
-/// Reads an emergency message. Messages shorter than eight bytes give what they hold.
+/// Reads an emergency message; bytes missing from a message of fewer than eight are tolerated.
 ///
 /// # Errors
-/// Exactly one byte: half an error code.
+/// If the message has exactly one byte: half an error code.
 pub fn parse(data: &[u8], order: ByteOrder) -> Result<Emcy, Malformed> {
     let (low, high) = match (data, order) {
         ([], _) => return Ok(Emcy::Ready),

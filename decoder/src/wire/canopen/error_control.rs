@@ -7,12 +7,12 @@
 use super::NmtState;
 use crate::wire::Malformed;
 
-/// The producer's byte.
+/// Byte sent by the NMT slave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ErrorControl {
-    /// Bit 7.
+    /// Bit 7, the toggle bit of guarding.
     pub toggle: bool,
-    /// The state, if the code is one CiA 301 defines.
+    /// NMT state; `None` if CiA 301 does not define the code.
     pub state: Option<NmtState>,
     /// The code as sent, seven bits.
     pub code: u8,
@@ -21,7 +21,7 @@ pub struct ErrorControl {
 /// Reads the byte; further bytes are ignored.
 ///
 /// # Errors
-/// No byte at all.
+/// If there is no byte.
 pub fn parse(data: &[u8]) -> Result<ErrorControl, Malformed> {
     let [byte, ..] = *data else { return Err(Malformed::at("error-control", 0, 1, 0)) };
     let code = byte & 0x7F;

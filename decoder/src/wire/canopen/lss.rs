@@ -1,8 +1,8 @@
-//! LSS (CiA 305): node-ID and bit rate of devices addressed by their identity; 0x7E5 from the master,
-//! 0x7E4 from slaves, always eight bytes.
+//! LSS (CiA 305): sets node-ID and bit rate of devices, which are addressed by their identity. The master
+//! uses 0x7E5, slaves use 0x7E4. All messages have eight bytes.
 //!
 //! ```text
-//! byte 0  command specifier   bytes 1..8  by command, unused ones 0
+//! byte 0  command specifier   bytes 1..8  depend on the command, unused bytes are 0
 //! ```
 
 use nom::Parser;
@@ -15,18 +15,18 @@ use crate::wire::Malformed;
 pub struct Lss {
     /// Command specifier.
     pub command: u8,
-    /// What it carries.
+    /// Decoded fields of the command.
     pub content: Content,
 }
 
-/// The fields of a message, by the shape its command has.
+/// Fields of a message; the command determines the variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
     /// No fields.
     Nothing,
     /// Mode of switch state global: 0 waiting, 1 configuration.
     Mode(u8),
-    /// Node-ID to set, or answered; 255 = not configured.
+    /// Node-ID to set, or node-ID in a response; 255 = not configured.
     NodeId(u8),
     /// Bit timing table and entry.
     BitTiming {
@@ -35,33 +35,33 @@ pub enum Content {
         /// Entry of the table.
         entry: u8,
     },
-    /// Milliseconds before and after the change of bit rate.
+    /// Delay before and after the change of bit rate, in ms.
     Delay(u16),
-    /// One number of an identity, or one bound of a range of them.
+    /// One part of an identity, or one limit of a range.
     Number(u32),
     /// Result of a configuration.
     Result {
-        /// 0 = done, 255 = see `specific`.
+        /// 0 = success, 255 = see `specific`.
         code: u8,
-        /// Manufacturer's code.
+        /// Manufacturer-specific error code.
         specific: u8,
     },
     /// Fast scan step.
     FastScan {
-        /// Number asked about.
+        /// Value of the identity part that slaves compare.
         number: u32,
-        /// Lowest bit compared; 128 = all slaves without a node-ID answer.
+        /// Lowest bit compared; 128 = all slaves without a node-ID respond.
         bit: u8,
-        /// Which number of the identity, 0..=3.
+        /// Identity part compared, 0..=3.
         sub: u8,
-        /// Which number is asked about next.
+        /// Identity part compared next.
         next: u8,
     },
 }
 
-/// How the seven bytes after a command are laid out.
+/// Layout of the seven bytes after a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shape {
+pub enum LssLayout {
     /// Unused.
     Nothing,
     /// [`Content::Mode`].
@@ -80,24 +80,24 @@ pub enum Shape {
     FastScan,
 }
 
-/// The shape of a command (CiA 305 §3.8 to §3.11); requests and replies of one command differ.
-pub const fn shape(command: u8, from_master: bool) -> Shape {
+/// Layout for a command (CiA 305 §3.8 to §3.11); request and response of one command differ.
+pub const fn shape(command: u8, from_master: bool) -> LssLayout {
     match (command, from_master) {
-        (0x04, _) => Shape::Mode,
-        (0x11, true) | (0x5E, false) => Shape::NodeId,
-        (0x13, true) => Shape::BitTiming,
-        (0x15, _) => Shape::Delay,
-        (0x40..=0x43 | 0x46..=0x4B, _) | (0x5A..=0x5D, false) => Shape::Number,
-        (0x11 | 0x13 | 0x17, false) => Shape::Result,
-        (0x51, true) => Shape::FastScan,
-        _ => Shape::Nothing,
+        (0x04, _) => LssLayout::Mode,
+        (0x11, true) | (0x5E, false) => LssLayout::NodeId,
+        (0x13, true) => LssLayout::BitTiming,
+        (0x15, _) => LssLayout::Delay,
+        (0x40..=0x43 | 0x46..=0x4B, _) | (0x5A..=0x5D, false) => LssLayout::Number,
+        (0x11 | 0x13 | 0x17, false) => LssLayout::Result,
+        (0x51, true) => LssLayout::FastScan,
+        _ => LssLayout::Nothing,
     }
 }
 
 /// Reads one message.
 ///
 /// # Errors
-/// When it is shorter than its command needs.
+/// If it is shorter than its command needs.
 pub fn parse(data: &[u8], from_master: bool) -> Result<Lss, Malformed> {
     let [command, rest @ ..] = data else { return Err(Malformed::at("lss", 0, 1, 0)) };
     let shape = shape(*command, from_master);
@@ -107,28 +107,30 @@ pub fn parse(data: &[u8], from_master: bool) -> Result<Lss, Malformed> {
     }
 }
 
-const fn needed(shape: Shape) -> usize {
+const fn needed(shape: LssLayout) -> usize {
     match shape {
-        Shape::Nothing => 0,
-        Shape::Mode | Shape::NodeId => 1,
-        Shape::BitTiming | Shape::Delay | Shape::Result => 2,
-        Shape::Number => 4,
-        Shape::FastScan => 7,
+        LssLayout::Nothing => 0,
+        LssLayout::Mode | LssLayout::NodeId => 1,
+        LssLayout::BitTiming | LssLayout::Delay | LssLayout::Result => 2,
+        LssLayout::Number => 4,
+        LssLayout::FastScan => 7,
     }
 }
 
-fn content(shape: Shape, rest: &[u8]) -> nom::IResult<&[u8], Content> {
+fn content(shape: LssLayout, rest: &[u8]) -> nom::IResult<&[u8], Content> {
     match shape {
-        Shape::Nothing => Ok((rest, Content::Nothing)),
-        Shape::Mode => byte.map(Content::Mode).parse(rest),
-        Shape::NodeId => byte.map(Content::NodeId).parse(rest),
-        Shape::BitTiming => {
+        LssLayout::Nothing => Ok((rest, Content::Nothing)),
+        LssLayout::Mode => byte.map(Content::Mode).parse(rest),
+        LssLayout::NodeId => byte.map(Content::NodeId).parse(rest),
+        LssLayout::BitTiming => {
             (byte, byte).map(|(table, entry)| Content::BitTiming { table, entry }).parse(rest)
         }
-        Shape::Delay => nom::number::complete::le_u16.map(Content::Delay).parse(rest),
-        Shape::Number => le_u32.map(Content::Number).parse(rest),
-        Shape::Result => (byte, byte).map(|(code, specific)| Content::Result { code, specific }).parse(rest),
-        Shape::FastScan => (le_u32, byte, byte, byte)
+        LssLayout::Delay => nom::number::complete::le_u16.map(Content::Delay).parse(rest),
+        LssLayout::Number => le_u32.map(Content::Number).parse(rest),
+        LssLayout::Result => {
+            (byte, byte).map(|(code, specific)| Content::Result { code, specific }).parse(rest)
+        }
+        LssLayout::FastScan => (le_u32, byte, byte, byte)
             .map(|(number, bit, sub, next)| Content::FastScan { number, bit, sub, next })
             .parse(rest),
     }

@@ -1,4 +1,4 @@
-//! Messages of CiA 301 and CiA 305, one service a file.
+//! Messages of CiA 301 and CiA 305, one file per service.
 
 mod address;
 pub mod emcy;
@@ -17,7 +17,7 @@ pub use address::NotAnAddress;
 /// NMT state of a node (CiA 301 §7.3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NmtState {
-    /// Between a reset and the boot-up message; on the wire state 0.
+    /// Between a reset and the boot-up message; state 0 in the frame.
     Initialising,
     /// State 4.
     Stopped,
@@ -28,7 +28,7 @@ pub enum NmtState {
 }
 
 impl NmtState {
-    /// The state a heartbeat or guarding reply names in its low seven bits.
+    /// State for the low seven bits of a heartbeat or guarding response; `None` if undefined.
     pub const fn from_code(code: u8) -> Option<Self> {
         match code {
             0 => Some(Self::Initialising),
@@ -39,7 +39,7 @@ impl NmtState {
         }
     }
 
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Initialising => "initialising",
@@ -66,13 +66,13 @@ pub struct ObjectAddress {
 }
 
 impl ObjectAddress {
-    /// An address.
+    /// Creates an address from index and sub-index.
     pub const fn new(index: u16, sub: u8) -> Self {
         Self { index, sub }
     }
 }
 
-/// `1018:01`, as all text output writes it.
+/// Writes `1018:01`, the form in all text output.
 impl fmt::Display for ObjectAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:04X}:{:02X}", self.index, self.sub)

@@ -6,25 +6,25 @@
 
 use crate::wire::Malformed;
 
-/// What the master demands.
+/// Command specifier of the master.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NmtService {
-    /// Specifier 1.
+    /// Command specifier 1.
     Start,
-    /// Specifier 2.
+    /// Command specifier 2.
     Stop,
-    /// Specifier 128.
+    /// Command specifier 128.
     EnterPreOperational,
-    /// Specifier 129.
+    /// Command specifier 129.
     ResetNode,
-    /// Specifier 130.
+    /// Command specifier 130.
     ResetCommunication,
-    /// A specifier CiA 301 does not define.
+    /// A command specifier that CiA 301 does not define.
     Unknown(u8),
 }
 
 impl NmtService {
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Start => "start",
@@ -40,16 +40,16 @@ impl NmtService {
 /// One NMT command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NmtCommand {
-    /// What to do.
+    /// Requested state change or reset.
     pub service: NmtService,
-    /// Node-ID, 0 for all; above 127 it addresses nobody.
+    /// Node-ID, 0 for all; above 127 no node is addressed.
     pub target: u8,
 }
 
 /// Reads a command; further bytes are ignored.
 ///
 /// # Errors
-/// Fewer than two bytes.
+/// If there are fewer than two bytes.
 pub fn parse(data: &[u8]) -> Result<NmtCommand, Malformed> {
     let [specifier, target, ..] = *data else { return Err(Malformed::at("nmt", 0, 2, data.len())) };
     let service = match specifier {

@@ -1,6 +1,6 @@
-//! SYNC (CiA 301 §7.2.5.3): identifier 0x80 by default, empty or one counter byte.
+//! SYNC (CiA 301 §7.2.5.3): identifier 0x80 by default, no data or one counter byte.
 
-/// The counter, 1..=240, if there is one.
+/// Counter, 1..=240; `None` for a SYNC without data.
 pub const fn parse(data: &[u8]) -> Option<u8> {
     match data {
         [counter, ..] => Some(*counter),

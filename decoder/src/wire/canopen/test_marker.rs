@@ -1,12 +1,13 @@
-//! Marks that CiA's conformance test tool sets on identifier 7FF around each of its cases.
+//! Markers that the conformance test tool of CiA sends on identifier 7FF around each test case.
 //!
 //! ```text
 //! begin  01 GG CC 00 00 00     end  02 GG CC 00 RR 00
 //! ```
 //!
-//! GG is the group, CC the case, RR the tool's result. Read from a published run: the layout is the tool's own.
+//! GG is the group, CC the case, RR the result. The layout is specific to the tool; the source is a
+//! published test run.
 
-/// How the tool judged a case.
+/// Result of a test case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TestResult {
     /// Passed (01).
@@ -17,12 +18,12 @@ pub enum TestResult {
     Failed,
     /// Not run (05).
     Skipped,
-    /// Anything else.
+    /// Any other code.
     Other(u8),
 }
 
 impl TestResult {
-    /// The name used in all output.
+    /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Passed => "passed",
@@ -34,18 +35,18 @@ impl TestResult {
     }
 }
 
-/// One mark.
+/// Marker at the start or end of a test case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TestMarker {
-    /// Group of cases.
+    /// Group of test cases.
     pub group: u8,
-    /// Case within it.
+    /// Test case within the group.
     pub case: u8,
-    /// Of the mark at its end: the result.
+    /// Result; `None` in the start marker.
     pub result: Option<TestResult>,
 }
 
-/// Reads a mark; `None` if it is none.
+/// Reads a marker; `None` if the payload is not a marker.
 pub fn parse(data: &[u8]) -> Option<TestMarker> {
     match *data {
         [1, group, case, 0, 0, 0] => Some(TestMarker { group, case, result: None }),

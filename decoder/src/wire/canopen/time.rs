@@ -19,10 +19,10 @@ pub struct TimeOfDay {
     pub days: u16,
 }
 
-/// Reads six bytes; further ones are ignored.
+/// Reads six bytes; further bytes are ignored.
 ///
 /// # Errors
-/// Fewer than six bytes.
+/// If there are fewer than six bytes.
 pub fn parse(data: &[u8]) -> Result<TimeOfDay, Malformed> {
     match (le_u32::<_, nom::error::Error<&[u8]>>, le_u16).parse(data) {
         Ok((_, (milliseconds, days))) => Ok(TimeOfDay { milliseconds: milliseconds & 0x0FFF_FFFF, days }),

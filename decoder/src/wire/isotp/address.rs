@@ -1,4 +1,4 @@
-//! Sender and receiver in a 29-bit identifier: the two schemes that need no table.
+//! Sender and receiver in a 29-bit identifier, for the two addressing schemes that need no table.
 //!
 //! ```text
 //! bit 28..26    25    24   23..........16  15..........8  7............0
@@ -7,21 +7,21 @@
 //!               EDP   DP   type   source: net, node       target: net, node   with nets (ISO 15765-3)
 //! ```
 
-/// How an identifier holds its addresses.
+/// Position of the addresses in an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Scheme {
-    /// Source and target of eight bits; PF tells one receiver from a group of them.
+    /// Source and target of eight bits each; PF distinguishes one receiver from a group.
     NormalFixed,
-    /// Source and target of three bits net and eight bits node; EDP and DP are set.
+    /// Source and target of three bits net and eight bits node each; EDP and DP are set.
     Net,
 }
 
 /// Sender and receiver of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Addresses {
-    /// How they were found.
+    /// Scheme of the identifier.
     pub scheme: Scheme,
-    /// Bits 28..26 of the identifier: 0 goes first.
+    /// Bits 28..26 of the identifier; 0 is the highest priority.
     pub priority: u8,
     /// Type of service, two bits; 0 with normal fixed addresses.
     pub service_type: u8,
@@ -37,7 +37,7 @@ pub struct Addresses {
 const PAGES: u32 = 0x0300_0000;
 
 impl Addresses {
-    /// The addresses in a 29-bit identifier; `None` where it follows neither scheme.
+    /// Addresses in a 29-bit identifier; `None` if it follows neither scheme.
     pub fn of(id: u32) -> Option<Self> {
         let field =
             |shift: u32, bits: u32| u16::try_from(id >> shift & ((1 << bits) - 1)).unwrap_or_default();
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!((found.source, found.target), (0xF1, 0x20));
         let group = Addresses::of(0x18DB_33F1).unwrap();
         assert_eq!((group.functional, group.source, group.target), (true, 0xF1, 0x33));
-        // Another priority is the same pair; DP or EDP set is another PGN.
+        // Another priority is the same pair; with DP or EDP set it is another PGN.
         assert_eq!(Addresses::of(0x0CDA_20F1).map(|found| found.target), Some(0x20));
         for id in [0x19DA_20F1, 0x1ADA_20F1, 0x18EF_20F1, 0x18DC_20F1] {
             assert_eq!(Addresses::of(id), None, "{id:08X}");
@@ -90,7 +90,7 @@ mod tests {
         let found = Addresses::of(0x1BC7_8820).unwrap();
         assert_eq!((found.scheme, found.priority, found.service_type), (Scheme::Net, 6, 3));
         assert_eq!((found.source, found.target), (0xF1, 0x20));
-        // Its answer: 1BC100F1 = 110 1 1 11 00000100000 00011110001.
+        // Response: 1BC100F1 = 110 1 1 11 00000100000 00011110001.
         let answer = Addresses::of(0x1BC1_00F1).unwrap();
         assert_eq!((answer.source, answer.target), (0x20, 0xF1));
         // Net 1 of the source is bit 19.

@@ -1,4 +1,4 @@
-//! ISO-TP (ISO 15765-2): messages longer than a frame, over two identifiers.
+//! ISO-TP (ISO 15765-2): messages longer than one frame, over a pair of identifiers.
 //!
 //! ```text
 //! byte 0       bytes 1..
@@ -10,7 +10,7 @@
 //! 3S BS ST     S: 0 continue, 1 wait, 2 overflow         flow control, from the receiver
 //! ```
 //!
-//! With extended or mixed addressing an address stands before byte 0; the caller takes it off.
+//! With extended or mixed addressing an address byte precedes byte 0; the caller removes it.
 
 mod address;
 
@@ -18,33 +18,33 @@ pub use address::{Addresses, Scheme};
 
 use super::Malformed;
 
-/// One frame of ISO-TP.
+/// One ISO-TP frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IsoTp<'a> {
-    /// A whole message.
+    /// A complete message in one frame.
     Single {
-        /// The message; padding is left out.
+        /// The message without padding.
         data: &'a [u8],
     },
-    /// The beginning of a message.
+    /// First frame of a message.
     First {
-        /// Bytes of the whole message.
+        /// Size of the complete message in bytes.
         size: u32,
-        /// The first of them.
+        /// First bytes of the message.
         data: &'a [u8],
     },
-    /// More of a message.
+    /// Further bytes of a message.
     Consecutive {
-        /// 0..=15; the one after the first frame has 1.
+        /// Sequence number 0..=15; 1 in the first consecutive frame.
         sequence: u8,
-        /// The next bytes; those of the last frame may end with padding.
+        /// Next bytes of the message; the last frame may end with padding.
         data: &'a [u8],
     },
-    /// What the receiver says of the rest.
+    /// Flow control from the receiver.
     FlowControl(FlowControl),
-    /// A protocol control byte the standard does not define, or a size it reserves.
+    /// A protocol control byte that the standard does not define, or a reserved size.
     Unknown {
-        /// The byte.
+        /// Protocol control byte.
         control: u8,
     },
 }
@@ -52,17 +52,17 @@ pub enum IsoTp<'a> {
 /// Flow control of the receiver (§9.6.5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FlowControl {
-    /// What the sender is to do.
+    /// Instruction to the sender.
     pub status: FlowStatus,
-    /// Consecutive frames up to the next flow control; 0 = all of them.
+    /// Max consecutive frames until the next flow control; 0 = no limit.
     pub block_size: u8,
-    /// Least pause between consecutive frames as it is sent; see [`FlowControl::separation`].
+    /// Min separation time as sent; [`FlowControl::separation`] converts it.
     pub separation_time: u8,
 }
 
 impl FlowControl {
-    /// Least pause between consecutive frames in nanoseconds (§9.6.5.4): 0..=127 ms, or F1..=F9 for 100 to
-    /// 900 µs. A reserved value counts as 127 ms.
+    /// Min separation of consecutive frames in ns (§9.6.5.4): 0..=127 ms, or F1..=F9 for 100 to 900 µs. A
+    /// reserved value is treated as 127 ms.
     pub const fn separation(self) -> i64 {
         match self.separation_time {
             milliseconds @ 0..=0x7F => milliseconds as i64 * 1_000_000,
@@ -72,28 +72,28 @@ impl FlowControl {
     }
 }
 
-/// What a receiver asks of the sender (§9.6.5.2).
+/// Instruction of the receiver to the sender (§9.6.5.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FlowStatus {
-    /// Send on.
+    /// Send the next consecutive frames.
     Continue,
     /// Wait for another flow control.
     Wait,
-    /// The message is too long for the receiver, which takes none of it.
+    /// The message is too long for the receiver; the receiver rejects it.
     Overflow,
 }
 
-/// What is reported of missing bytes.
+/// Layer name in [`Malformed`].
 const LAYER: &str = "isotp";
 
-/// Longest frame of classical CAN: beyond it a single frame says its size in the second byte.
+/// Max frame length of classical CAN; in longer frames byte 1 is the size of a single frame.
 const CLASSICAL: usize = 8;
 
-/// Reads one frame. `data` begins with the protocol control byte; `length` is that of the whole frame, an
-/// address before it included.
+/// Reads one frame. `data` starts with the protocol control byte; `length` is the length of the whole
+/// frame, including an address before the control byte.
 ///
 /// # Errors
-/// When the frame is shorter than its control bytes or, for a single frame, than the message it announces.
+/// If the frame is shorter than its control bytes, or shorter than the message of a single frame.
 pub fn parse(data: &[u8], length: usize) -> Result<IsoTp<'_>, Malformed> {
     let [control, rest @ ..] = data else { return Err(Malformed::at(LAYER, 0, 1, 0)) };
     match control >> 4 {
@@ -107,7 +107,7 @@ pub fn parse(data: &[u8], length: usize) -> Result<IsoTp<'_>, Malformed> {
 }
 
 fn single<'a>(control: u8, data: &[u8], rest: &'a [u8], length: usize) -> Result<IsoTp<'a>, Malformed> {
-    // §9.6.2.1: a frame of more than eight bytes says its size in the second byte, any other in the first.
+    // §9.6.2.1: in a frame of more than eight bytes the size is in byte 1, otherwise in byte 0.
     let (size, rest, offset) = match rest {
         [size, rest @ ..] if length > CLASSICAL && control == 0 => (*size, rest, 2),
         _ if length > CLASSICAL => return Ok(IsoTp::Unknown { control }),
@@ -125,7 +125,7 @@ fn first<'a>(control: u8, data: &[u8], rest: &'a [u8]) -> Result<IsoTp<'a>, Malf
     let [low, rest @ ..] = rest else { return Err(Malformed::at(LAYER, 1, 1, data.len())) };
     let short = u32::from(control & 0x0F) << 8 | u32::from(*low);
     let (size, begun) = match (short, rest) {
-        // §9.6.3.1: 0 announces a size of 32 bits.
+        // §9.6.3.1: 0 means that a 32-bit size follows.
         (0, [a, b, c, d, begun @ ..]) => (u32::from_be_bytes([*a, *b, *c, *d]), begun),
         (0, _) => return Err(Malformed::at(LAYER, 2, 4, data.len())),
         _ => (short, rest),
@@ -133,7 +133,7 @@ fn first<'a>(control: u8, data: &[u8], rest: &'a [u8]) -> Result<IsoTp<'a>, Malf
     if begun.is_empty() {
         return Err(Malformed::at(LAYER, data.len(), 1, data.len()));
     }
-    // What fits into one frame is never sent as two (§9.6.3.1).
+    // A message that fits into one frame is never sent in two (§9.6.3.1).
     if usize::try_from(size).is_ok_and(|size| size <= begun.len()) {
         return Ok(IsoTp::Unknown { control });
     }
@@ -167,12 +167,12 @@ mod tests {
 
     #[test]
     fn a_single_frame_leaves_its_padding_out() {
-        // ISO 15765-2 §9.6.2: 03 is three bytes.
+        // ISO 15765-2 §9.6.2: 03 is a single frame of three bytes.
         let data = [0x03, 0x22, 0xF1, 0x90, 0xCC, 0xCC, 0xCC, 0xCC];
         assert_eq!(read(&data), Ok(IsoTp::Single { data: &[0x22, 0xF1, 0x90] }));
         let error = read(&[0x03, 0x22, 0xF1]).unwrap_err();
         assert_eq!((error.layer, error.offset, error.needed, error.available), ("isotp", 1, 3, 2));
-        // Size 0 and, in eight bytes, sizes above 7.
+        // Size 0, and sizes above 7 in a frame of eight bytes.
         assert_eq!(read(&[0x00, 1, 2]), Ok(IsoTp::Unknown { control: 0 }));
         assert_eq!(read(&[0x08, 1, 2, 3, 4, 5, 6, 7]).unwrap_err().needed, 8);
         assert_eq!(read(&[]).unwrap_err().needed, 1);
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 0 }));
         data[0] = 5;
         assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 5 }));
-        // Eight bytes behind an address are a frame of nine.
+        // Eight bytes after an address form a frame of nine.
         assert_eq!(parse(&[0, 1, 2, 3, 4, 5, 6, 7], 9), Ok(IsoTp::Single { data: &[2] }));
     }
 
@@ -235,7 +235,7 @@ mod tests {
             panic!("expected flow control")
         };
         assert_eq!((control.status, control.block_size), (FlowStatus::Continue, 8));
-        // §9.6.5.4: 0x14 is 20 ms, 0xF3 is 300 µs, 0x80 is reserved and counts as 127 ms.
+        // §9.6.5.4: 0x14 is 20 ms, 0xF3 is 300 µs, 0x80 is reserved and treated as 127 ms.
         assert_eq!(control.separation(), 20_000_000);
         assert_eq!(FlowControl { separation_time: 0xF3, ..control }.separation(), 300_000);
         assert_eq!(FlowControl { separation_time: 0x80, ..control }.separation(), 127_000_000);

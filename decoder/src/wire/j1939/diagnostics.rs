@@ -1,4 +1,4 @@
-//! Diagnostic trouble codes as DM1 and DM2 carry them.
+//! Diagnostic trouble codes in DM1 and DM2.
 //!
 //! ```text
 //! byte 0         1         2    3    4              5              6 ...
@@ -11,22 +11,22 @@ use crate::wire::Malformed;
 /// Bytes before the first code.
 const LAMP_BYTES: usize = 2;
 
-/// Occurrence count that says none (J1939-73 §5.7.1.13).
+/// Occurrence count "not available" (J1939-73 §5.7.1.13).
 const NOT_AVAILABLE: u8 = 127;
 
-/// How the bits of an SPN are ordered where its conversion method bit is set (J1939-73 §5.7.1.11). The
-/// message does not tell which of the three it is.
+/// Bit order of an SPN whose conversion method bit is set (J1939-73 §5.7.1.11). The message does not
+/// contain the version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpnConversion {
     /// Bits 18..11, 10..3, 2..0 in the order of the bytes.
     Version1,
     /// Bits 10..3, 18..11, 2..0.
     Version2,
-    /// Bits 7..0, 15..8, 18..16: as without the bit.
+    /// Bits 7..0, 15..8, 18..16, as if the conversion method bit were clear.
     Version3,
 }
 
-/// `1`, `2`, `3`.
+/// Accepts `1`, `2` and `3`.
 impl TryFrom<u8> for SpnConversion {
     type Error = &'static str;
 
@@ -40,19 +40,19 @@ impl TryFrom<u8> for SpnConversion {
     }
 }
 
-/// Lamps and how they flash: four fields of two bits each, from bit 7 down.
+/// Lamp status and flashing: four fields of two bits each, from bit 7 down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Lamps {
-    /// 1 is lit, 0 is not, 2 is an error of the lamp, 3 is none.
+    /// 0 = off, 1 = on, 2 = lamp error, 3 = not available.
     pub status: u8,
-    /// 0 flashes with 1 Hz, 1 with 2 Hz or faster, 3 does not.
+    /// 0 = 1 Hz, 1 = 2 Hz or faster, 3 = no flashing.
     pub flash: u8,
 }
 
-/// How a lamp is lit.
+/// Flash rate of a lamp that is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lit {
-    /// Without flashing.
+pub enum FlashRate {
+    /// No flashing.
     Steady,
     /// 1 Hz.
     Slow,
@@ -61,33 +61,33 @@ pub enum Lit {
 }
 
 impl Lamps {
-    /// How the lamp whose field begins at bit `shift` is lit; `None` where it is not, or is none.
-    pub fn lit(self, shift: u8) -> Option<Lit> {
+    /// Flash rate of the lamp whose field starts at bit `shift`; `None` if it is off, faulty or missing.
+    pub fn lit(self, shift: u8) -> Option<FlashRate> {
         let field = |byte: u8| byte.checked_shr(u32::from(shift)).unwrap_or(0) & 3;
         match (field(self.status), field(self.flash)) {
-            (1, 0) => Some(Lit::Slow),
-            (1, 1) => Some(Lit::Fast),
-            (1, _) => Some(Lit::Steady),
+            (1, 0) => Some(FlashRate::Slow),
+            (1, 1) => Some(FlashRate::Fast),
+            (1, _) => Some(FlashRate::Steady),
             _ => None,
         }
     }
 }
 
-/// One code as a list reports it.
+/// One trouble code of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReportedDtc {
-    /// Suspect parameter, 19 bits.
+    /// Suspect parameter number, 19 bits.
     pub spn: u32,
-    /// Failure mode, 5 bits.
+    /// Failure mode identifier, 5 bits.
     pub fmi: u8,
-    /// Occurrences, 0..=126; `None` where the device does not count.
+    /// Occurrences, 0..=126; `None` if the device does not count.
     pub count: Option<u8>,
-    /// The conversion method bit is set, and which of the older ways it means is assumed.
+    /// The conversion method bit is set, and the bit order is assumed.
     pub is_assumed: bool,
 }
 
 impl ReportedDtc {
-    /// Reads four bytes; `None` where they say that there is no code.
+    /// Reads four bytes; `None` if they mean "no trouble code".
     fn read([first, second, third, fourth]: [u8; 4], conversion: Option<SpnConversion>) -> Option<Self> {
         let is_old = fourth & 0x80 != 0;
         let top = u32::from(third >> 5);
@@ -109,10 +109,10 @@ impl ReportedDtc {
     }
 }
 
-/// A list of trouble codes: the content of DM1, DM2 and their like.
+/// List of trouble codes in DM1, DM2 and similar messages.
 #[derive(Debug, Clone, Copy)]
 pub struct TroubleCodes<'a> {
-    /// Lamps of all codes together.
+    /// Lamps, common to all codes.
     pub lamps: Lamps,
     codes: &'a [u8],
 }
@@ -121,7 +121,7 @@ impl<'a> TroubleCodes<'a> {
     /// Reads the payload of one message.
     ///
     /// # Errors
-    /// Fewer than six bytes: lamps and one code, or its absence.
+    /// If there are fewer than six bytes: lamps and one code, or "no trouble code".
     pub fn read(payload: &'a [u8]) -> Result<Self, Malformed> {
         match (payload, payload.get(LAMP_BYTES..)) {
             ([status, flash, _, _, _, _, ..], Some(codes)) => {
@@ -136,7 +136,7 @@ impl<'a> TroubleCodes<'a> {
         }
     }
 
-    /// Its codes in order. Fewer than four bytes at the end are filling.
+    /// Codes in the order of the message. Fewer than four bytes at the end are padding.
     pub fn codes(&self, conversion: Option<SpnConversion>) -> impl Iterator<Item = ReportedDtc> + use<'a> {
         let (codes, _) = self.codes.as_chunks();
         codes.iter().filter_map(move |code| ReportedDtc::read(*code, conversion))
@@ -154,8 +154,8 @@ mod tests {
 
     #[test]
     fn codes_of_a_manual() {
-        // The PVE's manual prints them backwards: 0x938FE9 is E9 8F 93. 0x93 = 100 10011: top bits 4, FMI 19;
-        // 4 << 16 | 0x8FE9 = 298985.
+        // The PVE manual prints the bytes in reverse order: 0x938FE9 is E9 8F 93. 0x93 = 100 10011: top bits
+        // 4, FMI 19; 4 << 16 | 0x8FE9 = 298985.
         assert_eq!(codes(&[4, 0xFF, 0xE9, 0x8F, 0x93, 1, 0xFF, 0xFF], None), [(298_985, 19, Some(1), false)]);
         // 0x878FEC: 0x87 = 100 00111, FMI 7. 0x030273: 0x03 = 000 00011, SPN 0x0273 = 627.
         let both = [0, 0xFF, 0xEC, 0x8F, 0x87, 126, 0x73, 0x02, 0x03, 127];
@@ -166,7 +166,7 @@ mod tests {
     fn no_fault_is_no_code() {
         assert_eq!(codes(&[0, 0xFF, 0, 0, 0, 0, 0xFF, 0xFF], None), []);
         assert_eq!(codes(&[0xFF; 8], None), []);
-        // A count alone names no fault; a failure mode alone does.
+        // A count without SPN and FMI is not a fault; an FMI without SPN is.
         assert_eq!(codes(&[0, 0xFF, 0, 0, 0, 5, 0xFF, 0xFF], None), []);
         assert_eq!(codes(&[0, 0xFF, 0, 0, 3, 0, 0xFF, 0xFF], None), [(0, 3, Some(0), false)]);
     }
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn three_older_ways_to_code_an_spn() {
         // SPN 298985 = 100 1000 1111 1110 1001: bits 18..11 are 1001 0001 (91), 10..3 are 1111 1101 (FD),
-        // 2..0 are 001. FMI 19 = 10011, so byte 3 is 001 10011 = 33. The fourth has the bit and count 2.
+        // 2..0 are 001. FMI 19 = 10011, so byte 3 is 001 10011 = 33. Byte 4: conversion bit, count 2.
         let one = [0, 0xFF, 0x91, 0xFD, 0x33, 0x82];
         let two = [0, 0xFF, 0xFD, 0x91, 0x33, 0x82];
         let three = [0, 0xFF, 0xE9, 0x8F, 0x93, 0x82];
@@ -182,9 +182,9 @@ mod tests {
         for (payload, version) in [(&one, 1), (&two, 2), (&three, 3)] {
             assert_eq!(read(payload, version), [(298_985, 19, Some(2), false)], "{version}");
         }
-        // Not told: today's way, assumed.
+        // Version not configured: the present bit order is assumed.
         assert_eq!(codes(&three, None), [(298_985, 19, Some(2), true)]);
-        // Without the bit nothing is converted.
+        // Without the conversion method bit nothing is converted.
         assert_eq!(read(&[0, 0xFF, 0xE9, 0x8F, 0x93, 2], 1), [(298_985, 19, Some(2), false)]);
         assert!(SpnConversion::try_from(4).is_err() && SpnConversion::try_from(0).is_err());
     }
@@ -195,9 +195,9 @@ mod tests {
         let lamps = Lamps { status: 0b0100_0101, flash: 0b0011_0111 };
         assert_eq!(
             [6, 4, 2, 0].map(|shift| lamps.lit(shift)),
-            [Some(Lit::Slow), None, Some(Lit::Fast), Some(Lit::Steady)]
+            [Some(FlashRate::Slow), None, Some(FlashRate::Fast), Some(FlashRate::Steady)]
         );
-        // 3 is no lamp at all, 2 one that is broken.
+        // 3 is not available, 2 is a lamp error.
         assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(0), None);
         assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(2), None);
         assert_eq!(lamps.lit(8), None);
@@ -208,7 +208,7 @@ mod tests {
         let error = TroubleCodes::read(&[0, 0xFF, 0, 0, 0]).unwrap_err();
         assert_eq!((error.needed, error.available), (6, 5));
         assert!(TroubleCodes::read(&[]).is_err());
-        // A rest shorter than a code is filling.
+        // A remainder shorter than one code is padding.
         assert_eq!(codes(&[0, 0xFF, 0x73, 2, 3, 1, 0x73, 2, 3], None).len(), 1);
     }
 }

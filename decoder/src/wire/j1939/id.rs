@@ -2,16 +2,16 @@
 
 use std::fmt;
 
-/// Destination address of everybody (J1939-21 §5.2.6).
+/// Global destination address (J1939-21 §5.2.6).
 pub const ALL: u8 = 255;
 
-/// Source address of who has none (J1939-81 §4.2.2).
+/// Null address: source address of a device without an address (J1939-81 §4.2.2).
 pub(crate) const NO_ADDRESS: u8 = 254;
 
-/// First PDU format of PDU2: to everybody (J1939-21 §5.2.4).
+/// First PDU format of PDU2, sent to all (J1939-21 §5.2.4).
 const FIRST_PDU2: u8 = 240;
 
-/// A parameter group number: 18 bits, EDP and DP, PDU format, PDU specific or 0.
+/// A parameter group number of 18 bits: EDP and DP, PDU format, PDU specific or 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Pgn(u32);
 
@@ -36,17 +36,17 @@ impl Pgn {
     pub const DM1: Self = Self(0xFECA);
     /// Previously active diagnostic trouble codes (J1939-73 §5.7.2).
     pub const DM2: Self = Self(0xFECB);
-    /// Clears the previously active ones (J1939-73 §5.7.3).
+    /// Clears the previously active trouble codes (J1939-73 §5.7.3).
     pub(crate) const DM3: Self = Self(0xFECC);
-    /// Clears the active ones (J1939-73 §5.7.11).
+    /// Clears the active trouble codes (J1939-73 §5.7.11).
     pub(crate) const DM11: Self = Self(0xFED3);
 
-    /// The group of 18 bits; what lies above them is cut.
+    /// Creates a PGN from the low 18 bits; higher bits are removed.
     pub const fn new(number: u32) -> Self {
         Self(number & 0x3_FFFF)
     }
 
-    /// Its number.
+    /// PGN as a plain number.
     pub const fn number(self) -> u32 {
         self.0
     }
@@ -56,34 +56,39 @@ impl Pgn {
         self.0.to_le_bytes()[1]
     }
 
-    /// Whether a message of it goes to one address (PDU1) rather than to all.
+    /// Whether the manufacturer defines the contents: proprietary A, A2, B and B on page 1 (J1939-21 §5.1.3).
+    pub const fn is_proprietary(self) -> bool {
+        matches!(self.0, 0xEF00 | 0x1_EF00 | 0xFF00..=0xFFFF | 0x1_FF00..=0x1_FFFF)
+    }
+
+    /// Whether messages of this group have one destination (PDU1), not all (PDU2).
     pub const fn is_addressed(self) -> bool {
         self.format() < FIRST_PDU2
     }
 }
 
-/// `65226 (FECA)`: as engineers write it.
+/// Writes `65226 (FECA)`, decimal and hexadecimal.
 impl fmt::Display for Pgn {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({:04X})", self.0, self.0)
     }
 }
 
-/// What an identifier says.
+/// Fields of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct J1939Id {
-    /// 0 is the most urgent.
+    /// Priority 0..=7; 0 is the highest.
     pub priority: u8,
-    /// Parameter group.
+    /// Parameter group number.
     pub pgn: Pgn,
-    /// Who sends.
+    /// Source address.
     pub source: u8,
-    /// To whom: an address, or [`ALL`].
+    /// Destination address, or [`ALL`].
     pub destination: u8,
 }
 
 impl J1939Id {
-    /// Reads 29 bits; `None` where the extended data page is set: such a message is none of J1939
+    /// Reads 29 bits; `None` if the extended data page bit is set: such a message does not belong to J1939
     /// (J1939-21 §5.2.2).
     pub const fn of(id: u32) -> Option<Self> {
         const EXTENDED_DATA_PAGE: u32 = 1 << 25;

@@ -12,13 +12,13 @@ use crate::wire::Malformed;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Acknowledgement {
-    /// 0 done, 1 not done, 2 access denied, 3 cannot respond now.
+    /// 0 = positive, 1 = negative, 2 = access denied, 3 = cannot respond now.
     pub control: u8,
-    /// Group function it is about; 255 for none.
+    /// Group function that is acknowledged; 255 for none.
     pub group_function: u8,
-    /// Address of who asked; 255 where it is not told (before 2006 the byte was reserved).
+    /// Address of the requester; 255 if unknown (the byte was reserved before 2006).
     pub address: u8,
-    /// The group that was asked for.
+    /// Requested parameter group.
     pub pgn: Pgn,
 }
 
@@ -30,10 +30,10 @@ fn malformed(layer: &'static str, needed: u8, data: &[u8]) -> Malformed {
     Malformed { layer, offset: 0, needed, available: u8::try_from(data.len()).unwrap_or(u8::MAX) }
 }
 
-/// The group a request asks for: three bytes (J1939-21 §5.4.2).
+/// Requested parameter group: three bytes (J1939-21 §5.4.2).
 ///
 /// # Errors
-/// Fewer than three bytes.
+/// If there are fewer than three bytes.
 pub fn request(data: &[u8]) -> Result<Pgn, Malformed> {
     match data {
         [low, middle, high, ..] => Ok(pgn(*low, *middle, *high)),
@@ -45,7 +45,7 @@ impl Acknowledgement {
     /// Reads eight bytes.
     ///
     /// # Errors
-    /// Fewer than eight bytes.
+    /// If there are fewer than eight bytes.
     pub fn read(data: &[u8]) -> Result<Self, Malformed> {
         match *data {
             [control, group_function, _, _, address, low, middle, high, ..] => {
@@ -56,10 +56,10 @@ impl Acknowledgement {
     }
 }
 
-/// A commanded address: the NAME it is for, and its new address (J1939-81 §4.2.3).
+/// A commanded address: NAME of the device and its new address (J1939-81 §4.2.3).
 ///
 /// # Errors
-/// Fewer than nine bytes.
+/// If there are fewer than nine bytes.
 pub fn commanded_address(data: &[u8]) -> Result<(Name, u8), Malformed> {
     match (Name::read(data), data.get(8)) {
         (Some(name), Some(address)) => Ok((name, *address)),

@@ -1,4 +1,4 @@
-//! SAE J1939 and ISO 11783: what identifiers and payloads say by themselves.
+//! SAE J1939 and ISO 11783: identifiers and payloads, without any state.
 //!
 //! ```text
 //! 29-bit identifier (J1939-21 §5.2)
@@ -9,12 +9,14 @@
 //! ```
 
 mod diagnostics;
+mod fast_packet;
 mod id;
 mod message;
 mod name;
 mod transport;
 
-pub use diagnostics::{Lamps, Lit, ReportedDtc, SpnConversion, TroubleCodes};
+pub use diagnostics::{FlashRate, Lamps, ReportedDtc, SpnConversion, TroubleCodes};
+pub(crate) use fast_packet::{FastFrame, fast_frame, fast_frames_of};
 pub(crate) use id::NO_ADDRESS;
 pub use id::{ALL, J1939Id, Pgn};
 pub use message::{Acknowledgement, commanded_address, request};

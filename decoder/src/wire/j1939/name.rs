@@ -1,39 +1,39 @@
 //! The NAME of a device: 64 bits, unique on a bus.
 
-/// A NAME (J1939-81 §4.1.1), as a number: the lower one wins an address.
+/// A NAME (J1939-81 §4.1.1) as a number; the lower one has priority in an address conflict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(pub u64);
 
-/// Its parts, from the least significant bit up.
+/// Fields of a NAME, from the least significant bit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NameFields {
-    /// 21 bits: serial number by the maker.
+    /// 21 bits: serial number assigned by the manufacturer.
     pub identity_number: u32,
-    /// 11 bits: maker.
+    /// 11 bits: manufacturer code.
     pub manufacturer_code: u16,
-    /// 3 bits: which of the control units of a function.
+    /// 3 bits: instance of the control unit within a function.
     pub ecu_instance: u8,
-    /// 5 bits: which of equal functions.
+    /// 5 bits: instance of the function.
     pub function_instance: u8,
     /// 8 bits: function; from 128 on it depends on industry group and device class.
     pub function: u8,
     /// 7 bits: device class, "vehicle system" in J1939.
     pub device_class: u8,
-    /// 4 bits: which of equal device classes.
+    /// 4 bits: instance of the device class.
     pub device_class_instance: u8,
     /// 3 bits: industry group.
     pub industry_group: u8,
-    /// Whether it can choose another address.
+    /// Whether the device can choose another address.
     pub arbitrary_address_capable: bool,
 }
 
 impl Name {
-    /// Reads the eight bytes of a claim, least significant first; `None` if they are fewer.
+    /// Reads the eight bytes of an address claim, least significant first; `None` if there are fewer.
     pub fn read(data: &[u8]) -> Option<Self> {
         data.first_chunk().map(|bytes| Self(u64::from_le_bytes(*bytes)))
     }
 
-    /// Its parts.
+    /// Splits the NAME into its fields.
     #[expect(clippy::cast_possible_truncation, reason = "each part is masked to its width")]
     pub fn fields(self) -> NameFields {
         let bits = |from: u32, width: u32| self.0 >> from & ((1 << width) - 1);
@@ -57,9 +57,9 @@ mod tests {
 
     #[test]
     fn parts_of_a_name() {
-        // Identity 0x12345 of 21 bits, maker 57 of 11: 57 << 21 | 0x12345 = 0x07212345. Function 129,
-        // function instance 1 (<< 3), ECU instance 2: 0x0A. Class 17 << 1 = 0x22. Arbitrary 1, group 2,
-        // class instance 3: 1010 0011.
+        // Identity number 0x12345 of 21 bits, manufacturer 57 of 11 bits: 57 << 21 | 0x12345 = 0x07212345.
+        // Function 129, function instance 1 (<< 3), ECU instance 2: 0x0A. Class 17 << 1 = 0x22. Arbitrary
+        // address capable 1, group 2, class instance 3: 1010 0011.
         let name = Name::read(&[0x45, 0x23, 0x21, 0x07, 0x0A, 0x81, 0x22, 0xA3]).unwrap();
         assert_eq!(name, Name(0xA322_810A_0721_2345));
         let fields = name.fields();

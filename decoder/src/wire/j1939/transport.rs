@@ -1,11 +1,11 @@
-//! Transport protocols: messages of more than eight bytes, cut into packets of seven.
+//! Transport protocols: messages of more than eight bytes, split into packets of seven.
 //!
 //! ```text
 //! byte            0     1      2      3      4       5 6 7
-//! TP.CM   RTS     16    size (2)      packets most   PGN    J1939-21 §5.10.3; most = packets a CTS may ask for
-//!         CTS     17    count  next   FF     FF      PGN    count 0 holds the connection
-//!         EOMA    19    size (2)      packets FF     PGN    end of message acknowledged
-//!         BAM     32    size (2)      packets FF     PGN    to all; nobody answers
+//! TP.CM   RTS     16    size (2)      packets max    PGN    J1939-21 §5.10.3; max = max packets per CTS
+//!         CTS     17    count  next   FF     FF      PGN    count 0 keeps the connection open
+//!         EOMA    19    size (2)      packets FF     PGN    end of message acknowledgement
+//!         BAM     32    size (2)      packets FF     PGN    to all; not acknowledged
 //!         abort   255   reason FF     FF     FF      PGN
 //! TP.DT           sequence 1..255, seven bytes
 //! ETP.CM  RTS     20    size (4)                     PGN    ISO 11783-3
@@ -16,67 +16,67 @@
 //! ETP.DT          sequence 1..255, seven bytes
 //! ```
 //!
-//! Numbers and PGNs have their least significant byte first. Bytes behind the last one of a message are FF.
+//! Numbers and PGNs are sent least significant byte first. Unused bytes after the end of a message are FF.
 
 use super::id::Pgn;
 use crate::wire::Malformed;
 
-/// Bytes of a packet.
+/// Data bytes per packet.
 pub(crate) const PACKET_SIZE: u32 = 7;
 
-/// Smallest and largest message of the transport protocol in bytes (J1939-21 §5.10.1).
+/// Min and max message size of the transport protocol in bytes (J1939-21 §5.10.1).
 pub(crate) const TP_SIZES: (u32, u32) = (9, 1785);
 
-/// The same of the extended one (ISO 11783-3).
+/// Min and max message size of the extended transport protocol in bytes (ISO 11783-3).
 pub(crate) const ETP_SIZES: (u32, u32) = (1786, 117_440_505);
 
-/// A message of connection management, TP.CM or ETP.CM.
+/// A connection management message, TP.CM or ETP.CM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Management {
-    /// The sender asks for a connection.
+    /// The originator requests a connection.
     RequestToSend {
-        /// Bytes of the message.
+        /// Message size in bytes.
         size: u32,
-        /// Packets it takes; of the extended protocol what follows from the size.
+        /// Number of packets; with the extended protocol calculated from the size.
         packets: u32,
     },
-    /// The receiver asks for packets.
+    /// The responder requests packets.
     ClearToSend {
-        /// How many; 0 holds the connection.
+        /// Number of packets; 0 keeps the connection open.
         count: u8,
-        /// The first of them, counted from 1.
+        /// Number of the first packet, counted from 1.
         next: u32,
     },
-    /// The sender says which packets follow (extended protocol only).
+    /// The originator announces the next packets (extended protocol only).
     PacketOffset {
-        /// How many.
+        /// Number of packets.
         count: u8,
-        /// Packets before them.
+        /// Packets before the announced ones.
         offset: u32,
     },
-    /// The receiver has the whole message.
+    /// The responder has received the complete message.
     EndOfMessage {
-        /// Its bytes.
+        /// Message size in bytes.
         size: u32,
     },
-    /// The sender announces a message to all.
+    /// The originator announces a message to all.
     Announce {
-        /// Its bytes.
+        /// Message size in bytes.
         size: u32,
-        /// Packets it takes.
+        /// Number of packets.
         packets: u32,
     },
-    /// Either side ends the connection.
+    /// Originator or responder closes the connection.
     Abort {
-        /// Why; the codes of both protocols are the same.
+        /// Reason code; both protocols use the same codes.
         reason: u8,
     },
-    /// A control byte the protocol does not have.
+    /// A control byte that the protocol does not define.
     Unknown,
 }
 
 impl Management {
-    /// Name of the message; those of the transport protocol are J1939-21's, those of the extended one ISO 11783-3's.
+    /// Message name as in J1939-21, or as in ISO 11783-3 if `is_extended`.
     pub const fn name(self, is_extended: bool) -> &'static str {
         match (self, is_extended) {
             (Self::RequestToSend { .. }, false) => "TP.CM_RTS",
@@ -95,15 +95,15 @@ impl Management {
     }
 }
 
-/// Packets a message of so many bytes takes.
+/// Number of packets for a message of `size` bytes.
 pub(crate) const fn packets_of(size: u32) -> u32 {
     size.div_ceil(PACKET_SIZE)
 }
 
-/// Reads TP.CM, or ETP.CM where `is_extended`: the message, and the group it is about.
+/// Reads TP.CM, or ETP.CM if `is_extended`: the message and its parameter group.
 ///
 /// # Errors
-/// Fewer than eight bytes.
+/// If there are fewer than eight bytes.
 pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), Malformed> {
     let [control, a, b, c, d, low, middle, high, ..] = *data else {
         let layer = if is_extended { "etp.cm" } else { "tp.cm" };
@@ -128,10 +128,10 @@ pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), M
     Ok((message, Pgn::new(u32::from_le_bytes([low, middle, high, 0]))))
 }
 
-/// Reads TP.DT or ETP.DT: the sequence number, and seven bytes.
+/// Reads TP.DT or ETP.DT: sequence number and seven bytes.
 ///
 /// # Errors
-/// Fewer than eight bytes.
+/// If there are fewer than eight bytes.
 pub fn packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), Malformed> {
     let parts = data.split_first().and_then(|(sequence, rest)| Some((*sequence, *rest.first_chunk()?)));
     parts.ok_or_else(|| Malformed::at(if is_extended { "etp.dt" } else { "tp.dt" }, 0, 8, data.len()))
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn connection_management() {
-        // 20 bytes (0x0014) take 3 packets; 0x06F9 = 1785 take 255.
+        // 20 bytes (0x0014) need 3 packets; 0x06F9 = 1785 bytes need 255.
         assert_eq!(read([16, 0x14, 0, 3, 255], false), Management::RequestToSend { size: 20, packets: 3 });
         assert_eq!(
             read([16, 0xF9, 6, 255, 1], false),
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn extended_connection_management() {
-        // 117,440,505 = 0x06FF_FFF9 bytes take 16,777,215 packets.
+        // 117,440,505 = 0x06FF_FFF9 bytes need 16,777,215 packets.
         let largest = Management::RequestToSend { size: ETP_SIZES.1, packets: 0xFF_FFFF };
         assert_eq!(read([20, 0xF9, 0xFF, 0xFF, 0x06], true), largest);
         assert_eq!(

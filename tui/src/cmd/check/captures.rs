@@ -1,18 +1,34 @@
-//! Which captures are judged: those named, and all below the folders named.
+//! Captures to check: the files on the command line, and all files in and below its folders.
 
 use std::path::{Path, PathBuf};
 
-/// A file to judge.
+use crate::source::{CaptureFile, Series};
+
+/// A file to check.
 pub(super) struct Source {
     pub(super) path: PathBuf,
-    /// The folder it was found in or below: it may be anything.
+    /// Folder on the command line that contains the file; such a file need not be a capture.
     pub(super) folder: Option<PathBuf>,
 }
 
-/// Files of a folder that are looked at.
+/// A capture to check: a file or the parts of a series.
+pub(super) struct SourceSeries {
+    pub(super) series: Series,
+    /// Folder on the command line that contains the file; such a file need not be a capture.
+    pub(super) folder: Option<PathBuf>,
+}
+
+/// Files to be joined; those of folders only if their names are consecutive.
+pub(super) fn files(sources: &[Source]) -> Vec<CaptureFile> {
+    let file =
+        |source: &Source| CaptureFile { path: source.path.clone(), is_listed: source.folder.is_none() };
+    sources.iter().map(file).collect()
+}
+
+/// Maximum number of files per folder.
 const MOST_FILES: usize = 100_000;
 
-/// Captures in the order of the command line; standard input without any.
+/// Files in the order of the command line; stdin without arguments.
 pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
     if named.is_empty() {
         return vec![Source { path: "-".into(), folder: None }];
@@ -32,13 +48,14 @@ pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
     all
 }
 
-/// Folders among what is named in which none of the captures judged was found.
-pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&Source]) -> Vec<&'a PathBuf> {
+/// Folders without any of the captures in `judged`.
+pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&SourceSeries]) -> Vec<&'a PathBuf> {
     let folders = named.iter().filter(|path| path.is_dir());
     folders.filter(|path| judged.iter().all(|source| source.folder.as_ref() != Some(path))).collect()
 }
 
-/// Files in and below a folder but hidden ones; links to folders are not followed, they may lead in a circle.
+/// Files in and below a folder, except hidden ones. Links to folders are not followed, because they may form
+/// a cycle.
 fn files_below(folder: &Path, found: &mut Vec<PathBuf>) {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {

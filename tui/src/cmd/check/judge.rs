@@ -1,4 +1,4 @@
-//! Judges captures, several at the same time.
+//! Checks captures, several in parallel.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -9,49 +9,53 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
 use cobscope_decoder::capture::{Batch, BusNames, CaptureError, is_compressed};
-use cobscope_decoder::event::Event;
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::{Cause, Group};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::Judged;
+use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
-use super::captures::Source;
+use super::captures::{Source, SourceSeries};
 use crate::cli::{CheckArgs, InputArgs};
-use crate::cmd::decoding::{Watcher, decode_quietly};
+use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::record::format;
-use crate::source;
+use crate::select::{Selection, Span};
+use crate::source::{self, Series};
 
-/// What became of a file.
+/// Result for one file.
 #[derive(Default)]
-pub(super) struct Done {
-    /// What was judged; nothing of a file in a folder that is no capture.
-    pub(super) judged: Option<Judged>,
-    /// What is to be said on standard error.
-    pub(super) said: Vec<String>,
-    /// It could not be read, or not to its end.
+pub(super) struct JudgedFile {
+    /// Findings and verdicts; `None` for a file in a folder without a known format.
+    pub(super) judged: Option<CaptureResult>,
+    /// Numbers of the selected findings; `None` without a selection.
+    pub(super) selected: Option<BTreeSet<u64>>,
+    /// Messages for stderr.
+    pub(super) messages: Vec<String>,
+    /// Whether the file was not read, or not to its end.
     pub(super) has_failed: bool,
 }
 
-/// What all captures are judged with.
-struct Bench<'a> {
+/// Shared input for all captures.
+struct JudgeInputs<'a> {
     arguments: &'a CheckArgs,
     options: &'a SessionOptions,
     setup: &'a Arc<Setup>,
     is_alone: bool,
 }
 
-/// Judges all captures; the results stand in their order, however many threads there are.
+/// Checks all captures; results are in the order of the captures.
 pub(super) fn judge_all(
-    captures: &[Source],
+    captures: &[SourceSeries],
     arguments: &CheckArgs,
     options: &SessionOptions,
     setup: &Arc<Setup>,
-) -> Vec<Done> {
+) -> Vec<JudgedFile> {
     let wanted = arguments.threads.or_else(|| available_parallelism().ok()).map_or(1, usize::from);
     let threads = wanted.min(captures.len()).max(1);
-    let bench = Bench { arguments, options, setup, is_alone: threads == 1 };
+    let bench = JudgeInputs { arguments, options, setup, is_alone: threads == 1 };
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
@@ -61,7 +65,7 @@ pub(super) fn judge_all(
             done.push((place, bench.judge(source)));
         }
     };
-    let mut all: Vec<(usize, Done)> = if threads == 1 {
+    let mut all: Vec<(usize, JudgedFile)> = if threads == 1 {
         work()
     } else {
         std::thread::scope(|scope| {
@@ -77,69 +81,153 @@ pub(super) fn judge_all(
     all.into_iter().map(|(_, done)| done).collect()
 }
 
-impl Bench<'_> {
-    fn judge(&self, source: &Source) -> Done {
-        let path = &source.path;
-        let capture = path.display().to_string();
+impl JudgeInputs<'_> {
+    fn judge(&self, source: &SourceSeries) -> JudgedFile {
+        let series = &source.series;
+        let capture = series.name();
         let mut watch = Watch {
             engine: Engine::new(Arc::clone(self.setup)),
+            selected: self.selected(),
             first: None,
             last: None,
             is_alone: self.is_alone,
         };
-        let decoded = match decode_quietly(path, &self.arguments.input, self.options, &mut watch) {
+        let decoded = match decode_quietly(series, &self.arguments.input, self.options, &mut watch) {
             Ok(decoded) => decoded,
             Err(error) if source.folder.is_some() && is_no_capture(&error) => {
-                return Done { said: passed_over(path, &error).into_iter().collect(), ..Done::default() };
+                return JudgedFile {
+                    messages: passed_over(series.first(), &error).into_iter().collect(),
+                    ..JudgedFile::default()
+                };
             }
             Err(error) => {
                 let failure = format!("{error:#}");
-                let said = vec![escape(&failure).into_owned()];
-                let judged = Judged { capture, failure: Some(failure), ..Judged::default() };
-                return Done { judged: Some(judged), said, has_failed: true };
+                let messages = vec![escape(&failure).into_owned()];
+                let judged = CaptureResult { capture, failure: Some(failure), ..CaptureResult::default() };
+                return JudgedFile { judged: Some(judged), selected: None, messages, has_failed: true };
             }
         };
-        let Watch { engine, first, last, .. } = watch;
-        let findings = engine.finish(decoded.decoder.buses(), &mut |_: &Event, _: &Bus| {});
+        let Watch { engine, mut selected, first, last, .. } = watch;
+        let mut see = |event: &Event, bus: &Bus| {
+            if let Some(selected) = &mut selected {
+                selected.see(event, bus);
+            }
+        };
+        let findings = engine.finish(decoded.decoder.buses(), &mut see);
+        let (frames, end) = (decoded.decoder.frames(), decoded.decoder.last_time());
         let failure = decoded.failure.map(|failure| format!("{failure:#}"));
-        let mut said = decoded.warnings;
-        said.extend(failure.iter().map(|failure| escape(failure).into_owned()));
+        let mut messages = decoded.warnings;
+        let missed = selected.as_ref().and_then(|selected| selected.selection.missed(frames, end));
+        messages.extend(missed.map(|missed| format!("{capture}: {missed}")));
+        let selected = selected.map(|selected| selected.numbers(&findings.groups));
+        messages.extend(failure.iter().map(|failure| escape(failure).into_owned()));
         let has_failed = failure.is_some();
-        let frames = decoded.decoder.frames();
-        let mut judged = Judged { capture, frames, first, last, findings, failure, ..Judged::default() };
-        if self.arguments.format.has_lines {
-            judged.lines = lines(path, &self.arguments.input, &judged.frames_of_findings());
+        let parts = parts(series);
+        let mut judged = CaptureResult {
+            capture,
+            frames,
+            first,
+            last,
+            findings,
+            failure,
+            parts,
+            ..CaptureResult::default()
+        };
+        if self.arguments.format.has_lines || series.is_joined() {
+            judged.lines = lines(series, &self.arguments.input, &judged.frames_of_findings());
         }
-        Done { judged: Some(judged), said, has_failed }
+        JudgedFile { judged: Some(judged), selected, messages, has_failed }
     }
 }
 
-/// What is said of a file in a folder that is no capture: nothing of one that nobody takes for one.
+impl JudgeInputs<'_> {
+    fn selected(&self) -> Option<SelectedFindings> {
+        let select = &self.arguments.select;
+        // Checked before.
+        let selection = select.is_any().then(|| select.selection().ok()).flatten()?;
+        Some(SelectedFindings { selection, numbers: BTreeSet::new() })
+    }
+}
+
+/// Findings that pass the filter and concern a selected node.
+struct SelectedFindings {
+    selection: Selection,
+    numbers: BTreeSet<u64>,
+}
+
+impl SelectedFindings {
+    fn see(&mut self, event: &Event, bus: &Bus) {
+        if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = &event.kind
+            && self.selection.admits_content(event, bus)
+        {
+            self.numbers.insert(news.id);
+        }
+    }
+
+    /// Numbers of the findings with a part in the range. A finding that covers one of them is selected.
+    fn numbers(mut self, groups: &[Group]) -> BTreeSet<u64> {
+        let mut all = BTreeSet::new();
+        for group in groups {
+            let is_match = !self.selection.has_filter() || self.numbers.contains(&group.id);
+            // Called for all, because it also detects a range after the end.
+            if !self.selection.overlaps(group) || !is_match {
+                continue;
+            }
+            all.insert(group.id);
+            if let (true, Some(Cause::Group(cause))) = (group.is_absorbed, &group.cause) {
+                all.insert(*cause);
+            }
+        }
+        all
+    }
+}
+
+/// Message for a skipped file in a folder; `None` for a file that does not look like a capture.
 fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
     let shown = path.display().to_string();
     match error.downcast_ref::<CaptureError>()? {
-        CaptureError::Empty => Some(format!("{}: is empty, and was passed over", escape(&shown))),
-        _ if format::is_of_captures(path) => {
-            Some(format!("{}: was passed over", escape(&format!("{error:#}"))))
-        }
+        CaptureError::Empty => Some(format!("{}: empty; skipped", escape(&shown))),
+        _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),
         _ => None,
     }
 }
 
-/// Whether this file is judged: those in a folder are where they are captures.
+/// Whether a file is checked; files in a folder only if they are captures.
 pub(super) fn is_capture(source: &Source, input: &InputArgs) -> bool {
     let opened = source::open(&source.path, &read_options(input));
     source.folder.is_none() || !opened.err().is_some_and(|error| is_no_capture(&error))
 }
 
-/// Whether a file is in no format of captures, so that nobody meant it.
+/// Whether a file is not in any capture format.
 fn is_no_capture(error: &anyhow::Error) -> bool {
     let cause = error.downcast_ref::<CaptureError>();
     matches!(cause, Some(CaptureError::Unrecognised { .. } | CaptureError::Empty))
 }
 
-/// Lines of frames, where the capture is a text file: it is read again, as far as needed.
-fn lines(path: &Path, input: &InputArgs, frames: &BTreeSet<u64>) -> BTreeMap<u64, u64> {
+/// Parts of a series with the numbers of their first frames.
+fn parts(series: &Series) -> Vec<CapturePart> {
+    let all = series.parts.iter().zip(&series.first_frames);
+    all.map(|(path, frame)| CapturePart { file: path.display().to_string(), first_frame: *frame }).collect()
+}
+
+/// Line numbers of frames in a text capture, each in the file of its part.
+fn lines(series: &Series, input: &InputArgs, frames: &BTreeSet<u64>) -> BTreeMap<u64, u64> {
+    if !series.is_joined() {
+        return lines_of_file(series.first(), input, frames);
+    }
+    let mut all = BTreeMap::new();
+    for (index, (path, first)) in series.parts.iter().zip(&series.first_frames).enumerate() {
+        let end = series.first_frames.get(index + 1).copied().unwrap_or(u64::MAX);
+        let before = first.saturating_sub(1);
+        let own: BTreeSet<u64> = frames.range(*first..end).map(|frame| frame - before).collect();
+        let found = lines_of_file(path, input, &own);
+        all.extend(found.into_iter().map(|(frame, line)| (frame.saturating_add(before), line)));
+    }
+    all
+}
+
+/// Line numbers of frames in a text file, by reading it again as far as necessary.
+fn lines_of_file(path: &Path, input: &InputArgs, frames: &BTreeSet<u64>) -> BTreeMap<u64, u64> {
     let mut lines = BTreeMap::new();
     let (Some(last), false) = (frames.last(), path.as_os_str() == "-") else { return lines };
     let mut head = [0; 4];
@@ -162,9 +250,10 @@ fn lines(path: &Path, input: &InputArgs, frames: &BTreeSet<u64>) -> BTreeMap<u64
     lines
 }
 
-/// Feeds the engine.
+/// Observer that runs the rules.
 struct Watch {
     engine: Engine,
+    selected: Option<SelectedFindings>,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
     is_alone: bool,
@@ -172,12 +261,17 @@ struct Watch {
 
 impl Observer for Watch {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        self.engine.event(event, bus, &mut |_: &Event, _: &Bus| {});
+        let Self { engine, selected, .. } = self;
+        engine.event(event, bus, &mut |event: &Event, bus: &Bus| {
+            if let Some(selected) = selected {
+                selected.see(event, bus);
+            }
+        });
     }
 }
 
-impl Watcher for Watch {
-    /// Several lines of progress would overwrite each other.
+impl CaptureObserver for Watch {
+    /// Hides the progress line if several captures are read in parallel.
     fn is_on_terminal(&self) -> bool {
         !self.is_alone
     }
@@ -186,9 +280,12 @@ impl Watcher for Watch {
         self.is_alone
     }
 
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
-        Ok(())
+        match &mut self.selected {
+            Some(selected) => selected.selection.begin(first, span),
+            None => Ok(()),
+        }
     }
 
     fn wants_frames(&self) -> bool {
@@ -198,6 +295,9 @@ impl Watcher for Watch {
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
         self.last = frame.time;
         self.engine.frame(frame);
+        if let Some(selected) = &mut self.selected {
+            selected.selection.admits_frame(frame);
+        }
         true
     }
 }

@@ -1,4 +1,4 @@
-//! The baseline of a run: compared with, or written anew.
+//! The baseline of a run: comparison and update.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -13,22 +13,21 @@ use crate::cli::CheckArgs;
 use crate::cmd::messages::{Refusal, note};
 use crate::exit_code::Exit;
 
-/// What is done with the file of `--baseline`.
-pub(super) enum Known<'a> {
-    /// There is none.
+/// Use of the file of `--baseline`.
+pub(super) enum KnownFindings<'a> {
+    /// No baseline.
     Nothing,
-    /// What is found is compared with it.
-    /// Captures that lie in none of these paths are no part of this run.
+    /// Compare with the baseline; its captures outside these paths are not part of the run.
     Compared(Baseline, &'a [PathBuf]),
-    /// What is found takes its place.
+    /// Overwrite the baseline with the current findings.
     Replaced { path: &'a Path, before: Baseline },
 }
 
-impl<'a> Known<'a> {
-    /// Reads the baseline, where there is one.
+impl<'a> KnownFindings<'a> {
+    /// Reads the baseline.
     ///
     /// # Errors
-    /// When it cannot be read, or what would be replaced is no baseline.
+    /// If the file is unreadable, or the file to overwrite is not a baseline.
     pub(super) fn read(arguments: &'a CheckArgs) -> Result<Self, Refusal> {
         let Some(path) = arguments.baseline.as_deref() else { return Ok(Self::Nothing) };
         if arguments.update_baseline {
@@ -40,21 +39,22 @@ impl<'a> Known<'a> {
             .map_err(|error| (Exit::Profile, error))
     }
 
-    /// Compares what was found with it, or writes it where all captures could be read: `exit` tells.
+    /// Compares the findings with the baseline, or updates it unless `exit` states that a capture is
+    /// unreadable.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If the file cannot be written.
     pub(super) fn apply(self, report: &mut Report, exit: Exit) -> anyhow::Result<()> {
         match self {
             Self::Nothing => {}
             Self::Compared(baseline, paths) => {
                 baseline.compare(report);
-                let is_part =
-                    |capture: &String| paths.iter().any(|path| Path::new(capture).starts_with(path));
-                report.absent.retain(is_part);
+                let is_below =
+                    |capture: &String| paths.iter().any(|path| first_file(capture).starts_with(path));
+                report.absent.retain(is_below);
             }
             Self::Replaced { path, .. } if exit == Exit::Capture => note(&format!(
-                "{}: is left as it is: a capture could not be read, and what it holds would be forgotten",
+                "{}: not updated; a capture is unreadable, and its entries would be lost",
                 path.display()
             )),
             Self::Replaced { path, before } => replace(path, &before, report)?,
@@ -63,14 +63,21 @@ impl<'a> Known<'a> {
     }
 }
 
+/// The file of a capture, or the first part of a series such as `log/run.log..run-0003.log`.
+fn first_file(capture: &str) -> &Path {
+    let first = capture.rsplit_once("..").map(|(first, _)| first);
+    let first = first.filter(|first| !Path::new(capture).exists() && Path::new(first).is_file());
+    Path::new(first.unwrap_or(capture))
+}
+
 fn compared(path: &Path) -> anyhow::Result<Baseline> {
     let name = path.display();
     let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{name}: cannot be read (--update-baseline writes it)"))?;
-    Baseline::parse(&text).map_err(|error| anyhow!("{name}: is no baseline: {}", escape(&error)))
+        .with_context(|| format!("{name}: cannot be read (--update-baseline creates it)"))?;
+    Baseline::parse(&text).map_err(|error| anyhow!("{name}: not a valid baseline: {}", escape(&error)))
 }
 
-/// What is in the file that is written anew; nothing where there is none or it is empty.
+/// Content of the baseline to update; empty if there is no file or an empty file.
 fn replaced(path: &Path) -> anyhow::Result<Baseline> {
     let name = path.display();
     let bytes = match std::fs::read(path) {
@@ -80,27 +87,27 @@ fn replaced(path: &Path) -> anyhow::Result<Baseline> {
     if bytes.is_empty() {
         return Ok(Baseline::default());
     }
-    let expected = "is not written over: expected a baseline that --update-baseline wrote, or no file";
+    let expected = "not overwritten; expected a baseline written by --update-baseline, or no file";
     let text = std::str::from_utf8(&bytes).map_err(|error| anyhow!("{name}: {expected}: {error}"))?;
     Baseline::parse(text).map_err(|error| anyhow!("{name}: {expected}: {}", escape(&error)))
 }
 
-/// Writes what was found, which is accepted from now on. What was known of captures that were not judged stays.
+/// Writes the current findings as the new baseline. Entries of captures that were not checked are kept.
 fn replace(path: &Path, before: &Baseline, report: &mut Report) -> anyhow::Result<()> {
     let name = path.display();
     let mut baseline = Baseline::of(report);
-    // Standard input cannot be gone.
-    let others = baseline.keep(before, report, |capture| capture == "-" || Path::new(capture).exists());
+    // Stdin always exists.
+    let others = baseline.keep(before, report, |capture| capture == "-" || first_file(capture).exists());
     std::fs::write(path, baseline.text()).with_context(|| format!("{name}: cannot be written"))?;
     baseline.compare(report);
-    // What was kept is said here; it is no failure of this run.
+    // Kept entries are reported below; they do not fail the run.
     report.absent.clear();
     if others.kept > 0 {
         let captures = plural(others.kept, "capture");
-        note(&format!("{name}: keeps what it has of {captures} that were not judged"));
+        note(&format!("{name}: kept the entries of {captures} not checked in this run"));
     }
     for capture in others.dropped {
-        note(&format!("{name}: drops {capture}, which is not there any more"));
+        note(&format!("{name}: dropped the entries of {capture}; the file does not exist"));
     }
     Ok(())
 }

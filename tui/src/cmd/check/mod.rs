@@ -1,4 +1,4 @@
-//! `cobscope check`: captures judged by rules.
+//! `cobscope check`: checks captures against rules.
 
 mod captures;
 mod judge;
@@ -8,17 +8,20 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use cobscope_decoder::query::KindSet;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
+use cobscope_decoder::words::plural;
 
-use super::input::{catalogue, common_catalogue, options_of, setup};
-use super::messages::{Refusal, complain};
-use super::output::{ensure_not_read, files_read, is_colored, output, told};
+use super::input::{catalogue, check_rules_of, common_catalogue, joined, options_of, setup};
+use super::messages::{Refusal, complain, note};
+use super::output::{ensure_not_read, files_read, is_colored, output, write_result};
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
-use captures::Source;
-use known::Known;
+use crate::source::Series;
+use captures::{Source, SourceSeries};
+use known::KnownFindings;
 
 /// Runs the command.
 pub fn run(arguments: &CheckArgs) -> Exit {
@@ -37,37 +40,52 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
         let known = setup.check_name(rule).map_err(anyhow::Error::msg);
         known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
     }
+    check_selection(arguments, &setup).map_err(|error| (Exit::Usage, error))?;
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
-    let known = Known::read(arguments)?;
-    // A file that cannot be written is said before hours of work.
+    let known = KnownFindings::read(arguments)?;
+    // Opens the output before the check, so that an error is reported at once.
     let mut output =
         output(arguments.output.as_deref(), &arguments.baseline).map_err(|error| (Exit::Usage, error))?;
 
+    let captures = series(&captures, arguments);
     let judged = judge::judge_all(&captures, arguments, &options, &setup);
     let mut exit = Exit::Clean;
-    let mut said: Vec<String> = judged.iter().flat_map(|one| one.said.clone()).collect();
+    let mut messages: Vec<String> = judged.iter().flat_map(|one| one.messages.clone()).collect();
     let found: Vec<_> = captures.iter().zip(&judged).filter(|(_, one)| one.judged.is_some()).collect();
     let found: Vec<_> = found.into_iter().map(|(source, _)| source).collect();
     let empty = captures::without_captures(&arguments.input.captures, &found);
     if !empty.is_empty() || judged.iter().any(|one| one.has_failed) {
         exit = exit.max(Exit::Capture);
     }
-    said.extend(empty.iter().map(|folder| format!("{}: holds no capture", folder.display())));
-    for said in said {
-        let _ = writeln!(io::stderr(), "cobscope: {said}");
+    messages.extend(empty.iter().map(|folder| format!("{}: no captures", folder.display())));
+    for message in messages {
+        let _ = writeln!(io::stderr(), "cobscope: {message}");
     }
-    let captures = judged.into_iter().filter_map(|one| one.judged).collect();
+    let judged = judged.into_iter().filter_map(|one| Some((one.judged?, one.selected)));
+    let (captures, selected): (Vec<_>, Vec<_>) = judged.unzip();
     let mut report = Report { captures, least: arguments.fail_on.least(), ..Report::default() };
     report.require(&arguments.require_exercised);
     known.apply(&mut report, exit).map_err(|error| (Exit::Usage, error))?;
+    // The baseline covers all findings, also those that are not printed.
+    for (capture, selected) in report.captures.iter_mut().zip(selected) {
+        if let Some(selected) = selected {
+            let all = capture.telling().count();
+            capture.findings.groups.retain(|group| selected.contains(&group.id));
+            let hidden = all.saturating_sub(capture.telling().count());
+            if hidden > 0 {
+                let name = &capture.capture;
+                note(&format!("{name}: {} of {all} not selected", plural(hidden, "finding")));
+            }
+        }
+    }
     if report.fails() {
         exit = exit.max(Exit::Findings);
     }
     let written = write(&report, arguments, &mut output).and_then(|()| output.flush());
-    Ok(exit.max(told(written)))
+    Ok(exit.max(write_result(written)))
 }
 
-/// The captures to judge, of which nothing is written over. What is written into a folder is no capture of it.
+/// Captures to check. None of them is overwritten; an output file in a checked folder is not checked.
 fn captures_to_read(arguments: &CheckArgs) -> anyhow::Result<Vec<Source>> {
     let mut captures = captures::captures(&arguments.input.captures);
     let baseline = arguments.baseline.iter().filter(|_| arguments.update_baseline);
@@ -84,7 +102,34 @@ fn captures_to_read(arguments: &CheckArgs) -> anyhow::Result<Vec<Source>> {
     Ok(captures)
 }
 
-/// What the options say of buses and rules.
+/// Checks the options that select findings.
+///
+/// # Errors
+/// If the filter cannot match a finding or names an unknown rule, or the range is empty.
+fn check_selection(arguments: &CheckArgs, setup: &Setup) -> anyhow::Result<()> {
+    arguments.select.selection()?;
+    let filter = arguments.select.filter.as_ref();
+    check_rules_of(filter, setup)?;
+    let findings = KindSet::by_name(|name| ["finding-opened", "finding-closed"].contains(&name));
+    if let Some(filter) = filter {
+        anyhow::ensure!(
+            filter.kinds().and(findings) != KindSet::NONE,
+            "--filter '{filter}': never true for a finding; its fields are rule, severity, node, object, text"
+        );
+    }
+    Ok(())
+}
+
+/// Joins the parts of captures.
+fn series(captures: &[Source], arguments: &CheckArgs) -> Vec<SourceSeries> {
+    let all = joined(captures::files(captures), &arguments.input);
+    let folder = |series: &Series| {
+        captures.iter().find(|source| source.path == series.first()).and_then(|source| source.folder.clone())
+    };
+    all.into_iter().map(|series| SourceSeries { folder: folder(&series), series }).collect()
+}
+
+/// Options for decoding and rules.
 fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> {
     let folders = &arguments.input.profiles;
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };

@@ -1,36 +1,34 @@
-//! Which frames are written, where a file begins, and what is said of a frame.
+//! Selection of frames, start of output files, and comments on frames.
 
-use anyhow::ensure;
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
+use cobscope_decoder::event::{Event, EventKind, FrameRange, Undecoded};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::{Filter, KindSet};
 use cobscope_decoder::session::{Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::Line;
-use cobscope_decoder::wire::NodeId;
 
 use crate::cli::{ConvertArgs, NodeArg};
-use crate::select::Bound;
+use crate::select::{Bound, BoundSide, Span, ensure_order, plain_event};
 
-/// What is to be done with a frame.
+/// Decision on a frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Verdict {
-    /// It is written.
+    /// Whether to write the frame.
     pub(super) takes: bool,
-    /// A file begins with it, or with the next one that is written.
+    /// Whether to start a new file with this frame or the next one written.
     pub(super) splits: bool,
 }
 
-/// What the command line chooses.
+/// Selection of frames by the command line.
 pub(super) struct Choice {
     from: Option<Bound>,
     to: Option<Bound>,
     first: Option<Timestamp>,
-    /// Whether frames of later numbers cannot be meant.
+    /// Whether no later frame can be selected.
     is_over: bool,
-    /// None where frames need not be understood.
+    /// `None` if frames need not be decoded.
     reading: Option<Reading>,
 }
 
@@ -40,7 +38,7 @@ struct Reading {
     nodes: Vec<NodeArg>,
     split_at: Option<Filter>,
     own_kinds: KindSet,
-    /// What is said of the frame, where comments are wanted.
+    /// Comment on the frame; `None` without `--comments`.
     comment: Option<String>,
 }
 
@@ -59,34 +57,30 @@ impl Choice {
         Self { from: *from, to: *to, first: None, is_over: false, reading }
     }
 
-    /// The first frame of all.
+    /// Called with the first frame of all captures.
     ///
     /// # Errors
-    /// When a time is asked for and there are none.
-    pub(super) fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+    /// If a selection by time is requested and the captures have no timestamps.
+    pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
-        let wants_times =
-            [self.from, self.to].iter().flatten().any(|bound| !matches!(bound, Bound::Frame(_)));
-        ensure!(
-            first.time.is_some() || !wants_times,
-            "the frames have no times; give numbers as --from #1234"
-        );
-        Ok(())
+        self.from = self.from.map(|from| from.resolve(BoundSide::From, first, span)).transpose()?;
+        self.to = self.to.map(|to| to.resolve(BoundSide::To, first, span)).transpose()?;
+        ensure_order(self.from, self.to)
     }
 
-    /// Whether no further frame can be meant. Times may step back, numbers do not.
+    /// Whether no later frame can be selected. Only frame numbers decide, because timestamps can step back.
     pub(super) fn is_over(&self) -> bool {
         self.is_over
     }
 
-    /// What is said of the frame that was judged last.
+    /// Comment on the last frame.
     pub(super) fn comment(&self) -> &str {
         self.reading.as_ref().and_then(|reading| reading.comment.as_deref()).unwrap_or_default()
     }
 
     pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
         if let Some(reading) = &mut self.reading {
-            reading.decoder.notice(notice, names, &mut Nobody);
+            reading.decoder.notice(notice, names, &mut NoObserver);
         }
     }
 
@@ -131,7 +125,7 @@ impl Reading {
             nodes.is_empty() || nodes.iter().any(|arg| is_own(arg) && bus.concerns(frame, arg.id));
         let passes = filter.as_ref().is_none_or(|filter| {
             own.unwrap_or_else(|| {
-                let plain = plain(frame, bus.node_of(frame));
+                let plain = plain_event(frame, bus.node_of(frame));
                 filter.matches_frame(&plain, &plain, bus)
             })
         });
@@ -139,25 +133,13 @@ impl Reading {
     }
 }
 
-/// A frame by itself.
-fn plain(frame: &Frame, node: Option<NodeId>) -> Event {
-    let protocol = match node {
-        Some(NodeId::Canopen(_)) => Protocol::Canopen,
-        Some(NodeId::J1939(_)) => Protocol::J1939,
-        None => Protocol::Can,
-    };
-    let mut event = Event::undecoded(frame);
-    (event.protocol, event.node) = (protocol, node);
-    event
-}
-
-/// What the events at a frame say of it.
+/// Observer for the events of one frame.
 struct Look<'a> {
     frame: &'a Frame,
     filter: Option<&'a Filter>,
     split_at: Option<&'a Filter>,
     own_kinds: KindSet,
-    /// Whether its own message passes the filter, once there is one.
+    /// Whether the message of the frame passes the filter; `None` before its event.
     own: Option<bool>,
     splits: bool,
     comment: Option<&'a mut String>,
@@ -168,11 +150,12 @@ impl Observer for Look<'_> {
         let FrameRange { first, last } = event.frames;
         let is_own = first == self.frame.number && last == first && self.own_kinds.contains(&event.kind);
         if let Some(filter) = self.filter.filter(|_| is_own && self.own.is_none()) {
-            self.own = Some(filter.matches_frame(event, &plain(self.frame, event.node), bus));
+            self.own = Some(filter.matches_frame(event, &plain_event(self.frame, event.node), bus));
         }
         self.splits |= self.split_at.is_some_and(|filter| filter.matches(event, bus, None));
-        let says = !matches!(&event.kind, EventKind::Frame(Undecoded { name: None, message: None, .. }));
-        if let Some(comment) = self.comment.as_mut().filter(|_| says) {
+        let has_meaning =
+            !matches!(&event.kind, EventKind::Frame(Undecoded { name: None, message: None, .. }));
+        if let Some(comment) = self.comment.as_mut().filter(|_| has_meaning) {
             let line = Line::of(event, bus);
             if !comment.is_empty() {
                 comment.push('\n');
@@ -189,8 +172,8 @@ impl Observer for Look<'_> {
     }
 }
 
-struct Nobody;
+struct NoObserver;
 
-impl Observer for Nobody {
+impl Observer for NoObserver {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 }

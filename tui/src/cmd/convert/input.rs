@@ -1,61 +1,93 @@
-//! The captures that are converted, as one.
+//! Input captures, merged into one.
 
 use std::io::{self, Read};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{Batch, BusNames, Merged, MergedCapture, Reader};
+use cobscope_decoder::capture::{Batch, BusNames, MergedCapture, MergedReader, Reader};
 
 use super::said::called;
 use crate::cli::InputArgs;
-use crate::cmd::input::read_options;
-use crate::source::{self, Arranged, Frames, Progress, Store, StoreReader, arrange};
+use crate::cmd::input::{join_options, read_options};
+use crate::cmd::messages::note;
+use crate::source::{
+    CaptureFile, CapturePlacement, JoinOptions, Relations, Series, SeriesFrames, Store, StoreReader, arrange,
+    relate,
+};
 
 /// Captures being read.
 pub(super) struct Input {
     reading: Reading,
     names: Vec<String>,
-    /// What was read last.
+    /// Name of the capture, if all files are its parts.
+    series: Option<String>,
+    paths: Vec<PathBuf>,
+    /// Last batch read.
     pub(super) batch: Batch,
-    pub(super) progress: Progress,
 }
 
 enum Reading {
-    One(Frames),
-    Several(Merged<Box<dyn Read + Send>>),
+    One(Box<SeriesFrames>),
+    Several(MergedReader<Box<dyn Read + Send>>),
 }
 
 impl Input {
-    /// Opens captures. One alone is read as it comes; of several the first frames are looked at before.
+    /// Opens the captures. A single capture is streamed; for several ones the first frames are read in
+    /// advance.
     ///
     /// # Errors
-    /// When one cannot be opened or recognised, or when they have no common line of time.
+    /// If a capture cannot be opened or recognised, or if the captures have no common time.
     pub(super) fn open(paths: &[PathBuf], input: &InputArgs, align: bool) -> anyhow::Result<Self> {
-        let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-        let (reading, progress) = match paths {
-            [path] => {
-                let (frames, progress) = source::open(path, &read_options(input))?.frames(true);
-                (Reading::One(frames), progress)
-            }
-            paths => {
-                let merged = Merged::new(several(paths, &names, input, align)?);
-                (Reading::Several(merged), Progress::new(None, Arc::default()))
-            }
+        let files = paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
+        // Unrelated clocks do not continue each other.
+        let join = join_options(input);
+        let join = JoinOptions { is_off: join.is_off || align, ..join };
+        let relations = relate(files.collect(), &read_options(input), join);
+        let series = relations.series();
+        let notes = series.iter().filter_map(Series::note);
+        notes.chain(relations.notes.iter().cloned()).for_each(|text| note(&text));
+        let name = |path: &PathBuf| path.display().to_string();
+        let (reading, names) = if let [series] = series.as_slice() {
+            let frames = SeriesFrames::open(series, read_options(input), true)?;
+            (Reading::One(Box::new(frames)), series.parts.iter().map(name).collect())
+        } else {
+            let (captures, names) = several(&relations, input, align)?;
+            (Reading::Several(MergedReader::new(captures)), names)
         };
-        Ok(Self { reading, names, batch: Batch::new(), progress })
+        let series = match series.as_slice() {
+            [series] if series.is_joined() => Some(series.name()),
+            _ => None,
+        };
+        Ok(Self { reading, names, series, paths: paths.to_vec(), batch: Batch::new() })
     }
 
-    /// Reads on; false at the end.
+    /// Reads the next batch; `false` at the end.
     ///
     /// # Errors
-    /// When a capture cannot be read any further; the others can. It is told once.
+    /// Once for each capture that becomes unreadable; the other captures remain readable.
     pub(super) fn read(&mut self) -> anyhow::Result<bool> {
-        let (read, failed) = match &mut self.reading {
-            Reading::One(frames) => (frames.read(&mut self.batch), 0),
-            Reading::Several(merged) => (merged.read(&mut self.batch), merged.failed()),
-        };
-        read.with_context(|| self.names.get(failed).cloned().unwrap_or_default())
+        match &mut self.reading {
+            Reading::One(frames) => frames.read(&mut self.batch),
+            Reading::Several(merged) => {
+                let read = merged.read(&mut self.batch);
+                read.with_context(|| self.names.get(merged.failed()).cloned().unwrap_or_default())
+            }
+        }
+    }
+
+    /// Updates the progress.
+    pub(super) fn tick(&mut self) {
+        if let Reading::One(frames) = &mut self.reading {
+            frames.tick();
+        }
+    }
+
+    /// Removes the progress.
+    pub(super) fn finish_progress(&mut self) {
+        if let Reading::One(frames) = &mut self.reading {
+            frames.finish_progress();
+        }
     }
 
     pub(super) fn buses(&self) -> &BusNames {
@@ -65,61 +97,83 @@ impl Input {
         }
     }
 
-    /// Which capture a notice of the last batch is of, by its place among them.
+    /// Index of the capture of a notice in the last batch.
     pub(super) fn teller(&self, notice: usize) -> usize {
         match &self.reading {
-            Reading::One(_) => 0,
+            Reading::One(frames) => frames.part(),
             Reading::Several(merged) => merged.teller(notice),
         }
     }
 
-    /// What the captures are called, in their order.
+    /// Name of the capture, if all files are its parts.
+    pub(super) fn series(&self) -> Option<&str> {
+        self.series.as_deref()
+    }
+
+    /// Files as given.
+    pub(super) fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// Names of the captures in order.
     pub(super) fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// What one of them is called.
+    /// Name of one capture.
     pub(super) fn name(&self, capture: usize) -> &str {
         self.names.get(capture).map_or("", String::as_str)
     }
 
-    /// What they are called together.
+    /// Common name of all captures.
     pub(super) fn called(&self) -> String {
+        if let Some(name) = &self.series {
+            return name.clone();
+        }
         called(&self.names, &(0..self.names.len()).collect())
     }
 }
 
+/// A capture to merge.
+type Merged = MergedCapture<Box<dyn Read + Send>>;
+
+/// Captures in the order of reading, with their names.
 fn several(
-    paths: &[PathBuf],
-    names: &[String],
+    relations: &Relations,
     input: &InputArgs,
     align: bool,
-) -> anyhow::Result<Vec<MergedCapture<Box<dyn Read + Send>>>> {
+) -> anyhow::Result<(Vec<Merged>, Vec<String>)> {
     let options = read_options(input);
+    let paths = || relations.files.iter().map(|file| &file.path);
+    let names: Vec<String> = paths().map(|path| path.display().to_string()).collect();
     let (mut stores, mut firsts) = (Vec::new(), Vec::new());
-    for (path, name) in paths.iter().zip(names) {
+    for (index, (path, name)) in paths().zip(&names).enumerate() {
         let store = Store::open(path)?;
-        let mut reader = Reader::open(Whole(store.reader(0), Arc::clone(&store)), &options)
+        let mut reader = Reader::open(CompleteStore(store.reader(0), Arc::clone(&store)), &options)
             .with_context(|| name.clone())?;
         let mut batch = Batch::new();
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
-        firsts.push(batch.frames().first().and_then(|frame| frame.time));
+        let first = batch.frames().first().and_then(|frame| frame.time);
+        firsts.push(first.map(|time| time.plus(relations.shift(index))));
         stores.push(store);
     }
-    let arranged = arrange(names, &firsts, align)?;
-    let captures =
-        stores.iter().zip(arranged).zip(names).map(|((store, Arranged { group, shift }), name)| {
-            let source: Box<dyn Read + Send> = Box::new(Whole(store.reader(0), Arc::clone(store)));
-            let reader = Reader::open(source, &options).with_context(|| name.clone())?;
-            Ok(MergedCapture { reader, group, shift })
-        });
-    captures.collect()
+    let (mut captures, mut ordered) = (Vec::new(), Vec::new());
+    for place in arrange(&names, &firsts, &relations.of, align)? {
+        let CapturePlacement { index, group, shift, continues } = place;
+        let (Some(store), Some(name)) = (stores.get(index), names.get(index)) else { continue };
+        let source: Box<dyn Read + Send> = Box::new(CompleteStore(store.reader(0), Arc::clone(store)));
+        let reader = Reader::open(source, &options).with_context(|| name.clone())?;
+        let shift = shift.saturating_add(relations.shift(index));
+        captures.push(MergedCapture { reader, group, shift, continues });
+        ordered.push(name.clone());
+    }
+    Ok((captures, ordered))
 }
 
-/// What a store holds, and why that is not all: where a source breaks off, what came last is no whole line or record.
-struct Whole(StoreReader, Arc<Store>);
+/// Reader that returns the error of an incomplete store, because the last line or record may be incomplete.
+struct CompleteStore(StoreReader, Arc<Store>);
 
-impl Read for Whole {
+impl Read for CompleteStore {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.0.read(buffer)? {
             0 => self.1.error().map_or(Ok(0), Err),

@@ -1,9 +1,9 @@
-//! `cobscope convert`: captures to captures.
+//! `cobscope convert`: converts captures.
 //!
 //! ```text
-//! captures ─▶ one line of time ─▶ choice: times, nodes, filter ─▶ output: one file, or several
+//! captures ─▶ merged by time ─▶ selection: times, nodes, filter ─▶ output: one file, or several
 //! ```
-//! Frames are understood only where something asks for it: a filter, a node, an event, comments.
+//! Frames are decoded only if necessary: for a filter, a node, an event or comments.
 
 mod choice;
 mod input;
@@ -11,6 +11,7 @@ mod output;
 mod said;
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -20,21 +21,24 @@ use cobscope_decoder::query::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::input::session_options;
-use super::input::unknown_buses;
+use super::input::{read_options, session_options, unknown_buses};
 use super::messages::{complain, note};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
 use crate::select::ensure_order;
+use crate::source::time_span;
 use crate::words::{unknown_bus, unreadable};
 use choice::Choice;
 use input::Input;
 use output::Output;
-use said::{Said, called};
+use said::{CaptureNotes, called};
 
-/// Lines of a capture that are named when they cannot be read.
+/// Maximum number of unreadable lines reported individually.
 const NAMED: u64 = 10;
+
+/// Maximum length of the text about unreadable lines in one comment, in bytes; further lines are only counted.
+const MAX_UNWRITTEN: usize = 2_000;
 
 /// Runs the command.
 pub fn run(arguments: &ConvertArgs) -> Exit {
@@ -55,7 +59,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
-    let (unreadable_in, assumed) = (BTreeSet::new(), Said::default());
+    let (unreadable_in, assumed) = (BTreeSet::new(), CaptureNotes::default());
     Conversion {
         arguments,
         options,
@@ -65,6 +69,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         unreadable_in,
         assumed,
         is_first: true,
+        unwritten: String::new(),
         exit: Exit::Clean,
     }
     .run(input)
@@ -75,7 +80,7 @@ fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
     exit
 }
 
-/// What is read, and what is written.
+/// Input and output of the conversion.
 struct Plan<'a> {
     captures: &'a [PathBuf],
     out: &'a Path,
@@ -83,7 +88,7 @@ struct Plan<'a> {
 }
 
 /// # Errors
-/// What on the command line cannot be done.
+/// If the command line is inconsistent.
 fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
     let named = arguments.input.captures.as_slice();
     let ends = match &arguments.output {
@@ -91,29 +96,29 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
         None => named.split_last(),
     };
     let Some((out, captures)) = ends.filter(|(_, captures)| !captures.is_empty()) else {
-        bail!("give the captures to read and then the file to write, as convert run.log run.pcapng");
+        bail!("captures or output file missing; expected both, as in convert run.log run.pcapng");
     };
     for node in &arguments.only_node {
-        ensure!(node.profile.is_none(), "--only-node chooses a node; --node tells what it is");
+        ensure!(node.profile.is_none(), "--only-node selects a node; use --node to assign its profile");
     }
     ensure_order(arguments.from, arguments.to)?;
     let format = format_of(arguments, out)?;
     if arguments.comments && !format.holds.comments {
         let with = WRITABLE.iter().filter(|format| format.holds.comments).map(|format| format.title);
         let with: Vec<_> = with.collect();
-        bail!("{} has no place for comments; these have: {}", format.title, with.join(", "));
+        bail!("{} cannot store comments; formats that can: {}", format.title, with.join(", "));
     }
     if let Some(filter) = &arguments.filter {
-        let told = filter.kinds().and(KindSet::of_frames());
+        let possible = filter.kinds().and(KindSet::of_frames());
         ensure!(
-            told != KindSet::NONE,
-            "--filter '{filter}': no single frame tells that; frames are taken by their own message, of these kinds: {}",
+            possible != KindSet::NONE,
+            "--filter '{filter}': never true for a single frame; kinds of single frames: {}",
             KindSet::of_frames().names().collect::<Vec<_>>().join(", ")
         );
     }
     let is_stdout = out.as_os_str() == "-";
     let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
-    ensure!(!(is_stdout && splits), "standard output cannot be split; give a file");
+    ensure!(!(is_stdout && splits), "stdout cannot be split; give a file");
     Ok(Plan { captures, out, format })
 }
 
@@ -123,11 +128,11 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
         let shown = out.display().to_string();
         return found.with_context(|| {
             let known = format::unknown(format::suffixes());
-            format!("{}: {known}; or say it with -f", escape(&shown))
+            format!("{}: {known}; or use -f", escape(&shown))
         });
     };
-    // The command line takes no other name.
-    WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: there is no such format")
+    // clap has already rejected other names.
+    WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: unknown format")
 }
 
 struct Conversion<'a> {
@@ -136,11 +141,13 @@ struct Conversion<'a> {
     choice: Choice,
     output: Output,
     unreadable: u64,
-    /// Captures of which something could not be read.
+    /// Captures with unreadable lines or records.
     unreadable_in: BTreeSet<usize>,
-    /// What is assumed of captures: of several it is said at the end.
-    assumed: Said,
+    /// Assumptions about captures; printed at the end if there are several captures.
+    assumed: CaptureNotes,
     is_first: bool,
+    /// Unreadable lines since the last written frame, for its comment.
+    unwritten: String,
     exit: Exit,
 }
 
@@ -164,29 +171,28 @@ impl Conversion<'_> {
             if self.choice.is_over() {
                 break;
             }
-            input.progress.tick();
+            input.tick();
         }
-        input.progress.finish();
-        self.tell_unknown_buses(&input);
-        self.assumed.tell(input.names());
+        input.finish_progress();
+        self.report_unknown_buses(&input);
+        self.assumed.print_all(input.names());
         if self.unreadable > NAMED {
             let captures = called(input.names(), &self.unreadable_in);
-            note(&format!("{captures}: {} could not be read", unreadable(self.unreadable)));
+            note(&format!("{captures}: {} unreadable", unreadable(self.unreadable)));
         }
         if !has_frames {
-            let holds = if input.names().len() > 1 { "hold" } else { "holds" };
-            complain(&anyhow::anyhow!("{}: {holds} no frame", input.called()));
+            complain(&anyhow::anyhow!("{}: contains no frames", input.called()));
             self.exit = Exit::Capture;
         }
         match self.output.finish(input.buses(), has_frames) {
-            Ok(said) => said.iter().for_each(|text| note(text)),
+            Ok(notes) => notes.iter().for_each(|text| note(text)),
             Err(error) => return end(&error),
         }
         self.exit
     }
 
-    /// Of captures that were not read to their end not all buses are known.
-    fn tell_unknown_buses(&self, input: &Input) {
+    /// After an incomplete read not all buses are known.
+    fn report_unknown_buses(&self, input: &Input) {
         if self.choice.is_over() {
             return;
         }
@@ -194,14 +200,15 @@ impl Conversion<'_> {
         let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
         let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
         let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
-        let known = unknown_buses(Path::new(&name), &self.arguments.input, &self.options, input.buses());
-        known.into_iter().chain(chosen).for_each(|said| note(&said));
+        let known = unknown_buses(&name, &self.arguments.input, &self.options, input.buses());
+        known.into_iter().chain(chosen).for_each(|text| note(&text));
     }
 
     fn take(&mut self, input: &Input) -> anyhow::Result<()> {
         let names = input.buses();
         if let Some(first) = input.batch.frames().first().filter(|_| self.is_first) {
-            self.choice.begin(first)?;
+            let mut span = || time_span(input.paths(), &read_options(&self.arguments.input));
+            self.choice.begin(first, &mut span).with_context(|| input.called())?;
             self.is_first = false;
         }
         let mut notices = 0;
@@ -214,7 +221,8 @@ impl Conversion<'_> {
                     }
                     if verdict.takes {
                         let bus = name_of(names, frame.bus.0);
-                        self.output.write(frame, bus, self.choice.comment())?;
+                        self.output.write(frame, bus, comment(&mut self.unwritten, self.choice.comment()))?;
+                        self.unwritten.clear();
                     }
                 }
                 Item::Notice(notice) => {
@@ -226,7 +234,7 @@ impl Conversion<'_> {
         Ok(())
     }
 
-    /// What a capture, by its number, has to say besides frames.
+    /// Processes a notice of a capture.
     fn notice(&mut self, notice: &Notice, capture: usize, input: &Input) -> anyhow::Result<()> {
         let (names, name) = (input.buses(), input.name(capture));
         match notice {
@@ -236,10 +244,13 @@ impl Conversion<'_> {
                 if self.unreadable <= NAMED {
                     note(&format!("{name}: {notice}"));
                 }
+                if self.output.holds_comments() && self.unwritten.len() < MAX_UNWRITTEN {
+                    let _ = writeln!(self.unwritten, "unreadable in {name}: {notice}");
+                }
                 Ok(())
             }
             Notice::CutOff { .. } => {
-                // Who wants no more of it does not ask how it ends.
+                // If later frames are not needed, a truncated end is irrelevant.
                 if !self.choice.is_over() {
                     note(&format!("{name}: {notice}"));
                     self.exit = Exit::Capture;
@@ -247,7 +258,9 @@ impl Conversion<'_> {
                 Ok(())
             }
             Notice::Assumption(text) => {
-                if input.names().len() > 1 {
+                if let Some(series) = input.series() {
+                    note(&format!("{series}: {text}"));
+                } else if input.names().len() > 1 {
                     self.assumed.add(text, capture);
                 } else {
                     note(&format!("{name}: {text}"));
@@ -262,12 +275,21 @@ impl Conversion<'_> {
     }
 }
 
-/// A name without letters is none.
+/// Comment on a frame: unreadable lines before it, and its meaning.
+fn comment<'a>(unwritten: &'a mut String, meaning: &'a str) -> &'a str {
+    if unwritten.is_empty() {
+        return meaning;
+    }
+    unwritten.push_str(meaning);
+    unwritten.trim_end_matches('\n')
+}
+
+/// Name of a bus; empty if unknown.
 fn name_of(names: &BusNames, bus: u8) -> &str {
     names.names().get(usize::from(bus)).map_or("", String::as_str)
 }
 
-/// A closed pipe is no failure.
+/// Exit status for an output error; a closed pipe is not an error.
 fn end(error: &anyhow::Error) -> Exit {
     let cause = error.downcast_ref::<std::io::Error>();
     if cause.is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) {

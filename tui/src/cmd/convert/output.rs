@@ -1,4 +1,4 @@
-//! What is written: one file, several, or standard output.
+//! Output of a conversion: one file, several, or stdout.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -16,52 +16,52 @@ use crate::cli::ConvertArgs;
 use crate::cmd::output::{ensure_not_read, files_known};
 use crate::record::Names;
 
-/// Bytes gathered before the system gets them.
+/// Size of the output buffer, in bytes.
 const BUFFER: usize = 256 * 1024;
 
-/// Bytes that a frame takes at most in any format, with 64 bytes of data; its comment comes on top.
+/// Maximum size of a frame with 64 bytes of data in any format, in bytes, without its comment.
 const LARGEST_FRAME: u64 = 512;
 
-/// Times a comment's bytes are written at most: escaped for CSV.
+/// Maximum size ratio of a written comment, after escaping for CSV.
 const COMMENT_FACTOR: u64 = 2;
 
-/// Where frames go.
+/// Output of a conversion.
 pub(super) struct Output {
     format: &'static WritableFormat,
     options: WriteOptions,
     losses: Losses,
-    /// None on standard output.
+    /// `None` for stdout.
     names: Option<Names>,
     splits: bool,
     most: Option<u64>,
     force: bool,
-    /// What is read; nothing of it is written over.
+    /// Input files, which are not overwritten.
     read: Vec<PathBuf>,
     path: PathBuf,
-    part: Option<Part>,
+    part: Option<OutputPart>,
     parts: u32,
     frames: u64,
-    /// Names of the buses by their numbers, where the format numbers them.
+    /// Bus names in the order of their numbers, for formats with bus numbers.
     numbered: Vec<String>,
-    /// Whether a number is another bus in another file.
+    /// Whether a bus number has different meanings in different files.
     is_numbered_anew: bool,
-    /// Whether a file begins with the frame that is next.
+    /// Whether to start a new file with the next frame.
     is_split: bool,
 }
 
-struct Part {
+struct OutputPart {
     writer: Box<dyn FrameWriter>,
     written: Arc<AtomicU64>,
     frames: u64,
-    /// Names of its buses in the order in which they came, where the format numbers them.
+    /// Bus names in order of appearance, for formats with bus numbers.
     buses: Vec<String>,
 }
 
 impl Output {
-    /// Makes the first file.
+    /// Creates the first file.
     ///
     /// # Errors
-    /// When it cannot be made, is there already, or is one of the captures that are read.
+    /// If the file cannot be created, exists, or is an input.
     pub(super) fn open(
         captures: &[PathBuf],
         out: &Path,
@@ -98,7 +98,7 @@ impl Output {
         Ok(output)
     }
 
-    /// Begins the next file.
+    /// Starts the next file.
     fn begin(&mut self) -> anyhow::Result<()> {
         let output: Box<dyn Write + Send> = match &mut self.names {
             None => Box::new(io::stdout()),
@@ -107,23 +107,23 @@ impl Output {
                 names.number += 1;
                 ensure_not_read(&self.path, &self.read)?;
                 let mut options = File::options();
-                // Nothing of the user's is written over unasked.
+                // Files of the user are overwritten only with `--force`.
                 options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
                 Box::new(options.open(&self.path).map_err(|error| refused(&self.path, &error))?)
             }
         };
         let written = Arc::new(AtomicU64::new(0));
         let counted =
-            Counted { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
+            CountedOutput { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
         let writer = (self.format.writer)(Box::new(counted), &self.options);
-        self.part = Some(Part { writer, written, frames: 0, buses: Vec::new() });
+        self.part = Some(OutputPart { writer, written, frames: 0, buses: Vec::new() });
         self.parts += 1;
-        // What is written as the time of its first frame differs from file to file.
+        // The precision of the time of the first frame differs between files.
         self.losses.begin();
         Ok(())
     }
 
-    /// The next frame that is written begins a file, if one can be split.
+    /// Starts a new file with the next frame, if the output can be split.
     pub(super) fn split(&mut self) {
         self.is_split = true;
     }
@@ -131,7 +131,7 @@ impl Output {
     /// Writes a frame.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     #[inline]
     pub(super) fn write(&mut self, frame: &Frame, bus: &str, comment: &str) -> anyhow::Result<()> {
         if self.splits && self.is_full(comment) {
@@ -154,7 +154,7 @@ impl Output {
         written.with_context(|| failed(&self.path))
     }
 
-    /// Whether a frame begins the next file.
+    /// Whether a new file must be started for a frame.
     fn is_full(&self, comment: &str) -> bool {
         let Some(part) = self.part.as_ref().filter(|part| part.frames > 0) else { return false };
         let frame = LARGEST_FRAME.saturating_add(COMMENT_FACTOR.saturating_mul(comment.len() as u64));
@@ -163,10 +163,15 @@ impl Output {
         self.is_split || self.most.is_some_and(|most| size > most)
     }
 
-    /// Writes what else is known of a bus.
+    /// Whether the format can store comments on frames.
+    pub(super) fn holds_comments(&self) -> bool {
+        self.format.holds.comments
+    }
+
+    /// Writes a notice.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub(super) fn notice(&mut self, notice: &Notice, bus: &str) -> anyhow::Result<()> {
         let Some(part) = &mut self.part else { return Ok(()) };
         let has_place = part.writer.notice(notice, bus).with_context(|| failed(&self.path))?;
@@ -176,11 +181,11 @@ impl Output {
         Ok(())
     }
 
-    /// Removes a file without any frame, which others would take for a capture.
+    /// Removes a file without frames, which would look like a capture.
     fn remove(&self) {
         let is_file = self.path.symlink_metadata().is_ok_and(|metadata| metadata.is_file());
         if self.names.is_some() && is_file {
-            // One that cannot be removed stays, and was told to have no frame.
+            // A file that cannot be removed remains; it was already reported as empty.
             let _ = std::fs::remove_file(&self.path);
         }
     }
@@ -194,7 +199,7 @@ impl Output {
         part.writer.finish().with_context(|| failed(&self.path))
     }
 
-    /// Which number each bus got, where that is not plain; `buses` are those there were to choose from.
+    /// Note on bus numbers, unless they equal the names; `buses` are all buses of the input.
     fn numbers(&self, buses: &BusNames) -> Option<String> {
         let title = self.format.title;
         let are_plain = (1..).zip(&self.numbered).all(|(number, name)| *name == u32::to_string(&number));
@@ -202,42 +207,44 @@ impl Output {
             return None;
         }
         if self.is_numbered_anew {
-            return Some(format!("{title} numbers its buses, each file anew: its comments name them"));
+            return Some(format!(
+                "{title} stores bus numbers, assigned per file; comments in the files contain the names"
+            ));
         }
         let numbered =
             (1..).zip(&self.numbered).map(|(number, name)| format!("{} is {number}", escape(name)));
-        Some(format!("{title} numbers its buses: {}", numbered.collect::<Vec<_>>().join(", ")))
+        Some(format!("{title} stores bus numbers: {}", numbered.collect::<Vec<_>>().join(", ")))
     }
 
-    /// Ends the last file; what is to be said of it all. `has_frames` tells whether there were any to choose from.
+    /// Ends the last file; returns notes for the user. `has_frames` states whether the input contains frames.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If the file cannot be written.
     pub(super) fn finish(mut self, buses: &BusNames, has_frames: bool) -> anyhow::Result<Vec<String>> {
         self.end()?;
-        let mut said = Vec::new();
+        let mut notes = Vec::new();
         if self.frames == 0 {
             self.remove();
         }
         if self.frames == 0 && has_frames {
-            said.push(format!("{}: no frame was chosen", self.path.display()));
+            notes.push(format!("{}: no frames selected", self.path.display()));
         }
-        let lost = self.losses.said();
+        let lost = self.losses.texts();
         if !lost.is_empty() {
-            said.push(format!("{} has no place for all of it: {}", self.format.title, lost.join("; ")));
+            notes.push(format!("{} cannot store all data: {}", self.format.title, lost.join("; ")));
         }
-        said.extend(self.numbers(buses));
+        notes.extend(self.numbers(buses));
         if self.splits {
-            said.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
+            notes.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
         }
-        Ok(said)
+        Ok(notes)
     }
 }
 
-/// Refuses a size in which a file cannot have what it begins and ends with and a frame.
+/// Rejects a size too small for the file header, the file end and one frame.
 fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertArgs) -> anyhow::Result<()> {
     let written = Arc::new(AtomicU64::new(0));
-    let counted = Counted { output: io::sink(), written: Arc::clone(&written) };
+    let counted = CountedOutput { output: io::sink(), written: Arc::clone(&written) };
     let options = WriteOptions { packing: arguments.packing.into() };
     let mut writer = (format.writer)(Box::new(counted), &options);
     let frame = Frame::data_frame(CanId::standard(0), &[]);
@@ -246,7 +253,7 @@ fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertAr
     let least = written.load(Ordering::Relaxed).saturating_add(LARGEST_FRAME);
     ensure!(
         most >= least,
-        "--split-size: found {most} bytes, expected {least} or more: {} with one frame may have so many",
+        "--split-size: found {most} bytes; expected {least} or more (largest {} file with one frame)",
         format.title
     );
     Ok(())
@@ -256,8 +263,8 @@ fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
     let shown = path.display().to_string();
     let shown = escape(&shown);
     match error.kind() {
-        io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: is there already; --force writes over it"),
-        _ => anyhow::anyhow!("{shown}: cannot be made: {error}"),
+        io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: file exists; use --force to overwrite it"),
+        _ => anyhow::anyhow!("{shown}: cannot be created: {error}"),
     }
 }
 
@@ -265,13 +272,13 @@ fn failed(path: &Path) -> String {
     format!("{}: cannot be written", path.display())
 }
 
-/// Counts what goes through.
-struct Counted<W> {
+/// Writer that counts bytes.
+struct CountedOutput<W> {
     output: W,
     written: Arc<AtomicU64>,
 }
 
-impl<W: Write> Write for Counted<W> {
+impl<W: Write> Write for CountedOutput<W> {
     #[inline]
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = self.output.write(bytes)?;

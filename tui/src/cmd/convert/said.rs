@@ -1,15 +1,15 @@
-//! What is said of several captures: once, however many of them it is true of.
+//! Notes on several captures, each printed once.
 
 use std::collections::BTreeSet;
 
 use crate::cmd::messages::note;
 
-/// Texts with the captures they are true of, in the order in which they came.
+/// Texts with the captures to which they apply, in order of appearance.
 #[derive(Default)]
-pub(super) struct Said(Vec<(String, BTreeSet<usize>)>);
+pub(super) struct CaptureNotes(Vec<(String, BTreeSet<usize>)>);
 
-impl Said {
-    /// Remembers what one capture, by its number, gives reason to say.
+impl CaptureNotes {
+    /// Adds a note on a capture.
     pub(super) fn add(&mut self, text: &str, capture: usize) {
         match self.0.iter_mut().find(|(known, _)| known == text) {
             Some((_, of)) => _ = of.insert(capture),
@@ -17,15 +17,15 @@ impl Said {
         }
     }
 
-    /// Says all of it.
-    pub(super) fn tell(&self, names: &[String]) {
+    /// Prints all notes.
+    pub(super) fn print_all(&self, names: &[String]) {
         for (text, of) in &self.0 {
             note(&format!("{}: {text}", called(names, of)));
         }
     }
 }
 
-/// What some of the captures are called together.
+/// Common name for some of the captures.
 pub(super) fn called(names: &[String], of: &BTreeSet<usize>) -> String {
     let first = of.first().and_then(|first| names.get(*first)).map_or("", String::as_str);
     match (of.len(), names.len()) {
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn captures_are_named_where_they_are_not_all() {
+    fn captures_are_named_unless_all_are_meant() {
         let names = ["a.log", "b.log", "c.log"].map(str::to_owned);
         assert_eq!(called(&names, &BTreeSet::from([1])), "b.log");
         assert_eq!(called(&names, &BTreeSet::from([1, 2])), "2 of 3 captures, first b.log");

@@ -1,10 +1,10 @@
-//! What a profile says of a device's behaviour, in words: PDOs, states, gates, procedures, errors.
+//! Text on the behaviour of a device in its profile: PDOs, states, gates, procedures, errors.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::device::{
-    Condition, ErrorCode, Gate, Machine, Mapping, NmtName, Otherwise, PdoSpec, Procedure, State, Transition,
-    Trigger, Wanted,
+    Condition, ErrorCode, ExpectedValue, Gate, GateFallback, Machine, Mapping, NmtName, PdoSpec, Procedure,
+    State, Transition, Trigger,
 };
 use cobscope_decoder::profile::object::Numbers;
 use cobscope_decoder::profile::{self, Device};
@@ -16,7 +16,7 @@ pub(in crate::cmd) fn nmt(name: NmtName) -> &'static str {
     name.state().name()
 }
 
-/// Something that must hold.
+/// Text of a condition.
 pub(in crate::cmd) fn condition(device: &Device, condition: &Condition) -> String {
     match condition {
         Condition::Nmt(state) => format!("NMT {}", nmt(*state)),
@@ -35,26 +35,26 @@ pub(in crate::cmd) fn condition(device: &Device, condition: &Condition) -> Strin
             format!("{least} ≤ {} ≤ {most}", object.object)
         }
         Condition::State(states) => format!("state {}", states.join(" or ")),
-        Condition::Sync => "SYNC with the node's own identifier comes".into(),
-        Condition::NoError => "no error is active".into(),
-        Condition::NoProcedure => "no procedure runs that takes over".into(),
+        Condition::Sync => "SYNC with the node's own identifier received".into(),
+        Condition::NoError => "no active error".into(),
+        Condition::NoProcedure => "no active procedure in control".into(),
         Condition::Younger(ms) => format!("the previous PDO is at most {ms} ms old"),
-        Condition::Invisible => "never visible on the bus".into(),
+        Condition::Invisible => "not visible on the bus".into(),
         Condition::Other(all) => {
             let all: Vec<_> = all.0.iter().map(|one| self::condition(device, one)).collect();
-            format!("another of these devices has {}", all.join(" and "))
+            format!("another device of this type has {}", all.join(" and "))
         }
-        Condition::Alone => "no other CANopen node is on the bus".into(),
+        Condition::Alone => "no other CANopen node on the bus".into(),
     }
 }
 
-/// Something that happens.
+/// Text of a trigger.
 pub(in crate::cmd) fn trigger(device: &Device, trigger: &Trigger) -> String {
-    let of = |wanted: &Option<Wanted>| match wanted {
+    let of = |wanted: &Option<ExpectedValue>| match wanted {
         None => String::new(),
-        Some(Wanted::Text(text)) => format!(" of \"{text}\""),
-        Some(Wanted::Numbers(Numbers::One(one))) => format!(" of {}", plain(*one)),
-        Some(Wanted::Numbers(Numbers::Any(any))) => {
+        Some(ExpectedValue::Text(text)) => format!(" of \"{text}\""),
+        Some(ExpectedValue::Numbers(Numbers::One(one))) => format!(" of {}", plain(*one)),
+        Some(ExpectedValue::Numbers(Numbers::Any(any))) => {
             format!(" of {}", any.iter().map(|one| plain(*one)).collect::<Vec<_>>().join(" or "))
         }
     };
@@ -62,7 +62,7 @@ pub(in crate::cmd) fn trigger(device: &Device, trigger: &Trigger) -> String {
         Trigger::Write(object, value) => format!("a write{} to {}", of(value), object.object),
         Trigger::Read(object, value) => format!("a read{} from {}", of(value), object.object),
         Trigger::Bit(bit, becomes) => {
-            format!("bit {} of {} going to {}", bit.bit, bit.object.object, u8::from(*becomes))
+            format!("bit {} of {} changing to {}", bit.bit, bit.object.object, u8::from(*becomes))
         }
         Trigger::Pdo(pdo) => pdo.to_string(),
         Trigger::Message(message) => {
@@ -77,11 +77,14 @@ pub(in crate::cmd) fn trigger(device: &Device, trigger: &Trigger) -> String {
         Trigger::State(states) => format!("state {}", states.join(" or ")),
         Trigger::Sync => "SYNC".into(),
         Trigger::Emcy(code) => format!("EMCY {code:04X}"),
-        Trigger::Boot => "its start".into(),
+        Trigger::Boot => "a boot-up".into(),
+        Trigger::PowerOn => "a power-on".into(),
         Trigger::Set(set) => format!("a value of {}", set.object.object),
+        Trigger::Shows(set) => format!("a report of {}", set.object.object),
+        Trigger::Reports(states) => format!("NMT state {} reported", states.join(" or ")),
         Trigger::Writes(range) => format!("a write to {range}"),
         Trigger::Lss(lss) => format!("LSS {}", lss.service),
-        Trigger::Guard => "a guard request".into(),
+        Trigger::Guard => "a guarding request".into(),
     }
 }
 
@@ -99,7 +102,7 @@ pub(in crate::cmd) fn pdo_contents(device: &Device, pdo: &PdoSpec) -> String {
                 let name = pdo.pdo.to_string();
                 let area = device.areas.iter().find(|area| area.pdos.contains(&name));
                 let key = area.map_or("bus file", |area| area.name.as_str());
-                format!("set in the maker's tool: {key} in the bus file")
+                format!("set in the manufacturer's tool: {key} in the bus file")
             }
             Mapping::Fixed | Mapping::Default => "contents not in the manual".into(),
         };
@@ -120,12 +123,12 @@ pub(in crate::cmd) const fn mapping(mapping: Mapping) -> &'static str {
     }
 }
 
-/// The machines of one channel: those of the others are alike.
+/// Machines of the first channel; the other channels have equal ones.
 pub(in crate::cmd) fn first_machines(device: &Device) -> impl Iterator<Item = &Machine> {
     device.machines.iter().filter(|machine| machine.channel.is_none_or(|channel| channel == 1))
 }
 
-/// ` of each of 8 channels`.
+/// `, one for each of 8 channels`.
 pub(in crate::cmd) fn channels(device: &Device) -> String {
     match device.machines.iter().filter_map(|machine| machine.channel).max() {
         Some(last) if last > 1 => format!(", one for each of {last} channels"),
@@ -138,7 +141,7 @@ pub(in crate::cmd) fn state_bits(machine: &Machine, state: &State) -> String {
     format!("status & {:02X} = {:02X}", state.mask.unwrap_or(machine.status.mask), state.value)
 }
 
-/// ` fault`, ` set points act`.
+/// Kind of a state: `fault`, `set points act`.
 pub(in crate::cmd) const fn state_word(state: &State) -> &'static str {
     match (state.fault, state.active) {
         (true, _) => "fault",
@@ -162,7 +165,7 @@ pub(in crate::cmd) fn transition(transition: &Transition) -> String {
     text
 }
 
-/// What else moves a machine: `NMT reset communication → FAULT HOLD`.
+/// Other causes of transitions: `NMT reset communication → FAULT HOLD`.
 pub(in crate::cmd) fn forced(machine: &Machine) -> Vec<String> {
     use profile::device::EmcyCodes;
     let list = machine.forced.iter().map(|forced| {
@@ -187,12 +190,12 @@ pub(in crate::cmd) fn forced(machine: &Machine) -> Vec<String> {
     list.collect()
 }
 
-/// The gates of one channel: those of the others are alike.
+/// Gates of the first channel; the other channels have equal ones.
 pub(in crate::cmd) fn first_gates(device: &Device) -> impl Iterator<Item = &Gate> {
     device.gates.iter().filter(|gate| gate.channel.is_none_or(|channel| channel == 1))
 }
 
-/// The set points a gate is for; empty: all.
+/// Set points of a gate; empty for all.
 pub(in crate::cmd) fn gate_for(device: &Device, gate: &Gate) -> String {
     let of = if gate.closes.is_empty() { &gate.of } else { &gate.closes };
     let list: Vec<_> = of.iter().map(|of| named(device, of.object)).collect();
@@ -204,20 +207,20 @@ pub(in crate::cmd) fn gate_for(device: &Device, gate: &Gate) -> String {
         .join(" ")
 }
 
-/// When a gate is open: `open if NMT operational`.
+/// Condition of a gate: `open if NMT operational`.
 pub(in crate::cmd) fn gate_open(device: &Device, gate: &Gate) -> String {
     if gate.open.0 == [Condition::Invisible] {
-        return "never visible on the bus".into();
+        return "not visible on the bus".into();
     }
     let list: Vec<_> = gate.open.0.iter().map(|open| condition(device, open)).collect();
     let mut text = format!("open if {}", list.join(" and "));
-    if gate.otherwise == Otherwise::Unknown {
-        text.push_str(", else not known");
+    if gate.otherwise == GateFallback::Unknown {
+        text.push_str(", else unknown");
     }
     text
 }
 
-/// How a procedure starts, how long it takes, where it is seen to end.
+/// Start, duration and end of a procedure.
 pub(in crate::cmd) fn procedure_facts(device: &Device, procedure: &Procedure) -> Vec<String> {
     let mut facts = vec![format!("starts with {}", trigger(device, &procedure.start))];
     if let Some(seconds) = procedure.seconds {
@@ -233,12 +236,12 @@ pub(in crate::cmd) fn procedure_facts(device: &Device, procedure: &Procedure) ->
         facts.push(format!("ends with {}", trigger(device, end)));
     }
     if procedure.takes_over {
-        facts.push("set points of the bus are ignored".into());
+        facts.push("CAN set points ignored".into());
     }
     facts
 }
 
-/// Names of the bits of an error register: `10 (communication)`.
+/// Error register with the names of its bits: `10 (communication)`.
 pub(in crate::cmd) fn register(register: u8) -> String {
     let names: Vec<_> = profile::error_register().names(u32::from(register)).collect();
     if names.is_empty() {
@@ -248,7 +251,7 @@ pub(in crate::cmd) fn register(register: u8) -> String {
     }
 }
 
-/// What the device does at an error: a state, or words.
+/// Reaction of the device to an error.
 pub(in crate::cmd) fn reaction(error: &ErrorCode) -> String {
     let goes = error.nmt.map(|state| format!("NMT {}", nmt(state)));
     let own = error.reaction.clone().filter(|it| error.nmt.is_none_or(|state| nmt(state) != it));

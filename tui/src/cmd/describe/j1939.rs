@@ -1,21 +1,21 @@
-//! What a profile says of a device on J1939, in words: addresses, messages, faults.
+//! Text on J1939 in a profile: addresses, messages, faults.
 
 use cobscope_decoder::profile::Device;
 use cobscope_decoder::profile::device::{Direction, MessageSpec, TroubleCode};
 
 use super::object::named;
 
-/// `addresses 80 to 8F; DM1 each 1000 ms, with the most urgent fault only`.
+/// `addresses 80 to 8F; DM1 every 1000 ms, with the most urgent fault only`.
 pub(in crate::cmd) fn facts(device: &Device) -> String {
     let spec = &device.j1939;
     let addresses = spec.addresses.map(|[first, last]| format!("addresses {first:02X} to {last:02X}"));
-    let period = (spec.dm1_period > 0).then(|| format!(" each {} ms", spec.dm1_period));
+    let period = (spec.dm1_period > 0).then(|| format!(" every {} ms", spec.dm1_period));
     let only = if spec.highest_only { ", with the most urgent fault only" } else { "" };
     let dm1 = (!spec.dtc.is_empty()).then(|| format!("DM1{}{only}", period.unwrap_or_default()));
     addresses.into_iter().chain(dm1).collect::<Vec<_>>().join("; ")
 }
 
-/// `AVC valve n, taken, FE30 to FE3F, number = address - 0x80`.
+/// `AVC valve n, received, FE30 to FE3F, n = address − 0x80`.
 pub(in crate::cmd) fn message_name(message: &MessageSpec) -> String {
     let title = if message.title.is_empty() { &message.name } else { &message.title };
     let title = title.replace("{n}", "n");
@@ -27,7 +27,7 @@ pub(in crate::cmd) fn message_name(message: &MessageSpec) -> String {
     };
     let way = match message.direction {
         Direction::Transmit => "sent",
-        Direction::Receive => "taken",
+        Direction::Receive => "received",
     };
     let number = message.number.as_ref().map_or(String::new(), |number| {
         format!(", n = {}", number.replace("$NODEID", "address ").replace('-', "− "))
@@ -35,10 +35,10 @@ pub(in crate::cmd) fn message_name(message: &MessageSpec) -> String {
     format!("{title}, {way}, {groups}{number}")
 }
 
-/// `each 100 ms; within 250 ms; FE30:01 Port flow command (8 bit), …`.
+/// `every 100 ms; timeout 250 ms; FE30:01 Port flow command (8 bit), …`.
 pub(in crate::cmd) fn message_contents(device: &Device, message: &MessageSpec) -> String {
-    let period = message.period.map(|period| format!("each {period} ms"));
-    let timeout = message.timeout.map(|timeout| format!("the next within {timeout} ms"));
+    let period = message.period.map(|period| format!("every {period} ms"));
+    let timeout = message.timeout.map(|timeout| format!("timeout {timeout} ms"));
     let fields = message.fields.iter().filter_map(|field| {
         let object = field.object?;
         Some(format!("{} ({} bit)", named(device, object.object), field.bits))

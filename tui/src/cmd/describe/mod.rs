@@ -1,4 +1,4 @@
-//! What a profile says, in words: for `explain`, `profiles show` and the reference.
+//! Text on profiles, for `explain`, `profiles show` and the reference.
 
 pub(super) mod behaviour;
 pub(super) mod j1939;
@@ -8,16 +8,16 @@ pub(super) mod uds;
 
 use cobscope_decoder::sink::escape;
 
-/// Columns lines are folded at.
+/// Maximum line width.
 const WIDTH: usize = 120;
 
-/// A space no line is folded at.
+/// A space without a line break.
 pub(super) const FIRM: &str = "\u{a0}";
 
-/// Columns of a row's key.
+/// Width of the key column.
 const KEY: usize = 12;
 
-/// Appends `first` and `text`, folded at spaces; further lines begin `indent` columns in.
+/// Appends `first` and `text`, wrapped at spaces; further lines are indented by `indent` columns.
 pub(super) fn fold(out: &mut String, first: &str, text: &str, indent: usize) {
     let first = escape(first);
     out.push_str(&first);
@@ -41,14 +41,14 @@ pub(super) fn fold(out: &mut String, first: &str, text: &str, indent: usize) {
     out.push('\n');
 }
 
-/// A heading and rows below it: key, text.
+/// A heading with rows of key and text.
 pub(super) struct Block {
     text: String,
     indent: usize,
 }
 
 impl Block {
-    /// `thing  what`, the rows as far in as `what`.
+    /// Starts a block `thing  what`; rows are aligned with `what`.
     pub fn new(thing: &str, what: &str) -> Self {
         let first = format!("{thing}  ");
         let indent = first.chars().count();
@@ -57,7 +57,7 @@ impl Block {
         Self { text, indent }
     }
 
-    /// A row; none if there is nothing to say.
+    /// Appends a row; omitted if `text` is empty.
     pub fn row(&mut self, key: &str, text: &str) {
         if !text.is_empty() {
             let first = format!("{:indent$}{key:<KEY$} ", "", indent = self.indent);
@@ -65,14 +65,14 @@ impl Block {
         }
     }
 
-    /// A row of several lines, each with the same right to be read.
+    /// Appends several rows with one key.
     pub fn rows<T: AsRef<str>>(&mut self, key: &str, lines: &[T]) {
         for (place, line) in lines.iter().enumerate() {
             self.row(if place == 0 { key } else { "" }, line.as_ref());
         }
     }
 
-    /// A line without a key; none if there is nothing to say.
+    /// Appends a line without a key; omitted if `text` is empty.
     pub fn line(&mut self, text: &str) {
         if text.is_empty() {
             return;
@@ -81,7 +81,7 @@ impl Block {
         fold(&mut self.text, &" ".repeat(indent), text, indent + 2);
     }
 
-    /// Lines without a key, and what is said below them if there are any.
+    /// Appends lines without a key, and the line `below` if there are any.
     pub fn list(&mut self, lines: &[String], below: &str) {
         for line in lines {
             self.line(line);
@@ -91,13 +91,13 @@ impl Block {
         }
     }
 
-    /// Everything said.
+    /// The finished text.
     pub fn finish(self) -> String {
         self.text
     }
 }
 
-/// Text that is not folded within, unless it is long.
+/// Text without line breaks, unless it is long.
 pub(super) fn firm(text: &str) -> String {
     if text.chars().count() > WIDTH / 2 { text.to_owned() } else { text.replace(' ', FIRM) }
 }
@@ -107,7 +107,7 @@ pub(super) fn section(source: &str) -> String {
     if source.is_empty() { String::new() } else { firm(&format!("[{source}]")) }
 }
 
-/// A name in a profile without its `-`: `set-point` is "set point".
+/// A name with blanks instead of hyphens: `set-point` becomes "set point".
 pub(super) fn spaced(name: &str) -> String {
     name.replace('-', " ")
 }

@@ -1,28 +1,28 @@
-//! What a profile says of a device on the network, in words: how it is recognised, starts, is watched.
+//! Text on the network behaviour in a profile: identification, boot-up, monitoring.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::Device;
-use cobscope_decoder::profile::device::{AtBoot, Boot, Cleared, Identity, Monitoring, Order, OrderName};
+use cobscope_decoder::profile::device::{AtBoot, Boot, ClearMeaning, Identity, Monitoring, Order, OrderName};
 
 use super::object::named;
 use super::{behaviour, j1939, spaced, uds};
 
-/// A fact with its heading and section.
+/// A property with its heading and section.
 pub(in crate::cmd) struct Fact {
     pub heading: &'static str,
     pub text: String,
     pub source: String,
 }
 
-/// Everything there is to say, in this order.
+/// All properties in a fixed order.
 pub(in crate::cmd) fn facts(device: &Device) -> Vec<Fact> {
     let fact = |heading, text: String, source: &str| Fact { heading, text, source: source.to_owned() };
     let mut facts = vec![fact("recognised by", recognised(device), "")];
     facts.extend(device.hints.iter().map(|hint| fact("suggested by", hint.text.clone(), "")));
     facts.push(fact("starts with", start(device), &device.nmt.source));
     facts.push(fact("NMT", nmt(device), &device.nmt.source));
-    facts.push(fact("watched by", watched(&device.monitoring), &device.monitoring.source));
+    facts.push(fact("monitoring", watched(&device.monitoring), &device.monitoring.source));
     facts.push(fact("EMCY", emcy(device), &device.emcy.source));
     facts.push(fact("J1939", j1939::facts(device), &device.j1939.source));
     if !device.uds.is_empty() {
@@ -36,7 +36,7 @@ pub(in crate::cmd) fn facts(device: &Device) -> Vec<Fact> {
 
 fn recognised(device: &Device) -> String {
     let all: Vec<_> = device.identities.iter().map(identity).collect();
-    if all.is_empty() { "nothing: name it in the bus file or with --node".into() } else { all.join("; or ") }
+    if all.is_empty() { "none; assign it in the bus file or with --node".into() } else { all.join("; or ") }
 }
 
 /// `1018:01 = 01000019, 1018:02 = 53360000`.
@@ -49,7 +49,7 @@ fn identity(identity: &Identity) -> String {
     ];
     let numbers =
         numbers.iter().filter_map(|(object, number)| Some(format!("{object} = {:08X}", (*number)?)));
-    let name = identity.device_name.iter().map(|name| format!("1008:00 beginning with \"{name}\""));
+    let name = identity.device_name.iter().map(|name| format!("1008:00 starts with \"{name}\""));
     let variant = identity.variant.iter().map(|variant| format!("as {variant}"));
     numbers.chain(name).chain(variant).collect::<Vec<_>>().join(", ")
 }
@@ -57,8 +57,8 @@ fn identity(identity: &Identity) -> String {
 fn start(device: &Device) -> String {
     let boot = match device.nmt.boot {
         Boot::BootUp => "a boot-up message",
-        Boot::BootUpAfterPowerOn => "a boot-up message, promised after power-on only",
-        Boot::ReadyTelegram => "an EMCY message: empty without error, else the error's",
+        Boot::BootUpAfterPowerOn => "a boot-up message, specified after power-on only",
+        Boot::ReadyTelegram => "an EMCY message: empty without error, else with the error code",
     };
     let zero = if device.emcy.at_boot == AtBoot::NoError { ", and EMCY 0000" } else { "" };
     format!("{boot}{zero}")
@@ -96,13 +96,13 @@ fn watched(monitoring: &Monitoring) -> String {
         parts.push(text);
     }
     if let Some(wins) = &monitoring.wins {
-        parts.push(format!("{wins} wins where both are on"));
+        parts.push(format!("{wins} takes precedence if both are on"));
     }
     if let Some(code) = monitoring.life_guard_emcy {
-        parts.push(format!("EMCY {code:04X} when the master falls silent"));
+        parts.push(format!("EMCY {code:04X} if the master stops guarding"));
     }
     if monitoring.consumer {
-        parts.push("watches heartbeats of others".into());
+        parts.push("heartbeat consumer".into());
     }
     parts.extend(Some(monitoring.note.clone()).filter(|note| !note.is_empty()));
     parts.join("; ")
@@ -125,8 +125,8 @@ fn emcy(device: &Device) -> String {
         }
     }
     parts.push(match device.emcy.cleared {
-        Cleared::Each => "0000 when an error goes".into(),
-        Cleared::AllGone => "0000 only when all errors are gone".into(),
+        ClearMeaning::Each => "0000 for each error that is cleared".into(),
+        ClearMeaning::AllGone => "0000 only after all errors are cleared".into(),
     });
     let fields = device.emcy.vendor.iter().map(|field| {
         let last = field.byte.saturating_add(field.bytes.saturating_sub(1));
@@ -145,7 +145,7 @@ fn node_id(device: &Device) -> String {
     }
     if !change.resets.is_empty() {
         let resets: Vec<_> = change.resets.iter().map(ToString::to_string).collect();
-        parts.push(format!("{} fall back to their defaults", resets.join(", ")));
+        parts.push(format!("{} return to their defaults", resets.join(", ")));
     }
     parts.join("; ")
 }

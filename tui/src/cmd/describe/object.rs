@@ -1,27 +1,29 @@
-//! Objects of a profile in words: names, formulas, ranges, enumerations, bits.
+//! Text on objects in a profile: names, formulas, ranges, enumerations, bits.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::bus_file::encode;
-use cobscope_decoder::profile::object::{Effect, Given, Look, Numbers, Scale, Storage, When};
+use cobscope_decoder::profile::object::{
+    DefaultValue, Effect, Interpretation, Numbers, ObjectCondition, Scale, Storage,
+};
 use cobscope_decoder::profile::{BitName, Names};
 use cobscope_decoder::profile::{
-    DataType, Device, Entry, Found, Known, Meaning, NothingKnown, Object, Resolver, Value,
+    DataType, Device, Entry, KnownValues, Meaning, NoValues, Object, ResolvedObject, Resolver, Value,
 };
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use super::{firm, section};
 
-/// Most names and characters of an enumeration that stands in a line.
+/// Maximum number of names and characters of an enumeration within a line.
 const FEW_NAMES: (usize, usize) = (4, 60);
 
-/// Numbers of a list that are named.
+/// Maximum number of values listed with their names.
 const FEW_NUMBERS: usize = 2;
 
-/// Values an object is supposed to have.
-struct Supposed(Vec<(ObjectAddress, Vec<u8>)>);
+/// Assumed values of objects.
+struct AssumedValues(Vec<(ObjectAddress, Vec<u8>)>);
 
-impl Known for Supposed {
+impl KnownValues for AssumedValues {
     fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
         let found = self.0.iter().find(|(address, _)| *address == object);
         found.map(|(_, bytes)| (bytes.as_slice(), false))
@@ -32,13 +34,13 @@ impl Known for Supposed {
     }
 }
 
-/// One way to read an entry.
+/// Interpretation of an entry, depending on the value of another object.
 pub(in crate::cmd) struct Reading {
-    /// The value of another object it goes with; none for the entry's own keys.
-    pub when: Option<When>,
-    /// Its keys, completed by those of the entry.
-    pub look: Look,
-    /// Numbers made of them, other objects as delivered.
+    /// Condition on another object; `None` for the default interpretation.
+    pub when: Option<ObjectCondition>,
+    /// Keys of the interpretation, completed by those of the entry.
+    pub look: Interpretation,
+    /// Meaning with all other objects at their default values.
     pub meaning: Meaning,
 }
 
@@ -48,15 +50,15 @@ pub(in crate::cmd) fn named(device: &Device, address: ObjectAddress) -> String {
     found.map_or_else(|| address.to_string(), |found| format!("{address} {}", found.name()))
 }
 
-/// The entry's own reading, then those by mode.
-pub(in crate::cmd) fn readings(device: &Device, found: &Found<'_>, entry: &Entry) -> Vec<Reading> {
-    let meaning = |known: &dyn Known| {
+/// Interpretations of an entry, the default one first.
+pub(in crate::cmd) fn readings(device: &Device, found: &ResolvedObject<'_>, entry: &Entry) -> Vec<Reading> {
+    let meaning = |known: &dyn KnownValues| {
         Resolver::new(&device.dictionary, known).meaning(found.address).unwrap_or_default()
     };
     let base = if entry.modes.is_empty() {
-        meaning(&NothingKnown)
+        meaning(&NoValues)
     } else {
-        meaning(&Supposed(
+        meaning(&AssumedValues(
             entry.modes.iter().filter_map(|(when, _)| otherwise(device, found, entry, when)).collect(),
         ))
     };
@@ -67,18 +69,18 @@ pub(in crate::cmd) fn readings(device: &Device, found: &Found<'_>, entry: &Entry
             Numbers::Any(any) => any.first().copied().unwrap_or_default(),
         };
         let supposed = supposed(device, found.shifted(when.object), number);
-        let meaning = meaning(&Supposed(supposed.into_iter().collect()));
+        let meaning = meaning(&AssumedValues(supposed.into_iter().collect()));
         all.push(Reading { when: Some(when.clone()), look: completed(look, &entry.look), meaning });
     }
     all
 }
 
-/// A value of the object in `when` that no mode has.
+/// A value of the object in `when` that no mode uses.
 fn otherwise(
     device: &Device,
-    found: &Found<'_>,
+    found: &ResolvedObject<'_>,
     entry: &Entry,
-    when: &When,
+    when: &ObjectCondition,
 ) -> Option<(ObjectAddress, Vec<u8>)> {
     let free = (0..=127).find(|number| !entry.modes.iter().any(|(when, _)| when.equals.contains(*number)))?;
     supposed(device, found.shifted(when.object), free)
@@ -89,9 +91,9 @@ fn supposed(device: &Device, object: ObjectAddress, number: i64) -> Option<(Obje
     Some((object, bytes))
 }
 
-/// A mode's keys, and the entry's own where it has none.
-fn completed(mode: &Look, own: &Look) -> Look {
-    Look {
+/// Keys of a mode, completed by those of the entry.
+fn completed(mode: &Interpretation, own: &Interpretation) -> Interpretation {
+    Interpretation {
         name: mode.name.clone().or_else(|| own.name.clone()),
         unit: mode.unit.clone().or_else(|| own.unit.clone()),
         scale: mode.scale.or(own.scale),
@@ -101,11 +103,12 @@ fn completed(mode: &Look, own: &Look) -> Look {
 }
 
 /// `bar = raw × 5208:02 / 16383`, `µs = raw × 100`, `ms`; empty for plain numbers.
-pub(in crate::cmd) fn formula(reading: &Reading, found: &Found<'_>) -> String {
+pub(in crate::cmd) fn formula(reading: &Reading, found: &ResolvedObject<'_>) -> String {
     let unit = reading.look.unit.as_deref().unwrap_or_default();
     let mut right = match reading.look.scale {
         None => String::new(),
         Some(Scale::Factor(factor)) => format!("raw × {factor}"),
+        Some(Scale::Reciprocal { reciprocal }) => format!("{reciprocal} / raw"),
         Some(Scale::Anchor { raw, value: 1.0 }) => format!("raw / {raw}"),
         Some(Scale::Anchor { raw, value }) => format!("raw × {value} / {raw}"),
         Some(Scale::ByObject { raw, object }) => format!("raw × {} / {raw}", found.shifted(object)),
@@ -122,11 +125,15 @@ pub(in crate::cmd) fn formula(reading: &Reading, found: &Found<'_>) -> String {
     }
 }
 
-/// The object a formula needs: `5208:02 Nominal pressure is 315 bar as delivered`.
-pub(in crate::cmd) fn formula_needs(device: &Device, reading: &Reading, found: &Found<'_>) -> Option<String> {
+/// Object in a formula: `5208:02 Nominal pressure, 315 bar as delivered`.
+pub(in crate::cmd) fn formula_needs(
+    device: &Device,
+    reading: &Reading,
+    found: &ResolvedObject<'_>,
+) -> Option<String> {
     let Some(Scale::ByObject { object, .. }) = reading.look.scale else { return None };
     let address = found.shifted(object);
-    let held = Resolver::new(&device.dictionary, &NothingKnown).meaning(address);
+    let held = Resolver::new(&device.dictionary, &NoValues).meaning(address);
     let default = device.dictionary.find(address).and_then(|by| delivered(by.entry?, &held?));
     let as_delivered = default.map_or(String::new(), |default| format!(", {default} as delivered"));
     Some(format!("{}{as_delivered}", named(device, address)))
@@ -139,16 +146,16 @@ fn number(raw: i64, data_type: Option<DataType>) -> Value {
     }
 }
 
-/// As delivered: `500 ms`, `CAN bus (0)`.
+/// Default value: `500 ms`, `CAN bus (0)`.
 pub(in crate::cmd) fn delivered(entry: &Entry, meaning: &Meaning) -> Option<String> {
     Some(match entry.default.as_ref()? {
-        Given::Number(raw) => meaning.show(&number(*raw, entry.data_type)),
-        Given::Real(real) => meaning.show(&Value::Real(*real)),
-        Given::Text(text) => text.clone(),
+        DefaultValue::Number(raw) => meaning.show(&number(*raw, entry.data_type)),
+        DefaultValue::Real(real) => meaning.show(&Value::Real(*real)),
+        DefaultValue::Text(text) => text.clone(),
     })
 }
 
-/// What the manual permits: `-100.0 to 100.0 %`; empty where it says nothing beyond the type.
+/// Permitted range in the manual: `-100.0 to 100.0 %`; empty if only the type limits it.
 pub(in crate::cmd) fn permitted(meaning: &Meaning) -> String {
     let unit = if meaning.unit.is_empty() { String::new() } else { format!(" {}", meaning.unit) };
     if let Some([least, most]) = meaning.limits {
@@ -164,7 +171,7 @@ pub(in crate::cmd) fn permitted(meaning: &Meaning) -> String {
     }
 }
 
-/// The same in raw numbers, where they differ.
+/// Permitted raw range; empty without a scale.
 pub(in crate::cmd) fn permitted_raw(meaning: &Meaning) -> String {
     match meaning.range.filter(|_| meaning.scale.is_some()) {
         Some([least, most]) => format!("raw {least} to {most}"),
@@ -172,21 +179,21 @@ pub(in crate::cmd) fn permitted_raw(meaning: &Meaning) -> String {
     }
 }
 
-/// A value of an enumeration: decimal, or hexadecimal where it is a bit pattern.
+/// A value of an enumeration: decimal, or hexadecimal for a bit pattern.
 fn key(value: i64, names: &Names, data_type: Option<DataType>) -> String {
     let is_pattern = names.0.keys().any(|key| *key > 0xFF) && !names.0.keys().any(|key| *key < 0);
     let digits = usize::from(data_type.and_then(DataType::bits).unwrap_or(16).div_ceil(4));
     if is_pattern { format!("{value:0digits$X}h") } else { value.to_string() }
 }
 
-/// A name a line: `0  CAN bus`.
+/// One line per name: `0  CAN bus`.
 pub(in crate::cmd) fn name_lines(names: &Names, data_type: Option<DataType>) -> Vec<String> {
     let keys: Vec<_> = names.0.keys().map(|value| key(*value, names, data_type)).collect();
     let width = keys.iter().map(String::len).max().unwrap_or(0);
     keys.iter().zip(names.0.values()).map(|(key, name)| format!("{key:<width$}  {name}")).collect()
 }
 
-/// `0 CAN bus, 1 service tool`, or how many there are.
+/// `0 = CAN bus, 1 = service tool`, or the number of names.
 fn names_in_short(names: &Names, data_type: Option<DataType>, word: &str) -> String {
     let list: Vec<_> =
         names.0.iter().map(|(value, name)| format!("{} = {name}", key(*value, names, data_type))).collect();
@@ -210,11 +217,11 @@ pub(in crate::cmd) fn bit_line(bit: &BitName) -> String {
     format!("{place:<5}  {words}")
 }
 
-/// What keeps a value.
-pub(in crate::cmd) fn storage(entry: &Entry, found: &Found<'_>) -> String {
+/// Storage of a value.
+pub(in crate::cmd) fn storage(entry: &Entry, found: &ResolvedObject<'_>) -> String {
     match (entry.storage, entry.save) {
         (Storage::Volatile, _) => "lost at reset".into(),
-        (Storage::EachWrite, _) => "every write goes to non-volatile memory".into(),
+        (Storage::EachWrite, _) => "stored in non-volatile memory at each write".into(),
         (Storage::Save, Some(save)) => format!("kept after a save by {}", found.shifted(save)),
         (Storage::Save, None) => "kept after a save".into(),
         (Storage::Fixed, _) => "never changes".into(),
@@ -222,7 +229,7 @@ pub(in crate::cmd) fn storage(entry: &Entry, found: &Found<'_>) -> String {
     }
 }
 
-/// When a write acts.
+/// Time at which a write becomes effective.
 pub(in crate::cmd) const fn effect(effect: Effect) -> &'static str {
     match effect {
         Effect::AtOnce => "at once",
@@ -236,7 +243,7 @@ pub(in crate::cmd) const fn effect(effect: Effect) -> &'static str {
 }
 
 /// `6043:00 = -3 (pQ, Q closed loop)`.
-pub(in crate::cmd) fn when(device: &Device, when: &When, object: ObjectAddress) -> String {
+pub(in crate::cmd) fn when(device: &Device, when: &ObjectCondition, object: ObjectAddress) -> String {
     equals(device, object, &when.equals, "=")
 }
 
@@ -247,7 +254,7 @@ pub(in crate::cmd) fn equals(
     numbers: &Numbers,
     sign: &str,
 ) -> String {
-    let meaning = Resolver::new(&device.dictionary, &NothingKnown).meaning(object);
+    let meaning = Resolver::new(&device.dictionary, &NoValues).meaning(object);
     let names = meaning.as_ref().and_then(|meaning| meaning.values.as_deref());
     let one = |raw: i64| {
         let name = names.and_then(|names| names.get(raw));
@@ -263,7 +270,7 @@ pub(in crate::cmd) fn equals(
     firm(&format!("{object} {sign} {list}"))
 }
 
-/// A number: beyond a byte most likely a signature or a pattern.
+/// A number; hexadecimal above 0xFF, because it is likely a signature or a pattern.
 pub(in crate::cmd) fn plain(number: i64) -> String {
     if number > 0xFF { format!("{number:X}h") } else { number.to_string() }
 }
@@ -292,8 +299,8 @@ fn count(object: &Object) -> String {
     }
 }
 
-/// The name of an entry with the numbers of its repeats: `Parameter set 0…15, P gain`.
-pub(in crate::cmd) fn title(object: &Object, found: &Found<'_>) -> String {
+/// Name of an entry with the range of its repeats: `Parameter set 0…15, P gain`.
+pub(in crate::cmd) fn title(object: &Object, found: &ResolvedObject<'_>) -> String {
     let first = object.number(0);
     let last = object.number(object.repeat.count.saturating_sub(1));
     if first == last {
@@ -307,8 +314,8 @@ pub(in crate::cmd) fn title(object: &Object, found: &Found<'_>) -> String {
     name.replace("{n}", &format!("{first}…{last}"))
 }
 
-/// Type, access, unit and formula, range, default, names: what fits in a line.
-fn facts(entry: &Entry, reading: &Reading, found: &Found<'_>) -> Vec<String> {
+/// Type, access, unit and formula, range, default and names, in short form.
+fn facts(entry: &Entry, reading: &Reading, found: &ResolvedObject<'_>) -> Vec<String> {
     let mut facts = Vec::new();
     let access = entry.access.map_or("", |access| access.name());
     let data_type = entry.data_type.map_or(String::new(), DataType::name);
@@ -337,17 +344,17 @@ fn facts(entry: &Entry, reading: &Reading, found: &Found<'_>) -> Vec<String> {
     facts.iter().map(|fact| firm(fact)).collect()
 }
 
-/// Name and facts of an entry in a line.
-pub(in crate::cmd) fn one(device: &Device, found: &Found<'_>, entry: &Entry) -> String {
+/// Name and properties of an entry in one line.
+pub(in crate::cmd) fn one(device: &Device, found: &ResolvedObject<'_>, entry: &Entry) -> String {
     let own = readings(device, found, entry).into_iter().next();
     let facts = own.map_or_else(Vec::new, |own| facts(entry, &own, found));
     std::iter::once(found.name()).chain(facts).collect::<Vec<_>>().join(", ")
 }
 
-/// `6043:00 = -3 (pQ): Flow set point, l/min = raw × 0.1`; `None` for the entry's own reading.
+/// `6043:00 = -3 (pQ): Flow set point, l/min = raw × 0.1`; `None` for the default interpretation.
 pub(in crate::cmd) fn mode_line(
     device: &Device,
-    found: &Found<'_>,
+    found: &ResolvedObject<'_>,
     entry: &Entry,
     reading: &Reading,
 ) -> Option<String> {
@@ -358,7 +365,7 @@ pub(in crate::cmd) fn mode_line(
     Some(format!("{condition}: {}", what.join(", ")))
 }
 
-/// One line an entry, and one a mode below it; of all repeats, or of one.
+/// One line per entry, and one per mode below it; for all repeats or for one.
 pub(in crate::cmd) fn lines(
     device: &Device,
     object: &Object,
@@ -367,7 +374,7 @@ pub(in crate::cmd) fn lines(
 ) -> Vec<String> {
     let index = object.index.wrapping_add(nth.unwrap_or(0).wrapping_mul(object.repeat.stride));
     let address = ObjectAddress::new(index, entry.sub);
-    let found = Found { address, object, entry: Some(entry), nth: nth.unwrap_or(0) };
+    let found = ResolvedObject { address, object, entry: Some(entry), nth: nth.unwrap_or(0) };
     let (place, name, count) = match nth {
         Some(_) => (sub_range(address, entry), found.name(), String::new()),
         None => (addresses(object, entry), title(object, &found), count(object)),

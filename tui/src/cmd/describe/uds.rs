@@ -1,11 +1,11 @@
-//! What a profile says of UDS, in words.
+//! Text on UDS in a profile.
 
 use cobscope_decoder::profile::device::{UdsIdentifier, UdsNrc};
 use cobscope_decoder::profile::object::Role;
 use cobscope_decoder::profile::{DataType, Device, Effect};
 use cobscope_decoder::wire::canopen::emcy::ByteOrder;
 
-/// How identifiers and numbers are sent.
+/// Byte order of identifiers and numbers.
 pub(in crate::cmd) fn order(device: &Device) -> &'static str {
     match device.uds.order() {
         ByteOrder::LsbFirst => "identifiers least significant byte first",
@@ -26,7 +26,7 @@ pub(in crate::cmd) fn identifier(identifier: &UdsIdentifier) -> String {
     let effect = match identifier.effect {
         Effect::Unknown => String::new(),
         Effect::AtOnce => "active at once".into(),
-        Effect::Never => "accepted, never effective".into(),
+        Effect::Never => "accepted without effect".into(),
         effect => format!("active {}", effect.when()),
     };
     let parts = [
@@ -39,7 +39,7 @@ pub(in crate::cmd) fn identifier(identifier: &UdsIdentifier) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
-/// `service 2E, identifier 1001`; empty where the text holds for all.
+/// `service 2E, identifier 1001`; empty if the text applies to all.
 pub(in crate::cmd) fn of(nrc: &UdsNrc) -> String {
     let services = nrc.services.iter().map(|service| format!("service {service:02X}"));
     let identifiers = nrc.identifiers.iter().map(|id| format!("identifier {id:04X}"));

@@ -1,15 +1,15 @@
-//! What an EMCY or SDO abort code means: by CiA 301 and by the manuals.
+//! Explains EMCY error codes and SDO abort codes, from CiA 301 and from device profiles.
 
 use cobscope_decoder::profile::device::{AbortText, ErrorCode, Order, OrderName};
 use cobscope_decoder::profile::{self, Device};
 
-use super::asked::Asked;
+use super::asked::LookupScope;
 use crate::cmd::describe::{Block, behaviour, object::named, section};
 
-/// Said where codes of manuals are listed.
-const MORE: &str = "(--device NAME tells more)";
+/// Note below a list of entries from profiles.
+const MORE: &str = "(details: --device NAME)";
 
-/// The section of an entry in its document.
+/// Section and document of an entry.
 pub(super) fn section_of(device: &Device, section: &str) -> String {
     if section.is_empty() || device.source.is_empty() {
         return section.to_owned();
@@ -17,23 +17,23 @@ pub(super) fn section_of(device: &Device, section: &str) -> String {
     format!("{section} of {}", device.source)
 }
 
-/// An EMCY code; `None` if nobody knows it, or only the class it is in and `sure` is wanted.
-pub(super) fn emcy(asked: &Asked, code: u16, sure: bool) -> Option<String> {
+/// Explains an EMCY error code; `None` if it is unknown, or if only its class is known and `sure` is set.
+pub(super) fn emcy(asked: &LookupScope, code: u16, sure: bool) -> Option<String> {
     let standard = profile::emcy_codes().find(u32::from(code));
     let shown = format!("{code:04X}");
     let Some(device) = &asked.device else {
-        let mut told = asked.every_device(|device| {
+        let mut entries = asked.every_device(|device| {
             let error = device.error(code)?;
             Some(format!("{}  {}", error.text, section(&error.source)))
         });
-        told.extend(asked.every_device(|device| Some(format!("swapped, {}", swapped(device, code)?))));
-        if standard.is_none() && told.is_empty() {
+        entries.extend(asked.every_device(|device| Some(format!("swapped, {}", swapped(device, code)?))));
+        if standard.is_none() && entries.is_empty() {
             return None;
         }
-        let text = standard.map_or("none of CiA 301", |entry| &entry.text);
+        let text = standard.map_or("undefined in CiA 301", |entry| &entry.text);
         let mut block = Block::new(&shown, &format!("EMCY error code: {text}"));
-        block.line(standard.map_or("", |entry| &entry.hint));
-        block.list(&told, MORE);
+        standard_lines(&mut block, standard);
+        block.list(&entries, MORE);
         return Some(block.finish());
     };
     if let Some(error) = device.error(code) {
@@ -46,13 +46,24 @@ pub(super) fn emcy(asked: &Asked, code: u16, sure: bool) -> Option<String> {
     }
     let mut block = Block::new(&shown, &format!("EMCY error code: not in the manual of {}", device.title));
     block.row("swapped", &swapped.unwrap_or_default());
-    block.row("CiA 301", &of_standard(standard));
+    standard_rows(&mut block, standard);
     Some(block.finish())
 }
 
-/// `communication: Check wiring.`
-fn of_standard(entry: Option<&profile::Code>) -> String {
-    entry.map_or(String::new(), |entry| format!("{}: {}", entry.text, entry.hint))
+/// Writes the entry of CiA 301 as rows.
+fn standard_rows(block: &mut Block, entry: Option<&profile::Code>) {
+    if let Some(entry) = entry {
+        block.row("CiA 301", &entry.standard);
+        block.row("hint", &entry.hint);
+    }
+}
+
+/// Writes the entry of CiA 301 as lines without keys.
+fn standard_lines(block: &mut Block, entry: Option<&profile::Code>) {
+    if let Some(entry) = entry {
+        block.line(&format!("CiA 301: {}", entry.standard));
+        block.line(&entry.hint);
+    }
 }
 
 fn error_block(device: &Device, error: &ErrorCode) -> String {
@@ -64,12 +75,12 @@ fn error_block(device: &Device, error: &ErrorCode) -> String {
     block.rows("check", &error.causes);
     block.row("sent as", &sent_as(device, error.code));
     block.row("note", &error.note);
-    block.row("CiA 301", &of_standard(profile::emcy_codes().find(u32::from(error.code))));
+    standard_rows(&mut block, profile::emcy_codes().find(u32::from(error.code)));
     block.row("section", &section_of(device, &error.source));
     block.finish()
 }
 
-/// The bytes of a code on the bus, where they are not those of CiA 301.
+/// Byte order of the code on the bus, if it differs from CiA 301.
 fn sent_as(device: &Device, code: u16) -> String {
     let [high, low] = code.to_be_bytes();
     if high == low {
@@ -84,7 +95,7 @@ fn sent_as(device: &Device, code: u16) -> String {
     }
 }
 
-/// When the device sends the most significant byte of a code first; `None`: never.
+/// Condition under which the device sends the most significant byte first; `None` if it never does.
 fn msb_first(device: &Device) -> Option<String> {
     match device.emcy.byte_order.as_ref()? {
         Order::Fixed(OrderName::LsbFirst) => None,
@@ -97,32 +108,32 @@ fn msb_first(device: &Device) -> Option<String> {
     }
 }
 
-/// What the code is with its bytes swapped, where the device may send them so.
+/// The code with swapped bytes, if the device may send it in that order.
 fn swapped(device: &Device, code: u16) -> Option<String> {
     let other = device.error(code.swap_bytes()).filter(|_| device.error(code).is_none())?;
     let why = msb_first(device)?;
     Some(format!("{:04X} {}: sent most significant byte first ({why})", other.code, other.text))
 }
 
-/// An SDO abort code.
-pub(super) fn abort(asked: &Asked, code: u32) -> String {
+/// Explains an SDO abort code.
+pub(super) fn abort(asked: &LookupScope, code: u32) -> String {
     let standard = profile::abort_codes().find(code);
     let shown = format!("{code:08X}");
     let Some(device) = &asked.device else {
-        let text = standard.map_or("none of CiA 301; see the manual of the device", |entry| &entry.text);
+        let text = standard.map_or("undefined in CiA 301; see the manual of the device", |entry| &entry.text);
         let mut block = Block::new(&shown, &format!("SDO abort code: {text}"));
-        block.line(standard.map_or("", |entry| &entry.hint));
-        let told = asked.every_device(|device| {
+        standard_lines(&mut block, standard);
+        let entries = asked.every_device(|device| {
             let texts: Vec<_> = aborts(device, code).map(abort_text).collect();
             (!texts.is_empty()).then(|| texts.join("; "))
         });
-        block.list(&told, MORE);
+        block.list(&entries, MORE);
         return block.finish();
     };
     let general = device.abort(code, None);
     let what = match (general, aborts(device, code).next()) {
         (Some(abort), _) => format!(" of {}: {}", device.title, abort.text),
-        (None, Some(_)) => format!(" of {}: by object", device.title),
+        (None, Some(_)) => format!(" of {}: depends on the object", device.title),
         (None, None) => format!(": not in the manual of {}", device.title),
     };
     let mut block = Block::new(&shown, &format!("SDO abort code{what}"));
@@ -131,13 +142,13 @@ pub(super) fn abort(asked: &Asked, code: u32) -> String {
     for abort in aborts(device, code) {
         block.row("note", &abort.note);
     }
-    block.row("CiA 301", &of_standard(standard));
+    standard_rows(&mut block, standard);
     block.row("section", &general.map_or(String::new(), |abort| section_of(device, &abort.source)));
     block.finish()
 }
 
-/// Whether a number can be an SDO abort code: it is in a class that CiA 301 has codes of, or some manual has it.
-pub(super) fn may_be_abort(asked: &Asked, code: u32) -> bool {
+/// Whether a number can be an SDO abort code: it is in a class of CiA 301, or a profile defines it.
+pub(super) fn may_be_abort(asked: &LookupScope, code: u32) -> bool {
     const CLASSES: [u32; 3] = [0x05, 0x06, 0x08];
     let has = |device: &Device| aborts(device, code).next().is_some();
     CLASSES.contains(&(code >> 24))

@@ -1,4 +1,4 @@
-//! One frame in candump's log form: what its identifier means, and what the decoder makes of it alone.
+//! Explains one frame in candump's log form: the meaning of its identifier, and its events.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame};
 use cobscope_decoder::profile::device::Direction;
 use cobscope_decoder::profile::object::Numbers;
-use cobscope_decoder::profile::{self, Device, NothingKnown, Owner, Resolver, Value};
+use cobscope_decoder::profile::{self, Device, NoValues, Owner, Resolver, Value};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
@@ -20,12 +20,12 @@ use cobscope_decoder::wire::isotp::Addresses;
 use cobscope_decoder::wire::j1939::J1939Id;
 use cobscope_decoder::words::plural;
 
-use super::asked::Asked;
+use super::asked::LookupScope;
 use super::{code, identifier, j1939, uds};
 use crate::cmd::describe::{FIRM, object::equals};
 
-/// The frame's readings; `None` if it is none.
-pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
+/// Explains a frame; `None` if the text is not a frame.
+pub(super) fn frame(thing: &str, asked: &LookupScope) -> Option<String> {
     let line = format!("can0 {thing}\n");
     let mut reader = Reader::open(line.as_bytes(), &ReadOptions::default()).ok()?;
     let mut batch = Batch::new();
@@ -50,7 +50,31 @@ pub(super) fn frame(thing: &str, asked: &Asked) -> Option<String> {
     (!readings.is_empty()).then(|| readings.join("\n"))
 }
 
-/// What the decoder makes of the frame.
+/// Defect of a text with `#` that is not a frame: the part that is not hexadecimal, or its length.
+pub(super) fn defect(thing: &str) -> Option<String> {
+    let (id, data) = thing.split_once('#')?;
+    let quoted = |text: &str| text.escape_debug().to_string();
+    let is_hex = |text: &str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    if !is_hex(id) || !matches!(id.len(), 3 | 8) {
+        return Some(format!("identifier \"{}\"; expected 3 or 8 hex digits", quoted(id)));
+    }
+    // After ## one digit contains the flags of CAN FD.
+    let data = data.strip_prefix('#').map_or(data, |data| data.get(1..).unwrap_or_default());
+    let bytes = data.replace('.', "");
+    let wrong: String = bytes.chars().filter(|digit| !digit.is_ascii_hexdigit()).collect();
+    if !wrong.is_empty() {
+        return Some(format!(
+            "data digits \"{}\"; expected pairs of hex digits (0 to 9, A to F)",
+            quoted(&wrong)
+        ));
+    }
+    if !bytes.len().is_multiple_of(2) {
+        return Some(format!("{} data digits; expected pairs of hex digits", bytes.len()));
+    }
+    Some(format!("{} data bytes; expected max 8, or a length of CAN FD after ##", bytes.len() / 2))
+}
+
+/// Event lines of the frame.
 fn decoded(
     frame: &Frame,
     names: &BusNames,
@@ -63,7 +87,7 @@ fn decoded(
     let options =
         TextOptions { pdo: PdoLines::All, all: true, frames: true, verbose, ..TextOptions::default() };
     let mut text = Text::new(&mut lines, options);
-    // Without `finish`: a single frame of a transfer is no unfinished transfer.
+    // Without `finish`: a single frame of a transfer is not an unfinished transfer.
     decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
         if verbose || matches!(event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_)) {
             text.write(event, bus);
@@ -74,8 +98,8 @@ fn decoded(
     String::from_utf8_lossy(&lines).into_owned()
 }
 
-/// A PDO whose contents depend on an object of the device, once for each of its values.
-fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
+/// A PDO whose contents depend on an object of the device, decoded for each value of the object.
+fn by_mode(frame: &Frame, names: &BusNames, asked: &LookupScope) -> Option<String> {
     let device = asked.device.as_ref()?;
     let CanId::Standard(id) = frame.id else { return None };
     let Owner::Pdo(name, node) = profile::connection_set().owner(id) else { return None };
@@ -98,8 +122,8 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &Asked) -> Option<String> {
     (!text.is_empty()).then_some(text)
 }
 
-/// The node of the frame is the device that was named.
-fn options(id: CanId, asked: &Asked) -> SessionOptions {
+/// Session options that assign the device to the nodes of the frame.
+fn options(id: CanId, asked: &LookupScope) -> SessionOptions {
     let assign = |device: &Arc<Device>| {
         let one =
             |node: NodeId| Assignment { bus: None, node, device: Arc::clone(device), by: AssignedBy::Option };
@@ -115,7 +139,7 @@ fn options(id: CanId, asked: &Asked) -> SessionOptions {
     }
 }
 
-/// The node a frame belongs to; all where the device has identifiers of its own.
+/// Nodes of a frame; all nodes if the device has its own identifiers.
 fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
     let id = match id {
         CanId::Extended(id) => return addresses(id, device),
@@ -132,7 +156,7 @@ fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
     }
 }
 
-/// The sender of a J1939 message, and the address it is meant for.
+/// Source and destination address of a J1939 message.
 fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
     if let Some(found) = Addresses::of(id) {
         let ends = [found.source, found.target].into_iter().filter_map(|address| u8::try_from(address).ok());
@@ -148,8 +172,8 @@ fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
     receiver.into_iter().chain([id.source]).map(NodeId::J1939).filter(|node| node.is_valid()).collect()
 }
 
-/// What the manuals say of the error in an event.
-fn explained(event: &Event, asked: &Asked) -> Option<String> {
+/// Explanation of the error code in an event.
+fn explained(event: &Event, asked: &LookupScope) -> Option<String> {
     match &event.kind {
         EventKind::Emcy(emergency) => {
             let code = emergency.code.filter(|code| *code != 0)?;
@@ -161,8 +185,8 @@ fn explained(event: &Event, asked: &Asked) -> Option<String> {
     }
 }
 
-/// An SDO frame's own message, which the decoder only tells of whole transfers.
-fn command(frame: &Frame, asked: &Asked) -> String {
+/// The SDO command in a frame; the decoder reports only complete transfers.
+fn command(frame: &Frame, asked: &LookupScope) -> String {
     let CanId::Standard(id) = frame.id else { return String::new() };
     let Owner::Sdo(side, _) = profile::connection_set().owner(id) else { return String::new() };
     let parsed = sdo::parse(frame.data(), side, Phase::Commands);
@@ -171,7 +195,7 @@ fn command(frame: &Frame, asked: &Asked) -> String {
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
             format!(
-                "     too short for its command: {available} of {} there from byte {offset}\n",
+                "     too short for its command: needs {} from byte {offset}, found {available}\n",
                 plural(needed, "byte")
             )
         }
@@ -180,14 +204,15 @@ fn command(frame: &Frame, asked: &Asked) -> String {
         && sequence > 0
         && matches!(parsed, Ok(Sdo::DownloadSegment(_) | Sdo::UploadSegment(_) | Sdo::Unknown { .. }))
     {
-        let last = if last { ", the last one" } else { "" };
+        let last = if last { " (last)" } else { "" };
         let _ = writeln!(text, "     within a block transfer: segment {sequence}{last}");
     }
     text
 }
 
-/// `     1017:00 Producer heartbeat time = 1000 ms`: the object of a message, and the value if it is whole.
-fn carried(message: &Sdo<'_>, asked: &Asked) -> String {
+/// `     1017:00 Producer heartbeat time = 1000 ms`: object and value of a message; the value only if
+/// complete.
+fn carried(message: &Sdo<'_>, asked: &LookupScope) -> String {
     let (object, payload) = match message {
         Sdo::InitiateDownload { object, payload } | Sdo::UploadInitiated { object, payload } => {
             (*object, Some(payload))
@@ -199,7 +224,7 @@ fn carried(message: &Sdo<'_>, asked: &Asked) -> String {
         _ => return String::new(),
     };
     let device = asked.device.as_ref().unwrap_or_else(|| profile::plain_device());
-    let Some(meaning) = Resolver::new(&device.dictionary, &NothingKnown).meaning(object) else {
+    let Some(meaning) = Resolver::new(&device.dictionary, &NoValues).meaning(object) else {
         return String::new();
     };
     let value = match payload {

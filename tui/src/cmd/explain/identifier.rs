@@ -1,11 +1,11 @@
-//! What a COB-ID means.
+//! Explains COB-IDs.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::{self, Owner, PdoDirection};
 use cobscope_decoder::wire::canopen::sdo::Side;
 
-/// An 11-bit identifier by the predefined connection set.
+/// Use of an 11-bit identifier in the predefined connection set.
 pub(super) fn identifier(id: u16) -> String {
     let set = profile::connection_set();
     let node = |node: u8| format!("node {node}/{node:02X}");
@@ -22,12 +22,14 @@ pub(super) fn identifier(id: u16) -> String {
         }
         Owner::Sdo(Side::Server, id) => format!("SDO response of {} (server to client)", node(id)),
         Owner::Sdo(Side::Client, id) => format!("SDO request to {} (client to server)", node(id)),
-        Owner::ErrorControl(id) => format!("heartbeat, boot-up or guarding of {}", node(id)),
-        Owner::TestMarker => "marks of CiA's conformance test tool".into(),
+        Owner::ErrorControl(id) => {
+            format!("NMT error control of {} (heartbeat, boot-up or guarding)", node(id))
+        }
+        Owner::TestMarker => "marks of the CiA conformance test tool".into(),
         Owner::Lss(true) => "LSS, from the master".into(),
         Owner::Lss(false) => "LSS, from a slave".into(),
     };
-    let mut text = format!("{id:03X}  COB-ID by the predefined connection set: {what}\n");
+    let mut text = format!("{id:03X}  COB-ID in the predefined connection set: {what}\n");
     let is_free = matches!(set.owner(id), Owner::Unclassified | Owner::Named(_));
     if let Some(why) = set.restriction(id).filter(|_| is_free) {
         let _ = writeln!(text, "     restricted ({why}): must not be configured for another service");

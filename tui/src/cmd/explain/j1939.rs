@@ -1,10 +1,10 @@
-//! What a J1939 identifier, a parameter group or a fault means.
+//! Explains J1939 identifiers, parameter groups and faults.
 
 use cobscope_decoder::profile::device::TroubleCode;
 use cobscope_decoder::profile::{self, Device};
 use cobscope_decoder::wire::j1939::{ALL, J1939Id, Pgn};
 
-use super::asked::Asked;
+use super::asked::LookupScope;
 use super::code::section_of;
 use crate::cmd::describe::{Block, j1939, section};
 
@@ -26,23 +26,23 @@ pub(super) fn identifier(id: u32) -> Option<String> {
     Some(Block::new(&format!("{id:08X}"), &what).finish())
 }
 
-/// `pgn:65226`, `pgn:0xFECA`, `pgn:FECA`; `None` for another text, an empty reading for a number that is none.
-pub(super) fn parameter_group(asked: &Asked, text: &str) -> Option<String> {
+/// Explains `pgn:65226`, `pgn:0xFECA` or `pgn:FECA`; `None` for other text and for invalid numbers.
+pub(super) fn parameter_group(asked: &LookupScope, text: &str) -> Option<String> {
     let number = text.strip_prefix("pgn").or_else(|| text.strip_prefix("PGN"))?;
     let number = number.trim_start_matches([':', ' ']);
     let number = match number.strip_prefix("0x") {
         Some(digits) => u32::from_str_radix(digits, 16).ok()?,
-        // Letters tell that it is hexadecimal; without any it would be a guess.
+        // Hexadecimal letters identify a hexadecimal number; otherwise it is decimal.
         None => number.parse().or_else(|_| u32::from_str_radix(number, 16)).ok()?,
     };
     let pgn = Pgn::new(number);
     if pgn.number() != number {
         return None;
     }
-    let name = profile::pgn_name(pgn)
-        .unwrap_or_else(|| "no group of the protocol itself: --dbc names others".into());
+    let name =
+        profile::pgn_name(pgn).unwrap_or_else(|| "not defined in the protocol; decode it with --dbc".into());
     let mut block = Block::new(&pgn.to_string(), &format!("parameter group: {name}"));
-    block.row("goes", if pgn.is_addressed() { "to one address, or to all (PDU1)" } else { "to all (PDU2)" });
+    block.row("destination", if pgn.is_addressed() { "one address, or all (PDU1)" } else { "all (PDU2)" });
     let devices = asked.device.iter().cloned().chain([profile::isobus().clone()]);
     for device in devices {
         for message in device.messages.iter().filter(|message| message.number_of(pgn).is_some()) {
@@ -52,8 +52,8 @@ pub(super) fn parameter_group(asked: &Asked, text: &str) -> Option<String> {
     Some(block.finish())
 }
 
-/// `298985/19`: SPN and FMI; `None` for another text.
-pub(super) fn fault(asked: &Asked, text: &str) -> Option<String> {
+/// Explains `298985/19` (SPN/FMI); `None` for other text.
+pub(super) fn fault(asked: &LookupScope, text: &str) -> Option<String> {
     let (spn, fmi) = text.split_once('/')?;
     let (spn, fmi): (u32, u8) = (spn.parse().ok()?, fmi.parse().ok()?);
     if spn >= 1 << 19 || fmi >= 1 << 5 {
@@ -63,12 +63,12 @@ pub(super) fn fault(asked: &Asked, text: &str) -> Option<String> {
     let title = format!("SPN {spn} FMI {fmi}");
     let Some(device) = &asked.device else {
         let mut block = Block::new(&title, &format!("J1939 fault: {mode}"));
-        let told = asked.every_device(|device| {
+        let entries = asked.every_device(|device| {
             let own = device.dtc(spn, fmi)?;
             Some(format!("{}  {}", j1939::dtc_text(own), section(&own.source)))
         });
         block.row("sent as", &sent_as(spn, fmi));
-        block.list(&told, "(--device NAME tells more)");
+        block.list(&entries, "(details: --device NAME)");
         return Some(block.finish());
     };
     if let Some(own) = device.dtc(spn, fmi) {
@@ -81,6 +81,33 @@ pub(super) fn fault(asked: &Asked, text: &str) -> Option<String> {
     Some(block.finish())
 }
 
+/// Explains the bytes of a trouble code: six hexadecimal digits, or eight with the occurrence count. Manuals
+/// print them in either order: as sent in DM1 (`E98F93`, J1939-73 §5.7.1.6), or as a number (`938FE9`). If one
+/// order gives a known fault, the other is omitted. Eight digits can be another code, so they must be known.
+pub(super) fn trouble_code(asked: &LookupScope, digits: &str) -> Vec<String> {
+    let Ok(number) = u32::from_str_radix(digits, 16) else { return Vec::new() };
+    let (as_number, as_sent) = match (number.to_le_bytes(), digits.len()) {
+        ([low, middle, high, _], 6) => ([low, middle, high], [high, middle, low]),
+        ([low, middle, high, first], 8) => ([low, middle, high], [first, high, middle]),
+        _ => return Vec::new(),
+    };
+    let is_known = |(spn, fmi): &(u32, u8)| match &asked.device {
+        Some(device) => device.dtc(*spn, *fmi).is_some(),
+        None => !asked.every_device(|device| device.dtc(*spn, *fmi).map(|_| String::new())).is_empty(),
+    };
+    let mut readings = vec![fault_of(as_number), fault_of(as_sent)];
+    readings.dedup();
+    if digits.len() == 8 || readings.iter().any(is_known) {
+        readings.retain(is_known);
+    }
+    readings.into_iter().filter_map(|(spn, fmi)| fault(asked, &format!("{spn}/{fmi}"))).collect()
+}
+
+/// SPN and FMI of the first three bytes of a fault in DM1.
+fn fault_of([low, middle, high]: [u8; 3]) -> (u32, u8) {
+    (u32::from_le_bytes([low, middle, high >> 5, 0]), high & 0x1F)
+}
+
 fn of_device(device: &Device, own: &TroubleCode, mode: &str) -> String {
     let title = format!("SPN {} FMI {}", own.spn, own.fmi);
     let mut block = Block::new(&title, &format!("J1939 fault of {}: {}", device.title, own.text));
@@ -88,7 +115,7 @@ fn of_device(device: &Device, own: &TroubleCode, mode: &str) -> String {
     block.row("source", &own.origin);
     block.row("reaction", &own.reaction);
     block.row("recovery", &own.recovery);
-    let priority = own.priority.map_or(String::new(), |priority| format!("{priority}, 1 is shown first"));
+    let priority = own.priority.map_or(String::new(), |priority| format!("{priority} (1 is shown first)"));
     block.row("priority", &priority);
     block.rows("check", &own.causes);
     block.row("sent as", &sent_as(own.spn, own.fmi));

@@ -1,4 +1,4 @@
-//! `cobscope explain`: what a code, an identifier, an object or one pasted frame means.
+//! `cobscope explain`: explains a code, an identifier, an object, a frame or a rule.
 
 mod asked;
 mod code;
@@ -19,17 +19,17 @@ use cobscope_decoder::wire::canopen::ObjectAddress;
 use super::output::print;
 use super::rules;
 use crate::exit_code::Exit;
-use asked::Asked;
+use asked::LookupScope;
 
-/// Largest identifier of 29 bits.
+/// Largest 29-bit identifier.
 const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 
-/// The forms that are understood, for who gave another one.
-const FORMS: &str = "expected a rule (node-lost; cobscope rules lists them), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
-                     1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a group (pgn:65226), a J1939 fault \
-                     (298985/19: SPN/FMI), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
+/// Error text with all accepted forms.
+const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
+                     1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a PGN (pgn:65226), a J1939 fault \
+                     (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
 
-/// Runs the command: every reading that fits, the likeliest first.
+/// Runs the command. Prints all possible meanings, most likely first.
 pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     let catalogue = super::input::catalogue(profiles);
     let device: Option<Arc<Device>> = match device.map(|device| catalogue.device(device)).transpose() {
@@ -40,7 +40,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     if let Some(rule) = rules::find(&catalogue, thing) {
         return print(rules::page(&rule).as_bytes());
     }
-    let asked = Asked { catalogue, device };
+    let asked = LookupScope { catalogue, device };
     let readings = if thing.contains('#') {
         frame::frame(thing, &asked).into_iter().collect()
     } else {
@@ -49,8 +49,11 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     if readings.is_empty() {
         let shown = thing.escape_debug();
         let text = match rules::meant(&asked.catalogue, thing) {
-            Some(rule) => format!("there is no rule '{shown}'; did you mean '{rule}'?"),
-            None => format!("cannot read \"{shown}\": {FORMS}"),
+            Some(rule) => format!("unknown rule '{shown}'; did you mean '{rule}'?"),
+            None => match frame::defect(thing) {
+                Some(defect) => format!("found \"{shown}\": {defect}"),
+                None => format!("found \"{shown}\"; {FORMS}"),
+            },
         };
         let _ = writeln!(std::io::stderr(), "cobscope: explain: {text}");
         return Exit::Usage;
@@ -58,7 +61,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
     print(readings.join("\n").as_bytes())
 }
 
-/// A device that is not there is a mistake of the user, a broken profile one of the file.
+/// Reports a profile error: an unknown profile is a usage error, an invalid one a profile error.
 fn refuse(error: &ProfileError) -> Exit {
     let is_broken = matches!(error, ProfileError::Broken { .. });
     let list = if is_broken { "" } else { " (cobscope profiles list)" };
@@ -68,8 +71,8 @@ fn refuse(error: &ProfileError) -> Exit {
     if is_broken { Exit::Profile } else { Exit::Usage }
 }
 
-/// The readings of something without `#`.
-fn code(thing: &str, asked: &Asked) -> Vec<String> {
+/// Explanations of a text without `#`.
+fn code(thing: &str, asked: &LookupScope) -> Vec<String> {
     if let Some(reading) = uds::named(thing, asked) {
         return vec![reading];
     }
@@ -87,29 +90,35 @@ fn code(thing: &str, asked: &Asked) -> Vec<String> {
     match (u16::try_from(number), digits.len()) {
         (Ok(id), ..=3) if id <= 0x7FF => vec![identifier::identifier(id)],
         (Ok(number), 4) => four_digits(number, asked),
-        // A number that is no abort code of the standard is likelier a pasted identifier.
+        // Six digits are too short for an abort code or a 29-bit identifier.
+        (_, 6) => j1939::trouble_code(asked, digits),
+        // A number outside the abort codes of the standard is more likely an identifier.
         (_, 8) if profile::abort_codes().find(number).is_none() && number <= LAST_IDENTIFIER => {
             let is_abort = code::may_be_abort(asked, number);
             let abort = is_abort.then(|| code::abort(asked, number));
-            j1939::identifier(number).into_iter().chain(abort).collect()
+            let faults = j1939::trouble_code(asked, digits);
+            faults.into_iter().chain(j1939::identifier(number)).chain(abort).collect()
         }
-        _ => vec![code::abort(asked, number)],
+        _ => {
+            let faults = j1939::trouble_code(asked, digits);
+            if faults.is_empty() { vec![code::abort(asked, number)] } else { faults }
+        }
     }
 }
 
-/// Four digits can be an object, an EMCY code, or an identifier with a zero in front.
-fn four_digits(number: u16, asked: &Asked) -> Vec<String> {
+/// Explanations of four digits: an object, an EMCY error code, or an identifier with a leading zero.
+fn four_digits(number: u16, asked: &LookupScope) -> Vec<String> {
     let is_object = asked.knows_index(number);
     let of_standard = (0x1000..0x2000).contains(&number);
     let object = object::index(asked, number);
     let identifier = (number <= 0x7FF).then(|| identifier::identifier(number));
-    // The class of a code says little beside an object that the device has.
+    // The class of an EMCY error code is irrelevant if the device has an object with this index.
     let Some(code) = code::emcy(asked, number, is_object) else {
         return [Some(object), identifier].into_iter().flatten().collect();
     };
     let readings = match (is_object || of_standard, asked.device.is_some()) {
         (true, _) => [Some(object), Some(code), identifier],
-        // That the device has no such object is known once its code is.
+        // If the code is known, the missing object is irrelevant.
         (false, true) => [Some(code), identifier, None],
         (false, false) => [Some(code), Some(object), identifier],
     };

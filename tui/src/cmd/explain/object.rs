@@ -1,16 +1,16 @@
-//! What an object is: by CiA 301 and by the manuals.
+//! Explains objects, from CiA 301 and from device profiles.
 
 use cobscope_decoder::profile::{
-    self, DataType, Device, Entry, Found, Meaning, NothingKnown, Object, Resolver,
+    self, DataType, Device, Entry, Meaning, NoValues, Object, ResolvedObject, Resolver,
 };
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use super::asked::Asked;
+use super::asked::LookupScope;
 use super::code::section_of;
 use crate::cmd::describe::object::{self as words, Reading};
 use crate::cmd::describe::{Block, section as cite, spaced};
 
-/// What lies in a part of the object dictionary (CiA 301 table 43).
+/// Area of the object dictionary (CiA 301 table 43).
 fn range(index: u16) -> &'static str {
     match index {
         0x0000..=0x0FFF => "data types",
@@ -23,8 +23,8 @@ fn range(index: u16) -> &'static str {
     }
 }
 
-/// An object with its sub-index.
-pub(super) fn entry(asked: &Asked, address: ObjectAddress) -> String {
+/// Explains an object with its sub-index.
+pub(super) fn entry(asked: &LookupScope, address: ObjectAddress) -> String {
     let Some(device) = &asked.device else { return of_every_device(asked, address, false) };
     let Some(found) = device.dictionary.find(address) else { return unknown(device, address) };
     if let Some(entry) = found.entry {
@@ -36,14 +36,14 @@ pub(super) fn entry(asked: &Asked, address: ObjectAddress) -> String {
     block.finish()
 }
 
-/// An object given by its index alone.
-pub(super) fn index(asked: &Asked, index: u16) -> String {
+/// Explains an object without a sub-index.
+pub(super) fn index(asked: &LookupScope, index: u16) -> String {
     let address = ObjectAddress::new(index, 0);
     let Some(device) = &asked.device else { return of_every_device(asked, address, true) };
     let all = objects(device, index);
     match all.first() {
         Some(object) if object.is_record || all.len() > 1 => {
-            let found = Found { address, object, entry: None, nth: object.nth(index).unwrap_or(0) };
+            let found = ResolvedObject { address, object, entry: None, nth: object.nth(index).unwrap_or(0) };
             let what = format!("object of {}: {}", device.title, found.object_name());
             let mut block = Block::new(&format!("{index:04X}"), &what);
             entries(&mut block, device, index);
@@ -58,7 +58,7 @@ fn unknown(device: &Device, address: ObjectAddress) -> String {
     Block::new(&address.to_string(), &what).finish()
 }
 
-/// The device's own entries of an index, else those of its standards.
+/// Entries of an index in the device profile, else in its standards.
 fn objects(device: &Device, index: u16) -> Vec<&Object> {
     let own: Vec<_> = device.dictionary.own().iter().filter(|object| object.nth(index).is_some()).collect();
     if own.is_empty() {
@@ -82,14 +82,14 @@ fn entries(block: &mut Block, device: &Device, index: u16) {
     }
 }
 
-/// What CiA 301 says; where it says nothing, what the manuals say.
-fn of_every_device(asked: &Asked, address: ObjectAddress, whole: bool) -> String {
-    let meaning = Resolver::new(&profile::plain_device().dictionary, &NothingKnown).meaning(address);
+/// Explanation from CiA 301, else from all device profiles.
+fn of_every_device(asked: &LookupScope, address: ObjectAddress, whole: bool) -> String {
+    let meaning = Resolver::new(&profile::plain_device().dictionary, &NoValues).meaning(address);
     let what = meaning.as_ref().map_or(range(address.index).to_owned(), plain);
     let mut block = Block::new(&address.to_string(), &format!("object: {what}"));
     if meaning.is_none() {
-        let told = asked.every_device(|device| in_short(device, address, whole));
-        block.list(&told, "(--device NAME tells more)");
+        let found = asked.every_device(|device| in_short(device, address, whole));
+        block.list(&found, "(details: --device NAME)");
     }
     block.finish()
 }
@@ -101,12 +101,12 @@ fn plain(meaning: &Meaning) -> String {
     [Some(meaning.name.clone()), data_type, unit].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// A device's own word for an object.
+/// Short description of an object in a device profile.
 fn in_short(device: &Device, address: ObjectAddress, whole: bool) -> Option<String> {
     let all = device.dictionary.own().iter().filter_map(|object| Some((object, object.nth(address.index)?)));
     for (object, nth) in all {
         let entry = object.entry(address.sub);
-        let found = Found { address, object, entry, nth };
+        let found = ResolvedObject { address, object, entry, nth };
         match entry {
             _ if whole && object.is_record => {
                 return Some(format!("{}  {}", found.object_name(), cite(&object.source)));
@@ -120,8 +120,8 @@ fn in_short(device: &Device, address: ObjectAddress, whole: bool) -> Option<Stri
     None
 }
 
-fn entry_block(asked: &Asked, device: &Device, found: &Found<'_>, entry: &Entry) -> String {
-    // What a standard says once holds for every channel.
+fn entry_block(asked: &LookupScope, device: &Device, found: &ResolvedObject<'_>, entry: &Entry) -> String {
+    // Standards define the first channel only.
     let first = ObjectAddress { index: found.object.index, ..found.address };
     let standard = standard(asked, device, found.address).or_else(|| standard(asked, device, first));
     let is_own = device.dictionary.is_own(found.address);
@@ -148,8 +148,8 @@ fn entry_block(asked: &Asked, device: &Device, found: &Found<'_>, entry: &Entry)
     block.row("invalidates", &voids.join(", "));
     block.row("note", &entry.note);
     if is_own {
-        if let Some((source, said)) = &standard {
-            block.row("standard", &format!("{said} ({source})"));
+        if let Some((source, text)) = &standard {
+            block.row("standard", &format!("{text} ({source})"));
         }
         block.row("section", &section_of(device, &entry.source));
     } else {
@@ -159,8 +159,8 @@ fn entry_block(asked: &Asked, device: &Device, found: &Found<'_>, entry: &Entry)
     block.finish()
 }
 
-/// Type, unit, range, default, names.
-fn quantity(block: &mut Block, device: &Device, found: &Found<'_>, entry: &Entry, own: &Reading) {
+/// Adds the rows type, role, unit, range, default and names.
+fn quantity(block: &mut Block, device: &Device, found: &ResolvedObject<'_>, entry: &Entry, own: &Reading) {
     let access = entry.access.map_or("", |access| access.name());
     let data_type = entry.data_type.map_or(String::new(), DataType::name);
     block.row("type", format!("{data_type} {access}").trim());
@@ -190,7 +190,13 @@ fn names(block: &mut Block, entry: &Entry, meaning: &Meaning) {
     }
 }
 
-fn by_mode(block: &mut Block, device: &Device, found: &Found<'_>, entry: &Entry, readings: &[Reading]) {
+fn by_mode(
+    block: &mut Block,
+    device: &Device,
+    found: &ResolvedObject<'_>,
+    entry: &Entry,
+    readings: &[Reading],
+) {
     let own = readings.first().map(|own| &own.meaning);
     for (place, reading) in readings.iter().enumerate() {
         let Some(line) = words::mode_line(device, found, entry, reading) else { continue };
@@ -204,7 +210,7 @@ fn by_mode(block: &mut Block, device: &Device, found: &Found<'_>, entry: &Entry,
 }
 
 /// `4, one of 16: 5400:03…540F:03`.
-fn repeat(found: &Found<'_>, entry: &Entry) -> String {
+fn repeat(found: &ResolvedObject<'_>, entry: &Entry) -> String {
     let count = found.object.repeat.count;
     if count < 2 {
         return String::new();
@@ -212,13 +218,13 @@ fn repeat(found: &Found<'_>, entry: &Entry) -> String {
     format!("{}, one of {count}: {}", found.object.number(found.nth), words::addresses(found.object, entry))
 }
 
-/// What a standard the device extends says of an object, and which.
-fn standard(asked: &Asked, device: &Device, address: ObjectAddress) -> Option<(String, String)> {
-    // Of two standards the right one counts.
+/// Source and description of an object in the standards of the device.
+fn standard(asked: &LookupScope, device: &Device, address: ObjectAddress) -> Option<(String, String)> {
+    // The last standard in the list takes precedence.
     device.extends.iter().rev().find_map(|id| {
         let standard = asked.catalogue.device(id).ok()?;
         let found = standard.dictionary.find(address).filter(|_| standard.dictionary.is_own(address))?;
-        // The document without its clause: the entry has its own.
+        // The document without its clause; the entry has its own section.
         let source = standard.source.split(',').next().unwrap_or_default();
         Some((source.to_owned(), words::one(&standard, &found, found.entry?)))
     })

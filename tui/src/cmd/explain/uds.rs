@@ -1,4 +1,4 @@
-//! What UDS is: a negative response code, an identifier, a frame on an identifier that has addresses.
+//! Explains UDS negative response codes, identifiers, and ISO-TP frames with addresses.
 
 use std::fmt::Write as _;
 
@@ -9,15 +9,15 @@ use cobscope_decoder::wire::isotp::{self, Addresses, FlowStatus, IsoTp, Scheme};
 use cobscope_decoder::wire::uds::{self, Uds};
 use cobscope_decoder::words::plural;
 
-use super::asked::Asked;
+use super::asked::LookupScope;
 use super::code::section_of;
 use crate::cmd::describe::{Block, section, uds as describe};
 
-/// Said where manuals are listed.
-const MORE: &str = "(--device NAME tells more)";
+/// Note below a list of entries from profiles.
+const MORE: &str = "(details: --device NAME)";
 
-/// `nrc:31`, `did:F190`; `None` where it is neither.
-pub(super) fn named(thing: &str, asked: &Asked) -> Option<String> {
+/// Explains `nrc:31` or `did:F190`; `None` for other text.
+pub(super) fn named(thing: &str, asked: &LookupScope) -> Option<String> {
     let (kind, number) = thing.split_once(':')?;
     let digits = number.strip_prefix("0x").or_else(|| number.strip_prefix("0X")).unwrap_or(number);
     match kind.to_ascii_lowercase().as_str() {
@@ -27,10 +27,10 @@ pub(super) fn named(thing: &str, asked: &Asked) -> Option<String> {
     }
 }
 
-/// A negative response code.
-fn nrc(asked: &Asked, code: u8) -> String {
+/// Explains a negative response code.
+fn nrc(asked: &LookupScope, code: u8) -> String {
     let standard = profile::uds().code(code);
-    let text = standard.map_or("none of ISO 14229-1", |entry| &entry.text);
+    let text = standard.map_or("undefined in ISO 14229-1", |entry| &entry.text);
     let mut block = Block::new(&format!("{code:02X}"), &format!("UDS negative response: {text}"));
     block.line(standard.map_or("", |entry| &entry.hint));
     block.row("name", standard.map_or("", |entry| &entry.name));
@@ -46,20 +46,20 @@ fn nrc(asked: &Asked, code: u8) -> String {
     if let Some(device) = &asked.device {
         block.rows(&device.title, &texts(device));
     } else {
-        let told = asked.every_device(|device| {
+        let entries = asked.every_device(|device| {
             let texts = texts(device);
             (!texts.is_empty()).then(|| texts.join("; "))
         });
-        block.list(&told, MORE);
+        block.list(&entries, MORE);
     }
     block.finish()
 }
 
-/// A data or routine identifier.
-fn identifier(asked: &Asked, id: u16) -> String {
+/// Explains a data or routine identifier.
+fn identifier(asked: &LookupScope, id: u16) -> String {
     let standard = profile::uds().identifier(id);
     let own = asked.device.as_ref().and_then(|device| Some((device, device.uds.identifier(id)?)));
-    let name = own.map(|(_, own)| own.name.as_str()).or(standard).unwrap_or("none all devices share");
+    let name = own.map(|(_, own)| own.name.as_str()).or(standard).unwrap_or("not standardised");
     let mut block = Block::new(&format!("{id:04X}"), &format!("UDS identifier: {name}"));
     if let Some((device, own)) = own {
         block.line(&describe::identifier(own));
@@ -67,11 +67,11 @@ fn identifier(asked: &Asked, id: u16) -> String {
         block.row("note", &own.note);
         block.row("section", &section_of(device, &own.source));
     } else if asked.device.is_none() {
-        let told = asked.every_device(|device| {
+        let entries = asked.every_device(|device| {
             let own = device.uds.identifier(id)?;
             Some(format!("{}: {}  {}", own.name, describe::identifier(own), section(&own.source)))
         });
-        block.list(&told, MORE);
+        block.list(&entries, MORE);
     }
     block.finish()
 }
@@ -84,20 +84,20 @@ fn sent_as(device: &Device, id: u16) -> String {
     }
 }
 
-/// Sender, receiver and message of a frame whose identifier says that it is ISO-TP.
-pub(super) fn frame(frame: &Frame, asked: &Asked) -> Option<String> {
+/// Source, target and message of an ISO-TP frame; `None` if its identifier is not an ISO-TP address.
+pub(super) fn frame(frame: &Frame, asked: &LookupScope) -> Option<String> {
     let CanId::Extended(id) = frame.id else { return None };
     let Addresses { scheme, functional, source, target, .. } = Addresses::of(id)?;
     let how = match scheme {
         Scheme::NormalFixed => "normal fixed addresses",
-        Scheme::Net => "EDP and DP set: addresses with nets",
+        Scheme::Net => "EDP and DP set: addresses with network numbers",
     };
     let group = if functional { "the group " } else { "" };
     let mut text = format!("ISO-TP from {} to {group}{} ({how})\n", address(source), address(target));
     let message = match isotp::parse(frame.data(), frame.data().len()) {
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
-            format!("too short: {available} of {} there from byte {offset}", plural(needed, "byte"))
+            format!("too short: needs {} from byte {offset}, found {available}", plural(needed, "byte"))
         }
         Ok(IsoTp::Single { data }) => format!("single frame: {}", message(data, asked)),
         Ok(IsoTp::First { size, data }) => {
@@ -106,31 +106,31 @@ pub(super) fn frame(frame: &Frame, asked: &Asked) -> Option<String> {
         Ok(IsoTp::Consecutive { sequence, .. }) => format!("consecutive frame {sequence}"),
         Ok(IsoTp::FlowControl(control)) => {
             let status = match control.status {
-                FlowStatus::Continue => "go on",
+                FlowStatus::Continue => "continue to send",
                 FlowStatus::Wait => "wait",
-                FlowStatus::Overflow => "too long, nothing taken",
+                FlowStatus::Overflow => "overflow",
             };
             let block = match control.block_size {
                 0 => "all frames".to_owned(),
                 frames => plural(frames, "frame"),
             };
             let pause = control.separation() / 1_000;
-            format!("flow control: {status}, {block}, {pause} µs between them at least")
+            format!("flow control: {status}, {block}, {pause} µs minimum separation")
         }
-        Ok(IsoTp::Unknown { control }) => format!("control byte {control:02X} is not defined"),
+        Ok(IsoTp::Unknown { control }) => format!("undefined control byte {control:02X}"),
     };
     let _ = writeln!(text, "     {message}");
     Some(text)
 }
 
-/// `20`, of another net `1:20`.
+/// `20`; with another network number `1:20`.
 fn address(address: u16) -> String {
     let [net, node] = address.to_be_bytes();
     if net == 0 { format!("{node:02X}") } else { format!("{net}:{node:02X}") }
 }
 
 /// `request 2E write data by identifier 1001 node-ID`.
-fn message(data: &[u8], asked: &Asked) -> String {
+fn message(data: &[u8], asked: &LookupScope) -> String {
     let (kind, service, rest, shape) = match uds::parse(data) {
         Err(_) => return "too short for UDS".into(),
         Ok(Uds::Negative { service, code }) => {

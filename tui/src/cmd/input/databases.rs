@@ -1,4 +1,4 @@
-//! DBC files and their JSON sibling: reading them, telling their problems, and which buses they hold on.
+//! DBC and pretty_j1939 files: reading, problems, and the buses for which they are used.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,20 +12,20 @@ use super::device_files::bytes;
 use crate::cli::InputArgs;
 use crate::cmd::messages::warn;
 
-/// Problems of a file that are told.
+/// Maximum number of problems printed per file.
 const TOLD: usize = 5;
 
-/// What holds on every bus, and on those that have databases of their own.
+/// Databases for all buses, and for buses with their own databases.
 pub(super) struct Databases {
     pub(super) everywhere: Arc<Database>,
     pub(super) buses: Vec<(String, Arc<Database>)>,
 }
 
-/// The databases of the options, then those of the bus file: of the one bus, then of all. The first that knows
-/// a message counts.
+/// Databases of the options, then those of the bus file: first of the bus, then of all buses. The first one
+/// that defines a message takes precedence.
 ///
 /// # Errors
-/// Files that cannot be read at all; what is wrong within one is told.
+/// If a file is unreadable or not a database; errors inside a readable file are only reported.
 pub(super) fn databases(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Databases> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let mut reader = Reader::default();
@@ -45,7 +45,7 @@ pub(super) fn databases(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result
     Ok(Databases { everywhere, buses: buses.collect::<anyhow::Result<_>>()? })
 }
 
-/// Reads each file once, and tells its problems once.
+/// Reads each file once and prints its problems once.
 #[derive(Default)]
 struct Reader {
     files: BTreeMap<PathBuf, DatabaseFile>,

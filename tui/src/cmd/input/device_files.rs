@@ -1,4 +1,4 @@
-//! EDS, DCF, XDD and XDC files: reading them, telling their problems, the nodes and profiles they stand for.
+//! EDS, DCF, XDD and XDC files: reading, problems, assignment to nodes, and use as profiles.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,22 +14,22 @@ use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
-use crate::cli::{FileArg, InputArgs};
+use crate::cli::{EdsArg, InputArgs};
 use crate::cmd::messages::warn;
 
-/// Problems of a file that are told where it is used.
+/// Maximum number of problems printed per file.
 const TOLD: usize = 5;
 
-/// Bytes of a file; the largest known have half a megabyte.
+/// Maximum file size in bytes; the largest known file has 0.5 MB.
 const LARGEST: u64 = 64 << 20;
 
-/// Whether the name of a file is that of a device file.
+/// Whether a file name has the suffix of a device file.
 pub(in crate::cmd) fn is_device_file(path: &Path) -> bool {
     let kinds = ["eds", "dcf", "xdd", "xdc"];
     path.extension().is_some_and(|extension| kinds.iter().any(|kind| extension.eq_ignore_ascii_case(kind)))
 }
 
-/// Name of a file without its folder.
+/// File name without the folder.
 pub(in crate::cmd) fn name(path: &Path) -> String {
     path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned())
 }
@@ -37,26 +37,26 @@ pub(in crate::cmd) fn name(path: &Path) -> String {
 /// Reads a device file.
 ///
 /// # Errors
-/// A file that cannot be read, or is none.
+/// If the file is unreadable or not a device file.
 pub(in crate::cmd) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
     let file = device_file::parse(&bytes(path)?).with_context(|| path.display().to_string())?;
     Ok(Arc::new(file))
 }
 
-/// Everything in a file of reasonable size.
+/// Reads a file of limited size.
 ///
 /// # Errors
-/// A file that cannot be read, or is larger.
+/// If the file is unreadable or too large.
 pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     let shown = path.display();
     let mut bytes = Vec::new();
     let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
     file.take(LARGEST + 1).read_to_end(&mut bytes).with_context(|| format!("{shown}: cannot be read"))?;
-    anyhow::ensure!(bytes.len() as u64 <= LARGEST, "{shown}: is larger than {} MiB", LARGEST >> 20);
+    anyhow::ensure!(bytes.len() as u64 <= LARGEST, "{shown}: larger than {} MiB", LARGEST >> 20);
     Ok(bytes)
 }
 
-/// `pump.eds:12: reason`, a line a problem.
+/// Problems of a file, one line each: `pump.eds:12: reason`.
 pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
     let shown = path.display();
     let line = |problem: &device_file::Problem| match problem.line {
@@ -66,10 +66,10 @@ pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<Strin
     file.problems.iter().map(line).collect()
 }
 
-/// The device files of nodes: of the bus file, then of the options, which go before it.
+/// Device files of nodes: those of the bus file, then those of the options, which take precedence.
 ///
 /// # Errors
-/// Files that cannot be read at all; what is wrong within one is told.
+/// If a file is unreadable or not a device file; errors inside a readable file are only reported.
 pub(in crate::cmd) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Vec<Assignment>> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let mut reader = Reader::default();
@@ -78,14 +78,14 @@ pub(in crate::cmd) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyh
         let device = reader.device(&folder.join(file), node)?;
         all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::DeviceFile });
     }
-    for FileArg { node, file } in &input.eds {
+    for EdsArg { node, file } in &input.eds {
         let device = reader.device(file, node.id)?;
         all.push(Assignment { bus: node.bus.clone(), node: node.id, device, by: AssignedBy::DeviceFile });
     }
     Ok(all)
 }
 
-/// Reads each file once, and tells its problems once.
+/// Reads each file once and prints its problems once.
 #[derive(Default)]
 struct Reader {
     devices: BTreeMap<PathBuf, Arc<Device>>,
@@ -97,21 +97,21 @@ impl Reader {
             Arc::clone(device)
         } else {
             let file = read(path)?;
-            tell(path, &file);
+            print_problems(path, &file);
             let device = Arc::new(imported::device(&file, &name(path)));
             self.devices.insert(path.to_owned(), Arc::clone(&device));
             device
         };
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
         if let Some(own) = own.filter(|own| node != NodeId::Canopen(*own)) {
-            warn(&format!("{}: is of node {own}, and is used for node {node}", path.display()));
+            warn(&format!("{}: for node {own}; used for node {node}", path.display()));
         }
         Ok(device)
     }
 }
 
-/// Tells the first problems and how many there are.
-fn tell(path: &Path, file: &DeviceFile) {
+/// Prints the first problems and the number of further ones.
+fn print_problems(path: &Path, file: &DeviceFile) {
     let lines = problem_lines(path, file);
     for line in lines.iter().take(TOLD) {
         warn(line);
@@ -122,7 +122,7 @@ fn tell(path: &Path, file: &DeviceFile) {
     }
 }
 
-/// Adds a device file of a folder to the profiles. One that cannot be read is said.
+/// Adds a device file to the profiles; reports it if it is unreadable.
 pub(in crate::cmd) fn add_to(catalogue: &mut Catalogue, path: &Path) {
     let file = match read(path) {
         Ok(file) => file,

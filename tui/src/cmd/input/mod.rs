@@ -1,4 +1,4 @@
-//! What the options common to all captures say: buses, nodes, profiles.
+//! Evaluation of the input options: buses, nodes, profiles.
 
 mod databases;
 pub(super) mod device_files;
@@ -7,21 +7,45 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use cobscope_decoder::bus_file::{BusFile, Written};
+use cobscope_decoder::bus_file::{BusFile, SpannedText};
 use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
+use cobscope_decoder::wire::NodeId;
 
-use super::messages::warn;
+use super::messages::{note, warn};
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
+use crate::source::{CaptureFile, JoinOptions, Series, relate};
 use crate::words::unknown_bus;
 use databases::databases;
 
-/// Captures to read: those named, else standard input.
+/// Captures to read; stdin without arguments.
 pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
     if input.captures.is_empty() { vec!["-".into()] } else { input.captures.clone() }
+}
+
+/// Captures to read, each a file or the parts of a series, which are reported.
+pub(super) fn series(input: &InputArgs) -> Vec<Series> {
+    let files = captures(input).into_iter().map(|path| CaptureFile { path, is_listed: true });
+    joined(files.collect(), input)
+}
+
+/// The series among `files`; joined and rejected parts are reported.
+pub(super) fn joined(files: Vec<CaptureFile>, input: &InputArgs) -> Vec<Series> {
+    let relations = relate(files, &read_options(input), join_options(input));
+    let all = relations.series();
+    let joined = all.iter().filter_map(Series::note);
+    joined.chain(relations.notes).for_each(|text| note(&text));
+    all
+}
+
+/// Conditions for joining files.
+pub(super) fn join_options(input: &InputArgs) -> JoinOptions {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let max_gap = (input.part_gap * 1e9) as i64;
+    JoinOptions { is_off: input.separate, is_requested: input.join, max_gap }
 }
 
 pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
@@ -33,18 +57,18 @@ pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
     }
 }
 
-/// What the options say of the buses.
+/// Session options from the command line and the bus file.
 ///
 /// # Errors
-/// A bus file, profile, device file or database that cannot be read, is broken or does not exist.
+/// If a bus file, profile, device file or database is missing, unreadable or invalid.
 pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
     options_of(input, catalogue(&input.profiles))
 }
 
-/// The same by the profiles of `catalogue`.
+/// Session options with the profiles of `catalogue`.
 ///
 /// # Errors
-/// As [`session_options`].
+/// As for [`session_options`].
 pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
@@ -66,10 +90,17 @@ pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow:
         bus_file,
         catalogue: Arc::new(catalogue),
         assignments,
+        named: named_nodes(input),
         database: databases.everywhere,
         bus_databases: databases.buses,
         ..SessionOptions::default()
     })
+}
+
+/// Nodes selected by `--node` without a profile.
+fn named_nodes(input: &InputArgs) -> Vec<(Option<String>, NodeId)> {
+    let selected = input.node.iter().filter(|node| node.profile.is_none());
+    selected.map(|node| (node.bus.clone(), node.id)).collect()
 }
 
 fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
@@ -77,9 +108,9 @@ fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
     BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
 }
 
-/// Device files and databases that a bus file names; none of one that is broken, which is told where it is used.
+/// Device files and databases named in a bus file; empty for an invalid one, which is reported elsewhere.
 pub(super) fn files_named(path: &Path) -> Vec<PathBuf> {
-    // What a pipe holds is read once only.
+    // A pipe can be read only once.
     let file = path.is_file().then(|| bus_file(path).ok()).flatten().unwrap_or_default();
     let folder = path.parent().unwrap_or(Path::new(""));
     let devices = file.device_files().map(|(_, _, name)| folder.join(name));
@@ -93,10 +124,11 @@ fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
     Ok((name, text))
 }
 
-/// What is judged, as the bus file says; `today`, by default the day it is, ends suppressions that ran out.
+/// Configuration of rules from the bus file; `today` is the reference date for expired suppressions (default:
+/// today).
 ///
 /// # Errors
-/// A bus file that cannot be read, or that names rules and tolerances that do not exist.
+/// If the bus file is unreadable, or contains unknown rules or tolerances.
 pub(super) fn setup(
     input: &InputArgs,
     catalogue: &Catalogue,
@@ -106,7 +138,7 @@ pub(super) fn setup(
     let (name, text) = bus_file_text(path)?;
     let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
     let shown = |error: TextError| anyhow::anyhow!(error.show(&name));
-    // Which day it is takes most of a millisecond to find out: the zones of the system are looked through.
+    // Reading the system time zone takes most of a millisecond, so the date is determined only if needed.
     let is_dated = file.judgement.suppressions.iter().any(|suppression| suppression.until.is_some());
     let today = is_dated.then(|| today.unwrap_or_else(|| jiff::Zoned::now().date()).to_string());
     let setup = Setup::new(&file, &text, today).map_err(shown)?;
@@ -114,10 +146,10 @@ pub(super) fn setup(
     Ok(setup)
 }
 
-/// Holds the rules that a filter names to those there are.
+/// Checks the rule names in a filter.
 ///
 /// # Errors
-/// A rule that does not exist: it could match nothing, or all.
+/// If a rule is unknown; a comparison with it would match no event or all events.
 pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
     let rules = filter.map(|filter| filter.compared("rule")).unwrap_or_default();
     for rule in rules {
@@ -126,7 +158,7 @@ pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::
     Ok(())
 }
 
-/// Devices of nodes: of the bus file, then of the options, which go before it.
+/// Profiles of nodes: those of the bus file, then those of the options, which take precedence.
 fn assignments(
     input: &InputArgs,
     file: &BusFile,
@@ -149,8 +181,8 @@ fn assignments(
     Ok(all)
 }
 
-/// What is wrong with a profile that the bus file names: where it names it, unless the profile itself is broken.
-fn misnamed(input: &InputArgs, profile: &Written, error: ProfileError) -> anyhow::Error {
+/// Error for a profile named in the bus file, with its position there, unless the profile itself is invalid.
+fn misnamed(input: &InputArgs, profile: &SpannedText, error: ProfileError) -> anyhow::Error {
     let text = input.bus.as_deref().map(bus_file_text);
     match (&error, text) {
         (ProfileError::Unknown { .. } | ProfileError::NoVariant { .. }, Some(Ok((name, text)))) => {
@@ -160,7 +192,7 @@ fn misnamed(input: &InputArgs, profile: &Written, error: ProfileError) -> anyhow
     }
 }
 
-/// All profiles: those of this program, of the user's folder, of the folders named.
+/// All profiles: built-in, from the user's folder, and from `folders`.
 pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
     let mut catalogue = Catalogue::default();
     if let Some(folder) = user_folder().filter(|folder| folder.is_dir()) {
@@ -170,7 +202,7 @@ pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
     catalogue
 }
 
-/// All profiles that are the same on every machine: those of this program and of the folders named.
+/// Profiles that are equal on every computer: built-in and from `folders`.
 pub(super) fn common_catalogue(folders: &[PathBuf]) -> Catalogue {
     let mut catalogue = Catalogue::default();
     add_folders(&mut catalogue, folders);
@@ -180,7 +212,7 @@ pub(super) fn common_catalogue(folders: &[PathBuf]) -> Catalogue {
 fn add_folders(catalogue: &mut Catalogue, folders: &[PathBuf]) {
     for folder in folders {
         if !folder.is_dir() {
-            warn(&format!("{}: is no folder", folder.display()));
+            warn(&format!("{}: not a folder", folder.display()));
         }
         add_folder(catalogue, folder);
     }
@@ -193,8 +225,7 @@ fn user_folder() -> Option<PathBuf> {
     Some(config?.join("cobscope").join("profiles"))
 }
 
-/// Adds the profiles of a folder. A broken one is said, and stops the program only where a node
-/// uses it.
+/// Adds the profiles of a folder. Invalid ones are reported; they are an error only if a node uses them.
 fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
     for path in files_in(folder, is_profile) {
         add_file(catalogue, &path);
@@ -204,17 +235,18 @@ fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
     }
 }
 
-/// Adds the other profiles of a folder, which one of them may extend.
+/// Adds the other profiles of a folder, because the profile `but` may extend them.
 pub(super) fn add_siblings(catalogue: &mut Catalogue, folder: &Path, but: &Path) {
     for path in files_in(folder, is_profile).iter().filter(|path| path.as_path() != but) {
         let text = std::fs::read_to_string(path).unwrap_or_default();
-        // What is wrong with one of them matters only to a profile that extends it, which says so.
+        // Errors in them are reported only if a profile extends them.
         let _ = catalogue.add_text(&path.display().to_string(), &text);
     }
 }
 
 fn is_profile(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "toml")
+    let is_statements = path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with(".statements"));
+    path.extension().is_some_and(|extension| extension == "toml") && !is_statements
 }
 
 fn files_in(folder: &Path, picks: fn(&Path) -> bool) -> Vec<PathBuf> {
@@ -237,8 +269,8 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
     match catalogue.add_text(&name, &text) {
         Ok(id) => {
             if let Some(other) = catalogue.replaced(&id) {
-                let other = if other.is_empty() { "this program's own" } else { other };
-                warn(&format!("{name}: is used for {id} instead of {other}"));
+                let other = if other.is_empty() { "the built-in profile" } else { other };
+                warn(&format!("{name}: overrides {other} for {id}"));
             }
         }
         Err(error) => {
@@ -248,7 +280,7 @@ fn add_file(catalogue: &mut Catalogue, path: &Path) {
     }
 }
 
-/// Names of buses the user gave, and by what.
+/// Bus names in the bus file and the options, each with its origin.
 pub(super) fn named_buses(input: &InputArgs, options: &SessionOptions) -> Vec<(String, &'static str)> {
     let of_file = options.bus_file.buses.iter().map(|(name, _)| (name, "the bus file"));
     let of_nodes = input.node.iter().filter_map(|node| Some((node.bus.as_ref()?, "--node")));
@@ -257,15 +289,14 @@ pub(super) fn named_buses(input: &InputArgs, options: &SessionOptions) -> Vec<(S
     all.map(|(name, by)| (name.clone(), by)).collect()
 }
 
-/// What is said of buses that are named and that a capture does not have.
+/// Warnings for bus names that do not occur in a capture.
 pub(super) fn unknown_buses(
-    path: &Path,
+    capture: &str,
     input: &InputArgs,
     options: &SessionOptions,
     names: &BusNames,
 ) -> Vec<String> {
-    let capture = path.display().to_string();
     let has: Vec<&str> = names.names().iter().map(String::as_str).collect();
     let wanted = named_buses(input, options);
-    wanted.iter().filter_map(|(name, by)| unknown_bus(&capture, name, by, &has)).collect()
+    wanted.iter().filter_map(|(name, by)| unknown_bus(capture, name, by, &has)).collect()
 }

@@ -1,4 +1,4 @@
-//! Live buses as lines, and judged.
+//! Live buses as text, with rules.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -13,31 +13,33 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer};
-use cobscope_decoder::sink::findings::{FINDING_FORMATS, Judged, Report, TextOptions};
+use cobscope_decoder::session::{Bus, Buses, Observer, SessionOptions};
+use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
 use cobscope_decoder::words::plural;
 
-use super::pump::{Came, Pump};
+use super::pump::{PendingDeliveries, Pump};
 use super::sources::{is_down, open, recorder, shown};
 use crate::cli::LiveArgs;
 use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::messages::{Refusal, note};
-use crate::cmd::output::{files_read, is_colored, print, told};
+use crate::cmd::output::{files_read, is_colored, print, write_result};
 use crate::cmd::print::Printer;
+use crate::cmd::remarks;
 use crate::exit_code::Exit;
 use crate::record::RecordFailure;
 use crate::source::live::{Arrival, Live, LiveState, Source, SourceSpec, socketcan};
 use crate::timeline::bit_rate_change;
+use crate::words::unheard;
 
-/// How long nothing is waited for at most.
+/// Maximum wait for frames before other work is done.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// Watches until it is told to end.
+/// Prints live events until the user stops.
 pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
     watch(arguments, || open(arguments, specs))
 }
 
-/// Watches sources that are opened when everything else is known to be right.
+/// As `run`; `sources` opens the sources after all other checks succeeded.
 pub(super) fn watch(
     arguments: &LiveArgs,
     sources: impl FnOnce() -> anyhow::Result<Vec<Box<dyn Source>>>,
@@ -57,20 +59,21 @@ pub(super) fn watch(
         Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
     let mut watch = Watch {
-        decoder: Decoder::new(options),
-        looker: Looker::new(arguments, &setup, printer),
+        decoder: Decoder::new(options.clone()),
+        options,
+        looker: LiveViewer::new(arguments, &setup, printer),
         names: BusNames::default(),
         frames: 0,
         first: None,
         last: None,
-        said: BTreeSet::new(),
+        noted: BTreeSet::new(),
     };
     watch.run(arguments, &inbox, &pump.state, &interrupted);
     drop(inbox);
     let state = pump.state.clone();
     let outcome = pump.finish();
     let live = state.get().clone();
-    watch.tell_troubles(&live);
+    watch.report_troubles(&live);
     let exit = watch.finish(arguments, &live);
     for bus in &live.buses {
         note(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
@@ -85,13 +88,13 @@ pub(super) fn watch(
     Ok(exit)
 }
 
-/// Says what is watched, and that it is only watched.
+/// Prints the sources and the note that nothing is transmitted.
 fn greet(live: &Live) {
     for bus in &live.buses {
         if is_down(bus) {
             note(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
         } else {
-            note(&format!("{}; listening only, nothing is transmitted", shown(bus)));
+            note(&format!("{}; listen only, nothing is transmitted", shown(bus)));
         }
     }
     if let Some(record) = &live.record {
@@ -99,37 +102,38 @@ fn greet(live: &Live) {
     }
 }
 
-/// Becomes true when the program is told to end, by Ctrl-C or otherwise.
+/// Flag that is set by Ctrl-C or a termination signal.
 fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        // Told twice, it ends at once.
+        // A second signal ends the program at once.
         signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
-            .context("signals cannot be minded")?;
+            .context("cannot install the signal handler")?;
     }
     Ok(flag)
 }
 
-/// What is known of what came so far.
+/// State of a live session.
 struct Watch {
     decoder: Decoder,
-    looker: Looker,
+    options: SessionOptions,
+    looker: LiveViewer,
     names: BusNames,
     frames: u64,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
-    /// What was said of the record and the sources.
-    said: BTreeSet<String>,
+    /// Messages on recording and sources already printed.
+    noted: BTreeSet<String>,
 }
 
 impl Watch {
-    /// Takes what comes until there is a reason to end.
+    /// Processes frames until a stop condition is met.
     fn run(
         &mut self,
         arguments: &LiveArgs,
-        inbox: &Receiver<Came>,
+        inbox: &Receiver<PendingDeliveries>,
         state: &LiveState,
         interrupted: &AtomicBool,
     ) {
@@ -146,33 +150,33 @@ impl Watch {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.tell_troubles(&state.get());
+            self.report_troubles(&state.get());
             if patience.is_some_and(|patience| heard.elapsed() >= patience) {
                 return;
             }
         }
     }
 
-    /// Says what is wrong with record and sources when it begins; how much of it there was is said at the end.
-    fn tell_troubles(&mut self, live: &Live) {
+    /// Reports new failures of recording and sources; totals follow at the end.
+    fn report_troubles(&mut self, live: &Live) {
         let failure = live.record.as_ref().and_then(|record| record.failure.as_ref());
         let failure = failure.map(|failure| {
             let RecordFailure { path, reason, .. } = failure;
-            format!("{}: {reason}: frames are not recorded; watching goes on", path.display())
+            format!("{}: {reason}; recording stopped, output continues", path.display())
         });
         let controllers = live.buses.iter().filter_map(|bus| {
             let state = bus.controller.as_ref()?.split(',').next()?;
             (!matches!(state, "error active" | "stopped")).then(|| format!("{}: {state}", bus.name))
         });
         for text in failure.into_iter().chain(live.failure.clone()).chain(controllers) {
-            if !self.said.contains(&text) {
+            if !self.noted.contains(&text) {
                 note(&text);
-                self.said.insert(text);
+                self.noted.insert(text);
             }
         }
     }
 
-    fn take(&mut self, Came { names, items }: Came) {
+    fn take(&mut self, PendingDeliveries { names, items }: PendingDeliveries) {
         self.names = names;
         for item in items {
             match item {
@@ -184,7 +188,7 @@ impl Watch {
                 }
             }
         }
-        // Who reads the lines wants them now.
+        // The reader of the output expects lines without delay.
         self.looker.flush();
     }
 
@@ -203,31 +207,38 @@ impl Watch {
         self.decoder.push(&frame, &self.names, &mut self.looker);
     }
 
-    /// Closes what is open, and says what came of the rules.
+    /// Ends the session and prints the result of `check`.
     fn finish(mut self, arguments: &LiveArgs, live: &Live) -> Exit {
         self.decoder.finish(&self.names, &mut self.looker);
-        let Looker { engine, mut printer, .. } = self.looker;
+        let buses = self.decoder.buses();
+        let mut texts = remarks::limits("live", buses);
+        texts.extend(remarks::profiles("live", buses));
+        texts.extend(unheard("live", buses, &self.options));
+        for text in &texts {
+            note(text);
+        }
+        let LiveViewer { engine, mut printer, .. } = self.looker;
         let Some(engine) = engine else {
-            return told(printer.finish());
+            return write_result(printer.finish());
         };
         let findings = engine.finish(self.decoder.buses(), &mut printer);
-        let written = told(printer.finish());
+        let written = write_result(printer.finish());
         if !arguments.check {
             return written;
         }
         let names: Vec<&str> = live.buses.iter().map(|bus| bus.name.as_str()).collect();
         let capture = names.join(" ");
         let (frames, first, last) = (self.frames, self.first, self.last);
-        let judged = Judged { capture, frames, first, last, findings, ..Judged::default() };
+        let judged = CaptureResult { capture, frames, first, last, findings, ..CaptureResult::default() };
         let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
         let mut verdict = Vec::new();
         let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
         let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
-        // The first format, text, where events are in one that findings do not have.
+        // Falls back to text, the first format, if there is no findings format of that name.
         let name = arguments.lines.format.0.map(|format| format.name);
         let same = FINDING_FORMATS.iter().find(|format| name == Some(format.name));
         if let Some(format) = same.or(FINDING_FORMATS.first()) {
-            // Memory takes all of it.
+            // Writing to memory cannot fail.
             let _ = (format.write)(&report, options, &mut verdict);
         }
         let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
@@ -235,18 +246,18 @@ impl Watch {
     }
 }
 
-/// Judges and prints.
-struct Looker {
+/// Runs rules and prints events.
+struct LiveViewer {
     engine: Option<Engine>,
     printer: Printer,
-    /// Prints what was found only.
+    /// Print findings only.
     only_findings: bool,
-    /// How bad a finding must be to end.
+    /// Lowest severity of a finding that ends the session.
     ends_at: Option<Severity>,
     has_found: bool,
 }
 
-impl Looker {
+impl LiveViewer {
     fn new(arguments: &LiveArgs, setup: &Arc<Setup>, printer: Printer) -> Self {
         let judges = arguments.check || (!arguments.lines.no_findings && arguments.lines.format.0.is_some());
         Self {
@@ -262,10 +273,11 @@ impl Looker {
         self.printer.is_done() || (self.has_found && self.ends_at.is_some())
     }
 
-    /// Lets the rules see how far time has gone on without a frame.
+    /// Advances the time of rules without a frame.
     fn advance(&mut self, buses: Buses<'_>) {
         let Self { engine, printer, only_findings, ends_at, has_found } = self;
-        let mut out = Out { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
+        let mut out =
+            PrintingObserver { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
         for bus in buses {
             if let Some(engine) = engine {
                 engine.advance(bus, &mut out);
@@ -274,8 +286,9 @@ impl Looker {
     }
 
     fn begin(&mut self, first: &Frame) {
-        // A live bus has times, so nothing can be wrong with a selection by time.
-        let _ = self.printer.begin(first);
+        // A live bus has timestamps, and a time of day is one of today, so selection by time cannot fail.
+        let today = first.time.map(|time| (time, time));
+        let _ = self.printer.begin(first, &mut || today);
     }
 
     fn flush(&mut self) {
@@ -283,15 +296,15 @@ impl Looker {
     }
 }
 
-/// Passes events on to the printer, and minds findings.
-struct Out<'a> {
+/// Forwards events to the printer and checks findings.
+struct PrintingObserver<'a> {
     printer: &'a mut Printer,
     only_findings: bool,
     ends_at: Option<Severity>,
     has_found: &'a mut bool,
 }
 
-impl Observer for Out<'_> {
+impl Observer for PrintingObserver<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         if let EventKind::FindingOpened(finding) = &event.kind {
             *self.has_found |= self.ends_at.is_some_and(|least| finding.severity >= least);
@@ -299,8 +312,8 @@ impl Observer for Out<'_> {
         if let Some(change) = bit_rate_change(event) {
             let name = bus.name();
             note(&format!(
-                "{name}: {change}: give it the new bit rate here too (ip link set {name} down; ip link set {name} up type \
-                 can bitrate RATE), a serial adapter by its @RATE"
+                "{name}: {change}; set the new bit rate here too (ip link set {name} down; ip link set {name} up type \
+                 can bitrate RATE; for a serial adapter @RATE)"
             ));
         }
         let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
@@ -310,10 +323,11 @@ impl Observer for Out<'_> {
     }
 }
 
-impl Observer for Looker {
+impl Observer for LiveViewer {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let Self { engine, printer, only_findings, ends_at, has_found } = self;
-        let mut out = Out { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
+        let mut out =
+            PrintingObserver { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
         match engine {
             Some(engine) => Judge { engine, out: &mut out }.event(event, bus),
             None => out.event(event, bus),

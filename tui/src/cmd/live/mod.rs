@@ -1,4 +1,4 @@
-//! `cobscope live`: buses as they are now.
+//! `cobscope live`: live buses.
 
 mod lines;
 mod pump;
@@ -21,7 +21,7 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     }
     let wants_lines = arguments.print || arguments.check;
     if !wants_lines && !std::io::stdout().is_terminal() {
-        complain(&anyhow::anyhow!("standard output is no terminal; for lines use --print"));
+        complain(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
         return Exit::Usage;
     }
     let specs = match specs(arguments) {
@@ -38,17 +38,17 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     })
 }
 
-/// Watches datagrams that stand for frames.
+/// Reads frames from datagrams instead of CAN.
 ///
 /// # Errors
-/// As the command itself.
+/// As for the command.
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub fn over_datagrams(arguments: &LiveArgs, socket: std::net::UdpSocket) -> anyhow::Result<()> {
     let sources = || Ok(vec![socketcan::stand_in(socket)?]);
     lines::watch(arguments, sources).map(|_| ()).map_err(|(_, error)| error)
 }
 
-/// Says which interfaces there are.
+/// Lists the CAN interfaces.
 fn list() -> Exit {
     let interfaces = socketcan::all();
     let mut text = String::new();
@@ -59,13 +59,13 @@ fn list() -> Exit {
     let hint = if interfaces.is_empty() {
         "no CAN interface on this computer; "
     } else {
-        "cobscope live NAME watches one of them, any watches all; "
+        "cobscope live NAME shows one of them, any shows all; "
     };
     let written = print(text.as_bytes());
     let _ = writeln!(
         std::io::stderr(),
-        "cobscope: {hint}serial adapters are slcan:/dev/ttyACM0@500000, servers socketcand://HOST/can0, \
-         - is text on standard input"
+        "cobscope: {hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), socketcand://HOST/can0 (server), \
+         - (candump text on stdin)"
     );
     if interfaces.is_empty() { Exit::Capture } else { written }
 }

@@ -1,10 +1,11 @@
-//! Takes what comes, records it, and passes it on.
+//! Thread that reads from sources, records, and forwards.
 //!
 //! ```text
 //! sources ─▶ gather ─▶ record
-//!                  └─▶ whoever looks: lines, rules, screen
+//!                  └─▶ consumer: lines, rules, screen
 //! ```
-//! The record goes first: who looks too slowly loses, and is told how much; the record does not.
+//! Recording has priority: a slow consumer loses frames, and their number is reported; the recorded capture
+//! is complete.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,75 +15,76 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{BusNames, Notice, Place};
+use cobscope_decoder::capture::{BusNames, CapturePlace, Notice};
 use cobscope_decoder::frame::BusIndex;
 
 use crate::record::{RecordStatus, Recorder};
 use crate::source::live::{Arrival, Gather, LiveState, Source};
 
-/// How long nothing is waited for at most.
+/// Maximum wait for frames before other work is done.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// Deliveries that wait for who looks.
+/// Capacity of the queue to the consumer, in deliveries.
 const WAITING: usize = 256;
 
-/// What came at once.
-pub(super) struct Came {
-    /// Names of all buses so far.
+/// Items received at once.
+pub(super) struct PendingDeliveries {
+    /// Names of all buses known so far.
     pub(super) names: BusNames,
-    /// In order.
+    /// Frames and notices in order.
     pub(super) items: Vec<Arrival>,
 }
 
-/// Sources and record.
+/// The reading thread.
 pub(super) struct Pump {
-    /// How buses and record are.
+    /// State of buses and recording.
     pub(super) state: LiveState,
     stop: Arc<AtomicBool>,
     thread: JoinHandle<Option<RecordStatus>>,
 }
 
 impl Pump {
-    /// Begins to read, `most` frames at most; what comes is to be taken from the receiver.
+    /// Starts reading, up to `most` frames; items are delivered through the receiver.
     ///
     /// # Errors
-    /// When no thread can be started.
+    /// If the thread cannot be started.
     pub(super) fn start(
         sources: Vec<Box<dyn Source>>,
         recorder: Option<Recorder>,
         most: Option<u64>,
-    ) -> anyhow::Result<(Self, Receiver<Came>)> {
+    ) -> anyhow::Result<(Self, Receiver<PendingDeliveries>)> {
         let gather = Gather::start(sources)?;
         let (outbox, inbox) = sync_channel(WAITING);
         let (state, stop) = (LiveState::default(), Arc::new(AtomicBool::new(false)));
-        tell(&gather, recorder.as_ref(), &state);
+        update_state(&gather, recorder.as_ref(), &state);
         let left = most.unwrap_or(u64::MAX);
-        let work = Work { gather, recorder, outbox, state: state.clone(), unseen: BTreeMap::new(), left };
+        let work =
+            PumpThread { gather, recorder, outbox, state: state.clone(), unseen: BTreeMap::new(), left };
         let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new().name("pump".into());
-        let thread = thread.spawn(move || work.run(&stopped)).context("no thread can be started")?;
+        let thread = thread.spawn(move || work.run(&stopped)).context("cannot start a thread")?;
         Ok((Self { state, stop, thread }, inbox))
     }
 
-    /// Ends reading, when nobody waits to take more; what came of the record.
+    /// Stops reading, after the receiver was dropped; returns the result of recording.
     pub(super) fn finish(self) -> Option<RecordStatus> {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.join().ok().flatten()
     }
 }
 
-struct Work {
+struct PumpThread {
     gather: Gather,
     recorder: Option<Recorder>,
-    outbox: SyncSender<Came>,
+    outbox: SyncSender<PendingDeliveries>,
     state: LiveState,
-    /// Frames of each bus that who looks did not get.
+    /// Number of frames per bus that the consumer did not get.
     unseen: BTreeMap<u8, u64>,
-    /// Frames that are still wanted.
+    /// Number of frames still to read.
     left: u64,
 }
 
-impl Work {
+impl PumpThread {
     fn run(mut self, stop: &AtomicBool) -> Option<RecordStatus> {
         while !stop.load(Ordering::Relaxed) {
             let came = if self.left > 0 { self.gather.next(WAIT) } else { None };
@@ -90,7 +92,7 @@ impl Work {
             let mut items = came.unwrap_or_default();
             self.limit(&mut items);
             self.record(&items);
-            tell(&self.gather, self.recorder.as_ref(), &self.state);
+            update_state(&self.gather, self.recorder.as_ref(), &self.state);
             for failure in self.gather.failures() {
                 self.state.get().failure = Some(format!("{failure:#}"));
             }
@@ -105,7 +107,7 @@ impl Work {
         self.recorder.map(Recorder::finish)
     }
 
-    /// Leaves out what comes behind the last frame that is wanted.
+    /// Drops items after the last requested frame.
     fn limit(&mut self, items: &mut Vec<Arrival>) {
         let frames = items.iter().enumerate().filter(|(_, item)| matches!(item, Arrival::Frame(_)));
         let mut count = 0;
@@ -134,22 +136,22 @@ impl Work {
         recorder.tick(Instant::now());
     }
 
-    /// Passes items on; `false` when nobody looks any more.
+    /// Forwards items; `false` if the receiver was dropped.
     fn pass_on(&mut self, mut items: Vec<Arrival>) -> bool {
         let names = self.gather.names().clone();
         if self.recorder.is_none() {
-            // Nothing else is lost by waiting; what the sources lose meanwhile they count.
-            return self.outbox.send(Came { names, items }).is_ok();
+            // Without recording the pump can wait; frames lost by the sources meanwhile are counted there.
+            return self.outbox.send(PendingDeliveries { names, items }).is_ok();
         }
         let lost = std::mem::take(&mut self.unseen).into_iter().map(|(bus, count)| {
-            let (place, bus, count) = (Place::Now, BusIndex(bus), Some(count));
+            let (place, bus, count) = (CapturePlace::Now, BusIndex(bus), Some(count));
             Arrival::Notice(Notice::LostFrames { place, bus, count })
         });
         items.splice(0..0, lost);
-        match self.outbox.try_send(Came { names, items }) {
+        match self.outbox.try_send(PendingDeliveries { names, items }) {
             Ok(()) => true,
             Err(TrySendError::Disconnected(_)) => false,
-            Err(TrySendError::Full(Came { items, .. })) => {
+            Err(TrySendError::Full(PendingDeliveries { items, .. })) => {
                 for item in items {
                     let (bus, count) = match item {
                         Arrival::Frame(frame) => (frame.bus, 1),
@@ -165,8 +167,8 @@ impl Work {
     }
 }
 
-/// Says how buses and record are.
-fn tell(gather: &Gather, recorder: Option<&Recorder>, state: &LiveState) {
+/// Publishes the state of buses and recording.
+fn update_state(gather: &Gather, recorder: Option<&Recorder>, state: &LiveState) {
     let mut live = state.get();
     live.buses.clear();
     live.buses.extend(gather.status().cloned());

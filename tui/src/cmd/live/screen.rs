@@ -9,7 +9,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::BusIndex;
 
-use super::pump::{Came, Pump};
+use super::pump::{PendingDeliveries, Pump};
 use super::sources::{open, recorder};
 use crate::app::{App, Start};
 use crate::cli::LiveArgs;
@@ -18,17 +18,17 @@ use crate::cmd::messages::Refusal;
 use crate::cmd::view::{command, forward, theme};
 use crate::exit_code::Exit;
 use crate::source::live::{Arrival, SourceSpec};
-use crate::source::{Store, StoreWriter};
+use crate::source::{JoinOptions, Store, StoreWriter};
 use crate::terminal::{self, Screen};
 use crate::timeline::{Captures, LiveBuses, Timeline};
 
-/// Bytes written to the store at once.
+/// Buffer size of the store, in bytes.
 const PIECE: usize = 64 * 1024;
 
-/// The format the store is in: it has a place for all that is known.
+/// Format of the store; it can contain all frames and notices.
 const FORMAT: &str = "pcapng";
 
-/// Watches until the user leaves.
+/// Shows live buses until the user quits.
 pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
     let ready = session_options(&arguments.input).and_then(|session| {
         let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
@@ -45,10 +45,11 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let spool = spool(inbox, writer).map_err(|error| (Exit::Capture, error))?;
     let live = Some(LiveBuses { store, state: pump.state.clone() });
     let read = read_options(&arguments.input);
-    let captures = Captures { paths: Vec::new(), align: false, read, session, rules, live };
+    let captures =
+        Captures { paths: Vec::new(), align: false, join: JoinOptions::OFF, read, session, rules, live };
     let shown = show(arguments, captures, has_stdin);
     let outcome = pump.finish();
-    // The pump's end is the spool's.
+    // The spool ends when the pump ends.
     let _ = spool.join();
     if let Some(outcome) = outcome {
         for text in std::iter::once(format!("recorded {outcome}")).chain(outcome.remarks()) {
@@ -59,10 +60,7 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
 }
 
 fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Result<()> {
-    ensure!(
-        has_stdin || std::io::stdin().is_terminal(),
-        "standard input is no terminal, so there are no keys"
-    );
+    ensure!(has_stdin || std::io::stdin().is_terminal(), "stdin is not a terminal; keys cannot be read");
     let (messages, inbox) = channel();
     let (news, found) = channel();
     let timeline = Timeline::open(captures, news)?;
@@ -75,7 +73,7 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,
         follows: true,
-        // Buses come as long as it goes on.
+        // Buses can appear at any time.
         named: Vec::new(),
     };
     let mut app = App::new(timeline, theme(&arguments.screen, arguments.lines.color), start);
@@ -84,25 +82,25 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
     terminal::run(&mut app, &mut screen, &inbox)
 }
 
-/// Writes what comes to the store.
-fn spool(inbox: Receiver<Came>, store: StoreWriter) -> anyhow::Result<JoinHandle<()>> {
+/// Writes received items to the store.
+fn spool(inbox: Receiver<PendingDeliveries>, store: StoreWriter) -> anyhow::Result<JoinHandle<()>> {
     let format = WRITABLE.iter().find(|format| format.name == FORMAT).context("no format for the store")?;
     let thread = std::thread::Builder::new().name("spool".into());
     let written = store.store();
     let mut writer =
         (format.writer)(Box::new(BufWriter::with_capacity(PIECE, store)), &WriteOptions::default());
-    writer.flush().context("the temporary file cannot be written")?;
+    writer.flush().context("cannot write the temporary file")?;
     let run = move || {
         let mut failure = None;
-        for Came { names, items } in inbox {
+        for PendingDeliveries { names, items } in inbox {
             if let Err(error) = write(&mut *writer, names.names(), &items) {
-                failure = Some(format!("the temporary file cannot be written: {error}"));
+                failure = Some(format!("cannot write the temporary file: {error}"));
                 break;
             }
         }
         written.end(failure);
     };
-    thread.spawn(run).context("no thread can be started")
+    thread.spawn(run).context("cannot start a thread")
 }
 
 fn write(writer: &mut dyn FrameWriter, names: &[String], items: &[Arrival]) -> std::io::Result<()> {

@@ -1,4 +1,4 @@
-//! Sources and record as the command line names them.
+//! Sources and recording, from the command line.
 
 use std::path::Path;
 
@@ -13,17 +13,22 @@ use crate::source::live::{BusStatus, Source, SourceSpec, lines as text, slcan, s
 
 pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
     let spec = |path: &Path| -> anyhow::Result<SourceSpec> {
-        let name = path.to_str().with_context(|| format!("{}: is no name of a source", path.display()))?;
+        let name = path.to_str().with_context(|| {
+            format!(
+                "{}: not a valid source; expected can0, slcan:PORT@RATE, socketcand://HOST/BUS, - or a file",
+                path.display()
+            )
+        })?;
         let spec = name.parse::<SourceSpec>().map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
         if matches!(spec, SourceSpec::File(_)) && !arguments.follow {
-            bail!("{name}: is a file; cobscope view {name} shows what is in it, --follow what is added too");
+            bail!("{name}: is a file; use cobscope view {name}, or --follow for a growing file");
         }
         Ok(spec)
     };
     arguments.input.captures.iter().map(|path| spec(path)).collect()
 }
 
-/// Opens the sources. All CAN interfaces of this computer are one.
+/// Opens the sources; all CAN interfaces of this computer are one source.
 pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<dyn Source>>> {
     let read = read_options(&arguments.input);
     let (mut sources, mut interfaces) = (Vec::new(), Vec::new());
@@ -42,7 +47,7 @@ pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Resu
     Ok(sources)
 }
 
-/// The record, where one is wanted.
+/// Recorder for `--record`.
 pub(super) fn recorder(arguments: &LiveArgs) -> anyhow::Result<Option<Recorder>> {
     let Some(path) = &arguments.record else { return Ok(None) };
     let options = RecordOptions {
@@ -54,7 +59,7 @@ pub(super) fn recorder(arguments: &LiveArgs) -> anyhow::Result<Option<Recorder>>
     Recorder::open(&options, jiff::Zoned::now().datetime()).map(Some)
 }
 
-/// Whether an interface has to be brought up before anything comes.
+/// Whether an interface is down and must be brought up first.
 pub(super) fn is_down(status: &BusStatus) -> bool {
     status.state == LinkState::Down
 }
@@ -63,6 +68,6 @@ pub(super) fn is_down(status: &BusStatus) -> bool {
 pub(super) fn shown(status: &BusStatus) -> String {
     let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
     let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
-    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", stamps of {whose}"));
+    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", timestamps by {whose}"));
     escape(&format!("{}: {}{rate}{controller}{stamps}", status.name, status.state.name())).into_owned()
 }

@@ -1,4 +1,4 @@
-//! Texts about a node and about one entry of its object store.
+//! Text on a node and on an entry of its object store.
 
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::session::{Bus, Entry, Node};
@@ -15,7 +15,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
 }
 
-/// ` {88} 1.234 s`: where a value was seen. What a file states has no frame.
+/// ` {88} 1.234 s`: frame and time of a value; empty for a value from a file.
 pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
     let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
     let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {

@@ -1,4 +1,4 @@
-//! `cobscope objects`: what is known of a node's objects, and from where.
+//! `cobscope objects`: object values of nodes, with their origin.
 
 mod entry;
 mod want;
@@ -17,19 +17,19 @@ use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 use serde_json::json;
 
-use super::decoding::{Watcher, decode_capture, report};
+use super::decoding::{CaptureObserver, decode_capture, report};
 use super::messages::complain;
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
-use crate::select::Bound;
+use crate::select::{Bound, BoundSide, Span};
 use entry::{hex, label, place};
 use want::Want;
 
-/// Widest columns of names and values: with the others most lines fit 100 columns or little more.
+/// Maximum widths of the name and value columns; most lines then fit 100 columns.
 const WIDEST_NAME: usize = 50;
 const WIDEST_VALUE: usize = 24;
 
-/// Bytes of a value that are shown.
+/// Maximum number of bytes printed per value.
 const SHOWN_BYTES: usize = 16;
 
 /// Runs the command.
@@ -42,46 +42,47 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
         }
     };
     let several = arguments.input.captures.len() > 1;
-    report(&arguments.input, |path, options, output| {
-        let mut until = Until { at: arguments.at, first: None };
-        let decoded = decode_capture(path, &arguments.input, options, &mut until)?;
-        decoded.tell_unreadable(path);
-        let name = path.display().to_string();
-        if several && arguments.format == ReportFormat::Text {
+    report(&arguments.input, |series, options, output| {
+        let mut until = TimeLimit { at: arguments.at, first: None };
+        let decoded = decode_capture(series, &arguments.input, options, &mut until)?;
+        let name = series.name();
+        decoded.report_unreadable(&name);
+        if several
+            && !series.is_joined_from(&arguments.input.captures)
+            && arguments.format == ReportFormat::Text
+        {
             let _ = writeln!(output, "== {}", escape(&name));
         }
         if let Some(want) = &want {
             want.compare(decoded.decoder.buses(), until.first, &name, output);
         } else {
             for bus in decoded.decoder.buses() {
-                tell(bus, arguments, until.first, &name, output);
+                print_bus(bus, arguments, until.first, &name, output);
             }
         }
-        let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
-        let chosen = chosen.map(|node| (node.bus.as_deref(), node.id));
-        let chosen = want.as_ref().map(Want::chosen).or(chosen);
-        if let Some(absent) = chosen.and_then(|chosen| absent(decoded.decoder.buses(), chosen)) {
+        // A node of `--node` is reported for every command.
+        let of_file = want.as_ref().filter(|_| arguments.input.node.is_empty()).map(Want::chosen);
+        if let Some(absent) = of_file.and_then(|chosen| absent(decoded.decoder.buses(), chosen)) {
             complain(&anyhow::anyhow!("{name}: {absent}"));
         }
         Ok(decoded.failure)
     })
 }
 
-/// Ends a capture at the moment asked for.
-struct Until {
+/// Observer that ends the capture at `--at`.
+struct TimeLimit {
     at: Option<Bound>,
     first: Option<Timestamp>,
 }
 
-impl Observer for Until {
+impl Observer for TimeLimit {
     fn event(&mut self, _: &Event, _: &Bus) {}
 }
 
-impl Watcher for Until {
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
+impl CaptureObserver for TimeLimit {
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
-        let wants_time = matches!(self.at, Some(Bound::Offset(_) | Bound::Moment(_)));
-        anyhow::ensure!(first.time.is_some() || !wants_time, "has no times; give a frame as --at #1234");
+        self.at = self.at.map(|at| at.resolve(BoundSide::At, first, span)).transpose()?;
         Ok(())
     }
 
@@ -94,21 +95,14 @@ impl Watcher for Until {
     }
 }
 
-/// What is said where the node that is asked for is not there. That there is no such bus was said before.
-fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId)) -> Option<String> {
-    let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
-    let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
-    if is_there || !buses.iter().any(|bus| is_meant(&bus)) {
-        return None;
-    }
-    let heard: Vec<_> =
-        buses.iter().filter(is_meant).flat_map(Bus::nodes).map(|node| node.id().to_string()).collect();
-    let heard = if heard.is_empty() { "none".to_owned() } else { heard.join(", ") };
-    Some(format!("{} is not heard; nodes heard: {heard}", node.words()))
-}
-
-/// Tells what is asked for of one bus.
-fn tell(bus: &Bus, arguments: &ObjectsArgs, first: Option<Timestamp>, capture: &str, output: &mut String) {
+/// Prints the chosen node, or an overview of all nodes, of one bus.
+fn print_bus(
+    bus: &Bus,
+    arguments: &ObjectsArgs,
+    first: Option<Timestamp>,
+    capture: &str,
+    output: &mut String,
+) {
     let nodes = bus.nodes().filter(|node| !node.store().is_empty());
     let Some(wanted) = arguments.input.node.iter().find(|node| node.profile.is_none()) else {
         for node in nodes {
@@ -145,7 +139,7 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
     };
 }
 
-/// All objects in columns as wide as what stands in them; what is wider than most is cut.
+/// Prints all objects in columns; long names and values are truncated.
 fn table(node: &Node, first: Option<Timestamp>, output: &mut String) {
     let row = |(object, entry)| Row::of(node, object, entry);
     let rows: Vec<_> = node.store().sorted().into_iter().map(row).collect();
@@ -165,7 +159,7 @@ fn table(node: &Node, first: Option<Timestamp>, output: &mut String) {
     }
 }
 
-/// One object, ready for a terminal.
+/// One object with escaped texts.
 struct Row<'a> {
     object: ObjectAddress,
     name: String,
@@ -186,12 +180,12 @@ impl<'a> Row<'a> {
     }
 }
 
-/// How wide a column is for a cell.
+/// Width of a cell, limited to `most`.
 fn column(cell: &str, most: usize) -> usize {
     cell.chars().count().min(most)
 }
 
-/// The beginning of a cell that is wider than its column.
+/// A cell truncated to `width`.
 fn cut(cell: &str, width: usize) -> Cow<'_, str> {
     if cell.chars().count() <= width {
         return cell.into();
@@ -201,7 +195,7 @@ fn cut(cell: &str, width: usize) -> Cow<'_, str> {
     cut.into()
 }
 
-/// The bytes of a value; of many the beginning.
+/// Bytes of a value, truncated if there are many.
 fn data(entry: &Entry) -> String {
     let shown = entry.value.get(..SHOWN_BYTES).unwrap_or(&entry.value);
     let data = Value::Bytes(shown.to_vec());
@@ -212,7 +206,7 @@ fn data(entry: &Entry) -> String {
     }
 }
 
-/// What becomes of a value: what takes its place at a restart, whether it stays.
+/// Pending new value and storage of an object.
 fn future(node: &Node, object: ObjectAddress) -> String {
     let waiting = node.store().waiting(object).map_or(String::new(), |waiting| {
         let meaning = node.meaning(object);
@@ -230,7 +224,7 @@ fn future(node: &Node, object: ObjectAddress) -> String {
     format!("{waiting}{persists}")
 }
 
-/// One object as a JSON object.
+/// One object as a JSON record.
 fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture: &str) -> serde_json::Value {
     let known = node.meaning(object);
     let value = known.as_ref().map(|known| known.decode(&entry.value)).and_then(|value| match value {
@@ -260,4 +254,17 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
             "frame": waiting.origin.frame,
         })),
     })
+}
+
+/// Message if the chosen node is not present; `None` for an unknown bus, which was already reported.
+fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId)) -> Option<String> {
+    let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
+    let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
+    if is_there || !buses.iter().any(|bus| is_meant(&bus)) {
+        return None;
+    }
+    let present: Vec<_> =
+        buses.iter().filter(is_meant).flat_map(Bus::nodes).map(|node| node.id().to_string()).collect();
+    let present = if present.is_empty() { "none".to_owned() } else { present.join(", ") };
+    Some(format!("{} not present; nodes present: {present}", node.words()))
 }

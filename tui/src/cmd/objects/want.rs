@@ -1,4 +1,4 @@
-//! `cobscope objects --want`: what is configured in a node against what a DCF wants.
+//! `cobscope objects --want`: comparison of a node's values with those of a DCF or XDC.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,16 +10,17 @@ use cobscope_decoder::profile::{DataType, Value};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::wire::canopen::ObjectAddress;
 use serde_json::json;
 
 use super::entry::{hex, label, place};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::cmd::input::device_files;
 
-/// Store and restore: a read tells what the device can do, not what was wanted.
+/// Store and restore parameters: a read returns the capability of the device, not a configured value.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];
 
-/// What is wanted of one node.
+/// Expected values of one node.
 pub(super) struct Want {
     file: Arc<DeviceFile>,
     name: String,
@@ -28,8 +29,8 @@ pub(super) struct Want {
     format: ReportFormat,
 }
 
-/// An object's value against the wanted one.
-struct Compared<'a> {
+/// Value of an object and expected value.
+struct ValueComparison<'a> {
     object: &'a DeviceObject,
     wanted: Vec<u8>,
     is: Option<&'a Entry>,
@@ -37,20 +38,20 @@ struct Compared<'a> {
 
 impl Want {
     /// # Errors
-    /// A file that cannot be read or wants nothing; no node it could be of.
+    /// If the file is unreadable or contains no values, or if the node is unknown.
     pub(super) fn new(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<Self> {
         let shown = path.display();
         let file = device_files::read(path)?;
         let wants = file.objects.iter().any(|object| object.value.is_some());
         let why = match file.kind {
-            Kind::Eds | Kind::Xdd => "an EDS or XDD has no values, a DCF or XDC does",
-            Kind::Dcf => "no object in it has a ParameterValue",
-            Kind::Xdc => "no object in it has an actualValue",
+            Kind::Eds | Kind::Xdd => "EDS and XDD files have no values; use a DCF or XDC",
+            Kind::Dcf => "no ParameterValue",
+            Kind::Xdc => "no actualValue",
         };
-        anyhow::ensure!(wants, "{shown}: wants nothing: {why}");
+        anyhow::ensure!(wants, "{shown}: no values to compare: {why}");
         let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
         let Some(node) = chosen.map(|node| node.id).or(file.node_id.map(NodeId::Canopen)) else {
-            anyhow::bail!("{shown}: does not say of which node it is: add --node");
+            anyhow::bail!("{shown}: no node-ID in the file; add --node");
         };
         Ok(Self {
             name: device_files::name(path),
@@ -61,12 +62,12 @@ impl Want {
         })
     }
 
-    /// The node, and its bus where one is named.
+    /// The node, and its bus if one is given.
     pub(super) fn chosen(&self) -> (Option<&str>, NodeId) {
         (self.bus.as_deref(), self.node)
     }
 
-    /// Compares the node on every bus it was seen on.
+    /// Compares the node on all its buses.
     pub(super) fn compare(
         &self,
         buses: Buses<'_>,
@@ -84,12 +85,12 @@ impl Want {
         }
     }
 
-    /// Everything the file wants that can be compared.
-    fn compared<'a>(&'a self, node: &'a Node) -> impl Iterator<Item = Compared<'a>> {
+    /// All objects of the file that can be compared.
+    fn compared<'a>(&'a self, node: &'a Node) -> impl Iterator<Item = ValueComparison<'a>> {
         let objects = self.file.objects.iter().filter(|object| !COMMANDS.contains(&object.address.index));
         objects.filter_map(|object| {
             let wanted = object.wanted(self.node.number())?;
-            Some(Compared { object, wanted, is: node.store().seen(object.address) })
+            Some(ValueComparison { object, wanted, is: node.store().seen(object.address) })
         })
     }
 
@@ -100,7 +101,7 @@ impl Want {
             match compared.result() {
                 Outcome::Equal => equal += 1,
                 Outcome::Unseen if compared.object.access == Some(Access::Wo) => {}
-                Outcome::Unseen => unseen.push(compared.object.address.to_string()),
+                Outcome::Unseen => unseen.push(compared.object.address),
                 Outcome::Differs => {
                     differ += 1;
                     compared.row(node, first, &mut differing);
@@ -110,14 +111,12 @@ impl Want {
         let unknown = unseen.len();
         let _ = writeln!(
             output,
-            "{} against {}: {differ} different, {equal} equal, {unknown} never seen",
+            "{} against {}: {differ} different, {equal} equal, {unknown} unknown",
             label(bus, node),
             escape(&self.name)
         );
         output.push_str(&differing);
-        if unknown > 0 {
-            let _ = writeln!(output, "to be read: {}", unseen.join(" "));
-        }
+        list_unknown(&unseen, output);
     }
 
     fn json(&self, bus: &Bus, node: &Node, capture: &str, output: &mut String) {
@@ -140,6 +139,38 @@ impl Want {
     }
 }
 
+/// Max columns and lines of the list of unknown objects.
+const LIST: (usize, usize) = (100, 10);
+
+/// Lists unknown objects: sub-indexes in ranges, several entries per line.
+fn list_unknown(unseen: &[ObjectAddress], output: &mut String) {
+    let (columns, most) = LIST;
+    let mut lines: Vec<String> = Vec::new();
+    let mut listed = 0;
+    for run in
+        unseen.chunk_by(|one, next| (one.index, one.sub.checked_add(1)) == (next.index, Some(next.sub)))
+    {
+        let (Some(first), Some(last)) = (run.first(), run.last()) else { continue };
+        let entry = if run.len() > 1 { format!("{first}..{:02X}", last.sub) } else { first.to_string() };
+        let is_full = lines.len() >= most;
+        match lines.last_mut() {
+            Some(line) if line.len() + entry.len() < columns => {
+                line.push(' ');
+                line.push_str(&entry);
+            }
+            _ if is_full => break,
+            _ => lines.push(format!("unknown: {entry}")),
+        }
+        listed += run.len();
+    }
+    for line in lines {
+        let _ = writeln!(output, "{line}");
+    }
+    if listed < unseen.len() {
+        let _ = writeln!(output, "unknown: {} more (-f json lists all)", unseen.len() - listed);
+    }
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     Equal,
@@ -157,14 +188,14 @@ impl Outcome {
     }
 }
 
-impl Compared<'_> {
+impl ValueComparison<'_> {
     fn result(&self) -> Outcome {
         let Some(entry) = self.is else { return Outcome::Unseen };
         let decode = |bytes: &[u8]| self.object.data_type.map(|data_type| data_type.decode(bytes));
         if decode(&self.wanted) == decode(&entry.value) { Outcome::Equal } else { Outcome::Differs }
     }
 
-    /// `1017:00  Producer heartbeat time   wanted 500 ms, is 1000 ms  written {88} 1.234 s`
+    /// Appends `1017:00  Producer heartbeat time   expected 500 ms, is 1000 ms  written {88} 1.234 s`.
     fn row(&self, node: &Node, first: Option<Timestamp>, output: &mut String) {
         let Some(entry) = self.is else { return };
         let object = self.object.address;
@@ -177,9 +208,9 @@ impl Compared<'_> {
         let stale = if entry.stale { "?" } else { "" };
         let waiting = node.store().waiting(object).filter(|waiting| waiting.value == self.wanted);
         let waits = waiting
-            .map_or(String::new(), |waiting| format!(", the wanted one acts {}", waiting.effect.when()));
+            .map_or(String::new(), |waiting| format!(", expected value active {}", waiting.effect.when()));
         let line = format!(
-            "{object}  {name:<50}  wanted {}, is {}{stale}  {}{}{waits}",
+            "{object}  {name:<50}  expected {}, is {}{stale}  {}{}{waits}",
             show(&self.wanted),
             show(&entry.value),
             entry.origin.kind.verb(),
@@ -189,7 +220,31 @@ impl Compared<'_> {
     }
 }
 
-/// A value of an object nothing but the file describes.
+/// A value with the data type from the file.
 fn plain(bytes: &[u8], data_type: Option<DataType>) -> String {
     data_type.map_or(Value::Bytes(bytes.to_vec()), |data_type| data_type.decode(bytes)).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_objects_are_listed_in_ranges_and_short_lines() {
+        let list = |unseen: &[ObjectAddress]| {
+            let mut output = String::new();
+            list_unknown(unseen, &mut output);
+            output
+        };
+        assert_eq!(list(&[]), "");
+        let few = [(0x1003, 1), (0x1003, 2), (0x1003, 4), (0x1004, 5), (0x1005, 0xFF), (0x1006, 0)];
+        let few = few.map(|(index, sub)| ObjectAddress::new(index, sub));
+        assert_eq!(list(&few), "unknown: 1003:01..02 1003:04 1004:05 1005:FF 1006:00\n");
+        let many: Vec<_> = (0x2000..0x2000 + 1_675).map(|index| ObjectAddress::new(index, 0)).collect();
+        let text = list(&many);
+        assert_eq!(text.lines().count(), 11);
+        assert!(text.lines().all(|line| line.len() <= 100), "{text}");
+        // Ten lines of 90 columns after "unknown:", eight per address: 11 addresses each.
+        assert!(text.ends_with("unknown: 1565 more (-f json lists all)\n"), "{text}");
+    }
 }

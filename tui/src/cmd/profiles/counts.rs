@@ -1,8 +1,8 @@
-//! Numbers of entries in a profile.
+//! Numbers of entries in profiles.
 
 use cobscope_decoder::profile::Device;
 
-/// How much of a device is described.
+/// Numbers of entries by kind.
 pub(super) fn counts(device: &Device) -> [(&'static str, usize); 12] {
     let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
     let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();

@@ -1,4 +1,4 @@
-//! A device as Markdown: `cobscope profiles show --format markdown`.
+//! A profile as Markdown: `cobscope profiles show --format markdown`.
 
 use std::fmt::Write as _;
 
@@ -9,11 +9,11 @@ use cobscope_decoder::sink::escape;
 use super::counts::counts;
 use crate::cmd::describe::{FIRM, behaviour, j1939, network, uds};
 
-/// Tables of what the device does; its objects stand in the page of text only.
+/// The profile as tables, without its objects.
 pub(super) fn markdown(device: &Device) -> String {
     let mut text = format!("## {}\n\n", cell(&device.full_id));
     let (title, vendor, description) = (&device.title, &device.vendor, &device.description);
-    let what = format!("{title}, {vendor}: {description}. After {}.", device.source);
+    let what = format!("{title}, {vendor}: {description}. Source: {}.", device.source);
     let _ = writeln!(text, "{}", cell(&what));
     if !device.note.is_empty() {
         let _ = writeln!(text, "\nNote: {}.", cell(&device.note));
@@ -25,29 +25,29 @@ pub(super) fn markdown(device: &Device) -> String {
     rows(&mut text, &names, vec![numbers]);
     let network = network::facts(device).into_iter();
     let network = network.map(|fact| vec![fact.heading.to_owned(), fact.text, fact.source]).collect();
-    table(&mut text, "Network", &["what", "how", "section"], network);
+    table(&mut text, "Network", &["property", "value", "section"], network);
     table(&mut text, "PDOs", &["PDO", "contents", "mapping", "section"], pdos(device));
     let columns = ["message", "contents", "section"];
     table(&mut text, "J1939 messages", &columns, messages(device));
     states(&mut text, device);
-    table(&mut text, "Gates", &["gate", "set points", "when", "what it is about", "section"], gates(device));
-    table(&mut text, "Procedures", &["procedure", "how it is seen", "section"], procedures(device));
+    table(&mut text, "Gates", &["gate", "set points", "condition", "description", "section"], gates(device));
+    table(&mut text, "Procedures", &["procedure", "detection", "section"], procedures(device));
     let columns = ["code", "meaning", "register", "reaction", "check", "section"];
     table(&mut text, "EMCY codes", &columns, errors(device));
     let columns = ["SPN/FMI", "meaning", "check", "section"];
     table(&mut text, "J1939 faults", &columns, faults(device));
     table(&mut text, "SDO abort codes", &["code", "meaning", "of objects", "section"], aborts(device));
-    let columns = ["identifier", "name", "what", "section"];
+    let columns = ["identifier", "name", "description", "section"];
     table(&mut text, "UDS identifiers", &columns, uds_identifiers(device));
-    let columns = ["code", "meaning", "of", "section"];
+    let columns = ["code", "meaning", "applies to", "section"];
     table(&mut text, "UDS negative responses", &columns, uds_codes(device));
-    let columns = ["name", "statement", "severity", "section"];
-    table(&mut text, "Statements a capture can violate", &columns, rules(device));
-    table(&mut text, "Waived rules", &["rule", "why", "section"], waivers(device));
+    let columns = ["name", "defect", "severity", "section"];
+    table(&mut text, "Rules", &columns, rules(device));
+    table(&mut text, "Waived rules", &["rule", "reason", "section"], waivers(device));
     text
 }
 
-/// Text that does not end its cell or its line, and is no markup.
+/// Text escaped for a table cell.
 fn cell(text: &str) -> String {
     let text = escape(text).replace(FIRM, " ");
     text.replace('\\', "\\\\").replace('|', "\\|").replace('<', "&lt;").replace('*', "\\*")

@@ -1,4 +1,4 @@
-//! `cobscope profiles`: the devices that are known, what is known of them, whether a profile is right.
+//! `cobscope profiles`: lists, shows, checks and imports profiles.
 
 mod counts;
 mod markdown;
@@ -41,7 +41,7 @@ fn complain(text: &str) {
     let _ = writeln!(std::io::stderr(), "cobscope: {text}");
 }
 
-/// One line a device and variant.
+/// Prints one line per device and variant.
 fn list(catalogue: &Catalogue) -> Exit {
     let mut text = String::new();
     let mut exit = Exit::Clean;
@@ -53,19 +53,19 @@ fn list(catalogue: &Catalogue) -> Exit {
                 for (place, variant) in device.variants.iter().enumerate() {
                     let title = if variant.title.is_empty() { &device.title } else { &variant.title };
                     let name = format!("{id}:{}", variant.id);
-                    let default = if place == 0 { " (unless another is named)" } else { "" };
+                    let default = if place == 0 { " (default)" } else { "" };
                     let _ = writeln!(text, "  {name:<24} {}{default}", escape(title));
                 }
-                if let Some(origin) = catalogue.brought(&id) {
+                if let Some(origin) = catalogue.content_of(&id) {
                     let _ = writeln!(text, "  from {}", escape(origin));
                 }
             }
             Err(error) => {
-                // What cannot be read has no origin and was said at once.
-                if catalogue.brought(&id).is_none_or(|origin| !origin.is_empty()) {
+                // An unreadable file has no content and was already reported.
+                if catalogue.content_of(&id).is_none_or(|origin| !origin.is_empty()) {
                     complain(&error.to_string());
                 }
-                let _ = writeln!(text, "{:<24} broken", escape(&id));
+                let _ = writeln!(text, "{:<24} invalid", escape(&id));
                 exit = Exit::Profile;
             }
         }
@@ -114,7 +114,7 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
     exit
 }
 
-/// Tells what of a device file cannot be read, or only by a guess.
+/// Prints the problems of a device file.
 fn check_device_file(path: &Path) -> Exit {
     let file = match device_files::read(path) {
         Ok(file) => file,
@@ -134,7 +134,7 @@ fn check_device_file(path: &Path) -> Exit {
     print(format!("{}: ok, {}\n", escape(&shown), plural(file.objects.len(), "object")).as_bytes())
 }
 
-/// Writes the profile of a device file.
+/// Prints the profile generated from a device file.
 fn import(path: &Path) -> Exit {
     match device_files::read(path) {
         Ok(file) => print(imported::toml(&file, &device_files::name(path)).as_bytes()),
@@ -145,7 +145,7 @@ fn import(path: &Path) -> Exit {
     }
 }
 
-/// Checks all variants of a profile and runs its samples; standards are taken from this program and from the file's folder.
+/// Checks all variants of a profile and its samples; standards are built in or in the folder of the file.
 fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -166,7 +166,7 @@ fn check_one(path: &Path, name: &str, text: &str) -> Exit {
         [] => vec![None],
         variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
     };
-    let mut said: Vec<String> = check_names(text, &file).iter().map(|error| error.show(name)).collect();
+    let mut problems: Vec<String> = check_names(text, &file).iter().map(|error| error.show(name)).collect();
     let mut samples = 0;
     for variant in variants {
         let id = variant.map_or(file.id().to_owned(), |variant| format!("{}:{variant}", file.id()));
@@ -174,18 +174,18 @@ fn check_one(path: &Path, name: &str, text: &str) -> Exit {
             Ok(device) => {
                 samples += device.samples.len();
                 let wrong = [check(text, &file, &device), check_samples(text, &device)].concat();
-                said.extend(wrong.iter().map(|error| error.show(name)));
+                problems.extend(wrong.iter().map(|error| error.show(name)));
             }
-            Err(error) => said.push(error.to_string()),
+            Err(error) => problems.push(error.to_string()),
         }
     }
-    said.dedup();
-    for error in &said {
+    problems.dedup();
+    for error in &problems {
         complain(error);
     }
-    if !said.is_empty() {
+    if !problems.is_empty() {
         return Exit::Profile;
     }
-    let hint = if samples == 0 { ": nothing shows that values come out right" } else { "" };
+    let hint = if samples == 0 { "; values not verified" } else { "" };
     print(format!("{}: ok, {}{hint}\n", escape(name), plural(samples, "sample")).as_bytes())
 }

@@ -1,4 +1,4 @@
-//! A device as a page of text: `cobscope profiles show`.
+//! A profile as text: `cobscope profiles show`.
 
 use std::fmt::Write as _;
 
@@ -12,13 +12,13 @@ use cobscope_decoder::sink::escape;
 use crate::cmd::describe::network::{self, Fact};
 use crate::cmd::describe::{behaviour, fold, j1939, object, section as cite, uds};
 
-/// Everything the profile says, in short.
+/// The complete profile, one line per entry.
 pub(super) fn page(device: &Device) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "{}  {}", escape(&device.full_id), escape(&device.title));
     let what = [&device.vendor, &device.description].map(String::as_str);
     let what = what.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(": ");
-    for (first, line) in [("", &what), ("after ", &device.source), ("note: ", &device.note)] {
+    for (first, line) in [("", &what), ("source: ", &device.source), ("note: ", &device.note)] {
         if !line.is_empty() {
             fold(&mut text, first, line, first.len());
         }
@@ -39,7 +39,7 @@ pub(super) fn page(device: &Device) -> String {
     section(&mut text, "SDO abort codes", device.aborts.iter().map(abort_line));
     section(&mut text, "UDS identifiers", device.uds.identifier.iter().map(|it| uds_line(it.get_ref())));
     section(&mut text, "UDS negative responses", device.uds.nrc.iter().map(nrc_line));
-    section(&mut text, "Statements a capture can violate", rules(&device.rules).into_iter().map(rule_line));
+    section(&mut text, "Rules", rules(&device.rules).into_iter().map(rule_line));
     let waivers =
         device.waivers.iter().map(|it| format!("{}: {}  {}", it.rule.get_ref(), it.text, cite(&it.source)));
     section(&mut text, "Waived rules", waivers);
@@ -145,7 +145,7 @@ fn rule_line((name, rule): (String, &DeviceRule)) -> String {
     format!("{name}: {}  ({})  {}", rule.text, rule.severity.name(), cite(&rule.source))
 }
 
-/// Statements by name; neighbours that differ in a number only are one.
+/// Rules by name; adjacent rules that differ only in a number are merged.
 pub(super) fn rules(rules: &[DeviceRule]) -> Vec<(String, &DeviceRule)> {
     let mut groups: Vec<(String, &DeviceRule, Vec<u32>)> = Vec::new();
     for rule in rules {
@@ -163,7 +163,7 @@ pub(super) fn rules(rules: &[DeviceRule]) -> Vec<(String, &DeviceRule)> {
     groups.into_iter().map(|(pattern, rule, numbers)| (pattern.replace('#', &list(&numbers)), rule)).collect()
 }
 
-/// A name with `#` in the place of its numbers, and the number, if it is always the same.
+/// A name with `#` instead of its number, and the number; `None` if it contains no or different numbers.
 fn pattern(name: &str) -> (String, Option<u32>) {
     let mut numbers: Vec<u32> =
         name.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect();

@@ -2,16 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::Listed;
+use super::ListedRule;
 
-/// The array, and a line end.
-pub(super) fn list(rules: &[Listed]) -> String {
+/// The array with a line end.
+pub(super) fn list(rules: &[ListedRule]) -> String {
     let all: Vec<Value> = rules.iter().map(record).collect();
     let text = serde_json::to_string_pretty(&all).unwrap_or_default();
     format!("{text}\n")
 }
 
-fn record(rule: &Listed) -> Value {
+fn record(rule: &ListedRule) -> Value {
     let tolerances = rule.tolerances.iter().map(|tolerance| {
         json!({
             "key": tolerance.key,

@@ -1,4 +1,4 @@
-//! All rules: the general ones, and those of the devices' manuals.
+//! All rules: general ones and those of device profiles.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,33 +9,33 @@ use cobscope_decoder::profile::{Catalogue, Device};
 use cobscope_decoder::query::fields::distance;
 use cobscope_decoder::rules::{Tolerance, declarations, manual};
 
-/// A rule with all that is known of it.
-pub(in crate::cmd) struct Listed {
+/// Description of a rule.
+pub(in crate::cmd) struct ListedRule {
     pub(super) name: String,
     pub(super) severity: Severity,
     pub(super) is_on: bool,
     pub(super) is_timing: bool,
     pub(super) origin: RuleOrigin,
     pub(super) title: String,
-    /// Headings and paragraphs; empty for a device's rule.
+    /// Headings and paragraphs; empty for a device rule.
     pub(super) explanation: String,
     pub(super) tolerances: &'static [Tolerance],
     pub(super) cases: Vec<String>,
-    /// Document and section of a device's rule.
+    /// Document and section; for a device rule.
     pub(super) source: String,
-    /// What is assumed of a device's rule.
+    /// Assumption of a device rule.
     pub(super) note: String,
-    /// Variants it belongs to, where it is not of all.
+    /// Variants with this rule; empty if all have it.
     pub(super) variants: Vec<String>,
-    /// Profiles that waive it, with variant, reason and section.
+    /// Profiles that waive the rule, with variant, reason and section.
     pub(super) waivers: Vec<(String, String)>,
 }
 
-/// All rules, general ones first, in alphabetical order.
-pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<Listed> {
+/// All rules in alphabetical order, general ones first.
+pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
     let devices = devices(catalogue);
-    let mut general: Vec<Listed> = declarations()
-        .map(|rule| Listed {
+    let mut general: Vec<ListedRule> = declarations()
+        .map(|rule| ListedRule {
             name: rule.name.to_owned(),
             severity: rule.severity,
             is_on: rule.is_on,
@@ -56,20 +56,20 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<Listed> {
     general
 }
 
-/// The rule of a name.
-pub(in crate::cmd) fn find(catalogue: &Catalogue, name: &str) -> Option<Listed> {
+/// The rule with a given name.
+pub(in crate::cmd) fn find(catalogue: &Catalogue, name: &str) -> Option<ListedRule> {
     let is_general = declarations().any(|rule| rule.name == name);
-    // Profiles are read only for who asks for one, or for the waivers of a rule.
+    // Profiles are loaded only for the rule of a profile or the waivers of a rule.
     let may_be =
         is_general || name.split_once(':').is_some_and(|(id, _)| catalogue.ids().contains(&id.to_owned()));
     may_be.then(|| listed(catalogue).into_iter().find(|rule| rule.name == name)).flatten()
 }
 
-/// The name of the rule that is most likely meant: one that differs by a letter or two, or begins so.
+/// Nearest rule name, which differs in up to two letters, or starts with `name`.
 pub(in crate::cmd) fn meant(catalogue: &Catalogue, name: &str) -> Option<String> {
     const SLIPS: usize = 2;
     const BEGINNING: usize = 4;
-    // Codes and identifiers are no words.
+    // Hexadecimal codes and identifiers are not rule names.
     let is_word =
         name.len() >= BEGINNING && name.chars().any(|it| it.is_ascii_lowercase() && !it.is_ascii_hexdigit());
     let names = listed(catalogue).into_iter().filter(|_| is_word).map(|rule| rule.name);
@@ -80,7 +80,7 @@ pub(in crate::cmd) fn meant(catalogue: &Catalogue, name: &str) -> Option<String>
     near.min().map(|(_, known)| known)
 }
 
-/// Every device in each of its variants; a broken profile has none.
+/// All devices in all variants, except invalid profiles.
 fn devices(catalogue: &Catalogue) -> Vec<(String, Arc<Device>)> {
     let mut all = Vec::new();
     for id in catalogue.ids() {
@@ -110,9 +110,9 @@ fn waivers(rule: &str, devices: &[(String, Arc<Device>)]) -> Vec<(String, String
     all
 }
 
-/// Rules of devices by profile and name; one that several variants have is one.
-fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<Listed> {
-    let mut all: BTreeMap<String, (Listed, usize)> = BTreeMap::new();
+/// Device rules by profile and name; a rule of several variants is listed once.
+fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<ListedRule> {
+    let mut all: BTreeMap<String, (ListedRule, usize)> = BTreeMap::new();
     for (id, device) in devices {
         let number = devices.iter().filter(|(other, _)| other == id).count();
         for rule in &device.rules {
@@ -130,10 +130,10 @@ fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<Listed> {
     finished.collect()
 }
 
-fn of_device(name: String, rule: &DeviceRule, device: &Device) -> Listed {
+fn of_device(name: String, rule: &DeviceRule, device: &Device) -> ListedRule {
     let parts = [device.source.as_str(), rule.source.as_str()];
     let source: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-    Listed {
+    ListedRule {
         name,
         severity: rule.severity,
         is_on: true,
@@ -150,10 +150,10 @@ fn of_device(name: String, rule: &DeviceRule, device: &Device) -> Listed {
     }
 }
 
-impl Listed {
-    /// Lines of a bus file that set what can be set, with what holds without them.
+impl ListedRule {
+    /// Bus file lines that configure the rule, with the default values.
     pub(super) fn snippet(&self) -> String {
-        // A name with a colon is no bare key of TOML.
+        // TOML requires quotes for a key with a colon.
         let name = if self.name.contains(':') { format!("{:?}", self.name) } else { self.name.clone() };
         let severity = if self.is_on { self.severity.name() } else { "off" };
         let mut lines = vec![format!("[rules.{name}]"), format!("severity = \"{severity}\"")];

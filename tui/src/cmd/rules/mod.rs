@@ -1,4 +1,4 @@
-//! `cobscope rules`: the rules there are, and `cobscope explain RULE`: one of them.
+//! `cobscope rules`: lists all rules; also the page of one rule for `cobscope explain`.
 
 mod json;
 mod listed;
@@ -11,7 +11,7 @@ use super::input::common_catalogue;
 use super::output::print;
 use crate::cli::{RulesArgs, RulesFormat};
 use crate::exit_code::Exit;
-pub(super) use listed::{Listed, find, listed, meant};
+pub(super) use listed::{ListedRule, find, listed, meant};
 pub(super) use page::page;
 
 /// Runs the command.
@@ -25,13 +25,13 @@ pub fn run(arguments: &RulesArgs) -> Exit {
     print(text.as_bytes())
 }
 
-fn table(rules: &[Listed]) -> String {
+fn table(rules: &[ListedRule]) -> String {
     let mut table = Table::new(&[
         ("RULE", Align::Left),
         ("SEVERITY", Align::Left),
         ("ON", Align::Left),
         ("TIMING", Align::Left),
-        ("WHAT", Align::Left),
+        ("DEFECT", Align::Left),
     ]);
     for rule in rules {
         let on = if rule.is_on { "on" } else { "off" };

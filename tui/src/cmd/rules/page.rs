@@ -1,4 +1,4 @@
-//! One rule for a terminal.
+//! One rule as text.
 
 use std::fmt::Write as _;
 
@@ -6,13 +6,13 @@ use cobscope_decoder::rules::conformance::cases;
 use cobscope_decoder::rules::sections;
 use cobscope_decoder::sink::table::{Align, Table};
 
-use super::Listed;
+use super::ListedRule;
 use crate::cmd::describe::fold;
 
-/// What `explain RULE` prints.
-pub(in crate::cmd) fn page(rule: &Listed) -> String {
-    let on = if rule.is_on { "" } else { ", off unless the bus file gives it a severity" };
-    let timing = if rule.is_timing { ", silent where the capture's times say nothing" } else { "" };
+/// Text of `explain RULE`.
+pub(in crate::cmd) fn page(rule: &ListedRule) -> String {
+    let on = if rule.is_on { "" } else { ", off unless the bus file sets a severity" };
+    let timing = if rule.is_timing { ", skipped without usable timestamps" } else { "" };
     let mut text = String::new();
     fold(&mut text, &format!("{}  ", rule.name), &rule.title, 4);
     fold(&mut text, "  ", &format!("{}{on}{timing}", rule.severity.name()), 2);
@@ -25,26 +25,26 @@ pub(in crate::cmd) fn page(rule: &Listed) -> String {
     if !rule.note.is_empty() {
         part(&mut text, "Note", std::slice::from_ref(&rule.note));
     }
-    part(&mut text, "Only of the variants", &rule.variants);
+    part(&mut text, "Only for the variants", &rule.variants);
     let named = rule.cases.iter().map(|id| {
         let name = cases().by_id(id).map_or("", |case| case.name.as_str());
         format!("{id} {name}")
     });
-    part(&mut text, "Cases of CiA's conformance test plan", &named.collect::<Vec<_>>());
+    part(&mut text, "Cases of the CiA conformance test plan", &named.collect::<Vec<_>>());
     let waived = rule.waivers.iter().map(|(device, reason)| format!("{device}: {reason}"));
     part(&mut text, "Waived by", &waived.collect::<Vec<_>>());
     if !rule.tolerances.is_empty() {
         text.push_str("\nTolerances\n");
         tolerances(rule).write(2, &mut text);
     }
-    text.push_str("\nBus file, with what holds without it\n");
+    text.push_str("\nBus file, with the defaults\n");
     for line in rule.snippet().lines() {
         let _ = writeln!(text, "  {line}");
     }
     text
 }
 
-/// A heading with its lines; nothing without any.
+/// A heading with lines; omitted without lines.
 fn part(text: &mut String, heading: &str, lines: &[String]) {
     if !lines.is_empty() {
         let _ = writeln!(text, "\n{heading}");
@@ -54,7 +54,7 @@ fn part(text: &mut String, heading: &str, lines: &[String]) {
     }
 }
 
-fn tolerances(rule: &Listed) -> Table {
+fn tolerances(rule: &ListedRule) -> Table {
     let mut table = Table::new(&[
         ("KEY", Align::Left),
         ("DEFAULT", Align::Right),

@@ -1,4 +1,4 @@
-//! J1939 devices in statistics: who had which address, and what they reported.
+//! J1939 devices in statistics: addresses, names and faults.
 
 use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
@@ -8,7 +8,7 @@ use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::j1939::Name;
 use serde_json::{Value, json};
 
-/// One row an address that sent anything: addresses as they are at the end.
+/// Writes one row per source address, with the state at the end of the capture.
 pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
     if !bus.is_j1939() {
         return;
@@ -17,7 +17,7 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
         ("SA", Align::Right),
         ("name", Align::Left),
         ("NAME", Align::Left),
-        ("maker", Align::Right),
+        ("manufacturer", Align::Right),
         ("function", Align::Right),
         ("industry", Align::Left),
         ("claims", Align::Right),
@@ -36,7 +36,7 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
         table.row([
             id.label(),
             known.and_then(|node| node.name()).unwrap_or("").to_owned(),
-            name.map_or("not seen".to_owned(), |name| format!("{:016X}", name.0)),
+            name.map_or("unknown".to_owned(), |name| format!("{:016X}", name.0)),
             part(parts.map(|parts| parts.manufacturer_code.into())),
             part(parts.map(|parts| parts.function.into())),
             industry.to_owned(),
@@ -53,7 +53,7 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
     }
 }
 
-/// The same as records.
+/// J1939 devices as JSON records.
 pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
     if !bus.is_j1939() {
         return Vec::new();
@@ -86,7 +86,7 @@ pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
     statistics.addresses().into_iter().map(record).collect()
 }
 
-/// What a trouble code means, by the device's manual or by its failure mode.
+/// Meaning of a trouble code: from the device manual, else from its failure mode.
 pub(super) fn dtc_words(node: Option<&Node>, spn: u32, fmi: u8) -> String {
     let own = node.and_then(|node| node.device().dtc(spn, fmi)).map(|own| own.text.clone());
     own.unwrap_or_else(|| profile::failure_modes().text(u32::from(fmi)).to_owned())

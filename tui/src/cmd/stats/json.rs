@@ -1,8 +1,11 @@
-//! Statistics as one JSON object a capture; times in seconds, intervals in milliseconds.
+//! Statistics as one JSON object per capture; times in s, intervals in ms.
 
 use cobscope_decoder::event::Certainty;
 use cobscope_decoder::session::{Bus, Node};
-use cobscope_decoder::statistics::{BusStatistics, CodeCounts, Distribution, Intervals, NodeStatistics};
+use cobscope_decoder::statistics::{
+    BusStatistics, CodeCounts, Distribution, Intervals, NodeStatistics, ReactionTime,
+};
+use cobscope_decoder::suggestion::{Suggestion, firm_suggestions};
 use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
@@ -62,6 +65,19 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "canopen": bus.is_canopen(),
         "j1939": bus.is_j1939(),
         "uds": bus.is_uds(),
+        "unnamed_uds": bus.unnamed_uds().iter().map(|pair| json!({
+            "request": pair.request.to_string(),
+            "response": pair.response.to_string(),
+            "answers": pair.answers,
+        })).collect::<Vec<_>>(),
+        "sdo_dialogues": bus.sdo_dialogues().iter().map(|pair| json!({
+            "request": pair.request.to_string(),
+            "response": pair.response.to_string(),
+            "node": pair.node,
+            "bus_file": pair.bus_file(),
+        })).collect::<Vec<_>>(),
+        "suggestions": firm_suggestions(bus).iter().map(suggestion).collect::<Vec<_>>(),
+        "limits": bus.limits(),
         "doubt": bus.doubt(),
         "bit_rate": report.bit_rate(bus),
         "frames": load.frames,
@@ -77,6 +93,10 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "j1939_devices": j1939::records(bus, statistics),
         "ids": ids.collect::<Vec<_>>(),
     })
+}
+
+fn suggestion(one: &Suggestion) -> Value {
+    json!({"node": one.node.number(), "profile": one.profile, "title": one.title, "because": one.because})
 }
 
 fn node_record(bus: &Bus, id: NodeId, node: &NodeStatistics, end: Option<i64>) -> Value {
@@ -104,10 +124,22 @@ fn node_record(bus: &Bus, id: NodeId, node: &NodeStatistics, end: Option<i64>) -
             "think_time_ms": distribution(&node.think_time),
             "abort_codes": codes(&node.aborts, 8),
         },
+        "reactions": node.reactions.pairs().iter().map(reaction).collect::<Vec<_>>(),
         "emcy_codes": codes(&node.emcy, 4),
         "emcy_active": known.map_or(0, |node| node.active_errors().len()),
         "pdos": node.pdos,
         "pdo_ids": node.pdo_ids.iter().map(|(name, id)| [name.to_string(), id.to_string()]).collect::<Vec<_>>(),
+    })
+}
+
+fn reaction(pair: &ReactionTime) -> Value {
+    let (time, frame) = pair.longest_at;
+    json!({
+        "tpdo": pair.tpdo.to_string(),
+        "rpdo": pair.rpdo.to_string(),
+        "time_ms": distribution(&pair.times),
+        "max_at": seconds(time),
+        "max_frame": frame,
     })
 }
 
@@ -135,12 +167,12 @@ fn distribution(of: &Distribution) -> Value {
     json!({"count": of.count(), "p50": part(50), "p90": part(90), "p99": part(99), "max": millis(of.longest())})
 }
 
-#[expect(clippy::cast_precision_loss, reason = "figures are for reading")]
+#[expect(clippy::cast_precision_loss, reason = "only for display")]
 fn millis(nanoseconds: i64) -> f64 {
     nanoseconds as f64 / 1e6
 }
 
-#[expect(clippy::cast_precision_loss, reason = "figures are for reading")]
+#[expect(clippy::cast_precision_loss, reason = "only for display")]
 fn seconds(nanoseconds: i64) -> f64 {
     nanoseconds as f64 / 1e9
 }

@@ -1,4 +1,4 @@
-//! `cobscope stats`: who is on the bus, how often, how late.
+//! `cobscope stats`: statistics of captures.
 
 mod j1939;
 mod json;
@@ -11,29 +11,30 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::Statistics;
 
-use super::decoding::{Watcher, decode_capture, report};
+use super::decoding::{CaptureObserver, decode_capture, report};
 use super::messages::{complain, warn};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
-use crate::select::{Selection, ensure_order};
+use crate::select::{Selection, Span};
 use crate::words::unknown_bus;
 use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
-    if let Err(error) = ensure_order(arguments.from, arguments.to) {
+    if let Err(error) = arguments.select.selection() {
         complain(&error);
         return Exit::Usage;
     }
-    report(&arguments.input, |path, options, output| {
-        let selection = Selection::new(None, arguments.from, arguments.to)?;
+    report(&arguments.input, |series, options, output| {
+        let selection = arguments.select.selection()?;
         let mut counting = Counting { statistics: Statistics::default(), selection };
-        let decoded = decode_capture(path, &arguments.input, options, &mut counting)?;
+        let decoded = decode_capture(series, &arguments.input, options, &mut counting)?;
         let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
-        let capture = path.display().to_string();
-        named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|said| warn(&said));
-        let Counting { statistics, selection } = counting;
+        let capture = series.name();
+        named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|text| warn(&text));
+        let Counting { mut statistics, selection } = counting;
+        statistics.withdraw(decoded.decoder.buses());
         if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
             warn(&format!("{capture}: {missed}"));
         }
@@ -47,7 +48,7 @@ pub fn run(arguments: &StatsArgs) -> Exit {
     })
 }
 
-/// Counts frames and events.
+/// Observer that counts frames and events.
 struct Counting {
     statistics: Statistics,
     selection: Selection,
@@ -55,15 +56,16 @@ struct Counting {
 
 impl Observer for Counting {
     fn event(&mut self, event: &Event, bus: &Bus) {
+        self.selection.see(event, bus);
         if self.selection.admits(event, bus) {
             self.statistics.event(event);
         }
     }
 }
 
-impl Watcher for Counting {
-    fn begin(&mut self, first: &Frame) -> anyhow::Result<()> {
-        self.selection.begin(first)
+impl CaptureObserver for Counting {
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.selection.begin(first, span)
     }
 
     fn wants_frames(&self) -> bool {
@@ -71,9 +73,21 @@ impl Watcher for Counting {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        if self.selection.admits_frame(frame) {
+        if self.selection.has_filter() {
+            self.selection.begin_frame(frame);
+        } else if self.selection.admits_frame(frame) {
             self.statistics.frame(frame);
         }
         true
+    }
+
+    fn wants_decoded_frames(&self) -> bool {
+        self.selection.has_filter()
+    }
+
+    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
+        if self.selection.admits_frame(frame) && self.selection.admits_decoded(bus) {
+            self.statistics.frame(frame);
+        }
     }
 }

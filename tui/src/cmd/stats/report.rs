@@ -1,4 +1,4 @@
-//! Figures of one capture, for all formats.
+//! Statistics of one capture, for all formats.
 
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::session::Bus;
@@ -6,7 +6,7 @@ use cobscope_decoder::statistics::Statistics;
 
 use crate::cli::StatsArgs;
 
-/// Figures of one capture and the decoder behind its last frame.
+/// Statistics of one capture, and the decoder after the last frame.
 pub(super) struct Report<'a> {
     pub(super) capture: String,
     pub(super) format: &'static str,
@@ -16,7 +16,7 @@ pub(super) struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Bit rate of a bus, if the user gave it: on the command line, else in the bus file.
+    /// Bit rate of a bus from the command line, else from the bus file.
     pub(super) fn bit_rate(&self, bus: &Bus) -> Option<u32> {
         let rates = &self.arguments.bitrate;
         let own = rates.iter().find(|rate| rate.bus.as_deref() == Some(bus.name()));

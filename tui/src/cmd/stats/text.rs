@@ -7,7 +7,10 @@ use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{BusStatistics, Distribution, Intervals, NodeStatistics, dtc_of_key};
+use cobscope_decoder::statistics::{
+    BusStatistics, Distribution, Intervals, NodeStatistics, Quality, dtc_of_key,
+};
+use cobscope_decoder::suggestion::firm_suggestions;
 use cobscope_decoder::words::plural;
 
 use super::j1939;
@@ -24,11 +27,12 @@ pub fn write(report: &Report<'_>, output: &mut String) {
     for (bus, statistics) in report.decoder.buses().iter().zip(&report.statistics.buses) {
         let _ = writeln!(text);
         load(report, bus, statistics, start, &mut text);
-        master(statistics, start, &mut text);
+        master(statistics, &report.statistics.quality, &mut text);
         let end = report.statistics.quality.last;
         nodes(bus, statistics, end, start, &mut text);
         j1939::table(bus, statistics, &mut text);
         sdo(statistics, &mut text);
+        reactions(statistics, start, &mut text);
         codes(bus, statistics, &mut text);
         ids(bus, statistics, end, start, &mut text);
     }
@@ -40,15 +44,16 @@ pub fn write(report: &Report<'_>, output: &mut String) {
 
 fn quality(report: &Report<'_>, text: &mut String) {
     let quality = &report.statistics.quality;
-    let duration =
-        quality.duration().map_or("without times".into(), |duration| format!("in {} s", seconds(duration)));
+    let duration = quality
+        .duration()
+        .map_or("without timestamps".into(), |duration| format!("in {} s", seconds(duration)));
     let _ = write!(text, "capture   {} {duration}", plural(quality.frames, "frame"));
     if let Some(stamps) = stamps(quality) {
         let _ = write!(text, "; {stamps}");
     }
     let _ = writeln!(text);
     if quality.error_frames == 0 {
-        let _ = writeln!(text, "          no error frames: this capture cannot tell how good the wiring is");
+        let _ = writeln!(text, "          no error frames recorded: quality of the wiring unknown");
     } else {
         let _ = writeln!(text, "          {}", error_frames(quality));
     }
@@ -72,13 +77,23 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
             statistics.malformed
         );
     }
-    if let Some(hint) = bus.unnamed_uds() {
+    for suggestion in firm_suggestions(bus) {
+        let is_only = report.decoder.buses().len() == 1;
+        let _ = writeln!(text, "          {}", suggestion.text(bus, is_only));
+    }
+    for hint in bus.sdo_dialogues() {
+        let _ = writeln!(text, "          {hint}");
+        for line in hint.bus_file().lines() {
+            let _ = writeln!(text, "          {line}");
+        }
+    }
+    for hint in bus.unnamed_uds() {
         let _ = writeln!(text, "          {hint}");
     }
 }
 
-fn master(statistics: &BusStatistics, start: i64, text: &mut String) {
-    let parts = commands(statistics, start);
+fn master(statistics: &BusStatistics, quality: &Quality, text: &mut String) {
+    let parts = commands(statistics, quality);
     for (index, part) in parts.iter().enumerate() {
         let _ = writeln!(text, "{:<9} {part}", if index == 0 { "master" } else { "" });
     }
@@ -136,7 +151,7 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
             let every = period(&node.guard_requests, start);
             let _ = writeln!(
                 text,
-                " {:>6}  guarding: {replies} of {} answered;{every}",
+                " {:>6}  guarding: {replies} responses to {};{every}",
                 id.label(),
                 plural(requests, "request")
             );
@@ -144,7 +159,7 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
     }
 }
 
-/// `100.0 (99.4 to 113.0)`: the median, shortest and longest; and when the longest began.
+/// `100.0 (99.4 to 113.0)`: median, shortest and longest interval; and the start of the longest one.
 fn heartbeat(node: &NodeStatistics, start: i64) -> (String, String) {
     let beat = &node.heartbeat;
     let (Some(shortest), Some((longest, began))) = (beat.shortest(), beat.longest()) else {
@@ -171,14 +186,14 @@ fn sdo(statistics: &BusStatistics, text: &mut String) {
     }
     let _ = writeln!(
         text,
-        "\n SDO server    ok  aborted  no answer  other   ms p50     p90     p99     max   think ms p50"
+        "\n SDO server    ok  aborted  no response  other   ms p50     p90     p99     max   think ms p50"
     );
     for (id, node) in served {
         let part = |of: &Distribution, part| of.percentile(part).map_or("–".into(), millis);
         let times = &node.sdo_duration;
         let _ = writeln!(
             text,
-            "{:>6}    {:>6}  {:>7}  {:>9}  {:>5}  {:>7} {:>7} {:>7} {:>7}  {:>13}",
+            "{:>6}    {:>6}  {:>7}  {:>11}  {:>5}  {:>7} {:>7} {:>7} {:>7}  {:>13}",
             id.label(),
             node.sdo.complete,
             node.sdo.aborted,
@@ -190,6 +205,40 @@ fn sdo(statistics: &BusStatistics, text: &mut String) {
             part(times, 100),
             part(&node.think_time, 50),
         );
+    }
+}
+
+/// Time from a changed TPDO to the next changed RPDO of the same node.
+fn reactions(statistics: &BusStatistics, start: i64, text: &mut String) {
+    let mut table = Table::new(&[
+        ("reaction", Align::Left),
+        ("PDOs", Align::Left),
+        ("count", Align::Right),
+        ("ms p50", Align::Right),
+        ("p99", Align::Right),
+        ("max", Align::Right),
+        ("at", Align::Right),
+        ("", Align::Left),
+    ]);
+    for (id, node) in &statistics.nodes {
+        for pair in node.reactions.pairs() {
+            let part = |part| pair.times.percentile(part).map(millis).unwrap_or_default();
+            let (time, frame) = pair.longest_at;
+            table.row([
+                id.label(),
+                format!("{} → {}", pair.tpdo, pair.rpdo),
+                pair.times.count().to_string(),
+                part(50),
+                part(99),
+                part(100),
+                format!("{} s", since(time, start)),
+                format!("{{{frame}}}"),
+            ]);
+        }
+    }
+    if !table.is_empty() {
+        text.push('\n');
+        table.write(1, text);
     }
 }
 
@@ -224,7 +273,7 @@ fn codes(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
 fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text: &mut String) {
     let mut table = Table::new(&[
         ("ID", Align::Left),
-        ("what", Align::Left),
+        ("meaning", Align::Left),
         ("frames", Align::Right),
         ("ms min", Align::Right),
         ("mean", Align::Right),

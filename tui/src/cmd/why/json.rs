@@ -1,15 +1,15 @@
-//! The answer as one JSON object; events are those of `decode -f jsonl`.
+//! The report as one JSON object; events have the form of `decode -f jsonl`.
 
 use cobscope_decoder::event::{Certainty, Event};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::why::{Grade, Moment, NodeState, PointState, Quiet, Report, Rhythm};
+use cobscope_decoder::why::{FaultGrade, Moment, NodeState, PointState, Report, Rhythm, StoppedMessage};
 use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
-/// One line, without its end. Events are put in as they are: their times have more digits than a float.
+/// One line without its end. Events are inserted as text, because their times have more digits than a float.
 pub(super) fn line(
     report: &Report,
     buses: Buses<'_>,
@@ -33,6 +33,15 @@ pub(super) fn line(
     });
     let doubts =
         report.doubts.iter().map(|(bus, reason)| json!({"bus": page.bus_name(*bus), "reason": reason}));
+    let dialogues = report.dialogues.iter().map(|(bus, it)| {
+        json!({
+            "bus": page.bus_name(*bus),
+            "request": it.request.to_string(),
+            "response": it.response.to_string(),
+            "node": it.node,
+            "bus_file": it.bus_file(),
+        })
+    });
     let members = [
         ("capture", json!(capture).to_string()),
         ("node", json!(chosen.map(|chosen| chosen.node.number())).to_string()),
@@ -47,11 +56,12 @@ pub(super) fn line(
         ("document", json!(report.document).to_string()),
         ("suggestions", list(suggestions)),
         ("not_canopen", list(doubts)),
+        ("sdo_dialogues", list(dialogues)),
     ];
     object(&members)
 }
 
-/// An object of members that are JSON already.
+/// A JSON object from members that are already JSON.
 fn object(members: &[(&str, String)]) -> String {
     let members: Vec<_> = members.iter().map(|(key, value)| format!("\"{key}\":{value}")).collect();
     format!("{{{}}}", members.join(","))
@@ -92,9 +102,9 @@ impl Page<'_> {
         let seconds =
             moment.time.zip(self.first).map(|(time, first)| Timestamp(time.since(first)).to_string());
         let grade = match moment.grade() {
-            Grade::Fault => "fault",
-            Grade::Minor => "minor",
-            Grade::Refused => "refused",
+            FaultGrade::Fault => "fault",
+            FaultGrade::Minor => "minor",
+            FaultGrade::Refused => "refused",
         };
         object(&[
             ("kinds", json!(kinds).to_string()),
@@ -154,13 +164,13 @@ fn point(state: &PointState) -> Value {
     })
 }
 
-fn quiet(quiet: &Quiet) -> Value {
+fn quiet(quiet: &StoppedMessage) -> Value {
     let what = match quiet.what {
         Rhythm::Sync => "sync".to_owned(),
         Rhythm::Guarding => "guard-request".to_owned(),
         Rhythm::Rpdo(name) => name.to_string(),
     };
-    #[expect(clippy::cast_precision_loss, reason = "seconds for reading")]
+    #[expect(clippy::cast_precision_loss, reason = "only for display")]
     let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
     json!({
         "what": what,

@@ -1,43 +1,43 @@
-//! Which time each column of the bars stands for, and what lies in it.
+//! Time and content of each column of the bars.
 //!
 //! ```text
 //! start            cursor                 start + columns × column
 //!   ├──────────────────┼──────────────────┤
 //! ```
 
-use crate::timeline::{LoadOverTime, Step};
+use crate::timeline::{LoadOverTime, LoadStep};
 
-/// How often the span can be halved.
+/// Maximum zoom; each step halves the range.
 pub(super) const MOST_ZOOM: u32 = 24;
 
-/// Times of columns.
+/// Times of the columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Axis {
-    /// Time of the first column, in nanoseconds.
+    /// Time of the first column, in ns.
     pub(super) start: i64,
-    /// Nanoseconds of a column.
+    /// Duration of a column, in ns.
     pub(super) column: i64,
-    /// Columns.
+    /// Number of columns.
     pub(super) columns: u16,
 }
 
-/// What lies in a column.
+/// Content of a column.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Content {
-    /// Most bits of a step in it, by the second.
+    /// Bits per second of its busiest step.
     pub(super) bits: u64,
-    /// Most frames of a step in it, by the second.
+    /// Frames per second of its busiest step.
     pub(super) frames: u64,
-    /// Error frames in all of it.
+    /// Number of error frames.
     pub(super) errors: u64,
 }
 
 impl Axis {
-    /// All from `first` to `last`, or the part of it that holds the cursor: each zoom halves it.
+    /// The range from `first` to `last`, or the part of it that contains the cursor.
     pub(super) fn new(first: i64, last: i64, cursor: i64, zoom: u32, columns: u16) -> Self {
         let whole = last.saturating_sub(first).max(1);
         let span = (whole >> zoom.min(MOST_ZOOM)).max(1);
-        // Pages, so that bars stand still while the cursor moves in them; the last frame lies on the last one.
+        // Pages: the bars stay in place while the cursor moves. The last frame is on the last page.
         let page = cursor.saturating_sub(first).clamp(0, whole.saturating_sub(1)) / span;
         let column = (span / i64::from(columns.max(1))).saturating_add(1);
         Self { start: first.saturating_add(page.saturating_mul(span)), column, columns }
@@ -48,19 +48,19 @@ impl Axis {
         self.start.saturating_add(self.column.saturating_mul(i64::from(self.columns)))
     }
 
-    /// The column of a time.
+    /// The column that contains a time.
     pub(super) fn column_of(&self, time: i64) -> Option<u16> {
         let since = time.checked_sub(self.start).filter(|since| *since >= 0)?;
         u16::try_from(since / self.column).ok().filter(|column| *column < self.columns)
     }
 
-    /// Time in the middle of a column.
+    /// Time of the middle of a column.
     pub(super) fn time_of(&self, column: u16) -> i64 {
         let begin = self.start.saturating_add(self.column.saturating_mul(i64::from(column)));
         begin.saturating_add(self.column / 2)
     }
 
-    /// What each column holds.
+    /// Content of all columns.
     pub(super) fn contents(&self, load: &LoadOverTime) -> Vec<Content> {
         (0..self.columns).map(|column| self.content(load, column)).collect()
     }
@@ -70,14 +70,14 @@ impl Axis {
         let begin = self.start.saturating_add(self.column.saturating_mul(i64::from(column)));
         let end = begin.saturating_add(self.column - 1);
         let place = |time: i64| usize::try_from(time.saturating_sub(start).div_euclid(load.step())).ok();
-        // A column before the first step may reach into it.
+        // A column that starts before the first step may still overlap it.
         let Some(last) = place(end) else { return Content::default() };
         let steps =
             load.steps().get(place(begin).unwrap_or(0)..=last.min(load.steps().len().wrapping_sub(1)));
         let step = load.step().unsigned_abs().max(1);
         let rate = |count: u64| u128::from(count) * 1_000_000_000 / u128::from(step);
         let rate = |count: u64| u64::try_from(rate(count)).unwrap_or(u64::MAX);
-        steps.unwrap_or_default().iter().fold(Content::default(), |sum, step: &Step| Content {
+        steps.unwrap_or_default().iter().fold(Content::default(), |sum, step: &LoadStep| Content {
             bits: sum.bits.max(rate(step.bits)),
             frames: sum.frames.max(rate(step.frames)),
             errors: sum.errors + step.errors,
@@ -85,7 +85,7 @@ impl Axis {
     }
 }
 
-/// Where to go from `time` on the right by one column: so far that there is a frame on the way.
+/// Time at least one column to the right of `time`, far enough that a frame is in between.
 pub(super) fn further(loads: &[LoadOverTime], time: i64, by: i64) -> Option<i64> {
     loads.iter().filter_map(|load| further_on(load, time, by)).min()
 }
@@ -112,7 +112,7 @@ mod tests {
 
     use super::*;
 
-    /// Frames at these milliseconds, of 48 bits each; those below zero are error frames.
+    /// Frames of 48 bits at these times in ms; error frames at negative ones.
     fn load(milliseconds: &[i64]) -> LoadOverTime {
         let mut load = LoadOverTime::default();
         for time in milliseconds {
@@ -133,7 +133,7 @@ mod tests {
             (axis.start, axis.column, axis.column_of(2_000), axis.column_of(999)),
             (1_000, 101, Some(9), None)
         );
-        // The third of four pages holds the cursor.
+        // The third of four pages contains the cursor.
         let axis = Axis::new(1_000, 2_000, 1_500, 2, 10);
         assert_eq!((axis.start, axis.column, axis.column_of(1_500)), (1_500, 26, Some(0)));
         assert_eq!(Axis::new(5, 5, 5, 3, 0).column_of(5), None);

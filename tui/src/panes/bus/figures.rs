@@ -1,11 +1,11 @@
-//! What stands below the bars: figures of the bus, and how far the capture can be trusted.
+//! Text below the bars: figures of the bus and quality of the capture.
 //!
 //! ```text
-//! frames   181 frames, 29.5/s, 1691 bit/s; worst second 47 frames, 2436 bit from 2.849 s
-//! master   NMT start 1
-//! wiring   cannot be judged: this capture has no error frames
-//! stamps   in steps of 0.001 ms
-//! capture  a.log: candump text, 12.3 kB
+//! frames      181 frames, 29.5/s, 1691 bit/s; worst second 47 frames, 2436 bit from 2.849 s
+//! master      NMT start 1
+//! wiring      cannot be judged: this capture has no error frames
+//! timestamps  in steps of 0.001 ms
+//! capture     a.log: candump text, 12.3 kB
 //! ```
 
 use cobscope_decoder::session::Bus;
@@ -15,37 +15,37 @@ use cobscope_decoder::words::plural;
 use ratatui::text::Line;
 
 use crate::figures::bytes;
-use crate::panes::common::Labelled;
+use crate::panes::common::LabelledLines;
 use crate::state::Core;
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::words::{commands, error_frames, faults, rates, stamps};
 
-/// Columns for labels.
-const LABEL: u16 = 9;
+/// Width of the labels.
+const LABEL: u16 = 12;
 
-/// All of it; what is wrong stands out.
+/// All lines; defects have the role of an error or warning.
 pub(super) fn lines(
     core: &Core,
     survey: &Survey,
     bus: Option<(&Bus, &BusStatistics)>,
     buses: usize,
-) -> Labelled {
+) -> LabelledLines {
     let mut told = Vec::new();
     if !survey.is_complete {
-        told.push(("so far", Role::Note, format!("looked at {}", plural(survey.frames, "frame"))));
+        told.push(("progress", Role::Note, format!("{} analysed", plural(survey.frames, "frame"))));
     }
     if let Some((bus, statistics)) = bus {
         told.extend(rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", Role::Text, text)));
-        let start = survey.statistics.quality.first.unwrap_or(0);
-        told.extend(commands(statistics, start).into_iter().map(|text| ("master", Role::Text, text)));
+        let quality = &survey.statistics.quality;
+        told.extend(commands(statistics, quality).into_iter().map(|text| ("master", Role::Text, text)));
         if statistics.undecoded + statistics.malformed > 0 {
             let role = if statistics.malformed > 0 { Role::Caution } else { Role::Text };
             let (undecoded, malformed) = (statistics.undecoded, statistics.malformed);
             told.push((
                 "unknown",
                 role,
-                format!("{} of no known service, {malformed} malformed", plural(undecoded, "frame")),
+                format!("{} of unknown services, {malformed} malformed", plural(undecoded, "frame")),
             ));
         }
     }
@@ -55,17 +55,17 @@ pub(super) fn lines(
     let line = |(label, role, text): (&'static str, Role, String)| {
         (label, Line::styled(escape(&text).into_owned(), core.theme.style(role)))
     };
-    Labelled { room: LABEL, lines: told.into_iter().map(line).collect() }
+    LabelledLines { room: LABEL, lines: told.into_iter().map(line).collect() }
 }
 
-/// Frames and load of a bus.
+/// Frame rate and load of a bus.
 pub(super) fn rates_of(survey: &Survey, bus: &Bus, statistics: &BusStatistics) -> Vec<String> {
     let quality = &survey.statistics.quality;
-    let hint = format!("bitrate = 250000 below [bus.{}] in a bus file (--bus)", bus.name());
+    let hint = format!("set bitrate = 250000 in [bus.{}] of a bus file (--bus)", bus.name());
     rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
 }
 
-/// How far the capture can be trusted.
+/// Quality of the capture.
 fn quality(core: &Core, survey: &Survey, buses: usize) -> Vec<(&'static str, Role, String)> {
     let quality = &survey.statistics.quality;
     let mut told = Vec::new();
@@ -73,24 +73,25 @@ fn quality(core: &Core, survey: &Survey, buses: usize) -> Vec<(&'static str, Rol
         let text = "cannot be judged: this capture has no error frames";
         told.push(("wiring", Role::Note, text.to_owned()));
     } else {
-        let of = if buses > 1 { ", of all buses" } else { "" };
+        let of = if buses > 1 { ", all buses" } else { "" };
         told.push(("wiring", Role::Bad, format!("{}{of}", error_frames(quality))));
     }
     match stamps(quality) {
         Some(text) => {
-            let role = if quality.made_up_interval().is_some() { Role::Caution } else { Role::Text };
-            told.push(("stamps", role, text.strip_prefix("stamps ").unwrap_or(&text).to_owned()));
+            let role = if quality.is_timed() { Role::Text } else { Role::Caution };
+            let figure = text.strip_prefix("timestamps ").unwrap_or(&text).to_owned();
+            told.push(("timestamps", role, figure));
         }
-        None => told.push(("stamps", Role::Caution, "none: this capture has no times".to_owned())),
+        None => told.push(("timestamps", Role::Caution, "none".to_owned())),
     }
     told.extend(faults(quality).into_iter().map(|text| ("quality", Role::Bad, text)));
     if let Some(failure) = core.timeline.failure() {
-        told.push(("unread", Role::Bad, failure));
+        told.push(("failure", Role::Bad, failure));
     }
     told
 }
 
-/// The captures with format and size.
+/// The captures with their format and size.
 fn files(core: &Core) -> Vec<String> {
     let file = |lane: &crate::timeline::Lane| {
         let (length, is_all) = lane.store.length();

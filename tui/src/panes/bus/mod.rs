@@ -1,8 +1,8 @@
-//! Bus: load and error frames over the whole capture with the cursor in it, SYNC, commands, and how far the capture
-//! can be trusted.
+//! Bus: load and error frames over the whole capture, the cursor, SYNC, NMT commands and quality of the
+//! capture.
 //!
 //! ```text
-//! can0  CANopen, 250 kbit/s                                     a column 0.070 s, all
+//! can0  CANopen, 250 kbit/s                                     1 column = 70.000 ms, all
 //!  31 % ▁▁▂▂▂▃▃▂▂▁▁▁▅▆█▇▅▂▂▁▁▁
 //! 0.0 s ──────────────▲───────
 //!       t 4.030 s  12 %, 80 frames/s    17 error frames  6.130 s
@@ -23,34 +23,35 @@ use ratatui::text::{Line, Span};
 
 use self::axis::{Axis, Content, MOST_ZOOM, further};
 use super::common::{bus_name, last_world};
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
 use crate::figures::{bits, millis, seconds};
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::{Glyph, Role};
 use crate::timeline::Survey;
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
 use crate::words::protocols;
 
-/// Columns for what the bars are worth.
+/// Width of the scale.
 const SCALE: u16 = 12;
 
-/// Lines of height from which bars are higher.
+/// Height from which the bars are higher.
 const TALL: u16 = 26;
 
-/// The buses, one at a time.
+/// The pane of the buses, one at a time.
 #[derive(Debug, Default)]
 pub struct BusPane {
-    /// Which.
+    /// Index of the bus.
     bus: usize,
-    /// How often the time shown is halved.
+    /// Number of halvings of the time range.
     zoom: u32,
-    /// Lines of text that are out of view.
+    /// First visible line of the text.
     scroll: usize,
 }
 
-/// Where what stands.
+/// Screen areas of this pane.
 struct Parts {
     title: Rect,
     load: Rect,
@@ -84,14 +85,14 @@ fn parts(area: Rect, has_times: bool, has_errors: bool) -> Parts {
     }
 }
 
-/// The part of a line behind the scale.
+/// The part of a line to the right of the scale.
 fn behind_scale(area: Rect) -> Rect {
     let scale = SCALE.min(area.width);
     Rect { x: area.x + scale, width: area.width - scale, ..area }
 }
 
 impl BusPane {
-    /// Times of the columns, where the capture has times.
+    /// Times of the columns; None without timestamps.
     fn axis(&self, core: &Core, width: u16) -> Option<Axis> {
         let (first, last) = core.timeline.progress().times()?;
         let cursor = core.time().unwrap_or(first);
@@ -120,14 +121,17 @@ impl BusPane {
         }
         draw::line(buf, area, &Line::from(spans), draw::Align::Left, theme);
         if let Some(axis) = axis {
-            let part =
-                if self.zoom == 0 { "all".to_owned() } else { format!("1/{} of all", 1_u64 << self.zoom) };
-            let text = format!("  a column is {} ms, {part}", millis(axis.column));
+            let part = if self.zoom == 0 {
+                "all".to_owned()
+            } else {
+                format!("1/{} of the capture", 1_u64 << self.zoom)
+            };
+            let text = format!("  1 column = {} ms, {part}", millis(axis.column));
             draw::line(buf, area, &Line::styled(text, theme.style(Role::Quiet)), draw::Align::Right, theme);
         }
     }
 
-    /// Bars with the highest value on their left.
+    /// Draws bars with their highest value on the left.
     fn draw_bars(core: &Core, values: &[f64], (top, is_load): (&str, bool), area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let scale = Rect { width: SCALE.saturating_sub(1).min(area.width), height: 1, ..area };
@@ -143,8 +147,8 @@ impl BusPane {
         bars.render(behind_scale(area), buf);
     }
 
-    /// The line of time with the cursor in it. Its begin stands before it, and its end below: the cursor comes to
-    /// every place of the line.
+    /// Draws the time axis with the cursor. The start time is to the left of it and the end time below it, so
+    /// that the cursor can reach every column.
     fn draw_axis(core: &Core, axis: &Axis, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let inside = behind_scale(area);
@@ -164,7 +168,7 @@ impl BusPane {
         }
     }
 
-    /// What there is at the cursor, and on the right where the line of time ends.
+    /// Draws load and frames at the cursor, and the end time on the right.
     fn draw_cursor(
         core: &Core,
         axis: &Axis,
@@ -189,7 +193,7 @@ impl BusPane {
         };
         let mut spans = vec![
             Span::styled(format!("t {}", moment(core, time.0)), theme.style(Role::Title)),
-            Span::raw(format!("  here {load}, {} frames/s", content.frames)),
+            Span::raw(format!("  {load}, {} frames/s", content.frames)),
         ];
         if content.errors > 0 {
             let text = format!("  {}", plural(content.errors, "error frame"));
@@ -199,18 +203,19 @@ impl BusPane {
         draw::line(buf, here, &Line::from(spans), draw::Align::Left, theme);
     }
 
-    /// A column to the left or right, and never to where it was.
+    /// Moves the cursor one column, or further if the column contains no frame.
     fn step(&self, core: &Core, is_right: bool) -> Vec<Effect> {
         let (Some(axis), Some(time)) = (self.axis(core, core.width), core.time().or(core.zero())) else {
-            return vec![Effect::Refuse("this capture has no times".into())];
+            return vec![Effect::Refuse("this capture has no timestamps".into())];
         };
         let survey = core.timeline.survey();
         let target = if is_right {
-            further(&survey.load, time.0, axis.column).map_or(Place::End, |time| Place::Time(Timestamp(time)))
+            further(&survey.load, time.0, axis.column)
+                .map_or(JumpPlace::End, |time| JumpPlace::Time(Timestamp(time)))
         } else {
             let target = time.0.saturating_sub(axis.column);
             let is_before = core.zero().is_none_or(|zero| target < zero.0);
-            if is_before { Place::Start } else { Place::Time(Timestamp(target)) }
+            if is_before { JumpPlace::Start } else { JumpPlace::Time(Timestamp(target)) }
         };
         vec![Effect::Go(target)]
     }
@@ -224,13 +229,13 @@ impl BusPane {
         let column = self.axis(core, core.width).map(|axis| axis.column);
         match (column, step) {
             (Some(column), Some(step)) if column > step && self.zoom < MOST_ZOOM => self.zoom += 1,
-            _ => return vec![Effect::Refuse("load is not known any finer".into())],
+            _ => return vec![Effect::Refuse("finest load resolution reached".into())],
         }
         Vec::new()
     }
 }
 
-/// A time as seconds from the first frame.
+/// Seconds from the first frame.
 fn moment(core: &Core, time: i64) -> String {
     format!("{} s", seconds(Timestamp(time).since(core.zero().unwrap_or_default())))
 }
@@ -245,13 +250,13 @@ fn values(contents: &[Content], value: impl Fn(&Content) -> u64) -> Vec<f64> {
     contents.iter().map(|content| value(content) as f64).collect()
 }
 
-/// Load by column, as bars have it, and the text of the highest.
+/// Load per column, and the text of the highest.
 fn load(contents: &[Content], rate: Option<u32>) -> (Vec<f64>, String) {
     let highest = contents.iter().map(|content| content.bits).max().unwrap_or(0);
     match rate {
         Some(rate) => {
             let loads = contents.iter().map(|content| percent(content.bits, rate)).collect();
-            (loads, format!("≤{:.0} %", percent(highest, rate)))
+            (loads, format!("max {:.0} %", percent(highest, rate)))
         }
         None => (values(contents, |content| content.bits), bits(u128::from(highest)) + "/s"),
     }
@@ -289,8 +294,8 @@ impl Pane for BusPane {
         let buses = last_world(core).map_or(0, |world| world.buses().len());
         match action {
             Action::Left | Action::Right => return self.step(core, action == Action::Right),
-            Action::Top => return vec![Effect::Go(Place::Start)],
-            Action::Bottom => return vec![Effect::Go(Place::End)],
+            Action::Top => return vec![Effect::Go(JumpPlace::Start)],
+            Action::Bottom => return vec![Effect::Go(JumpPlace::End)],
             Action::ZoomIn | Action::ZoomOut => return self.zoom(core, action == Action::ZoomIn),
             Action::Open => return vec![Effect::ShowEvents],
             Action::Down if buses > 1 => self.bus = (self.bus + 1).min(buses - 1),
@@ -307,7 +312,11 @@ impl Pane for BusPane {
         let Some(axis) = self.axis(core, area.width) else { return Vec::new() };
         let (is_bars, column) = (y < area.y + area.height / 2, x.checked_sub(inside.x));
         let time = column.filter(|_| is_bars).map(|column| Timestamp(axis.time_of(column)));
-        time.map(|time| Effect::Go(Place::Time(time))).into_iter().collect()
+        time.map(|time| Effect::Go(JumpPlace::Time(time))).into_iter().collect()
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::BUS
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -341,7 +350,7 @@ impl Pane for BusPane {
 }
 
 impl BusPane {
-    /// Lines of text that can go out of view until the last one is in it.
+    /// Scroll position that shows the last line.
     fn last_scroll(&self, core: &Core) -> usize {
         let survey: &Survey = &core.timeline.survey();
         let world = last_world(core);

@@ -1,9 +1,9 @@
-//! What the manual says of an error, and what to check.
+//! Statements of the manual about an error, and what to check.
 //!
 //! ```text
-//! the device's reaction: safe state
+//! device reaction: safe state
 //! check: supply voltage
-//! [14.3.1]
+//! manual: RE 12345, 14.3.1
 //! ```
 
 use cobscope_decoder::event::{Event, EventKind};
@@ -13,7 +13,7 @@ use cobscope_decoder::session::Node;
 use super::item::Item;
 use crate::theme::Role;
 
-/// The manual's words on an error event; nothing of others.
+/// Advice for an error event or a change of the device state; empty for other events.
 pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
     let device = node.map(|node| &**node.device());
     let mut rows: Vec<(&str, String)> = Vec::new();
@@ -28,12 +28,12 @@ pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
             };
             rows.push(("fault", known.text.clone()));
             rows.push(("severity", known.severity.clone()));
-            rows.push(("the device's reaction", known.reaction.clone()));
+            rows.push(("device reaction", known.reaction.clone()));
             rows.push(("recovery", known.recovery.clone()));
             rows.extend(known.causes.iter().map(|cause| ("check", cause.clone())));
         }
         EventKind::DeviceState(state) => {
-            rows.push(("way out", state.leave.clone().unwrap_or_default()));
+            rows.push(("to leave", state.leave.clone().unwrap_or_default()));
         }
         _ => {}
     }
@@ -44,7 +44,7 @@ pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
 fn emcy(device: Option<&Device>, code: u16, rows: &mut Vec<(&str, String)>) {
     let standard = emcy_codes().find(u32::from(code)).map(|known| format!("{}. {}", known.text, known.hint));
     if let Some((device, known)) = device.and_then(|device| Some((device, device.error(code)?))) {
-        rows.push(("the device's reaction", known.reaction.clone().unwrap_or_default()));
+        rows.push(("device reaction", known.reaction.clone().unwrap_or_default()));
         rows.extend(known.causes.iter().map(|cause| ("check", cause.clone())));
         rows.push(("note", known.note.clone()));
         let section = [device.source.as_str(), known.source.as_str()];

@@ -1,26 +1,26 @@
-//! What stands in the pane besides the bits: a list of items the cursor goes over.
+//! Items of the pane below or next to the bits.
 //!
 //! ```text
-//!   error emcy-raised: …                 findings, their causes, the rule's words
+//!   error emcy-raised: …                 findings, their causes, the text of the rule
 //! Fields
-//! ▶ a error code   8305h spool …         fields: the chosen one lights its bits
+//! ▶ a error code   8305h spool …         fields: the selected one highlights its bits
 //! Related
 //!   {70} 4.050 s TPDO1 …                 links
-//! Filter by
-//!   code = 0x8305                        everything, as filters call it
+//! All event fields
+//!   code = 0x8305                        all fields under their filter names
 //! ```
 
-use super::item::{Item, Leads};
+use super::item::{Item, ItemTarget};
 use super::payload::Payload;
 use super::{advice, exchange, judged, keys};
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
 use crate::timeline::Row;
 use crate::widgets::bits;
 use cobscope_decoder::event::EventKind;
 use cobscope_decoder::sink::escape;
 
-/// Everything said of the event at the cursor.
+/// All items of the event at the cursor.
 pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload, chosen: Option<usize>) -> Vec<Item> {
     let mut all = judged::items(core, row);
     if !payload.bytes.is_empty() {
@@ -28,37 +28,38 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload, chosen: O
         all.extend(parts(payload));
     }
     let Some(row) = row else {
-        all.push(Item::quiet("no event of this frame is shown; v shows all events, c clears the filter"));
+        all.push(Item::quiet("no event shown for this frame; v shows all events, c clears the filter"));
         if let Some(before) = core.row().filter(|row| row.spot < core.cursor) {
-            let text = format!("before it {{{}}} {}", before.event.frames.last, told(core, before));
-            all.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Spot(before.spot))));
+            let text =
+                format!("previous event {{{}}} {}", before.event.frames.last, event_text(core, before));
+            all.push(Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Event(before.spot))));
         }
         return all;
     };
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
     let Some(bus) = bus.filter(|_| row.spot <= core.cursor) else {
-        let text = "the cursor is before this event; Enter goes to it";
-        all.insert(0, Item::new(text, Role::Link).leading(Leads::Place(Place::Spot(row.spot))));
+        let text = "this event is after the cursor; Enter goes to it";
+        all.insert(0, Item::new(text, Role::Link).leading(ItemTarget::Place(JumpPlace::Event(row.spot))));
         return all;
     };
     let node = row.event.node.and_then(|node| bus.node(node));
     let advice = advice::items(node, &row.event);
     if !advice.is_empty() {
-        all.push(Item::heading("By the manual"));
+        all.push(Item::heading("Manual"));
         all.extend(advice);
     }
     let exchange = exchange::items(core, node, &row.event, chosen);
     if !exchange.is_empty() {
-        all.push(Item::heading("Exchange"));
+        all.push(Item::heading("Transfer"));
         all.extend(exchange);
     }
     let keys = keys::of(&row.event, bus);
     let related = related(core, row, &keys);
     if !related.is_empty() {
-        all.push(Item::heading("Related (Enter: go there)"));
+        all.push(Item::heading("Related (Enter goes there)"));
         all.extend(related);
     }
-    all.push(Item::heading("All it says (=: filter by it)"));
+    all.push(Item::heading("All event fields (= filters)"));
     for key in keys {
         let item = Item::new(&format!("{} = {}", key.name, key.value), Role::Text).filtered(key.filter);
         all.push(match key.frame {
@@ -71,20 +72,20 @@ pub(super) fn items(core: &Core, row: Option<&Row>, payload: &Payload, chosen: O
 
 fn parts(payload: &Payload) -> Vec<Item> {
     let width = payload.parts.iter().map(|part| part.name.chars().count()).max().unwrap_or(0).min(MOST_NAME);
-    let item = |(number, part): (usize, &super::payload::Part)| {
+    let item = |(number, part): (usize, &super::payload::PayloadPart)| {
         let assumed = if part.is_assumed { "?" } else { "" };
         let text = format!("{} {:<width$}  {}{assumed}", bits::letter(number), part.name, part.value);
-        let mut item = Item::new(&text, Role::Text).leading(Leads::Part(number));
+        let mut item = Item::new(&text, Role::Text).leading(ItemTarget::Part(number));
         item.notes = part.notes.iter().map(|note| escape(note).into_owned()).collect();
         item
     };
     payload.parts.iter().enumerate().map(item).collect()
 }
 
-/// Columns the names of fields are brought to.
+/// Maximum width to which field names are padded.
 const MOST_NAME: usize = 36;
 
-/// Frames it names, and its neighbours of the same node and kind.
+/// Frames named by the event, and the previous and next event of the same node and kind.
 fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
     let mut all = Vec::new();
     for key in keys {
@@ -92,14 +93,14 @@ fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
             && ![row.event.frames.first, row.event.frames.last].contains(&frame)
         {
             let text = match core.rows().iter().find(|other| other.spot.frame == frame) {
-                Some(other) => format!("{} {{{frame}}} {}", key.name, told(core, other)),
+                Some(other) => format!("{} {{{frame}}} {}", key.name, event_text(core, other)),
                 None => format!("{} {{{frame}}}", key.name),
             };
             all.push(Item::new(&text, Role::Link).at(frame));
         }
     }
     let kind = std::mem::discriminant(&row.event.kind);
-    // Of messages that are signals and nothing else those of the same identifier are alike.
+    // Messages that only carry signals are related if they have the same identifier.
     let has_signals =
         matches!(row.event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_));
     let is_like = |other: &&Row| {
@@ -109,16 +110,16 @@ fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
     };
     let before = core.rows().iter().rev().filter(|other| other.spot < row.spot).find(is_like);
     let after = core.rows().iter().filter(|other| other.spot > row.spot).find(is_like);
-    for (word, other) in [("before", before), ("next", after)] {
+    for (word, other) in [("previous", before), ("next", after)] {
         if let Some(other) = other {
-            let text = format!("{word} {{{}}} {}", other.event.frames.last, told(core, other));
-            all.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Spot(other.spot))));
+            let text = format!("{word} {{{}}} {}", other.event.frames.last, event_text(core, other));
+            all.push(Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Event(other.spot))));
         }
     }
     all
 }
 
-fn told(core: &Core, row: &Row) -> String {
+fn event_text(core: &Core, row: &Row) -> String {
     let time = core.seconds(row.event.time).map_or(String::new(), |time| format!("{time:.3} s "));
     format!("{time}{} {} {}", row.who, row.kind, row.what())
 }

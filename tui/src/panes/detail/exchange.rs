@@ -1,4 +1,4 @@
-//! The transfer an event is: who, how, how long, its frames, its data.
+//! Transfer of an event: nodes, mode, duration, frames and data.
 //!
 //! ```text
 //! upload 1008:00 Manufacturer device name, segmented, client → server: complete
@@ -14,19 +14,19 @@ use cobscope_decoder::query::record;
 use cobscope_decoder::session::Node;
 use cobscope_decoder::words::plural;
 
-use super::item::{Item, Leads};
+use super::item::{Item, ItemTarget};
 use super::payload::{abort_text, of_sdo};
 use super::services;
 use crate::panes::meaning::{self, hex, shown};
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
 
-/// Bytes of data that are shown.
+/// Maximum number of data bytes shown.
 const SHOWN_BYTES: usize = 256;
-/// Bytes in a line.
+/// Number of bytes per line.
 const BYTES_A_LINE: usize = 16;
 
-/// What is to be told of an exchange; nothing of other events.
+/// Items of a transfer; empty for other events.
 pub(super) fn items(core: &Core, node: Option<&Node>, event: &Event, chosen: Option<usize>) -> Vec<Item> {
     let mut items = Vec::new();
     match &event.kind {
@@ -54,7 +54,7 @@ fn milliseconds(nanoseconds: i64) -> String {
 
 fn sdo(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec<Item>) {
     let client = transfer.client.map_or("client".into(), |client| format!("client {client}"));
-    let way = transfer.direction.map_or("direction not seen", record::direction);
+    let way = transfer.direction.map_or("direction unknown", record::direction);
     let how = transfer.mode.map_or(String::new(), |mode| format!(", {}", record::mode(mode)));
     let head = format!(
         "{way}{how}, {client} on {}, server on {}: {}",
@@ -65,12 +65,13 @@ fn sdo(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec
     items.push(Item::new(&head, Role::Text));
     let announced = transfer.announced.map_or(String::new(), |announced| format!(", {announced} announced"));
     let cut = match (transfer.cut_start, transfer.cut_end) {
-        (true, _) => ", its beginning is not in the capture",
-        (_, true) => ", its end is not in the capture",
+        (true, _) => ", start not in the capture",
+        (_, true) => ", end not in the capture",
         _ => "",
     };
     let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
     items.push(Item::quiet(&format!("{extent}{announced}{cut}")));
+    items.extend(partly_seen(transfer));
     if let Some(abort) = transfer.abort {
         let by = if abort.by_client { "client" } else { "server" };
         let device = node.map(|node| &**node.device());
@@ -81,34 +82,56 @@ fn sdo(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec
     }
     if let Some(odd) = transfer.irregularity {
         let by = if odd.by_client { "client" } else { "server" };
-        let text = format!("against the protocol in {{{}}} by the {by}: {}", odd.frame, odd.what.name());
+        let text = format!("protocol violation by the {by} {{{}}}: {}", odd.frame, odd.what.name());
         items.push(Item::new(&text, Role::Caution).at(odd.frame));
     }
     items.extend(transfer.crc.map(|crc| Item::quiet(&format!("CRC {}", crc.name()))));
     value(core, node, transfer, items);
     if transfer.size > 4 {
-        dump(&transfer.data, items);
+        for (offset, data) in transfer.ranges() {
+            dump(offset, data, items);
+        }
     }
 }
 
-/// The value and what becomes of it.
+/// Bytes that the capture lacks, and blocks that were repeated.
+fn partly_seen(transfer: &SdoTransfer) -> impl Iterator<Item = Item> + use<> {
+    let gap = (transfer.unseen > 0).then(|| {
+        let segments = plural(transfer.missing_segments, "segment");
+        let (seen, size) = (transfer.seen(), transfer.size);
+        Item::new(&format!("{seen} of {size} bytes seen, {segments} not captured"), Role::Caution)
+    });
+    let loss = transfer.first_loss.map(|(sequence, frame)| {
+        let blocks = plural(transfer.losses, "block");
+        let text = format!("{blocks} repeated in part: segment {sequence} not acknowledged");
+        let item = Item::new(&text, Role::Caution);
+        match frame {
+            Some(frame) => item.at(frame),
+            None => item,
+        }
+    });
+    gap.into_iter().chain(loss)
+}
+
+/// The written or read value, the previous one and its storage.
 fn value(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut Vec<Item>) {
     let Some(object) = transfer.object else { return };
     let meaning = transfer.meaning.as_deref();
     let name = meaning.map_or(String::new(), |meaning| format!(" {}", meaning.name));
-    if transfer.size > 0 {
+    let is_shown = transfer.size > 0 && transfer.unseen == 0;
+    if is_shown {
         items.push(Item::new(&format!("{object}{name} = {}", shown(meaning, &transfer.data)), Role::Text));
     } else if !name.is_empty() {
         items.push(Item::new(&format!("{object}{name}"), Role::Text));
     }
-    if let Some(meaning) = meaning.filter(|_| transfer.size > 0) {
+    if let Some(meaning) = meaning.filter(|_| is_shown) {
         let mut notes = Vec::new();
         meaning::of_value(core, node, meaning, &meaning.decode(&transfer.data), &mut notes);
         items.extend(notes.iter().map(|note| Item::quiet(&format!("  {note}"))));
     }
     if let Some(previous) = &transfer.previous {
-        let assumed = if transfer.previous_assumed { ", assumed" } else { "" };
-        items.push(Item::quiet(&format!("  before: {}{assumed}", shown(meaning, previous))));
+        let assumed = if transfer.previous_assumed { ", presumed" } else { "" };
+        items.push(Item::quiet(&format!("  previous: {}{assumed}", shown(meaning, previous))));
     }
     if transfer.direction != Some(Direction::Download) {
         return;
@@ -116,21 +139,23 @@ fn value(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut V
     let entry = node.and_then(|node| node.device().dictionary.find(object)?.entry);
     let storage = match entry.map(|entry| entry.storage) {
         Some(Storage::Volatile) => "  storage: volatile",
-        Some(Storage::EachWrite) => "  storage: each write goes to non-volatile memory, which wears",
-        Some(Storage::Save) => "  storage: kept once it is stored (1010)",
-        Some(Storage::Fixed) => "  storage: never changes",
+        Some(Storage::EachWrite) => {
+            "  storage: every write goes to non-volatile memory (limited write cycles)"
+        }
+        Some(Storage::Save) => "  storage: non-volatile after a store command (1010)",
+        Some(Storage::Fixed) => "  storage: constant",
         Some(Storage::Unknown) | None => "",
     };
     if !storage.is_empty() {
         items.push(Item::quiet(storage));
     }
-    items.extend(transfer.effect.map(|effect| Item::quiet(&format!("  acts {}", effect.when()))));
+    items.extend(transfer.effect.map(|effect| Item::quiet(&format!("  active {}", effect.when()))));
     items.extend(transfer.persists.map(|stays| Item::quiet(&format!("  survives a restart: {stays}"))));
 }
 
 fn j1939(transfer: &J1939Transfer, items: &mut Vec<Item>) {
-    let mode = transfer.mode.map_or("kind not seen", |mode| mode.name());
-    let group = transfer.pgn.map_or("group not seen".into(), |pgn| format!("group {}", pgn.number()));
+    let mode = transfer.mode.map_or("type unknown", |mode| mode.name());
+    let group = transfer.pgn.map_or("PGN unknown".into(), |pgn| format!("PGN {}", pgn.number()));
     let name = transfer.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
     let to = if transfer.destination == 255 { "all".into() } else { transfer.destination.to_string() };
     let outcome = transfer.outcome.name();
@@ -146,12 +171,12 @@ fn j1939(transfer: &J1939Transfer, items: &mut Vec<Item>) {
         items.push(Item::new(&text, Role::Caution));
     }
     if let Some(abort) = transfer.abort {
-        let by = if abort.by_sender { "sender" } else { "receiver" };
+        let by = if abort.by_sender { "originator" } else { "responder" };
         let text = cobscope_decoder::profile::transport_aborts().text(u32::from(abort.reason));
         items.push(Item::new(&format!("abort {} by the {by}: {text}", abort.reason), Role::Bad));
     }
     items.extend(transfer.timer.map(|timer| Item::new(&format!("time-out {}", timer.name()), Role::Bad)));
-    dump(&transfer.data, items);
+    dump(0, &transfer.data, items);
 }
 
 fn iso_tp(transfer: &IsoTpTransfer, items: &mut Vec<Item>) {
@@ -159,7 +184,7 @@ fn iso_tp(transfer: &IsoTpTransfer, items: &mut Vec<Item>) {
     items.push(Item::new(&text, Role::Text));
     let extent = extent(transfer.frame_count, transfer.duration, transfer.size);
     items.push(Item::quiet(&format!("{extent}, {} announced", transfer.announced)));
-    dump(&transfer.data, items);
+    dump(0, &transfer.data, items);
 }
 
 fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
@@ -187,7 +212,7 @@ fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
         let hint = known.map(|known| &known.hint).filter(|hint| !hint.is_empty());
         items.extend(hint.map(|hint| Item::quiet(&format!("  {hint}"))));
     }
-    let times = [("answered after", exchange.latency), ("whole exchange", exchange.duration)];
+    let times = [("response after", exchange.latency), ("total", exchange.duration)];
     for (what, time) in times {
         items.extend(time.map(|time| Item::quiet(&format!("{what} {}", milliseconds(time)))));
     }
@@ -196,20 +221,20 @@ fn diagnostic(core: &Core, exchange: &UdsExchange, items: &mut Vec<Item>) {
     }
     for (what, message) in [("request", &exchange.request), ("response", &exchange.response)] {
         if let Some(message) = message {
-            said(what, message, items);
+            add_message(what, message, items);
         }
     }
 }
 
-fn said(what: &str, message: &Message, items: &mut Vec<Item>) {
+fn add_message(what: &str, message: &Message, items: &mut Vec<Item>) {
     let (first, last) = (message.frames.first, message.frames.last);
     let frames = if first == last { format!("{{{first}}}") } else { format!("{{{first}}}..{{{last}}}") };
     let text = format!("{what} {frames} on {}, {}", message.id, plural(message.size, "byte"));
     items.push(Item::new(&text, Role::Text).at(first));
-    dump(&message.data, items);
+    dump(0, &message.data, items);
 }
 
-/// Its frames by time, as far as they are at hand; Enter shows one's bits.
+/// The frames of the transfer by time; only the first and last one if they are not in memory.
 fn frames(core: &Core, event: &Event, chosen: Option<usize>, items: &mut Vec<Item>) {
     let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
     if frames.is_empty() {
@@ -219,11 +244,11 @@ fn frames(core: &Core, event: &Event, chosen: Option<usize>, items: &mut Vec<Ite
         }
         return;
     }
-    items.push(Item::heading("Frames (Enter: its bits)"));
+    items.push(Item::heading("Frames (Enter shows the bits)"));
     for (place, frame) in frames.iter().enumerate() {
-        let shown = if chosen == Some(place) { "  (its bits are shown)" } else { "" };
+        let shown = if chosen == Some(place) { "  (bits shown)" } else { "" };
         let text = format!("{}{shown}", line(core, event, frame, frames));
-        items.push(Item::new(&text, Role::Text).leading(Leads::Frame(place)));
+        items.push(Item::new(&text, Role::Text).leading(ItemTarget::Frame(place)));
     }
 }
 
@@ -252,15 +277,16 @@ fn line(core: &Core, event: &Event, frame: &Frame, all: &[Frame]) -> String {
 }
 
 /// `0010  05 83 21 …  .É!`.
-fn dump(data: &[u8], items: &mut Vec<Item>) {
+fn dump(offset: u64, data: &[u8], items: &mut Vec<Item>) {
     for (line, bytes) in data.iter().take(SHOWN_BYTES).collect::<Vec<_>>().chunks(BYTES_A_LINE).enumerate() {
         let bytes: Vec<u8> = bytes.iter().map(|byte| **byte).collect();
         let is_shown = |byte: u8| byte.is_ascii_graphic() || byte == b' ';
         let text: String =
             bytes.iter().map(|byte| if is_shown(*byte) { char::from(*byte) } else { '.' }).collect();
-        items.push(Item::quiet(&format!("  {:04X}  {:<47}  {text}", line * BYTES_A_LINE, hex(&bytes))));
+        let address = offset.saturating_add((line * BYTES_A_LINE) as u64);
+        items.push(Item::quiet(&format!("  {address:04X}  {:<47}  {text}", hex(&bytes))));
     }
     if data.len() > SHOWN_BYTES {
-        items.push(Item::quiet(&format!("  … {} bytes in all", data.len())));
+        items.push(Item::quiet(&format!("  … {} bytes in total", data.len())));
     }
 }

@@ -1,95 +1,95 @@
-//! One line of the detail pane.
+//! A line of the Detail pane.
 
 use cobscope_decoder::sink::escape;
 use ratatui::text::{Line, Span};
 
-use crate::state::Place;
+use crate::state::JumpPlace;
 use crate::theme::{Role, Theme};
 
-/// What an item leads to.
+/// Target of an item.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Leads {
-    /// Nowhere: it is only read.
+pub(super) enum ItemTarget {
+    /// No target.
     Nowhere,
-    /// A part of the payload.
+    /// Index of a part of the payload.
     Part(usize),
-    /// A place in time.
-    Place(Place),
-    /// A frame of the exchange, whose bits it shows.
+    /// A position in time.
+    Place(JumpPlace),
+    /// Index of a frame of the transfer; its bits are shown.
     Frame(usize),
 }
 
-/// One thing said.
+/// A line with its target and filter.
 #[derive(Debug, Clone)]
 pub(super) struct Item {
-    /// Words before the text, in the look of a heading.
+    /// Words before the text, styled like a heading.
     label: String,
     text: String,
     role: Role,
-    /// Lines below it while the cursor is on it.
+    /// Lines shown below while the item is selected.
     pub(super) notes: Vec<String>,
-    /// What Enter does on it.
-    pub(super) leads: Leads,
-    /// The filter that wants what it says.
+    /// Target of Enter.
+    pub(super) leads: ItemTarget,
+    /// Filter for the field and value of this item.
     pub(super) filter: Option<String>,
     is_heading: bool,
 }
 
 impl Item {
-    /// A line.
+    /// An item without a target.
     pub(super) fn new(text: &str, role: Role) -> Self {
         Self {
             label: String::new(),
             text: escape(text).into_owned(),
             role,
             notes: Vec::new(),
-            leads: Leads::Nowhere,
+            leads: ItemTarget::Nowhere,
             filter: None,
             is_heading: false,
         }
     }
 
-    /// A line beside the point.
+    /// An item of minor importance.
     pub(super) fn quiet(text: &str) -> Self {
         Self::new(text, Role::Quiet)
     }
 
-    /// A heading, which the cursor passes over.
+    /// A heading; it cannot be selected.
     pub(super) fn heading(text: &str) -> Self {
         Self { is_heading: true, ..Self::new(text, Role::Title) }
     }
 
-    /// A paragraph with its heading before it.
+    /// A paragraph with its heading in front.
     pub(super) fn headed(label: &str, text: &str) -> Self {
         Self { label: escape(label).into_owned(), ..Self::new(text, Role::Text) }
     }
 
-    /// The same with a place to go to.
-    pub(super) fn leading(self, leads: Leads) -> Self {
+    /// Sets the target.
+    pub(super) fn leading(self, leads: ItemTarget) -> Self {
         Self { leads, ..self }
     }
 
-    /// The same with a frame to go to.
+    /// Sets a frame as the target.
     pub(super) fn at(self, frame: u64) -> Self {
-        self.leading(Leads::Place(Place::Frame(frame)))
+        self.leading(ItemTarget::Place(JumpPlace::Frame(frame)))
     }
 
-    /// The same with a filter.
+    /// Sets the filter.
     pub(super) fn filtered(self, filter: Option<String>) -> Self {
         Self { filter, ..self }
     }
 
-    /// Whether the cursor can be on it.
+    /// Whether the item can be selected.
     pub(super) fn can_be_selected(&self) -> bool {
         !self.is_heading
     }
 
-    /// The text as it is copied.
+    /// Text for the clipboard.
     pub(super) fn text(&self) -> String {
         format!("{}{}", self.label, self.text).trim().to_owned()
     }
 
-    /// How it is drawn.
+    /// The item as styled lines; with its notes if it is selected.
     pub(super) fn lines(&self, theme: &Theme, is_selected: bool) -> Vec<Line<'static>> {
         let mut style = theme.style(self.role);
         if is_selected {

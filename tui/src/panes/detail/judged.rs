@@ -1,4 +1,4 @@
-//! What rules say of an event, why they say it, and what causes what.
+//! Findings at an event: text of the rule, causes and effects.
 //!
 //! ```text
 //! error emcy-raised: EMCY 8305 spool position error
@@ -9,16 +9,16 @@
 use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
 use cobscope_decoder::rules::{declarations, manual, sections};
 
-use super::item::{Item, Leads};
+use super::item::{Item, ItemTarget};
 use crate::panes::common::severity_role;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
 use crate::timeline::{Row, Survey};
 
-/// Causes of causes that are followed.
+/// Maximum length of a chain of causes.
 const LONGEST_CHAIN: usize = 8;
 
-/// Findings whose evidence is at the cursor.
+/// Items of the findings with evidence at the cursor.
 pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
     let frames: Vec<u64> = match row {
         Some(row) => vec![row.event.frames.first, row.event.frames.last, core.cursor.frame],
@@ -34,7 +34,7 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
             let is_here = |group: &&Group| group.first.iter().chain(&group.last).any(here);
             for group in findings.groups.iter().filter(is_here) {
                 of_group(core, findings, group, &mut items);
-                // Several findings of one rule need its words once.
+                // The text of a rule is shown once for all its findings.
                 if !told.contains(&group.key.rule) {
                     told.push(group.key.rule);
                     if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
@@ -58,13 +58,14 @@ fn of_group(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Ite
     if let Some((_, text, worst)) = &group.worst {
         facts.push(format!("worst {}: {text}", place(core, worst)));
     }
-    facts.extend(group.downgraded.as_ref().map(|why| format!("less severe than its rule says: {why}")));
+    facts.extend(group.downgraded.as_ref().map(|why| format!("severity downgraded: {why}")));
+    facts.extend(group.manual.as_ref().map(|manual| format!("manual: {manual}")));
     facts.extend(group.suppressed.as_ref().map(|why| format!("suppressed by the bus file: {why}")));
     items.extend(facts.iter().map(|fact| Item::quiet(&format!("  {fact}"))));
     chain(core, findings, group, items);
 }
 
-/// Causes, each with its own, and what this one causes.
+/// The chain of causes of a finding, and its effects.
 fn chain(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
     let mut of = group;
     for _ in 0..LONGEST_CHAIN {
@@ -87,7 +88,7 @@ fn chain(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>)
 fn link(core: &Core, word: &str, group: &Group) -> Item {
     let began = group.began();
     let text = format!("  {word} {} {}: {}", place(core, &began), group.rule, group.text);
-    Item::new(&text, Role::Link).leading(Leads::Place(Place::Frame(began.frames.last)))
+    Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Frame(began.frames.last)))
 }
 
 fn place(core: &Core, occurrence: &Occurrence) -> String {
@@ -95,7 +96,7 @@ fn place(core: &Core, occurrence: &Occurrence) -> String {
     format!("{{{}}}{time}", occurrence.frames.last)
 }
 
-/// Before the capture is judged to its end: findings as they opened.
+/// Findings that opened here, while the rules still run.
 fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
     for opened in survey.news.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
         let news = &opened.news;
@@ -106,7 +107,7 @@ fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
             let time = core.seconds(cause.time).map_or(String::new(), |time| format!(" {time:.3} s"));
             let frame = cause.spot.frame;
             let text = format!("  caused by {{{frame}}}{time} {}: {}", cause.news.rule, cause.news.text);
-            items.push(Item::new(&text, Role::Link).leading(Leads::Place(Place::Frame(frame))));
+            items.push(Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Frame(frame))));
         }
         if let Some(rule) = declarations().find(|rule| *rule.name == *news.rule) {
             explanation(&rule.info(), items);
@@ -114,7 +115,7 @@ fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
     }
 }
 
-/// The rule's own words, a paragraph each.
+/// The documentation of the rule, one item per section.
 fn explanation(rule: &RuleInfo, items: &mut Vec<Item>) {
     let text = manual(&rule.explanation);
     let paragraphs = sections(&text);

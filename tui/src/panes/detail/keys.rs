@@ -1,4 +1,4 @@
-//! All fields of an event by the names filters know them by.
+//! All fields of an event under their filter names.
 //!
 //! ```text
 //! code = 0x8305
@@ -10,23 +10,22 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::query::record::{FieldValue, Fields, visit};
 use cobscope_decoder::session::Bus;
 
-/// Bytes of data that are written.
+/// Maximum number of data bytes shown.
 const SHOWN_BYTES: usize = 32;
 
-/// One field.
+/// A field of an event.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Key {
-    /// Its name, as filters have it.
+    /// Name as in filters: `object.index`.
     pub(super) name: String,
-    /// Its value, as filters have it.
+    /// Value as in filters.
     pub(super) value: String,
-    /// The filter that wants it.
+    /// Filter for this value; None if filters cannot express it.
     pub(super) filter: Option<String>,
-    /// A frame other than the event's own that it names.
+    /// Frame number in the value, other than the frames of the event.
     pub(super) frame: Option<u64>,
 }
 
-/// All fields of an event.
 pub(super) fn of(event: &Event, bus: &Bus) -> Vec<Key> {
     let mut keys = Keys { all: Vec::new(), path: Vec::new() };
     visit(event, bus, None, &mut keys);
@@ -55,7 +54,7 @@ impl Fields for Keys {
             value_text = text(FieldValue::Bytes(bytes.get(..SHOWN_BYTES).unwrap_or(bytes))) + " …";
         }
         let key = Key { name, value: value_text, filter, frame };
-        // Of one frame the first and the last one are the same.
+        // For a single frame the first and last frame field are equal.
         if self.all.last() != Some(&key) {
             self.all.push(key);
         }
@@ -78,13 +77,13 @@ impl Fields for Keys {
     }
 }
 
-/// Whether a number under this name is that of a frame.
+/// Whether the field contains a frame number.
 fn names_a_frame(name: &str) -> bool {
     let last = name.rsplit('.').next().unwrap_or(name);
     last.ends_with("frame") || last.ends_with("frames") && name != "frames"
 }
 
-/// A value as a filter would have it.
+/// A value in filter syntax.
 fn text(value: FieldValue<'_>) -> String {
     match value {
         FieldValue::Null => "null".into(),

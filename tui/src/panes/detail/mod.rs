@@ -1,16 +1,16 @@
-//! Detail: everything about the event at the cursor.
+//! Detail: bits, fields, findings, transfer and links of the event at the cursor.
 //!
 //! ```text
 //! 7.204 s {104} can0 0A0 EMCY of 32
 //! 32/20 EMCY 8305 spool position error → FAULT HOLD …
-//! byte         0        1        2            the field under the cursor is lit, left and right go over bits
+//! byte         0        1        2            the selected field is highlighted; left and right select a bit
 //! bits  00000101 10000011 00100001
 //! field aaaaaaaa aaaaaaaa bbbbbbbb
-//! error emcy-raised: …                        findings with the rule's words
-//! a error code  8305h spool position error    fields, exchange, links, all keys
+//! error emcy-raised: …                        findings with the text of the rule
+//! a error code  8305h spool position error    fields, transfer, links, all event fields
 //! ```
 //!
-//! From 110 columns on the bits stand at the left of the rest.
+//! From 110 columns the bits are to the left of the text.
 
 mod advice;
 mod document;
@@ -23,11 +23,12 @@ mod services;
 mod text;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::Spot;
+use cobscope_decoder::replay::EventPosition;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::Core;
@@ -36,66 +37,68 @@ use crate::timeline::Row;
 use crate::widgets::bits::{self, Bits};
 use crate::widgets::draw;
 use crate::widgets::text_lines::TextLines;
-use item::{Item, Leads};
+use item::{Item, ItemTarget};
 use payload::Payload;
 
-/// Width from which bits and text stand side by side.
+/// Width from which bits and text are next to each other.
 const WIDE: u16 = 110;
-/// Columns of four bytes in bits, and of eight.
+/// Widths of four and of eight bytes as bits.
 const FOUR_BYTES: u16 = 42;
 const EIGHT_BYTES: u16 = 78;
-/// Lines the bits take at most above the text.
+/// Maximum height of the bits above the text.
 const MOST_BITS: u16 = 8;
 
-/// The pane.
+/// The details of the event at the cursor.
 #[derive(Debug, Default)]
 pub struct Detail {
-    /// Place this is about, and whether the cursor has come to it.
-    spot: Option<(Spot, bool)>,
-    /// Item the cursor is on.
+    /// Position of the event, and whether the cursor has reached it.
+    spot: Option<(EventPosition, bool)>,
+    /// Index of the selected item.
     selected: usize,
-    /// Bit the cursor is on.
+    /// The selected bit.
     bit: Option<u16>,
-    /// Frame of the exchange whose bits are shown.
+    /// Index of the frame of the transfer whose bits are shown.
     frame: Option<usize>,
 }
 
-/// Where what is drawn.
+/// Screen areas of this pane.
 struct Parts {
     title: Rect,
     bits: Rect,
     text: Rect,
 }
 
-/// What is told at the moment.
-struct Told<'a> {
+/// Content at the cursor.
+struct DetailContent<'a> {
     row: Option<&'a Row>,
     payload: Payload,
     items: Vec<Item>,
 }
 
 impl Detail {
-    fn told<'a>(&self, core: &'a Core) -> Told<'a> {
+    fn content<'a>(&self, core: &'a Core) -> DetailContent<'a> {
         let row = row(core);
         let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
         let chosen = self.frame.and_then(|frame| frames.get(frame));
         let payload = payload::of(core, row, chosen);
         let items = document::items(core, row, &payload, self.frame);
-        Told { row, payload, items }
+        DetailContent { row, payload, items }
     }
 
-    /// The part the cursor is on.
-    fn part(&self, told: &Told<'_>) -> Option<usize> {
+    /// The selected part of the payload.
+    fn part(&self, told: &DetailContent<'_>) -> Option<usize> {
         match told.items.get(self.selected(told)).map(|item| &item.leads) {
-            Some(Leads::Part(part)) if self.bit.is_none_or(|bit| part_at(&told.payload, bit).is_some()) => {
+            Some(ItemTarget::Part(part))
+                if self.bit.is_none_or(|bit| part_at(&told.payload, bit).is_some()) =>
+            {
                 Some(*part)
             }
             _ => None,
         }
     }
 
-    /// The item the cursor is on; never a heading.
-    fn selected(&self, told: &Told<'_>) -> usize {
+    /// The selected item; after a heading, the item below it.
+    fn selected(&self, told: &DetailContent<'_>) -> usize {
         let rest = told.items.iter().enumerate().skip(self.selected);
         let mut rest = rest.filter(|(_, item)| item.can_be_selected());
         rest.next().map_or_else(
@@ -104,7 +107,7 @@ impl Detail {
         )
     }
 
-    fn step(&mut self, told: &Told<'_>, delta: isize) {
+    fn step(&mut self, told: &DetailContent<'_>, delta: isize) {
         let places = told.items.iter().enumerate().filter(|(_, item)| item.can_be_selected());
         let places: Vec<usize> = places.map(|(index, _)| index).collect();
         let at = places.partition_point(|index| *index < self.selected(told));
@@ -113,8 +116,8 @@ impl Detail {
         self.bit = None;
     }
 
-    /// Goes over bits as they stand on the screen.
-    fn step_bit(&mut self, told: &Told<'_>, delta: i16) {
+    /// Moves the bit cursor in screen order.
+    fn step_bit(&mut self, told: &DetailContent<'_>, delta: i16) {
         let count = u16::try_from(told.payload.bytes.len().min(64) * 8).unwrap_or(0);
         if count == 0 {
             return;
@@ -128,25 +131,25 @@ impl Detail {
         self.choose(told, bits::on_screen(place.min(count - 1)));
     }
 
-    /// Puts the cursor on a bit and on the part it belongs to.
-    fn choose(&mut self, told: &Told<'_>, bit: u16) {
+    /// Selects a bit and the part that contains it.
+    fn choose(&mut self, told: &DetailContent<'_>, bit: u16) {
         self.bit = Some(bit);
         if let Some(part) = part_at(&told.payload, bit) {
-            let is_it = |item: &Item| item.leads == Leads::Part(part);
+            let is_it = |item: &Item| item.leads == ItemTarget::Part(part);
             self.selected = told.items.iter().position(is_it).unwrap_or(self.selected);
         }
     }
 
     fn open(&mut self, core: &Core) -> Vec<Effect> {
-        let told = self.told(core);
+        let told = self.content(core);
         match told.items.get(self.selected(&told)).map(|item| item.leads.clone()) {
-            Some(Leads::Place(place)) => vec![Effect::Go(place)],
-            Some(Leads::Frame(frame)) => {
+            Some(ItemTarget::Place(place)) => vec![Effect::Go(place)],
+            Some(ItemTarget::Frame(frame)) => {
                 self.frame = if self.frame == Some(frame) { None } else { Some(frame) };
                 self.bit = None;
-                // What is above it may have become more or less.
-                let told = self.told(core);
-                let is_it = |item: &Item| item.leads == Leads::Frame(frame);
+                // The items above may have changed.
+                let told = self.content(core);
+                let is_it = |item: &Item| item.leads == ItemTarget::Frame(frame);
                 self.selected = told.items.iter().position(is_it).unwrap_or(0);
                 Vec::new()
             }
@@ -155,19 +158,19 @@ impl Detail {
     }
 
     fn plot(&self, core: &Core) -> Vec<Effect> {
-        let told = self.told(core);
+        let told = self.content(core);
         let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
         match part.and_then(|part| part.signal.clone()) {
             Some(signal) => {
-                let text = format!("{} is on the plot", signal.name);
+                let text = format!("{} added to the plot", signal.name);
                 vec![Effect::Plot(signal), Effect::Say(text)]
             }
-            None => vec![Effect::Refuse("choose a field of a PDO or message to plot it".into())],
+            None => vec![Effect::Refuse("select a field of a PDO or message to plot it".into())],
         }
     }
 }
 
-/// The event at the cursor; nothing where the cursor is behind a frame that shows none.
+/// The event at the cursor; None after a frame without a shown event.
 fn row(core: &Core) -> Option<&Row> {
     core.row().filter(|row| {
         let frame = core.cursor.frame;
@@ -193,7 +196,7 @@ fn part_at(payload: &Payload, bit: u16) -> Option<usize> {
     bits::field_at(&fields(payload), bit)
 }
 
-fn first_on_screen(part: &payload::Part) -> u16 {
+fn first_on_screen(part: &payload::PayloadPart) -> u16 {
     use cobscope_decoder::profile::BitOrder;
     match part.order {
         BitOrder::BigEndian => bits::on_screen(part.bit),
@@ -205,8 +208,8 @@ fn first_on_screen(part: &payload::Part) -> u16 {
     }
 }
 
-/// Title, bits and text in an area.
-fn layout(told: &Told<'_>, title_lines: u16, area: Rect) -> Parts {
+/// Areas for title, bits and text.
+fn layout(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> Parts {
     let title = Rect { height: title_lines.min(area.height), ..area };
     let rest = Rect { y: area.y + title.height, height: area.height - title.height, ..area };
     if told.payload.bytes.is_empty() {
@@ -226,8 +229,8 @@ fn layout(told: &Told<'_>, title_lines: u16, area: Rect) -> Parts {
     Parts { title, bits, text: Rect { y: rest.y + height, height: rest.height - height, ..rest } }
 }
 
-/// Where and when, and the event's line.
-fn title(core: &Core, told: &Told<'_>) -> Vec<Line<'static>> {
+/// Time and place of the event, and its text.
+fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
     let time = told.row.map_or_else(|| core.time(), |row| row.event.time);
     let mut place: Vec<String> = core.seconds(time).map(|time| format!("{time:.6} s")).into_iter().collect();
     place.extend(time.and_then(date));
@@ -252,14 +255,14 @@ fn title(core: &Core, told: &Told<'_>) -> Vec<Line<'static>> {
     vec![quiet(&place), Line::styled(text, core.theme.style(role_of(row.tone)))]
 }
 
-/// A stamp from 1973 on is a date and time; before it counts from the capture's beginning.
+/// Date and time of a timestamp from 1973 on; earlier ones count from the start of the capture.
 fn date(time: Timestamp) -> Option<String> {
     const FIRST: i64 = 100_000_000_000_000_000;
     let stamp = jiff::Timestamp::from_nanosecond(i128::from(time.0)).ok().filter(|_| time.0 >= FIRST)?;
     Some(stamp.strftime("%Y-%m-%d %H:%M:%S UTC").to_string())
 }
 
-/// Lines of the screen the title takes.
+/// Height of the title.
 fn title_lines(core: &Core, title: &[Line<'static>], area: Rect) -> u16 {
     draw::cells(TextLines::new(&core.theme, title).total(area.width)).min(area.height / 4).max(1)
 }
@@ -270,7 +273,7 @@ impl Pane for Detail {
             draw::put(buf, area.x, area.y, area.width, "reading …", core.theme.style(Role::Quiet));
             return;
         }
-        let told = self.told(core);
+        let told = self.content(core);
         let title = title(core, &told);
         let parts = layout(&told, title_lines(core, &title, area), area);
         TextLines::new(&core.theme, &title).render(parts.title, buf);
@@ -291,7 +294,7 @@ impl Pane for Detail {
     }
 
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
-        let told = self.told(core);
+        let told = self.content(core);
         let page = isize::try_from(core.height / 3).unwrap_or(1).max(1);
         match action {
             Action::Down => self.step(&told, 1),
@@ -310,7 +313,7 @@ impl Pane for Detail {
     }
 
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
-        let told = self.told(core);
+        let told = self.content(core);
         let parts = layout(&told, title_lines(core, &title(core, &told), area), area);
         let fields = fields(&told.payload);
         let bits = Bits::new(&core.theme, &told.payload.bytes).fields(&fields);
@@ -333,6 +336,10 @@ impl Pane for Detail {
         }
     }
 
+    fn legend(&self) -> &'static Legend {
+        &legend::DETAIL
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Back,
@@ -347,7 +354,7 @@ impl Pane for Detail {
     }
 
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
-        let told = self.told(core);
+        let told = self.content(core);
         let item = told.items.get(self.selected(&told))?;
         let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
         let of_part = part
@@ -357,7 +364,7 @@ impl Pane for Detail {
     }
 
     fn line(&self, core: &Core) -> Option<String> {
-        let told = self.told(core);
+        let told = self.content(core);
         told.items.get(self.selected(&told)).map(Item::text)
     }
 }

@@ -1,17 +1,17 @@
-//! The items as lines, and where they are on the screen.
+//! Drawing of the items, and the item at a screen position.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use super::item::Item;
-use super::{Detail, Told};
+use super::{Detail, DetailContent};
 use crate::state::Core;
 use crate::widgets::text_lines::TextLines;
 
 impl Detail {
-    /// Lines of all items, and the line each begins with.
-    fn lines(&self, core: &Core, told: &Told<'_>, width: u16) -> (Vec<Line<'static>>, Vec<usize>) {
+    /// Lines of all items, and the index of the first line of each.
+    fn lines(&self, core: &Core, told: &DetailContent<'_>, width: u16) -> (Vec<Line<'static>>, Vec<usize>) {
         let selected = self.selected(told);
         let (mut lines, mut starts, mut at) = (Vec::new(), Vec::new(), 0);
         for (index, item) in told.items.iter().enumerate() {
@@ -24,22 +24,29 @@ impl Detail {
         (lines, starts)
     }
 
-    /// The first line in view: that of the cursor stands in the upper third, with all of its item.
-    fn scroll(&self, told: &Told<'_>, starts: &[usize], height: usize) -> usize {
+    /// First visible line: the selected item is in the upper third and completely visible.
+    fn scroll(&self, told: &DetailContent<'_>, starts: &[usize], height: usize) -> usize {
         let selected = self.selected(told);
         let start = starts.get(selected).copied().unwrap_or(0);
         let end = starts.get(selected + 1).copied().unwrap_or(start + 1);
         start.saturating_sub(height / 3).max(end.saturating_sub(height)).min(start)
     }
 
-    pub(super) fn text(&self, core: &Core, told: &Told<'_>, area: Rect, buf: &mut Buffer) {
+    pub(super) fn text(&self, core: &Core, told: &DetailContent<'_>, area: Rect, buf: &mut Buffer) {
         let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
         let scroll = self.scroll(told, &starts, usize::from(area.height));
         TextLines::new(&core.theme, &lines).scroll(scroll).render(area, buf);
     }
 
-    /// The item at a place of the screen.
-    pub(super) fn item_at(&self, core: &Core, told: &Told<'_>, area: Rect, x: u16, y: u16) -> Option<usize> {
+    /// The item at a screen position.
+    pub(super) fn item_at(
+        &self,
+        core: &Core,
+        told: &DetailContent<'_>,
+        area: Rect,
+        x: u16,
+        y: u16,
+    ) -> Option<usize> {
         let is_inside = area.contains(ratatui::layout::Position::new(x, y));
         let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
         let last = TextLines::new(&core.theme, &lines).last_scroll(area);

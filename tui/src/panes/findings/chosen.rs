@@ -1,8 +1,8 @@
-//! Which findings the filter in force means.
+//! Findings selected by the current filter.
 //!
 //! ```text
-//! node == 5      findings have a node: those of node 5
-//! kind == emcy   no finding is of that kind: those in frames that brought an event that is shown
+//! node == 5      findings have a node: the findings of node 5
+//! kind == emcy   findings have no such field: the findings in frames of matching events
 //! ```
 
 use std::collections::BTreeSet;
@@ -11,7 +11,7 @@ use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
 use cobscope_decoder::finding::{Findings, Group, Occurrence};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
@@ -19,20 +19,20 @@ use crate::panes::common::last_world;
 use crate::state::Core;
 use crate::timeline::{Matches, Survey};
 
-/// The kind of event that tells of a finding.
+/// Event kind of a finding.
 const KIND: &str = "finding-opened";
 
-/// What the choice of a filter depends on.
+/// Inputs of the selection; it is repeated if one of them changes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Filtered {
+pub(super) struct FilterKey {
     text: String,
     only_news: bool,
     buses: usize,
-    /// Where frames decide: events shown so far, and whether these are all.
+    /// For a selection by frames: number of matching events, and whether the search is complete.
     shown: Option<(u64, bool)>,
 }
 
-impl Filtered {
+impl FilterKey {
     pub(super) fn new(core: &Core) -> Option<Self> {
         let filter = core.matcher.filter.as_ref()?;
         let matches = if is_of_findings(filter) { None } else { core.timeline.matches() };
@@ -42,23 +42,23 @@ impl Filtered {
     }
 }
 
-/// Whether findings have what a filter asks for.
+/// Whether the filter can match finding events.
 fn is_of_findings(filter: &Filter) -> bool {
     filter.kinds().contains_name(KIND)
 }
 
-/// Findings by what a filter chose.
+/// The selected findings.
 #[derive(Debug, Clone)]
-pub(super) struct Chosen {
+pub(super) struct FilterResult {
     ids: BTreeSet<u64>,
-    /// How many there are without the filter.
+    /// Number of findings without the filter.
     all: usize,
-    /// What of the filter decided, in words.
+    /// Description of the selection, with the filter.
     how: String,
 }
 
-impl Chosen {
-    /// What the filter in force chooses; nothing where there is none.
+impl FilterResult {
+    /// Applies the current filter; None without a filter.
     pub(super) fn new(core: &Core, survey: &Survey) -> Option<Self> {
         let filter = core.matcher.filter.as_ref()?;
         let all = all(survey);
@@ -67,19 +67,20 @@ impl Chosen {
             (Judge { filter, world: &world }.ids(survey), "match")
         } else {
             let shown = core.timeline.matches()?;
-            let how = if shown.is_complete() { "in frames shown by" } else { "so far in frames shown by" };
+            let how =
+                if shown.is_complete() { "in frames that match" } else { "so far in frames that match" };
             (in_frames(survey, &shown), how)
         };
         let how = format!("{how} {}", core.filter);
         Some(Self { ids: ids.intersection(&all).copied().collect(), all: all.len(), how })
     }
 
-    /// Whether a finding is shown.
+    /// Whether a finding is selected.
     pub(super) fn has(&self, id: u64) -> bool {
         self.ids.contains(&id)
     }
 
-    /// Whether there is nothing to choose from.
+    /// Whether there are no findings at all.
     pub(super) fn is_of_none(&self) -> bool {
         self.all == 0
     }
@@ -90,7 +91,6 @@ impl Chosen {
     }
 }
 
-/// All findings that have a row.
 fn all(survey: &Survey) -> BTreeSet<u64> {
     match &survey.findings {
         Some(findings) => {
@@ -101,8 +101,7 @@ fn all(survey: &Survey) -> BTreeSet<u64> {
     }
 }
 
-/// Findings in frames that brought an event that is shown: where they opened, and where they were seen, as far as that
-/// is kept.
+/// Findings in frames of matching events: where they opened, and their kept occurrences.
 fn in_frames(survey: &Survey, shown: &Matches) -> BTreeSet<u64> {
     let opened = survey.news.iter().map(|opened| (opened.news.id, opened.spot.frame));
     let groups = survey.findings.iter().flat_map(|findings| &findings.groups);
@@ -114,10 +113,10 @@ fn occurrences(group: &Group) -> impl Iterator<Item = Occurrence> {
     group.first.iter().chain(&group.last).copied()
 }
 
-/// Asks the filter of the events that tell of findings.
+/// Applies the filter to the events of findings.
 struct Judge<'a> {
     filter: &'a Filter,
-    world: &'a World,
+    world: &'a ReplayState,
 }
 
 impl Judge<'_> {
@@ -133,7 +132,7 @@ impl Judge<'_> {
         opened.map(|opened| opened.news.id).collect()
     }
 
-    /// A time or a frame means each occurrence that is kept.
+    /// Filters by time or frame match if any kept occurrence matches.
     fn takes_group(&self, findings: &Findings, group: &Group) -> bool {
         let Some(rule) = findings.rules.get(usize::from(group.key.rule)) else { return false };
         let news = group.news(rule);

@@ -1,34 +1,34 @@
-//! What stands above and below the table: what limits the verdicts, and all that is known of one finding.
+//! Text above and below the table: limits of the verdicts, and details of one finding.
 //!
 //! ```text
 //! quality  27 error frames
 //! ── warning emcy-raised ──────────────────────────────
 //! can0 32/20  EMCY 8305 spool position error
 //!   at 7.204 s {104}
-//! rule   an error was raised (CiA 301 §7.2.7)
-//! first  Its error register, what was commanded before.
+//! rule         emcy-raised: EMCY raised after start-up
+//! look first   Its error register, what was commanded before.
 //! ```
 
 use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::incident::absorbed;
-use cobscope_decoder::sink::findings::{self, moment, what, who};
+use cobscope_decoder::sink::findings::{self, moment, sentence, what, who};
 use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
-use super::chosen::Chosen;
+use super::chosen::FilterResult;
 use super::rows::Facts;
-use crate::panes::common::{Labelled, severity_role, time};
+use crate::panes::common::{LabelledLines, severity_role, time};
 use crate::state::Core;
 use crate::theme::Role;
 use crate::timeline::Survey;
 
-/// Columns for labels.
-const LABEL: u16 = 13;
+/// Width of the labels.
+const LABEL: u16 = 14;
 
-/// What the filter leaves out, and what limits the verdicts, as `check` says it.
-pub(super) fn notes(core: &Core, survey: &Survey, chosen: Option<&Chosen>) -> Vec<Line<'static>> {
+/// Number of findings removed by the filter, and limits of the verdicts as in `check`.
+pub(super) fn notes(core: &Core, survey: &Survey, chosen: Option<&FilterResult>) -> Vec<Line<'static>> {
     let theme = &core.theme;
     let labelled = |role: Role, label: &str, text: &str| {
         let label = Span::styled(format!("{label:<9}"), theme.style(role));
@@ -37,32 +37,32 @@ pub(super) fn notes(core: &Core, survey: &Survey, chosen: Option<&Chosen>) -> Ve
     let mut lines = Vec::new();
     lines.extend(chosen.map(|chosen| labelled(Role::Note, "filter", &chosen.words())));
     if let Some(failure) = core.timeline.failure() {
-        lines.push(labelled(Role::Bad, "unread", &failure));
+        lines.push(labelled(Role::Bad, "failure", &failure));
     }
     let Some(findings) = &survey.findings else {
         let text = format!(
-            "{} judged so far; what explains what, and how often, is known at the end",
+            "{} analysed so far; causes and counts follow at the end",
             plural(survey.frames, "frame")
         );
-        lines.push(labelled(Role::Note, "judging", &text));
+        lines.push(labelled(Role::Note, "running", &text));
         return lines;
     };
     lines.extend(findings.quality.iter().map(|note| labelled(Role::Caution, "quality", note)));
     let complaints = findings.suppressions.iter().filter_map(SuppressionUse::complaint);
     lines.extend(complaints.map(|said| labelled(Role::Note, "note", &said)));
     if findings.ungrouped > 0 {
-        let text = format!("{} further times something was wrong found no room", findings.ungrouped);
+        let text = format!("{} more occurrences without a place in the table", findings.ungrouped);
         lines.push(labelled(Role::Caution, "more", &text));
     }
     lines
 }
 
-/// All of a finding, the most important first: there may be room for some lines only.
-pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled {
+/// Details of a finding, most important first because the area may be small.
+pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> LabelledLines {
     let style = core.theme.style(severity_role(group.severity));
     let plain = |text: String| Line::raw(escape(&text).into_owned());
     let who = format!("{}  ", escape(&who(group)));
-    let first = Line::from(vec![Span::raw(who), Span::styled(escape(&what(group)).into_owned(), style)]);
+    let first = Line::from(vec![Span::raw(who), Span::styled(escape(&sentence(group)).into_owned(), style)]);
     let mut lines = vec![("", first)];
     if let Some(reason) = &group.suppressed {
         lines.push(labelled("  suppressed", reason));
@@ -77,27 +77,28 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
         lines.push(labelled("  look first", &one_line(look)));
     }
     if let Some(absorbed) = absorbed(findings).get(&group.id) {
-        lines.push(labelled("  stands for", &absorbed.to_string()));
+        lines.push(labelled("  also covers", &absorbed.to_string()));
     }
     lines.extend(occurrences(core, group));
     if let Some(rule) = rule {
         lines.push(labelled("  rule", &format!("{}: {}", rule.name, rule.title)));
         let source = rule.source.as_deref().or_else(|| section(&rule.explanation, "Source"));
+        let source = source.filter(|_| group.manual.is_none());
         lines.extend(source.map(|source| labelled("  source", &one_line(source))));
     }
-    Labelled { room: LABEL, lines }
+    LabelledLines { room: LABEL, lines }
 }
 
-/// What is known of a finding before groups are.
-pub(super) fn opening(core: &Core, facts: &Facts) -> Labelled {
+/// Details of a finding while the rules still run.
+pub(super) fn opening(core: &Core, facts: &Facts) -> LabelledLines {
     let style = core.theme.style(severity_role(facts.severity));
     let first =
         Line::from(vec![Span::raw(format!("{}  ", facts.who)), Span::styled(facts.text.clone(), style)]);
     let at = Line::raw(format!("  at {} s {{{}}}", time(core, facts.began), facts.frame));
-    Labelled { room: LABEL, lines: vec![("", first), ("", at)] }
+    LabelledLines { room: LABEL, lines: vec![("", first), ("", at)] }
 }
 
-/// When it was seen, where the notes do not say all of that already.
+/// Times and frames of the occurrences, unless the notes contain all of them.
 fn occurrences(core: &Core, group: &Group) -> Option<(&'static str, Line<'static>)> {
     if group.first.len() + group.last.len() <= 2 {
         return None;

@@ -1,13 +1,13 @@
-//! Findings: what is wrong, by cause, the worst first; below the table all of the selected one.
+//! Findings by cause, worst first, with the details of the selected one below the table.
 //!
 //! ```text
 //! filter   2 of 4 findings match severity >= warning; c shows all
 //! quality  27 error frames
-//! How bad  Node     ×    First   Cursor  Finding
-//! warning  can0     1    4.030   -1.200  ▾ 17 error frames in a second; 10 are too many
-//! error    5/05     1    4.210   -1.020      silent since {129} (heartbeat), was operational
+//! Severity Node     ×    First   Cursor  Finding
+//! warning  can0     1    4.030   -1.200  ▾ 17 error frames/s (limit 10/s)
+//! error    5/05     1    4.210   -1.020      no heartbeat after {129} (last state operational)
 //! ── error node-lost ────────────────────────────────────────────────
-//! can0 5/05  silent since {129} (heartbeat), was operational
+//! can0 5/05  no heartbeat after {129} (last state operational)
 //!   at 4.210 s {129}
 //! ```
 
@@ -24,63 +24,63 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use self::chosen::{Chosen, Filtered};
+use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 
-/// The findings.
+/// The table of findings.
 #[derive(Debug, Default)]
 pub struct Findings {
     table: TableState,
-    /// The selected finding: rows come and go.
+    /// Id of the selected finding; its row may move.
     selected: Option<u64>,
-    /// Findings whose effects are folded away.
+    /// Findings whose effects are hidden.
     folded: BTreeSet<u64>,
-    listed: Listed,
+    listed: FindingList,
 }
 
-/// The rows.
+/// The rows with the inputs they were made from.
 #[derive(Debug, Clone, Default)]
-struct Listed {
+struct FindingList {
     rows: Vec<Item>,
-    /// What the filter in force left.
-    chosen: Option<Chosen>,
-    /// What they were made of.
-    made: Option<Made>,
+    /// Result of the current filter.
+    chosen: Option<FilterResult>,
+    /// Inputs of the rows.
+    made: Option<RowInputs>,
 }
 
-/// What rows depend on.
+/// Inputs of the rows; they are rebuilt if one of them changes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Made {
+struct RowInputs {
     openings: usize,
     is_complete: bool,
     folded: usize,
     sort: Option<(usize, bool)>,
-    filter: Option<Filtered>,
+    filter: Option<FilterKey>,
 }
 
-/// Room for what is wrong: at least `LEAST_TEXT`, and `WANTED_TEXT` before columns that only complete the picture stand
-/// beside it.
+/// Width of the finding text: at least `LEAST_TEXT`; `WANTED_TEXT` before less important columns are added.
 const LEAST_TEXT: u16 = 28;
 const WANTED_TEXT: u16 = 72;
 
-/// What the other columns take up to the distance from the cursor, with the spaces behind them and a scrollbar.
-const IMPORTANT: u16 = 58;
+/// Width of the columns up to `Cursor`, with spaces and scroll bar.
+const IMPORTANT: u16 = 59;
 
-/// Columns, in order, for a table of `width`.
+/// Columns for a table of `width`.
 fn columns(has_buses: bool, width: u16) -> Vec<Column> {
     let bus = 5;
     let (important, others) = if has_buses { (9, IMPORTANT + bus + 1) } else { (0, IMPORTANT) };
     let text = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
-        Column::new("How bad", Width::Fixed(7)).priority(11),
+        Column::new("Severity", Width::Fixed(8)).priority(11),
         Column::new("Bus", Width::Fixed(bus)).priority(important),
         Column::new("Node", Width::Fixed(12)).priority(10),
         Column::new("×", Width::Fixed(5)).right().priority(8),
@@ -88,28 +88,28 @@ fn columns(has_buses: bool, width: u16) -> Vec<Column> {
         Column::new("Last", Width::Fixed(9)).right().priority(3),
         Column::new("Cursor", Width::Fixed(9)).right().priority(7),
         Column::new("Rule", Width::Fixed(24)).priority(2),
-        Column::new("About", Width::Fixed(10)).priority(1),
+        Column::new("Subject", Width::Fixed(10)).priority(1),
         Column::new("Finding", Width::Min(text)),
     ]
 }
 
-/// The column with the tree.
+/// Index of the column with the tree.
 const TEXT: usize = 9;
 
-/// Lines of height from which the selected finding is told in full.
+/// Height from which the details take two fifths of the pane.
 const TALL: u16 = 26;
 
-/// Lines of height from which the most important of it is.
+/// Height from which the most important details are shown.
 const LOW: u16 = 15;
 
-/// Where what stands.
+/// Screen areas of this pane.
 struct Parts {
     quality: Rect,
     table: Rect,
     detail: Rect,
 }
 
-/// The selected finding gets what the others leave, and a share in any case.
+/// The details take the space left by notes and rows, and at least a minimum share.
 fn parts(area: Rect, notes: usize, rows: usize) -> Parts {
     let least = match area.height {
         TALL.. => area.height * 2 / 5,
@@ -128,28 +128,28 @@ fn parts(area: Rect, notes: usize, rows: usize) -> Parts {
 }
 
 impl Findings {
-    fn made(&self, core: &Core, survey: &Survey) -> Made {
-        Made {
+    fn made(&self, core: &Core, survey: &Survey) -> RowInputs {
+        RowInputs {
             openings: survey.news.len(),
             is_complete: survey.findings.is_some(),
             folded: self.folded.len(),
             sort: self.table.sort,
-            filter: Filtered::new(core),
+            filter: FilterKey::new(core),
         }
     }
 
-    /// The rows; those at hand where nothing changed.
-    fn listed(&self, core: &Core, survey: &Survey) -> Cow<'_, Listed> {
+    /// The rows, rebuilt only if an input changed.
+    fn listed(&self, core: &Core, survey: &Survey) -> Cow<'_, FindingList> {
         let made = self.made(core, survey);
         if self.listed.made.as_ref() == Some(&made) {
             return Cow::Borrowed(&self.listed);
         }
-        let chosen = Chosen::new(core, survey);
+        let chosen = FilterResult::new(core, survey);
         let rows = items(survey, chosen.as_ref(), &self.folded, self.table.sort);
-        Cow::Owned(Listed { rows, chosen, made: Some(made) })
+        Cow::Owned(FindingList { rows, chosen, made: Some(made) })
     }
 
-    /// Where the selected finding is among the rows.
+    /// Row of the selected finding.
     fn at(&self, items: &[Item]) -> usize {
         let at = self.selected.and_then(|id| items.iter().position(|item| item.id == id));
         at.unwrap_or(self.table.selected).min(items.len().saturating_sub(1))
@@ -159,13 +159,12 @@ impl Findings {
         TableState { selected: self.at(items), ..self.table.clone() }
     }
 
-    /// The selected finding.
     fn item(&self, core: &Core, survey: &Survey) -> Option<Item> {
         let listed = self.listed(core, survey);
         listed.rows.get(self.at(&listed.rows)).copied()
     }
 
-    /// Height of the table as it is drawn.
+    /// Number of visible table rows.
     fn height(&self, core: &Core, survey: &Survey) -> usize {
         let notes = detail::notes(core, survey, self.listed.chosen.as_ref()).len();
         Table::height(parts(Rect::new(0, 0, 80, core.height), notes, self.listed.rows.len()).table)
@@ -178,7 +177,7 @@ impl Findings {
         self.selected = self.listed.rows.get(self.table.selected).map(|item| item.id);
     }
 
-    /// To the first evidence.
+    /// Goes to the first evidence.
     fn open(&self, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
         let told = self.item(core, &survey).and_then(|item| Some((item, facts(&survey, &item)?)));
@@ -186,7 +185,7 @@ impl Findings {
         let Some((item, facts)) = told else { return Vec::new() };
         let node = facts.node.map(|node| Effect::Node((facts.bus, node)));
         let rest = [
-            Effect::Go(Place::Frame(facts.frame)),
+            Effect::Go(JumpPlace::Frame(facts.frame)),
             Effect::Say(core.finding_text(item.id)),
             Effect::ShowDetail,
         ];
@@ -257,7 +256,7 @@ impl Pane for Findings {
                 let item =
                     self.listed.rows.get(self.at(&self.listed.rows)).filter(|item| item.open.is_some());
                 let Some(id) = item.map(|item| item.id) else {
-                    return vec![Effect::Refuse("nothing follows from this finding".into())];
+                    return vec![Effect::Refuse("this finding has no effects to show or hide".into())];
                 };
                 if !self.folded.remove(&id) {
                     self.folded.insert(id);
@@ -297,6 +296,14 @@ impl Pane for Findings {
         }
     }
 
+    fn legend(&self) -> &'static Legend {
+        &legend::FINDINGS
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        columns(true, 0)
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
@@ -333,20 +340,16 @@ impl Pane for Findings {
     }
 }
 
-/// What is said where there are no findings.
-fn empty(survey: &Survey, chosen: Option<&Chosen>) -> String {
+/// Message of an empty table.
+fn empty(survey: &Survey, chosen: Option<&FilterResult>) -> String {
     if chosen.is_some_and(|chosen| !chosen.is_of_none()) {
-        return "no finding is shown; c clears the filter".into();
+        return "no findings match; c clears the filter".into();
     }
-    let Some(findings) = &survey.findings else { return "no findings so far".into() };
+    let Some(findings) = &survey.findings else { return "no findings yet".into() };
     let used = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
     let (none, judged): (Vec<_>, Vec<_>) =
         used.map(|(_, tally)| tally.verdict()).partition(|verdict| *verdict == Verdict::NotExercised);
-    format!(
-        "no findings: {} judged this capture, {} had nothing to judge",
-        plural(judged.len(), "rule"),
-        none.len()
-    )
+    format!("no findings: {} exercised, {} not exercised", plural(judged.len(), "rule"), none.len())
 }
 
 fn row(core: &Core, item: &Item, facts: &Facts) -> Row<'static> {

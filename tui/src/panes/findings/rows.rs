@@ -1,4 +1,4 @@
-//! Which findings are rows, in which order, and what each says.
+//! Rows of the table: selection, order and text.
 //!
 //! ```text
 //! by cause:  ▾ warning EMCY 8305          sorted:  error   ACTIVE → FAULT HOLD
@@ -15,21 +15,21 @@ use cobscope_decoder::sink::findings::incident::incidents;
 use cobscope_decoder::sink::findings::what;
 use cobscope_decoder::wire::NodeId;
 
-use super::chosen::Chosen;
-use crate::timeline::{Opened, Survey};
+use super::chosen::FilterResult;
+use crate::timeline::{OpenedFinding, Survey};
 
-/// One row: a finding by its number, and its place in the tree.
+/// A row: id of the finding and its place in the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Item {
     pub(super) id: u64,
-    /// Place among groups, or among those that opened as long as groups are not known.
+    /// Index in the groups; in the opened findings while the rules still run.
     place: usize,
     pub(super) depth: u8,
-    /// Whether what follows from it is shown; nothing where nothing does.
+    /// Whether the effects are shown; None without effects.
     pub(super) open: Option<bool>,
 }
 
-/// What a row says.
+/// Content of a row.
 #[derive(Debug)]
 pub(super) struct Facts {
     pub(super) severity: Severity,
@@ -40,19 +40,19 @@ pub(super) struct Facts {
     pub(super) count: u64,
     pub(super) began: Option<Timestamp>,
     pub(super) ended: Option<Timestamp>,
-    /// Frame that showed it first.
+    /// First frame of evidence.
     pub(super) frame: u64,
     pub(super) rule: String,
     pub(super) about: String,
     pub(super) text: String,
-    /// The bus file has a reason why it does not count.
+    /// Suppressed by the bus file with a reason.
     pub(super) is_suppressed: bool,
 }
 
-/// The rows a filter leaves: by cause and worst first, or by a column and whether descending.
+/// Selected findings as a tree by cause, worst first, or sorted by the column and direction of `sort`.
 pub(super) fn items(
     survey: &Survey,
-    chosen: Option<&Chosen>,
+    chosen: Option<&FilterResult>,
     folded: &BTreeSet<u64>,
     sort: Option<(usize, bool)>,
 ) -> Vec<Item> {
@@ -72,18 +72,19 @@ pub(super) fn items(
     items
 }
 
-/// What opened so far: each finding once, the worst first.
-fn opened(news: &[Opened], is_chosen: &dyn Fn(u64) -> bool) -> Vec<Item> {
+/// Findings opened so far, each once, worst first.
+fn opened(news: &[OpenedFinding], is_chosen: &dyn Fn(u64) -> bool) -> Vec<Item> {
     let mut seen = BTreeSet::new();
     let all = news.iter().enumerate();
     let mut first: Vec<_> =
         all.filter(|(_, opened)| is_chosen(opened.news.id) && seen.insert(opened.news.id)).collect();
     first.sort_by_key(|(_, opened)| std::cmp::Reverse(opened.news.severity));
-    let item = |(place, opened): (usize, &Opened)| Item { id: opened.news.id, place, depth: 0, open: None };
+    let item =
+        |(place, opened): (usize, &OpenedFinding)| Item { id: opened.news.id, place, depth: 0, open: None };
     first.into_iter().map(item).collect()
 }
 
-/// Each incident with what follows from its cause, and at the end what does not count.
+/// Each incident with the effects of its cause; suppressed findings at the end.
 fn tree(
     findings: &Findings,
     is_chosen: &dyn Fn(u64) -> bool,
@@ -92,7 +93,7 @@ fn tree(
 ) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     for incident in incidents(findings.counting().filter(|group| is_chosen(group.id))) {
-        // What lies deeper than this is folded away.
+        // Findings deeper than this are hidden.
         let mut hidden_below = usize::MAX;
         for (at, (depth, group)) in incident.groups.iter().enumerate() {
             if *depth > hidden_below {
@@ -111,17 +112,17 @@ fn tree(
 }
 
 fn item(group: &Group, depth: u8, open: Option<bool>) -> Item {
-    // Groups are numbered from 1 in their order.
+    // Group ids start at 1 and follow the order of the groups.
     let place = usize::try_from(group.id.saturating_sub(1)).unwrap_or(usize::MAX);
     Item { id: group.id, place, depth, open }
 }
 
-/// The group of a row, once groups are known.
+/// The group of a row; None while the rules still run.
 pub(super) fn group<'a>(survey: &'a Survey, item: &Item) -> Option<&'a Group> {
     survey.findings.as_ref()?.groups.get(item.place).filter(|group| group.id == item.id)
 }
 
-/// What a row says; texts are escaped.
+/// Content of a row with escaped texts.
 pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
     if let Some(group) = group(survey, item) {
         let label = group.key.node.map(NodeId::label).unwrap_or_default();
@@ -161,14 +162,14 @@ pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
     })
 }
 
-/// Order of two rows by a column of [`super::columns`].
+/// Compares two rows by a column of [`super::columns`].
 fn compare(one: &Facts, other: &Facts, column: usize) -> Ordering {
     match column {
         0 => one.severity.cmp(&other.severity),
         1 => one.bus.cmp(&other.bus),
         2 => (one.node, &one.who).cmp(&(other.node, &other.who)),
         3 => one.count.cmp(&other.count),
-        // The distance to the cursor has the order of the first time.
+        // The distance from the cursor sorts like the first time.
         4 | 6 => one.began.cmp(&other.began),
         5 => one.ended.cmp(&other.ended),
         7 => one.rule.cmp(&other.rule),

@@ -1,14 +1,15 @@
-//! What there is to say of the selected row, below the table.
+//! Details of the selected row, below the table.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::{BootCause, Effective, StateCause};
 use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::Carrier;
-use cobscope_decoder::replay::{Code, LatestOfNode, World};
+use cobscope_decoder::replay::{Code, LatestOfNode, ReplayState};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::suggestion::suggestions;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
@@ -19,7 +20,7 @@ use super::node::Subject;
 use crate::state::Core;
 use crate::theme::Role;
 
-/// Lines about a node: what it is, what is wrong, what it sends.
+/// Lines about a node: identity, errors, closed gates, boots, identifiers.
 pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<Text<'static>> {
     let mut lines = vec![(identity(subject), Role::Text)];
     lines.extend(errors(subject).into_iter().map(|text| (text, Role::Bad)));
@@ -34,7 +35,7 @@ pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<T
     lines.into_iter().map(styled).collect()
 }
 
-/// Lines about what is no node.
+/// Lines about the master or an orphan identifier.
 pub fn of_other(core: &Core, key: Key) -> Vec<Text<'static>> {
     let Some(world) = core.world() else { return Vec::new() };
     let texts = match key {
@@ -49,16 +50,15 @@ pub fn of_other(core: &Core, key: Key) -> Vec<Text<'static>> {
     texts.map(|text| Text::styled(core.theme.plain(&text), core.theme.style(Role::Text))).collect()
 }
 
-fn row_of<'a>(world: &'a World, bus: &Bus, id: CanId) -> Option<&'a IdentifierRow> {
+fn row_of<'a>(world: &'a ReplayState, bus: &Bus, id: CanId) -> Option<&'a IdentifierRow> {
     world.identifiers().rows().iter().find(|row| row.bus == bus.index() && row.id == id && !row.is_remote)
 }
 
-/// What the master sends.
-fn master(world: &World, bus: &Bus) -> Vec<String> {
+fn master(world: &ReplayState, bus: &Bus) -> Vec<String> {
     let mut texts =
-        vec!["whoever sends NMT commands, SYNC and guarding: CAN does not tell who that is".to_owned()];
+        vec!["sends NMT commands, SYNC and guarding requests; CAN frames do not identify it".to_owned()];
     if let Some(row) = row_of(world, bus, CanId::Standard(0)) {
-        texts.push(format!("{} NMT commands, the last {{{}}}", row.count, row.last_frame));
+        texts.push(format!("{} NMT commands, last {{{}}}", row.count, row.last_frame));
     }
     if let Some(row) = bus.last_sync().and_then(|id| row_of(world, bus, id)) {
         texts.push(format!("SYNC {}: {}", row.id, rhythm(row)));
@@ -71,36 +71,35 @@ fn master(world: &World, bus: &Bus) -> Vec<String> {
     texts
 }
 
-/// What is known of an identifier nobody owns.
-fn orphan(world: &World, bus: &Bus, id: CanId) -> Option<Vec<String>> {
+/// Period, last bytes and predefined use of an identifier without a known node.
+fn orphan(world: &ReplayState, bus: &Bus, id: CanId) -> Option<Vec<String>> {
     let row = row_of(world, bus, id)?;
     let bytes: Vec<_> = row.payload().iter().take(8).map(|byte| format!("{byte:02X}")).collect();
-    let mut texts =
-        vec![format!("{id}: {}, the last {{{}}} {}", rhythm(row), row.last_frame, bytes.join(" "))];
+    let mut texts = vec![format!("{id}: {}, last {{{}}} {}", rhythm(row), row.last_frame, bytes.join(" "))];
     if let Some((pdo, node)) = row.pdo.zip(row.node) {
         let node = node.words();
         texts.push(format!(
-            "by CiA 301 it is {pdo} of {node}, of which nothing was heard; the bus file can tell whose it is"
+            "CiA 301 default COB-ID of {pdo} of {node}, which is not on the bus; assign it in the bus file"
         ));
     } else {
-        texts.push("the bus file can tell whose it is".into());
+        texts.push("assign it in the bus file".into());
     }
     Some(texts)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "shown with a digit behind the point")]
+#[expect(clippy::cast_precision_loss, reason = "shown with one decimal")]
 fn milliseconds(nanoseconds: i64) -> f64 {
     nanoseconds as f64 / 1e6
 }
 
-/// `500 times, each 20.0 ms, from 19.4 to 20.6 ms`.
+/// `500 times, mean 20.0 ms, 19.4 to 20.6 ms`.
 fn rhythm(row: &IdentifierRow) -> String {
     let intervals = &row.intervals;
     match (intervals.mean(), intervals.shortest(), intervals.longest()) {
         (Some(mean), Some(shortest), Some((longest, _))) => {
             let all = [mean, shortest, longest].map(|it| format!("{:.1}", milliseconds(it)));
             let [mean, shortest, longest] = all;
-            format!("{}, each {mean} ms, from {shortest} to {longest} ms", plural(row.count, "time"))
+            format!("{}, mean {mean} ms, {shortest} to {longest} ms", plural(row.count, "time"))
         }
         _ => plural(row.count, "time"),
     }
@@ -113,13 +112,15 @@ fn identity(subject: &Subject<'_>) -> String {
     if let Some(name) = node.name() {
         let _ = write!(text, " {name}");
     }
-    match (node.device_title(), node.device_id(), node.assigned()) {
-        (Some(title), Some(id), Some(by)) => {
-            let _ = write!(text, " · {title} ({id}, by {})", by.name());
-        }
-        _ => {
-            let _ = write!(text, " · no profile: --node {}=PROFILE", node.id());
-        }
+    let assigned = node.device_title().zip(node.device_id()).zip(node.assigned());
+    if let Some(((title, id), by)) = assigned {
+        let _ = write!(text, " · {title} ({id}, by {})", by.name());
+    } else {
+        let suggested = suggestions(subject.bus, subject.bus.catalogue(), Some(node.id()));
+        let _ = match suggested.iter().find(|one| !one.is_weak).or(suggested.first()) {
+            Some(one) => write!(text, " · no profile; behaves like {}: a assigns {}", one.title, one.profile),
+            None => write!(text, " · no profile: --node {}=PROFILE", node.id()),
+        };
     }
     for (sub, name) in [(1, "vendor"), (2, "product"), (4, "serial")] {
         if let Some(number) = node.store().number(ObjectAddress::new(0x1018, sub)) {
@@ -132,7 +133,7 @@ fn identity(subject: &Subject<'_>) -> String {
     text
 }
 
-/// Each active error with its text.
+/// Active errors with their texts.
 fn errors(subject: &Subject<'_>) -> Vec<String> {
     let node = subject.node;
     let past = |code| subject.past(subject.latest.and_then(|latest| latest.raised(code)));
@@ -148,7 +149,7 @@ fn errors(subject: &Subject<'_>) -> Vec<String> {
     codes.chain(dtcs).collect()
 }
 
-/// Out of a fault.
+/// Steps that leave the fault state.
 fn way_out(subject: &Subject<'_>, channel: Option<u8>) -> Option<String> {
     let node = subject.node;
     let machines = node.device().machines.iter().enumerate();
@@ -163,7 +164,7 @@ fn way_out(subject: &Subject<'_>, channel: Option<u8>) -> Option<String> {
     })
 }
 
-/// Closed gates in one line; all of them are behind Enter.
+/// Closed gates in one line; Enter lists all gates.
 fn not_acting(subject: &Subject<'_>, channel: Option<u8>) -> Option<String> {
     let points: Vec<_> = subject.node.set_points().collect();
     let mut points = points.iter().filter(|point| channel.is_none() || point.meaning.channel == channel);
@@ -171,15 +172,15 @@ fn not_acting(subject: &Subject<'_>, channel: Option<u8>) -> Option<String> {
     let gates = point.gates.join(", ");
     Some(match point.effective {
         Effective::No => {
-            format!("{} does not act, needs {gates}; enter on Eff shows all gates", point.meaning.name)
+            format!("{} not effective, needs {gates}; Enter on Eff shows all gates", point.meaning.name)
         }
         _ => {
-            format!("whether {} acts is not known: {gates}; enter on Eff shows all gates", point.meaning.name)
+            format!("{} effective: unknown ({gates}); Enter on Eff shows all gates", point.meaning.name)
         }
     })
 }
 
-/// NMT state and starts.
+/// NMT state, number of boots and the last one.
 fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
     let mut text = String::new();
     if let Some(nmt) = subject.node.nmt() {
@@ -188,9 +189,9 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
             StateCause::BootUp => "by boot-up",
             StateCause::Heartbeat => "by heartbeat",
             StateCause::GuardReply => "by guarding",
-            StateCause::Pdo => "shown by a PDO",
+            StateCause::Pdo => "by PDO",
             StateCause::LifeGuard => "by life guarding",
-            StateCause::Emcy => "by an error",
+            StateCause::Emcy => "by EMCY",
         };
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }
@@ -198,13 +199,13 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
         let at = core.seconds(start.time).map_or_else(String::new, |time| format!(" at {time:.3} s"));
         let why = match start.cause {
             BootCause::Commanded { .. } => "commanded",
-            BootCause::PresumedPowerOn { .. } => "power-on or of its own",
+            BootCause::PresumedPowerOn { .. } => "power cycle or self-reset",
         };
         let separator = if text.is_empty() { "" } else { " · " };
         let _ = write!(
             text,
-            "{separator}{}, the last{at} {{{}}}: {why}",
-            plural(subject.node.boots(), "start"),
+            "{separator}{}, last{at} {{{}}}: {why}",
+            plural(subject.node.boots(), "boot"),
             start.frame
         );
         if start.lost > 0 {

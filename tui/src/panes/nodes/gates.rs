@@ -1,4 +1,4 @@
-//! What keeps set points from acting: the gates of a node one by one, laid over the table.
+//! The gates of a node in a window over the table: conditions for its set points to act.
 //!
 //! ```text
 //! ┌ 32/20 boom: spool NOT effective ────────────────────────────────────────┐
@@ -20,7 +20,7 @@ use crate::state::Core;
 use crate::theme::Role;
 use crate::widgets::text_lines::TextLines;
 
-/// Draws the gates of an output of a node from a line on.
+/// Draws the gates of an output, starting at line `scroll`.
 pub fn draw(
     core: &Core,
     subject: &Subject<'_>,
@@ -51,7 +51,7 @@ pub fn draw(
     text.scroll(scroll).render(inside, buf);
 }
 
-/// A heading a set point, its gates below it: closed ones, those nothing is known of, open ones.
+/// A heading per set point with its gates: closed, then unknown, then open.
 fn lines(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<Text<'static>> {
     let theme = &core.theme;
     let mut lines = Vec::new();
@@ -67,7 +67,7 @@ fn lines(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<Text<'s
     lines
 }
 
-/// Set points with the same gates, standing alike, share them.
+/// Set points that have the same gates in the same state form one group.
 fn groups<'a>(subject: &'a Subject<'_>, channel: Option<u8>) -> Vec<(Vec<&'a str>, Vec<&'a GateState>)> {
     let mut groups: Vec<(Vec<&str>, Vec<&GateState>)> = Vec::new();
     let all: Vec<&GateState> = subject.gates(channel).collect();
@@ -99,7 +99,7 @@ fn rank(status: GateStatus) -> u8 {
     }
 }
 
-/// How it stands and what was found; of one that is not open what that means and what to do.
+/// State and detail of a gate; if it is not open, also its meaning and what to check.
 fn gate_lines(core: &Core, gate: &GateState) -> Vec<Text<'static>> {
     let theme = &core.theme;
     let (word, role) = match gate.status {
@@ -130,19 +130,16 @@ fn gate_lines(core: &Core, gate: &GateState) -> Vec<Text<'static>> {
     lines
 }
 
-/// Why there are no gates.
+/// Reason for an empty gate list.
 fn nothing(subject: &Subject<'_>) -> String {
     if subject.node.assigned().is_none() {
-        return format!(
-            "its set points are not known: no profile is assigned to it (--node {}=PROFILE)",
-            subject.node.id()
-        );
+        return format!("set points unknown: no profile assigned (--node {}=PROFILE)", subject.node.id());
     }
     match (subject.lost(), subject.node.set_points().next()) {
         (Some((lost, again)), _) => format!(
-            "no set point since its start; it lost {lost} values written by SDO, {again} were written again"
+            "no set point since the last boot; {lost} settings written by SDO lost, {again} written again"
         ),
-        (None, None) => "no set point seen yet".to_owned(),
-        (None, Some(_)) => "its profile names no gates".to_owned(),
+        (None, None) => "no set point yet".to_owned(),
+        (None, Some(_)) => "its profile has no gates".to_owned(),
     }
 }

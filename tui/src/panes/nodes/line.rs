@@ -1,4 +1,4 @@
-//! One row of the table: what is shown, and how bad it is.
+//! One row of the table: its texts and its grade.
 
 use cobscope_decoder::event::Effective;
 use cobscope_decoder::frame::{BusIndex, CanId};
@@ -7,21 +7,21 @@ use cobscope_decoder::wire::NodeId;
 use super::values::Values;
 use crate::theme::Role;
 
-/// What a row is of: it stays the selected one when others come and go.
+/// Subject of a row. The selection follows it when other rows appear or disappear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
-    /// A bus, where there are several.
+    /// Heading of a bus, if there are several.
     Bus(BusIndex),
-    /// Whoever commands the nodes of a bus.
+    /// The sender of NMT commands of a bus.
     Master(BusIndex),
-    /// A node; of one with several outputs one of them.
+    /// A node, or one of its outputs.
     Node(BusIndex, NodeId, Option<u8>),
-    /// An identifier nobody owns.
+    /// An identifier without a known node.
     Orphan(BusIndex, CanId),
 }
 
 impl Key {
-    /// The node it is of.
+    /// The node of a node row.
     pub fn node(self) -> Option<(BusIndex, NodeId)> {
         match self {
             Self::Node(bus, node, _) => Some((bus, node)),
@@ -29,7 +29,7 @@ impl Key {
         }
     }
 
-    /// The output of its node, where that has several.
+    /// The output of the node, if it has several.
     pub fn channel(self) -> Option<u8> {
         match self {
             Self::Node(_, _, channel) => channel,
@@ -38,113 +38,113 @@ impl Key {
     }
 }
 
-/// How bad it is, the worst first.
+/// Severity of a row, worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub enum Grade {
-    /// An error, a fault, settings that are gone.
+pub enum NodeGrade {
+    /// An error, a fault or lost settings.
     Error,
-    /// Set points do not act.
+    /// Set points without effect.
     NoEffect,
-    /// Silent for too long.
+    /// No frame within the limit.
     Silent,
-    /// Nothing of these.
+    /// None of the above.
     #[default]
     Others,
 }
 
-/// A text with its look.
+/// Text and role of a cell.
 #[derive(Debug, Clone)]
-pub struct Shown {
-    /// The text.
+pub struct StyledCell {
+    /// The text, not escaped.
     pub text: String,
-    /// Its look.
+    /// Role that decides the style.
     pub role: Role,
 }
 
-impl Shown {
-    /// A text with a look.
+impl StyledCell {
+    /// A text in a role.
     pub fn new(text: impl Into<String>, role: Role) -> Self {
         Self { text: text.into(), role }
     }
 }
 
-/// Nothing to say.
-impl Default for Shown {
+/// An empty cell, drawn as a dash.
+impl Default for StyledCell {
     fn default() -> Self {
         Self::new("–", Role::Quiet)
     }
 }
 
-/// A row.
+/// A row of the table.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// What it is of.
+    /// Subject of the row.
     pub key: Key,
     /// Number, decimal and hexadecimal.
     pub id: String,
-    /// Name the user gave.
+    /// Name from the options or the bus file.
     pub name: String,
-    /// What it is.
+    /// Title of the device profile, or `master` or `orphan`.
     pub device: String,
     /// NMT state.
-    pub nmt: Shown,
-    /// State of the device.
-    pub state: Shown,
-    /// Set points and actual values, or what there is to say instead.
+    pub nmt: StyledCell,
+    /// State of the device's state machine.
+    pub state: StyledCell,
+    /// Set points with actual values, or a remark.
     pub values: Values,
-    /// Whether set points act.
+    /// Whether the set points are effective; None without set points.
     pub effective: Option<Effective>,
-    /// Last sign of life.
-    pub alive: Shown,
-    /// Errors.
-    pub errors: Shown,
-    /// How bad it is.
-    pub grade: Grade,
+    /// Age of the last frame that proves the node alive, with its limit.
+    pub alive: StyledCell,
+    /// Active errors with their age.
+    pub errors: StyledCell,
+    /// Grade for sorting.
+    pub grade: NodeGrade,
 }
 
 impl Line {
-    /// A row that says nothing yet.
+    /// An empty row.
     pub fn new(key: Key) -> Self {
         Self {
             key,
             id: String::new(),
             name: String::new(),
             device: String::new(),
-            nmt: Shown::default(),
-            state: Shown::default(),
+            nmt: StyledCell::default(),
+            state: StyledCell::default(),
             values: Values::default(),
             effective: None,
-            alive: Shown::default(),
-            errors: Shown::default(),
-            grade: Grade::default(),
+            alive: StyledCell::default(),
+            errors: StyledCell::default(),
+            grade: NodeGrade::default(),
         }
     }
 
-    /// Whether set points act, in a word.
-    pub fn effect(&self) -> Shown {
+    /// The cell `Eff`.
+    pub fn effect(&self) -> StyledCell {
         match self.effective {
-            Some(Effective::Yes) => Shown::new("yes", Role::Good),
-            Some(Effective::No) => Shown::new("NO", Role::Bad),
-            Some(Effective::Unknown) => Shown::new("?", Role::Caution),
-            None => Shown::default(),
+            Some(Effective::Yes) => StyledCell::new("yes", Role::Good),
+            Some(Effective::No) => StyledCell::new("NO", Role::Bad),
+            Some(Effective::Unknown) => StyledCell::new("?", Role::Caution),
+            None => StyledCell::default(),
         }
     }
 }
 
-/// Nanoseconds as seconds with a digit behind the point: `0.4`, `10.2`.
+/// Nanoseconds as seconds with one decimal: `0.4`, `10.2`.
 pub fn seconds(nanoseconds: i64) -> String {
     let tenths = nanoseconds.max(0) / 100_000_000;
     format!("{}.{}", tenths / 10, tenths % 10)
 }
 
-/// A limit in seconds, with as many digits as it has: `1.0`, `0.25`.
+/// A limit in seconds with one or two decimals: `1.0`, `0.25`.
 pub fn limit(nanoseconds: i64) -> String {
     let hundredths = (nanoseconds.max(0) + 5_000_000) / 10_000_000;
     let text = format!("{}.{:02}", hundredths / 100, hundredths % 100);
     text.strip_suffix('0').map_or(text.clone(), str::to_owned)
 }
 
-/// How long ago: `<1s`, `41s`, `3m`, `2h`.
+/// An age: `<1s`, `41s`, `3m`, `2h`.
 pub fn age(nanoseconds: i64) -> String {
     match nanoseconds.max(0) / 1_000_000_000 {
         0 => "<1s".to_owned(),

@@ -1,4 +1,4 @@
-//! Nodes: a row each, with what they are commanded to do, do, and why they do not; as of the cursor.
+//! Nodes at the cursor: one row per node with its set points, actual values, gates and errors.
 //!
 //! ```text
 //! ID/hex Name     Device  NMT   State        Set → actual                    Eff Alive      Errors
@@ -7,9 +7,9 @@
 //!                               c2 FAULT     c2 +10.0 %                      NO  R stuck
 //!  32 20 boom     PVEA    OPER  FAULT HOLD   spool +37.5 % → 0.0 %           NO  rx 0.1     8305 41s
 //! SA 80  boom2    PVEA    J1939 EXTEND       flow +42.0 % → +41 %            yes AVC .1/.25 –
-//!   ? –  444      orphan  –     10.0 ms      since 3.110 s, no known reader  –   rx 0.0     –
+//!   ? –  444      orphan  –     10.0 ms      since 3.110 s, no known consumer –  rx 0.0     –
 //! ──────────────────────────────────────────────────────────────────────────────────────────────────
-//! node 32/20 boom · PVEA …                            what there is to say of the selected row
+//! node 32/20 boom · PVEA …                            details of the selected row
 //! ```
 
 mod detail;
@@ -21,17 +21,18 @@ mod others;
 mod values;
 mod wishes;
 
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use self::line::{Key, Line, Shown};
+use self::line::{Key, Line, StyledCell};
 use self::node::Subject;
 use self::order::{EFFECT, Order, VALUES, columns};
 use self::wishes::{filter_of, signals, subject, to_events};
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::Core;
@@ -40,22 +41,22 @@ use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState};
 use crate::widgets::text_lines::TextLines;
 
-/// Lines below the table at least, and how high the pane must be to have them.
+/// Minimum height of the details, and height of the pane from which they are shown.
 const DETAIL: (u16, u16) = (6, 14);
 
 /// The table of nodes.
 #[derive(Debug)]
 pub struct Nodes {
     order: Order,
-    /// The selected row by what it is of, and its place, where that is gone.
+    /// Subject of the selected row; `place` is used if that row no longer exists.
     key: Option<Key>,
     place: usize,
     column: usize,
-    /// First line of the gates that is shown, while they are.
+    /// First visible line of the gates; None while they are closed.
     gates: Option<usize>,
 }
 
-/// Enter shows the gates at once: why a node does not do what it should is asked first.
+/// The column of gates is selected at first, so Enter opens them at once.
 impl Default for Nodes {
     fn default() -> Self {
         Self { order: Order::default(), key: None, place: 0, column: EFFECT, gates: None }
@@ -78,7 +79,7 @@ impl Nodes {
         all
     }
 
-    fn of_bus(&self, core: &Core, world: &World, bus: &Bus) -> Vec<Line> {
+    fn of_bus(&self, core: &Core, world: &ReplayState, bus: &Bus) -> Vec<Line> {
         let now = core.time();
         let mut blocks: Vec<Vec<Line>> =
             others::master(world, bus).into_iter().map(|line| vec![line]).collect();
@@ -86,7 +87,7 @@ impl Nodes {
             blocks.push(Subject::new(world, bus, node, now).lines());
         }
         blocks.extend(others::orphans(world, bus, now).into_iter().map(|line| vec![line]));
-        // Outputs of a node stay together.
+        // All outputs of a node stay together.
         match self.order {
             Order::Number => {}
             Order::Worst => blocks.sort_by_key(|lines| lines.iter().map(|line| line.grade).min()),
@@ -96,16 +97,16 @@ impl Nodes {
         blocks.into_iter().flatten().collect()
     }
 
-    /// Place of the selected row.
+    /// Index of the selected row.
     fn selected(&self, lines: &[Line]) -> usize {
         let at = match self.key {
             Some(key) => {
                 let own = lines.iter().position(|line| line.key == key);
-                // Its outputs may be rows of their own by now.
+                // Its outputs may have rows of their own by now.
                 let same = |line: &Line| key.node().is_some() && line.key.node() == key.node();
                 own.or_else(|| lines.iter().position(same))
             }
-            // Nothing was selected yet: the first node.
+            // Without a selection: the first node.
             None => lines.iter().position(|line| line.key.node().is_some()),
         };
         at.unwrap_or(self.place).min(lines.len().saturating_sub(1))
@@ -117,7 +118,6 @@ impl Nodes {
         self.key.and_then(Key::node).map(Effect::Node).into_iter().collect()
     }
 
-    /// The selected row's key.
     fn chosen(&self, core: &Core) -> Option<Key> {
         let lines = self.lines(core);
         lines.get(self.selected(&lines)).map(|line| line.key)
@@ -141,12 +141,10 @@ impl Nodes {
     fn plot(&self, core: &Core) -> Vec<Effect> {
         let signals = self.chosen(core).map_or_else(Vec::new, |key| signals(core, key));
         if signals.is_empty() {
-            return vec![Effect::Refuse(
-                "it has no set point and no actual value that could be plotted".into(),
-            )];
+            return vec![Effect::Refuse("no set point or actual value to plot".into())];
         }
         let names: Vec<_> = signals.iter().map(|signal| signal.name.clone()).collect();
-        let said = Effect::Say(format!("on the plot: {}", names.join(", ")));
+        let said = Effect::Say(format!("plotted: {}", names.join(", ")));
         let shown = Effect::ShowSignals;
         signals.into_iter().map(Effect::Plot).chain([shown, said]).collect()
     }
@@ -161,7 +159,7 @@ impl Nodes {
             Action::PageUp => *scroll = scroll.saturating_sub(page),
             Action::Back | Action::Open => {
                 self.gates = None;
-                // Something must come of it, or the pane before is shown.
+                // With an empty result the application would go to the previous pane.
                 let node = self.key.and_then(Key::node).or(core.node);
                 return node.map(Effect::Node).into_iter().collect();
             }
@@ -185,7 +183,7 @@ impl Nodes {
 
     fn row(core: &Core, line: &Line, room: u16) -> Row<'static> {
         let theme = &core.theme;
-        let cell = |shown: &Shown| Cell::new(theme.plain(&shown.text), theme.style(shown.role));
+        let cell = |shown: &StyledCell| Cell::new(theme.plain(&shown.text), theme.style(shown.role));
         if let Key::Bus(_) = line.key {
             let title = Cell::new(line.name.clone(), theme.style(Role::Title));
             return Row::new([Cell::default(), title]);
@@ -224,8 +222,8 @@ impl Pane for Nodes {
         let doubt = core.world().and_then(|world| world.buses().iter().find_map(Bus::doubt));
         let empty = match (core.world(), doubt) {
             (None, _) => "reading …".to_owned(),
-            (Some(_), Some(doubt)) => format!("no node: {doubt}"),
-            (Some(_), None) => "no node heard yet".to_owned(),
+            (Some(_), Some(doubt)) => format!("no nodes: {doubt}"),
+            (Some(_), None) => "no nodes yet".to_owned(),
         };
         let drawn = Table::new(&core.theme, &columns).row_count(lines.len()).rows(row).state(&state);
         drawn.empty(&empty).render(table, buf);
@@ -269,6 +267,10 @@ impl Pane for Nodes {
             }
             Action::Open => self.open(core),
             Action::Plot => self.plot(core),
+            Action::Assign => match self.chosen(core).and_then(Key::node) {
+                Some(node) => vec![Effect::Assign(node)],
+                None => vec![Effect::Refuse("select a node; a assigns its suggested profile".into())],
+            },
             _ => Vec::new(),
         }
     }
@@ -295,6 +297,14 @@ impl Pane for Nodes {
         }
     }
 
+    fn legend(&self) -> &'static Legend {
+        &legend::NODES
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        columns(0)
+    }
+
     fn actions(&self) -> &'static [Action] {
         if self.gates.is_some() {
             return &[Action::Back, Action::Down, Action::Up];
@@ -303,6 +313,7 @@ impl Pane for Nodes {
             Action::Open,
             Action::Sort,
             Action::Plot,
+            Action::Assign,
             Action::FilterCell,
             Action::NextFinding,
             Action::NextError,
@@ -341,8 +352,8 @@ impl Pane for Nodes {
     }
 }
 
-/// It was heard, or the user speaks of it and it was heard on no other bus.
-fn is_there(world: &World, node: &Node) -> bool {
+/// Whether the node has a row: it sent a frame, or the user named it and no other bus has it.
+fn is_there(world: &ReplayState, node: &Node) -> bool {
     let is_heard = |node: &Node| node.last_seen().0 != 0;
     let elsewhere = || world.buses().iter().filter_map(|bus| bus.node(node.id())).any(is_heard);
     is_heard(node) || ((node.assigned().is_some() || node.name().is_some()) && !elsewhere())
@@ -353,20 +364,20 @@ fn first(lines: &[Line], text: impl Fn(&Line) -> &String) -> (bool, String) {
     (text.is_empty(), text)
 }
 
-/// The table, and what is below it where there is room: all that rows leave.
+/// Areas of table and details; the details take the space that the rows leave.
 fn split(area: Rect, rows: usize) -> (Rect, Rect) {
     let (least, wanted) = DETAIL;
     if area.height < wanted {
         return (area, Rect::ZERO);
     }
-    // The titles and a line between.
+    // The column heads and a line between.
     let needed = draw::cells(rows).saturating_add(2);
     let below = area.height.saturating_sub(needed).max(least);
     let table = Rect { height: area.height - below, ..area };
     (table, Rect { y: table.bottom(), height: below, ..area })
 }
 
-/// Columns of the screen that set points have.
+/// Width of the column of set points.
 fn room(columns: &[Column], width: u16) -> u16 {
     Table::width_of(columns, VALUES, width)
 }

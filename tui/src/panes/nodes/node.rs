@@ -3,35 +3,35 @@
 use cobscope_decoder::event::{BootCause, Certainty, Effective};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::{Role as FieldRole, bit_words, word};
-use cobscope_decoder::replay::{Code, LatestOfNode, Start, World};
+use cobscope_decoder::replay::{Code, LatestOfNode, ReplayState, Start};
 use cobscope_decoder::session::{Bus, GateState, GateStatus, Node, OriginKind, Watch};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::NmtState;
 
-use super::line::{Grade, Key, Line, Shown, age, limit, seconds};
+use super::line::{Key, Line, NodeGrade, StyledCell, age, limit, seconds};
 use super::values::{Values, signals};
 use crate::theme::Role;
 
-/// A node with all that is asked of it.
+/// A node with the data for its rows.
 pub struct Subject<'a> {
-    /// Its bus.
+    /// Bus of the node.
     pub bus: &'a Bus,
-    /// The node.
+    /// State of the node at the cursor.
     pub node: &'a Node,
     /// Time at the cursor.
     pub now: Option<Timestamp>,
-    /// What happened last to it.
+    /// Time of its last boot, errors and state changes.
     pub latest: Option<&'a LatestOfNode>,
-    /// What its identifiers brought since it started.
+    /// Identifiers of the node since its last boot.
     pub rows: Vec<&'a IdentifierRow>,
     gates: Vec<GateState>,
 }
 
 impl<'a> Subject<'a> {
-    /// Gathers what is known of a node.
-    pub fn new(world: &'a World, bus: &'a Bus, node: &'a Node, now: Option<Timestamp>) -> Self {
+    /// Collects the data of a node.
+    pub fn new(world: &'a ReplayState, bus: &'a Bus, node: &'a Node, now: Option<Timestamp>) -> Self {
         let started = node.started().map_or(0, |(frame, _)| frame);
         let rows = world.identifiers().rows().iter();
         let rows = rows.filter(|row| row.bus == bus.index() && row.last_frame > started && !row.is_remote);
@@ -48,7 +48,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Its rows: one, or one for each output in use.
+    /// One row, or one row per output in use.
     pub fn lines(&self) -> Vec<Line> {
         let channels = self.channels();
         if channels.is_empty() {
@@ -58,7 +58,7 @@ impl<'a> Subject<'a> {
         lines.map(|(nth, channel)| self.line(Some(*channel), nth == 0)).collect()
     }
 
-    /// Outputs of which a set point was seen, or a state in which one acts or could not.
+    /// Outputs with a set point, or with an active or fault state.
     fn channels(&self) -> Vec<u8> {
         let mut all: Vec<u8> = self.node.set_points().filter_map(|point| point.meaning.channel).collect();
         let states = self.node.device_states().filter(|(_, state)| state.active || state.fault);
@@ -78,38 +78,38 @@ impl<'a> Subject<'a> {
             line.alive = self.alive();
             line.errors = self.errors();
         } else {
-            line.nmt = Shown::new("", Role::Quiet);
-            line.alive = Shown::new("", Role::Quiet);
-            line.errors = Shown::new("", Role::Quiet);
+            line.nmt = StyledCell::new("", Role::Quiet);
+            line.alive = StyledCell::new("", Role::Quiet);
+            line.errors = StyledCell::new("", Role::Quiet);
         }
         line.state = self.state(channel);
         line.values = self.values(channel);
         line.effective = self.effective(channel);
         if self.is_reset_held(channel) {
-            // In the row of a further output nothing else stands there.
+            // The Alive cell of the rows of further outputs is free.
             if is_first {
                 line.values.remark = "R stuck".into();
             } else {
-                line.alive = Shown::new("R stuck", Role::Bad);
+                line.alive = StyledCell::new("R stuck", Role::Bad);
             }
         } else if line.effective == Some(Effective::No) && line.values.remark.is_empty() {
             line.values.remark =
                 self.closed(channel).map_or_else(String::new, |gate| format!("needs {gate}"));
         }
         line.grade = match () {
-            () if line.errors.role == Role::Bad || line.state.role == Role::Bad => Grade::Error,
-            () if line.effective == Some(Effective::No) => Grade::NoEffect,
-            () if line.alive.role == Role::Bad => Grade::Silent,
-            () => Grade::Others,
+            () if line.errors.role == Role::Bad || line.state.role == Role::Bad => NodeGrade::Error,
+            () if line.effective == Some(Effective::No) => NodeGrade::NoEffect,
+            () if line.alive.role == Role::Bad => NodeGrade::Silent,
+            () => NodeGrade::Others,
         };
         line
     }
 
-    fn nmt(&self) -> Shown {
+    fn nmt(&self) -> StyledCell {
         let Some(nmt) = self.node.nmt() else {
             return match self.node.id() {
-                NodeId::J1939(_) => Shown::new("J1939", Role::Quiet),
-                NodeId::Canopen(_) => Shown::new("?", Role::Caution),
+                NodeId::J1939(_) => StyledCell::new("J1939", Role::Quiet),
+                NodeId::Canopen(_) => StyledCell::new("?", Role::Caution),
             };
         };
         let (word, role) = match nmt.state {
@@ -119,23 +119,23 @@ impl<'a> Subject<'a> {
             NmtState::Initialising => ("INIT", Role::Caution),
         };
         let doubt = if nmt.certainty == Certainty::Presumed { "?" } else { "" };
-        Shown::new(format!("{word}{doubt}"), role)
+        StyledCell::new(format!("{word}{doubt}"), role)
     }
 
-    /// Places of the machines of an output.
+    /// Indices of the state machines of an output.
     fn machines(&self, channel: Option<u8>) -> impl Iterator<Item = usize> {
         let machines = self.node.device().machines.iter().enumerate();
         machines.filter(move |(_, it)| channel.is_none() || it.channel == channel).map(|(place, _)| place)
     }
 
-    fn state(&self, channel: Option<u8>) -> Shown {
+    fn state(&self, channel: Option<u8>) -> StyledCell {
         let procedures: Vec<_> =
             self.node.procedures().map(|it| it.word.clone().unwrap_or_else(|| it.name.clone())).collect();
         let reported =
             self.machines(channel).find_map(|place| Some((place, self.node.reported_state(place)?)));
         let Some((place, state)) = reported else {
             let text = procedures.first().cloned().or_else(|| self.status()).or_else(|| self.rebooted());
-            return text.map_or_else(Shown::default, |text| Shown::new(escape(&text), Role::Text));
+            return text.map_or_else(StyledCell::default, |text| StyledCell::new(escape(&text), Role::Text));
         };
         let mut text = channel.map_or(String::new(), |channel| format!("c{channel} "));
         text.push_str(&state.name);
@@ -152,10 +152,10 @@ impl<'a> Subject<'a> {
             state if state.active => Role::Good,
             _ => Role::Text,
         };
-        Shown::new(escape(&text), role)
+        StyledCell::new(escape(&text), role)
     }
 
-    /// First word of the mode that decides what its PDOs mean.
+    /// First word of the mode that selects the PDO layout.
     fn mode(&self) -> Option<String> {
         let modes = self.node.store().sorted();
         let deciding = &self.node.device().deciding;
@@ -170,7 +170,7 @@ impl<'a> Subject<'a> {
         modes.into_iter().find_map(|(object, _)| of_one(object))
     }
 
-    /// What its status word says, where it has no state machine.
+    /// Text of the status word of a device without a state machine.
     fn status(&self) -> Option<String> {
         let mut words = Vec::new();
         for (signal, meaning) in signals(&self.rows, FieldRole::Status) {
@@ -180,7 +180,7 @@ impl<'a> Subject<'a> {
         (!words.is_empty()).then(|| words.join(", "))
     }
 
-    /// It started although nobody told it to, while it was there before.
+    /// Whether the node rebooted without a command after it had been seen.
     fn rebooted(&self) -> Option<String> {
         let start = self.latest?.start()?;
         let is_again = (1..start.frame).contains(&self.node.first_seen());
@@ -188,7 +188,7 @@ impl<'a> Subject<'a> {
         (is_again && is_own).then(|| "rebooted".to_owned())
     }
 
-    /// Settings that its last start lost, and how many were written again.
+    /// Settings lost at the last boot, and how many were written again.
     pub fn lost(&self) -> Option<(u32, usize)> {
         let Start { frame, lost, .. } = self.latest?.start()?;
         let all = self.node.store().sorted();
@@ -231,7 +231,6 @@ impl<'a> Subject<'a> {
         })
     }
 
-    /// The first gate that is closed.
     fn closed(&self, channel: Option<u8>) -> Option<String> {
         let gate = self.gates(channel).find(|gate| gate.status == GateStatus::Closed)?;
         Some(escape(&gate.gate).into_owned())
@@ -241,11 +240,11 @@ impl<'a> Subject<'a> {
         self.machines(channel).any(|place| self.node.is_reset_held(place, self.bus.now()))
     }
 
-    fn alive(&self) -> Shown {
+    fn alive(&self) -> StyledCell {
         let Some(sign) = self.bus.sign_of_life(self.node.id()) else {
-            return Shown::new("never", Role::Caution);
+            return StyledCell::new("never", Role::Caution);
         };
-        let Some(past) = self.past(self.bus.stamp_of(sign.last)) else { return Shown::default() };
+        let Some(past) = self.past(self.bus.stamp_of(sign.last)) else { return StyledCell::default() };
         let expected = sign.expected.map_or(String::new(), |expected| format!("/{}", limit(expected)));
         let text = match &sign.by {
             Watch::Heartbeat => format!("HB {}{expected}", seconds(past)),
@@ -261,11 +260,11 @@ impl<'a> Subject<'a> {
         let is_past = |limit: Option<i64>| limit.is_some_and(|limit| past > limit);
         let role = match () {
             () if self.node.is_lost() || is_past(sign.limit) => Role::Bad,
-            // Late, but not lost yet.
+            // Late, but below the limit for node-lost.
             () if is_past(sign.expected.map(|expected| expected.saturating_mul(3) / 2)) => Role::Caution,
             () => Role::Text,
         };
-        Shown::new(text, role)
+        StyledCell::new(text, role)
     }
 
     /// Nanoseconds from a time to the cursor.
@@ -273,11 +272,11 @@ impl<'a> Subject<'a> {
         Some(self.now?.since(time?))
     }
 
-    fn errors(&self) -> Shown {
+    fn errors(&self) -> StyledCell {
         let codes = self.node.active_errors().iter().map(|code| (Code::Emcy(*code), format!("{code:04X}")));
         let dtcs = self.node.active_dtcs();
         let dtcs = dtcs.map(|(spn, fmi)| (Code::Dtc(spn, fmi), format!("{spn}/{fmi}")));
-        // The latest first: there may be no room for more than one.
+        // Latest first: there may be room for only one.
         let mut all: Vec<_> = codes.chain(dtcs).collect();
         all.reverse();
         let mut words = Vec::new();
@@ -288,7 +287,7 @@ impl<'a> Subject<'a> {
         if let Some((lost, _)) = self.lost() {
             words.push(format!("{lost} lost"));
         }
-        if words.is_empty() { Shown::default() } else { Shown::new(words.join(", "), Role::Bad) }
+        if words.is_empty() { StyledCell::default() } else { StyledCell::new(words.join(", "), Role::Bad) }
     }
 }
 

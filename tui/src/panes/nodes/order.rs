@@ -1,24 +1,24 @@
-//! Columns of the table of nodes, and in which order its lines stand.
+//! Columns of the node table and its sort orders.
 
 use crate::widgets::table::{Column, Width};
 
-/// Column of whether set points act.
+/// Index of `Eff`.
 pub(super) const EFFECT: usize = 6;
-/// Column of errors.
+/// Index of `Errors`.
 pub(super) const ERRORS: usize = 8;
-/// Column of set points.
+/// Index of `Set → actual`.
 pub(super) const VALUES: usize = 5;
-/// Columns of the screen set points need before others go.
+/// Minimum width of the set points before other columns are dropped.
 pub(super) const LEAST_VALUES: u16 = 19;
-/// Width from which columns are wider.
+/// Width from which the wide columns are used.
 pub(super) const WIDE: u16 = 124;
-/// Width below which they are narrower.
+/// Width below which the narrow columns are used.
 pub(super) const NARROW: u16 = 96;
 
-/// In which order rows stand.
+/// Sort order of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Order {
-    /// By number, the master first.
+    /// By node-ID, the master first.
     #[default]
     Number,
     /// Errors, no effect, silent, others.
@@ -39,7 +39,7 @@ impl Order {
         }
     }
 
-    /// Column it is by, and whether descending.
+    /// Column with the sort mark, and whether it is descending.
     pub(super) const fn column(self) -> Option<(usize, bool)> {
         match self {
             Self::Number => None,
@@ -52,7 +52,7 @@ impl Order {
     pub(super) const fn words(self) -> &'static str {
         match self {
             Self::Number => "sorted by number",
-            Self::Worst => "sorted by what is worst: errors, no effect, silent, others",
+            Self::Worst => "sorted worst first: errors, no effect, silent, others",
             Self::Name => "sorted by name",
             Self::Device => "sorted by device",
         }

@@ -1,24 +1,23 @@
-//! Rows of what is no node: the NMT master, and identifiers nobody owns.
+//! Rows of the NMT master and of periodic identifiers without a known node.
 
 use cobscope_decoder::frame::{CanId, Timestamp};
-use cobscope_decoder::profile::PdoDirection;
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 
-use super::line::{Key, Line, Shown, period, seconds};
+use super::line::{Key, Line, StyledCell, period, seconds};
 use super::values::Values;
 use crate::theme::Role;
 
-/// Intervals from which on one may speak of a period.
+/// Number of intervals from which a period is shown.
 const ENOUGH: u64 = 3;
 
 /// Identifier of NMT commands.
 const NMT: CanId = CanId::Standard(0);
 
-/// The one who sends NMT commands, SYNC and guarding requests: CAN does not tell whether it is one.
-pub fn master(world: &World, bus: &Bus) -> Option<Line> {
+/// The sender of NMT commands, SYNC and guarding requests. CAN frames do not show whether it is one device.
+pub fn master(world: &ReplayState, bus: &Bus) -> Option<Line> {
     let rows = world.identifiers().rows();
     let of = |id: CanId| rows.iter().find(|row| row.bus == bus.index() && row.id == id && !row.is_remote);
     let guarded: Vec<_> =
@@ -38,12 +37,12 @@ pub fn master(world: &World, bus: &Bus) -> Option<Line> {
         None => Values::default(),
     };
     if !guarded.is_empty() {
-        line.alive = Shown::new(format!("guards {}", guarded.join(",")), Role::Text);
+        line.alive = StyledCell::new(format!("guards {}", guarded.join(",")), Role::Text);
     }
     Some(line)
 }
 
-/// `SYNC 10.0 ms, jitter 4.2 ms`, the largest deviation so far.
+/// `SYNC 10.0 ms, jitter 4.2 ms`; the jitter is the largest deviation so far.
 fn rhythm(row: &IdentifierRow) -> Values {
     let intervals = &row.intervals;
     match (intervals.mean(), intervals.jitter()) {
@@ -55,8 +54,8 @@ fn rhythm(row: &IdentifierRow) -> Values {
     }
 }
 
-/// Periodic identifiers for which there is neither a sender nor a reader.
-pub fn orphans(world: &World, bus: &Bus, now: Option<Timestamp>) -> Vec<Line> {
+/// Periodic identifiers without a known producer or consumer.
+pub fn orphans(world: &ReplayState, bus: &Bus, now: Option<Timestamp>) -> Vec<Line> {
     if !bus.is_canopen() && !bus.is_j1939() {
         return Vec::new();
     }
@@ -65,7 +64,7 @@ pub fn orphans(world: &World, bus: &Bus, now: Option<Timestamp>) -> Vec<Line> {
     rows.filter_map(|row| orphan(row, world.zero(), now)).collect()
 }
 
-/// Nobody owns it, and it comes with a beat.
+/// Whether the identifier is periodic and has no owner.
 fn is_orphan(bus: &Bus, row: &IdentifierRow) -> bool {
     let (Some(mean), Some((longest, _))) = (row.intervals.mean(), row.intervals.longest()) else {
         return false;
@@ -79,12 +78,10 @@ fn is_owned(bus: &Bus, row: &IdentifierRow) -> bool {
         return true;
     }
     match (row.node, row.pdo) {
-        // The predefined connection set gives every identifier a node, there or not.
-        (Some(node), Some(pdo)) if pdo.direction == PdoDirection::Receive => {
-            bus.node(node).is_some_and(|node| {
-                node.last_seen().0 != 0 || node.assigned().is_some() || node.name().is_some()
-            })
-        }
+        // The predefined connection set assigns every identifier to a node, present or not.
+        (Some(node), Some(_)) => bus.node(node).is_some_and(|node| {
+            node.last_seen().0 != 0 || node.assigned().is_some() || node.name().is_some()
+        }),
         (Some(_), _) => true,
         (None, _) => !bus.describe_id(row.id).is_empty(),
     }
@@ -96,13 +93,13 @@ fn orphan(row: &IdentifierRow, zero: Option<Timestamp>, now: Option<Timestamp>) 
     line.id = "? –".into();
     line.name = row.id.to_string();
     line.device = "orphan".into();
-    line.state = Shown::new(period(mean), Role::Text);
+    line.state = StyledCell::new(period(mean), Role::Text);
     let since = row.intervals.began().zip(zero);
     let since = since.map_or(0, |(began, zero)| Timestamp(began).since(zero)).max(0) / 1_000_000;
     let since = format!("since {}.{:03} s", since / 1_000, since % 1_000);
-    line.values = Values::remark(format!("{since}, no known reader"), format!("{since}, no reader"));
+    line.values = Values::remark(format!("{since}, no known consumer"), format!("{since}, no consumer"));
     let past = now?.since(row.last_time?);
     let role = if past > mean.saturating_mul(2) { Role::Bad } else { Role::Text };
-    line.alive = Shown::new(format!("rx {}", seconds(past)), role);
+    line.alive = StyledCell::new(format!("rx {}", seconds(past)), role);
     Some(line)
 }

@@ -1,41 +1,41 @@
-//! Set points beside the values that follow them, in as much room as there is.
+//! Set points with their actual values, shortened to the available width.
 //!
 //! ```text
-//! p 125.0→124.2 bar/250  angle +50.0→+49.4 %      all of it
+//! p 125.0→124.2 bar/250  angle +50.0→+49.4 %      full
 //! p 125.0→124.2 bar angle +50.0→+49.4 %
-//! p 125→124bar angle +50→+49%                     without digits behind the point
+//! p 125→124bar angle +50→+49%                     without decimals
 //! p 125→124 angle +50→+49
 //! ```
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::profile::{Layout, Meaning, PdoDirection, Role, Signal};
-use cobscope_decoder::session::{Node, StandingPoint};
+use cobscope_decoder::session::{EmittedSetPoint, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use crate::widgets::draw;
 
-/// What stands in the column.
+/// Content of the column `Set → actual`.
 #[derive(Debug, Clone, Default)]
 pub struct Values {
     /// Set points and actual values.
     pub pairs: Vec<Pair>,
-    /// Said instead of values, or behind them.
+    /// Text instead of the values, or after them.
     pub remark: String,
-    /// The same where there is little room.
+    /// Short form of the remark.
     pub brief: String,
 }
 
-/// A set point, and the value that follows it.
+/// A set point with its actual value.
 #[derive(Debug, Clone, Default)]
 pub struct Pair {
     object: Option<ObjectAddress>,
     short: String,
     set: Option<Number>,
     actual: Option<Number>,
-    /// Value of the full scale, where an object holds it.
+    /// Value of the full scale, if an object contains it.
     full_scale: Option<f64>,
 }
 
@@ -57,7 +57,7 @@ impl Number {
         }
     }
 
-    /// Without digits behind the point.
+    /// The value without decimals.
     fn rounded(&self) -> String {
         let sign = if self.text.starts_with('+') { "+" } else { "" };
         let Ok(number) = self.text.parse::<f64>() else { return self.text.clone() };
@@ -72,9 +72,9 @@ impl Number {
     }
 }
 
-/// How much is left out.
+/// Steps of shortening, in order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
-enum Brevity {
+enum Abbreviation {
     Full,
     Close,
     Rounded,
@@ -83,7 +83,7 @@ enum Brevity {
 }
 
 impl Values {
-    /// Those of an output of a node; of all where it has but one.
+    /// Values of one output, or of the whole node without a `channel`.
     pub fn of(node: &Node, channel: Option<u8>, rows: &[&IdentifierRow]) -> Self {
         let mut pairs: Vec<Pair> = Vec::new();
         for point in node.set_points().filter(|point| is_of(channel, point.meaning.channel)) {
@@ -102,18 +102,24 @@ impl Values {
         Self { pairs, ..Self::default() }
     }
 
-    /// Says something instead of values.
+    /// A remark without values.
     pub fn remark(text: impl Into<String>, brief: impl Into<String>) -> Self {
         Self { pairs: Vec::new(), remark: text.into(), brief: brief.into() }
     }
 
-    /// As much as fits; the remark goes before digits and names, but values before the remark.
+    /// The longest form that fits. A remark takes precedence over decimals and names, values over the remark.
     pub fn fit(&self, width: u16, arrow: &str) -> String {
         if self.pairs.is_empty() {
             let is_long = draw::width(&self.remark) > width && !self.brief.is_empty();
             return if is_long { self.brief.clone() } else { self.remark.clone() };
         }
-        let all = [Brevity::Full, Brevity::Close, Brevity::Rounded, Brevity::Unitless, Brevity::Nameless];
+        let all = [
+            Abbreviation::Full,
+            Abbreviation::Close,
+            Abbreviation::Rounded,
+            Abbreviation::Unitless,
+            Abbreviation::Nameless,
+        ];
         let texts = all.map(|brevity| self.text(brevity, arrow));
         let fits = |text: &&String| draw::width(text) <= width;
         if !self.remark.is_empty() {
@@ -126,12 +132,12 @@ impl Values {
         texts.iter().find(fits).unwrap_or(shortest).clone()
     }
 
-    fn text(&self, brevity: Brevity, arrow: &str) -> String {
-        let between = if brevity == Brevity::Full { "  " } else { " " };
-        // A value that follows no set point goes first.
+    fn text(&self, brevity: Abbreviation, arrow: &str) -> String {
+        let between = if brevity == Abbreviation::Full { "  " } else { " " };
+        // An actual value without a set point is dropped first.
         let has_set = self.pairs.iter().any(|pair| pair.set.is_some());
         let pairs =
-            self.pairs.iter().filter(|pair| pair.set.is_some() || brevity == Brevity::Full || !has_set);
+            self.pairs.iter().filter(|pair| pair.set.is_some() || brevity == Abbreviation::Full || !has_set);
         let pairs: Vec<_> = pairs.collect();
         let words: Vec<_> = pairs.iter().map(|pair| pair.text(brevity, arrow, pairs.len() == 1)).collect();
         words.join(between)
@@ -139,7 +145,7 @@ impl Values {
 }
 
 impl Pair {
-    fn set(point: &StandingPoint<'_>) -> Self {
+    fn set(point: &EmittedSetPoint<'_>) -> Self {
         let meaning = point.meaning;
         let scale = meaning.scale.and_then(|scale| scale.full_scale).filter(|_| !meaning.assumed);
         Self {
@@ -151,7 +157,7 @@ impl Pair {
         }
     }
 
-    /// The same signs for both: one of them may never be negative and has no plus.
+    /// Gives both the same sign style: one of the two may be unsigned and have no plus.
     fn align_signs(&mut self) {
         let (Some(set), Some(actual)) = (&self.set, &mut self.actual) else { return };
         let is_positive = |text: &str| text.parse::<f64>().is_ok_and(|number| number > 0.0);
@@ -162,7 +168,7 @@ impl Pair {
         }
     }
 
-    /// Whether an actual value is that of this set point: as its profile says, else by its short name.
+    /// Whether an actual value belongs to this set point, by the profile or else by its short name.
     fn follows(&self, meaning: &Meaning) -> bool {
         match meaning.of {
             Some(of) => self.object == Some(of),
@@ -170,30 +176,30 @@ impl Pair {
         }
     }
 
-    fn text(&self, brevity: Brevity, arrow: &str, is_alone: bool) -> String {
+    fn text(&self, brevity: Abbreviation, arrow: &str, is_alone: bool) -> String {
         let written = |number: &Number| match brevity {
-            Brevity::Full | Brevity::Close => number.text.clone(),
-            Brevity::Rounded | Brevity::Unitless | Brevity::Nameless => number.rounded(),
+            Abbreviation::Full | Abbreviation::Close => number.text.clone(),
+            Abbreviation::Rounded | Abbreviation::Unitless | Abbreviation::Nameless => number.rounded(),
         };
-        let blank = if brevity < Brevity::Rounded { " " } else { "" };
+        let blank = if brevity < Abbreviation::Rounded { " " } else { "" };
         let unit = |number: &Number| match number.unit.as_str() {
             "" => number.doubt().to_owned(),
-            _ if brevity > Brevity::Rounded => number.doubt().to_owned(),
+            _ if brevity > Abbreviation::Rounded => number.doubt().to_owned(),
             unit => format!("{blank}{unit}{}", number.doubt()),
         };
         let mut text = String::new();
-        if brevity < Brevity::Nameless && !self.short.is_empty() {
+        if brevity < Abbreviation::Nameless && !self.short.is_empty() {
             let _ = write!(text, "{} ", self.short);
         }
-        let is_roomy = is_alone && brevity == Brevity::Full;
+        let is_roomy = is_alone && brevity == Abbreviation::Full;
         match (&self.set, &self.actual) {
             (Some(set), Some(actual)) if is_roomy || set.unit != actual.unit => {
-                let (before, behind) = (unit(set), unit(actual));
-                let _ = write!(text, "{}{before} {arrow} {}{behind}", written(set), written(actual));
+                let (first, second) = (unit(set), unit(actual));
+                let _ = write!(text, "{}{first} {arrow} {}{second}", written(set), written(actual));
             }
             (Some(set), Some(actual)) => {
-                let behind = unit(actual);
-                let _ = write!(text, "{}{}{arrow}{}{behind}", written(set), set.doubt(), written(actual));
+                let unit = unit(actual);
+                let _ = write!(text, "{}{}{arrow}{}{unit}", written(set), set.doubt(), written(actual));
             }
             (Some(set), None) => {
                 let _ = write!(text, "{}{}", written(set), unit(set));
@@ -206,14 +212,14 @@ impl Pair {
             }
             (None, None) => {}
         }
-        if let Some(scale) = self.full_scale.filter(|_| brevity == Brevity::Full) {
+        if let Some(scale) = self.full_scale.filter(|_| brevity == Abbreviation::Full) {
             let _ = write!(text, "/{scale}");
         }
         text
     }
 }
 
-/// The word for it in lines; of a device with one set point its name says no more.
+/// Short name of the value; empty for a device with a single set point.
 fn short(meaning: &Meaning) -> String {
     meaning.short.as_deref().map_or_else(String::new, |short| escape(short).into_owned())
 }
@@ -222,7 +228,7 @@ fn is_of(channel: Option<u8>, own: Option<u8>) -> bool {
     channel.is_none() || own.is_none() || channel == own
 }
 
-/// Fields of a role in what identifiers brought last.
+/// Fields with a role in the last frame of each identifier.
 pub fn fields<'a>(
     rows: &'a [&'a IdentifierRow],
     role: Role,
@@ -238,12 +244,11 @@ pub fn fields<'a>(
     })
 }
 
-/// Actual values as sent last.
 fn actuals<'a>(rows: &'a [&'a IdentifierRow]) -> impl Iterator<Item = (Signal<'a>, &'a Meaning)> {
     signals(rows, Role::Actual)
 }
 
-/// Values with a role that a node sent last.
+/// Values with a role that the node sent last.
 pub fn signals<'a>(
     rows: &'a [&'a IdentifierRow],
     role: Role,

@@ -1,7 +1,7 @@
-//! What other panes are asked for: events, signals of a node.
+//! Requests to other panes: events and signals of a node.
 
 use cobscope_decoder::profile::{PdoDirection, Role as FieldRole};
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::session::Buses;
 use cobscope_decoder::wire::NodeId;
 
@@ -18,31 +18,31 @@ pub(super) fn subject(core: &Core, (index, id): NodeKey) -> Option<Subject<'_>> 
     Some(Subject::new(world, bus, bus.node(id)?, core.time()))
 }
 
-/// The filter that shows what is of a node; with its bus where there are several.
+/// A filter for the node; it names the bus if there are several.
 pub(super) fn filter_of(core: &Core, (index, id): NodeKey) -> String {
     let node = match id {
         NodeId::Canopen(id) => format!("node == {id}"),
         NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
     };
-    let buses = core.world().map_or_else(Buses::default, World::buses);
+    let buses = core.world().map_or_else(Buses::default, ReplayState::buses);
     match buses.iter().find(|bus| bus.index() == index).filter(|_| buses.len() > 1) {
         Some(bus) => format!("{node} && bus == {:?}", bus.name()),
         None => node,
     }
 }
 
-/// To the events of something; a filter the user has set stays.
+/// Shows the events that match `filter`; a filter set by the user stays.
 pub(super) fn to_events(core: &Core, node: Option<NodeKey>, filter: String) -> Vec<Effect> {
     let mut effects: Vec<Effect> = node.map(Effect::Node).into_iter().collect();
     effects.push(Effect::ShowEvents);
     if core.filter.is_empty() {
-        effects.push(Effect::Say(format!("filter {filter}; c shows all events again")));
+        effects.push(Effect::Say(format!("filter {filter}; c clears it")));
         effects.push(Effect::Filter(filter));
     }
     effects
 }
 
-/// Set points and actual values of a row, to be plotted.
+/// Set points and actual values of a row, for the plot.
 pub(super) fn signals(core: &Core, key: Key) -> Vec<SignalKey> {
     let Some(subject) = key.node().and_then(|node| subject(core, node)) else { return Vec::new() };
     let roles = [(FieldRole::SetPoint, PdoDirection::Receive), (FieldRole::Actual, PdoDirection::Transmit)];

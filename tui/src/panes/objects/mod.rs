@@ -1,13 +1,14 @@
-//! Objects: what is known of a node's objects at the cursor, and from where.
+//! Objects: known object values of a node at the cursor, with their origin.
 //!
 //! ```text
 //! node 32/20 on can0, Danfoss PVE: 4 objects at 7.204 s   x next node  / index or name
-//! Object   Name                     Value       Raw        Origin            Age    Keeps   Waits
-//! 6300:01  Spool set point          37.5 %      00 18      sent {69}         3.194
-//! 2100:00  Node-ID                  32          20         written {88}      5.2 s  stored  33 after reset node
+//! Object   Name                     Value       Raw        Origin            Age     Persists Pending
+//! 6300:01  Spool set point          37.5 %      00 18      sent {69}         3.194 s
+//! 2100:00  Node-ID                  32          20         written {88}      5.200 s yes      33 after reset
 //! ```
 //!
-//! Below it everything about the selected one. `/` looks for index and name, also among objects as delivered.
+//! The details of the selected object are below. `/` searches index and name, also in objects with a default
+//! only.
 
 mod rows;
 
@@ -19,30 +20,31 @@ use ratatui::style::Style;
 use ratatui::text::Line;
 
 use super::common::move_in;
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
-use crate::state::{Core, NodeKey, Place};
+use crate::state::{Core, JumpPlace, NodeKey};
 use crate::theme::Role;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 use crate::widgets::text_lines::TextLines;
-use rows::{Known, Subject};
+use rows::{KnownObject, Subject};
 
-/// Lines about the selected object, at most.
+/// Maximum number of lines of the details.
 const ABOUT: u16 = 7;
 
-/// The pane.
+/// The table of objects.
 #[derive(Debug, Default)]
 pub struct Objects {
     state: TableState,
-    /// Object the cursor is on: it stays there when others come.
+    /// Selected object; the selection stays on it when rows are added.
     object: Option<ObjectAddress>,
     search: String,
-    /// Node shown last, to begin anew with another one.
+    /// Node shown last; another node resets the selection.
     node: Option<NodeKey>,
 }
 
-/// Columns, in the order of [`Known::cell`].
+/// Columns in the order of [`Subject::cell`].
 fn columns() -> Vec<Column> {
     vec![
         Column::new("Object", Width::Fixed(7)),
@@ -51,12 +53,12 @@ fn columns() -> Vec<Column> {
         Column::new("Raw", Width::Fixed(12)).priority(4),
         Column::new("Origin", Width::Fixed(16)).priority(8),
         Column::new("Age", Width::Fixed(9)).right().priority(5),
-        Column::new("Keeps", Width::Fixed(8)).priority(3),
-        Column::new("Waits", Width::Fixed(24)).priority(2),
+        Column::new("Persists", Width::Fixed(8)).priority(3),
+        Column::new("Pending", Width::Fixed(24)).priority(2),
     ]
 }
 
-/// Head, table and what is told of one object.
+/// Areas of head, table and details.
 fn layout(area: Rect) -> [Rect; 3] {
     let head = Rect { height: 1.min(area.height), ..area };
     let rest = area.height - head.height;
@@ -66,7 +68,7 @@ fn layout(area: Rect) -> [Rect; 3] {
 }
 
 impl Objects {
-    fn rows<'a>(&self, subject: &Subject<'a>) -> Vec<Known<'a>> {
+    fn rows<'a>(&self, subject: &Subject<'a>) -> Vec<KnownObject<'a>> {
         let mut rows = subject.rows(&self.search);
         if let Some((column, is_descending)) = self.state.sort {
             rows.sort_by(|one, other| {
@@ -85,19 +87,18 @@ impl Objects {
         let [_, table, _] = layout(Rect::new(0, 0, 80, core.height));
         let height = Table::height(table);
         move_in(&mut self.state, action, height, len);
-        self.object = rows.get(self.state.selected).map(Known::address);
+        self.object = rows.get(self.state.selected).map(KnownObject::address);
     }
 
-    /// The state with the row its object has now.
-    fn state(&self, rows: &[Known<'_>]) -> TableState {
+    /// The table state with the current row of the selected object.
+    fn state(&self, rows: &[KnownObject<'_>]) -> TableState {
         let place = rows.iter().position(|known| Some(known.address()) == self.object);
         let mut state = TableState { selected: place.unwrap_or(self.state.selected), ..self.state.clone() };
         state.clamp(rows.len());
         state
     }
 
-    /// The object the cursor is on.
-    fn selected<'a, 'b>(&self, rows: &'b [Known<'a>]) -> Option<&'b Known<'a>> {
+    fn selected<'a, 'b>(&self, rows: &'b [KnownObject<'a>]) -> Option<&'b KnownObject<'a>> {
         rows.get(self.state(rows).selected)
     }
 
@@ -108,7 +109,7 @@ impl Objects {
         let next = at.map_or(0, |at| (at + 1) % all.len().max(1));
         match all.get(next) {
             Some(node) if all.len() > 1 => vec![Effect::Node(*node)],
-            _ => vec![Effect::Refuse("no other node's objects are known here".into())],
+            _ => vec![Effect::Refuse("no other node has known objects".into())],
         }
     }
 
@@ -130,7 +131,8 @@ impl Pane for Objects {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let [head, table, about] = layout(area);
         let Some(subject) = Subject::of(core) else {
-            let text = if core.window.is_none() { "reading …" } else { "no node's objects are known here" };
+            let text =
+                if core.window.is_none() { "reading …" } else { "no objects known up to the cursor" };
             draw::put(buf, head.x, head.y, head.width, text, core.theme.style(Role::Quiet));
             return;
         };
@@ -148,9 +150,9 @@ impl Pane for Objects {
         let columns = columns();
         let state = self.state(&rows);
         let empty = if self.search.is_empty() {
-            "nothing is known of this node's objects here"
+            "no objects of this node known up to the cursor"
         } else {
-            "no object has that in index or name; c shows all"
+            "no index or name matches; c shows all objects"
         };
         Table::new(&core.theme, &columns)
             .row_count(rows.len())
@@ -181,10 +183,10 @@ impl Pane for Objects {
             Action::Open => {
                 let Some(subject) = Subject::of(core) else { return Vec::new() };
                 let rows = self.rows(&subject);
-                let frame = self.selected(&rows).and_then(Known::frame);
+                let frame = self.selected(&rows).and_then(KnownObject::frame);
                 return vec![match frame {
-                    Some(frame) => Effect::Go(Place::Frame(frame)),
-                    None => Effect::Refuse("no frame told this value".into()),
+                    Some(frame) => Effect::Go(JumpPlace::Frame(frame)),
+                    None => Effect::Refuse("this value is not from a frame".into()),
                 }];
             }
             Action::Back if !self.search.is_empty() => {
@@ -208,7 +210,7 @@ impl Pane for Objects {
             self.state.cycle_sort();
         } else if let Some(row) = table.row_at(place, y, &self.state(&rows)) {
             self.state.selected = row;
-            self.object = rows.get(row).map(Known::address);
+            self.object = rows.get(row).map(KnownObject::address);
         }
         Vec::new()
     }
@@ -228,6 +230,14 @@ impl Pane for Objects {
         self.state.home();
         self.object = None;
         true
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::OBJECTS
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        columns()
     }
 
     fn actions(&self) -> &'static [Action] {

@@ -1,4 +1,4 @@
-//! One node's objects in words.
+//! Rows of the objects of one node.
 //!
 //! ```text
 //! 6300:01  Spool set point  37.5 %  00 18  sent {69}  3.194 s
@@ -16,38 +16,38 @@ use crate::panes::meaning;
 use crate::state::{Core, NodeKey};
 use crate::theme::Role;
 
-/// Bytes of a value that are shown.
+/// Maximum number of bytes in the column `Raw`.
 const SHOWN_BYTES: usize = 4;
-/// Objects as delivered a search goes through.
+/// Maximum number of default objects that a search covers.
 const MOST_DELIVERED: usize = 16_384;
 
-/// The node that is shown.
+/// The node shown.
 pub(super) struct Subject<'a> {
     bus: &'a Bus,
     node: &'a Node,
 }
 
-/// One of its objects.
-pub(super) struct Known<'a> {
+/// An object of the node.
+pub(super) struct KnownObject<'a> {
     address: ObjectAddress,
-    /// What is known of it; nothing where it is only known as delivered.
+    /// Known value; None for a default or a pending value only.
     entry: Option<&'a Entry>,
     meaning: Option<Meaning>,
 }
 
-impl Known<'_> {
-    /// Its address.
+impl KnownObject<'_> {
+    /// Index and sub-index.
     pub(super) fn address(&self) -> ObjectAddress {
         self.address
     }
 
-    /// The frame that told its value.
+    /// Frame that carried the value.
     pub(super) fn frame(&self) -> Option<u64> {
         self.entry.map(|entry| entry.origin.frame).filter(|frame| *frame > 0)
     }
 }
 
-/// Nodes of which objects are known.
+/// Nodes with known objects.
 pub(super) fn nodes(core: &Core) -> Vec<NodeKey> {
     let buses = core.world().map_or(Buses::default(), |world| world.buses());
     let of = |bus: &Bus| {
@@ -58,7 +58,7 @@ pub(super) fn nodes(core: &Core) -> Vec<NodeKey> {
 }
 
 impl<'a> Subject<'a> {
-    /// The node chosen, else that of the row at the cursor, else the first one of which objects are known.
+    /// The selected node, else the node of the row at the cursor, else the first node with known objects.
     pub(super) fn of(core: &'a Core) -> Option<Self> {
         let world = core.world()?;
         let get = |(index, id): NodeKey| {
@@ -73,7 +73,7 @@ impl<'a> Subject<'a> {
         of_row.filter(has_objects).or_else(|| nodes(core).into_iter().next().and_then(get))
     }
 
-    /// Which node it is.
+    /// Bus and id of the node.
     pub(super) fn key(&self) -> NodeKey {
         (self.bus.index(), self.node.id())
     }
@@ -85,8 +85,8 @@ impl<'a> Subject<'a> {
         format!("{}{name} on {}{device}", self.node.id().words(), self.bus.name())
     }
 
-    /// Its objects in order of their addresses; with a search those that have it.
-    pub(super) fn rows(&self, search: &str) -> Vec<Known<'a>> {
+    /// Objects by address; with a search only the matching ones.
+    pub(super) fn rows(&self, search: &str) -> Vec<KnownObject<'a>> {
         let store = self.node.store();
         let mut all: Vec<(ObjectAddress, Option<&'a Entry>)> =
             store.sorted().into_iter().map(|(address, entry)| (address, Some(entry))).collect();
@@ -99,12 +99,12 @@ impl<'a> Subject<'a> {
         }
         all.sort_unstable_by_key(|(address, _)| *address);
         all.dedup_by_key(|(address, _)| *address);
-        let known = |(address, entry)| Known { address, entry, meaning: self.node.meaning(address) };
+        let known = |(address, entry)| KnownObject { address, entry, meaning: self.node.meaning(address) };
         all.into_iter().map(known).filter(|known| has(known, search)).collect()
     }
 
-    /// What stands in a column.
-    pub(super) fn cell(&self, core: &Core, known: &Known<'_>, column: usize) -> String {
+    /// Text of a cell.
+    pub(super) fn cell(&self, core: &Core, known: &KnownObject<'_>, column: usize) -> String {
         let text = match column {
             0 => known.address.to_string(),
             1 => known.meaning.as_ref().map_or(String::new(), |meaning| meaning.name.clone()),
@@ -115,7 +115,7 @@ impl<'a> Subject<'a> {
                     format!("{} {{{}}}", entry.origin.kind.verb(), entry.origin.frame)
                 }
                 Some(entry) => file(entry),
-                None if self.is_delivered(known) => "as delivered".into(),
+                None if self.is_delivered(known) => "default".into(),
                 None => String::new(),
             },
             5 => age(core, known).map_or(String::new(), seconds),
@@ -125,8 +125,8 @@ impl<'a> Subject<'a> {
         escape(&text).into_owned()
     }
 
-    /// How a cell looks.
-    pub(super) fn role(known: &Known<'_>, column: usize) -> Option<Role> {
+    /// Role of a cell; None for normal text.
+    pub(super) fn role(known: &KnownObject<'_>, column: usize) -> Option<Role> {
         let is_outside = known.meaning.as_ref().is_some_and(|meaning| {
             known.entry.is_some_and(|entry| meaning.is_outside(&meaning.decode(&entry.value)))
         });
@@ -138,15 +138,12 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Everything about one.
-    pub(super) fn about(&self, core: &Core, known: &Known<'_>) -> Vec<String> {
-        let name = known.meaning.as_ref().map_or("nothing tells what it is", |meaning| &meaning.name);
+    /// The details of an object.
+    pub(super) fn about(&self, core: &Core, known: &KnownObject<'_>) -> Vec<String> {
+        let name = known.meaning.as_ref().map_or("unknown object", |meaning| &meaning.name);
         let origin = known.entry.map_or(String::new(), |entry| {
-            let stale = if entry.stale {
-                "; the node restarted since, or it is only wanted: it may be another one"
-            } else {
-                ""
-            };
+            let stale =
+                if entry.stale { ", presumed: node restarted since, or value from a DCF" } else { "" };
             format!(", {}{stale}", meaning::origin(core, entry))
         });
         let mut lines = vec![format!("{} {name} = {}{origin}", known.address, self.value(known))];
@@ -158,24 +155,24 @@ impl<'a> Subject<'a> {
         }
         let waits = self.waits(known);
         if !waits.is_empty() {
-            lines.push(format!("waiting: {waits}"));
+            lines.push(format!("pending: {waits}"));
         }
         let keeps = known.entry.and_then(|_| self.node.persists(known.address));
-        lines.extend(keeps.map(|keeps| format!("over a restart: {}", keeps_in_full(keeps))));
+        lines.extend(keeps.map(|keeps| format!("after a restart: {}", keeps_in_full(keeps))));
         if let (Some(about), Some(entry)) = (&known.meaning, known.entry) {
             meaning::of_value(core, Some(self.node), about, &about.decode(&entry.value), &mut lines);
         }
         lines.iter().map(|line| escape(line).into_owned()).collect()
     }
 
-    /// By a column; numbers as numbers.
-    pub(super) fn compare(&self, one: &Known<'_>, other: &Known<'_>, column: usize) -> Ordering {
-        let name = |known: &Known<'_>| known.meaning.as_ref().map(|meaning| meaning.name.clone());
-        let time = |known: &Known<'_>| known.entry.and_then(|entry| entry.origin.time);
+    /// Compares two rows by a column; numeric values as numbers.
+    pub(super) fn compare(&self, one: &KnownObject<'_>, other: &KnownObject<'_>, column: usize) -> Ordering {
+        let name = |known: &KnownObject<'_>| known.meaning.as_ref().map(|meaning| meaning.name.clone());
+        let time = |known: &KnownObject<'_>| known.entry.and_then(|entry| entry.origin.time);
         let frame =
-            |known: &Known<'_>| known.entry.map(|entry| (entry.origin.kind.verb(), entry.origin.frame));
-        let bytes = |known: &Known<'_>| known.entry.map(|entry| entry.value.clone());
-        let keeps = |known: &Known<'_>| known.entry.and_then(|_| self.node.persists(known.address));
+            |known: &KnownObject<'_>| known.entry.map(|entry| (entry.origin.kind.verb(), entry.origin.frame));
+        let bytes = |known: &KnownObject<'_>| known.entry.map(|entry| entry.value.clone());
+        let keeps = |known: &KnownObject<'_>| known.entry.and_then(|_| self.node.persists(known.address));
         match column {
             1 => name(one).cmp(&name(other)),
             2 => match (number(one), number(other)) {
@@ -184,7 +181,7 @@ impl<'a> Subject<'a> {
             },
             3 => bytes(one).cmp(&bytes(other)),
             4 => frame(one).cmp(&frame(other)),
-            // The youngest first, as its age is the least.
+            // Ascending age: the latest first.
             5 => time(other).cmp(&time(one)),
             6 => keeps(one).cmp(&keeps(other)),
             7 => self.waits(other).cmp(&self.waits(one)),
@@ -192,7 +189,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    fn value(&self, known: &Known<'_>) -> String {
+    fn value(&self, known: &KnownObject<'_>) -> String {
         let Some(entry) = known.entry else {
             let found = self.node.device().dictionary.find(known.address);
             let raw = found.and_then(|found| found.entry?.default_number(Some(self.node.id().number())));
@@ -208,13 +205,13 @@ impl<'a> Subject<'a> {
         format!("{value}{stale}")
     }
 
-    fn is_delivered(&self, known: &Known<'_>) -> bool {
+    fn is_delivered(&self, known: &KnownObject<'_>) -> bool {
         let found = self.node.device().dictionary.find(known.address);
         found.and_then(|found| found.entry).is_some_and(|entry| entry.default.is_some())
     }
 
     /// `33 after reset node {88}`.
-    fn waits(&self, known: &Known<'_>) -> String {
+    fn waits(&self, known: &KnownObject<'_>) -> String {
         let Some(waiting) = self.node.store().waiting(known.address) else { return String::new() };
         let value = match &known.meaning {
             Some(meaning) => meaning.show(&meaning.decode(&waiting.value)),
@@ -224,16 +221,16 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// What told a value no frame told.
+/// Origin of a value that no frame carried.
 fn file(entry: &Entry) -> String {
     match entry.origin.kind {
         cobscope_decoder::session::OriginKind::BusFile => "bus file".into(),
-        cobscope_decoder::session::OriginKind::DeviceFile => "wanted by DCF".into(),
+        cobscope_decoder::session::OriginKind::DeviceFile => "DCF".into(),
         kind => kind.verb().into(),
     }
 }
 
-/// Bytes of a value that are told of the selected one.
+/// Maximum number of bytes in the details.
 const LONGEST: usize = 64;
 
 fn raw(entry: &Entry) -> String {
@@ -242,7 +239,7 @@ fn raw(entry: &Entry) -> String {
     format!("{}{more}", shown.collect::<Vec<_>>().join(" "))
 }
 
-fn age(core: &Core, known: &Known<'_>) -> Option<i64> {
+fn age(core: &Core, known: &KnownObject<'_>) -> Option<i64> {
     Some(core.time()?.since(known.entry?.origin.time?))
 }
 
@@ -259,34 +256,34 @@ fn seconds(nanoseconds: i64) -> String {
 fn keeps(word: &'static str) -> &'static str {
     match word {
         "yes" => "yes",
-        "no" => "lost",
-        _ => "unstored",
+        "no" => "no",
+        _ => "unsaved",
     }
 }
 
 fn keeps_in_full(word: &'static str) -> &'static str {
     match word {
-        "yes" => "it stays",
-        "no" => "it is lost",
-        _ => "it is lost: it was not stored since it was written",
+        "yes" => "kept",
+        "no" => "lost",
+        _ => "lost: not saved since it was written",
     }
 }
 
-fn number(known: &Known<'_>) -> Option<f64> {
+fn number(known: &KnownObject<'_>) -> Option<f64> {
     let (meaning, entry) = (known.meaning.as_ref()?, known.entry?);
     let value = meaning.decode(&entry.value);
-    #[expect(clippy::cast_precision_loss, reason = "only an order is made of it")]
+    #[expect(clippy::cast_precision_loss, reason = "only used for sorting")]
     meaning.scaled(&value).or_else(|| integer(&value).map(|number| number as f64))
 }
 
-/// Whether all words of a search are in address or name.
-fn has(known: &Known<'_>, search: &str) -> bool {
+/// Whether address and name contain all words of a search.
+fn has(known: &KnownObject<'_>, search: &str) -> bool {
     let name = known.meaning.as_ref().map_or("", |meaning| &meaning.name);
     let text = format!("0x{} {name}", known.address).to_lowercase();
     search.to_lowercase().split_whitespace().all(|word| text.contains(word))
 }
 
-/// Addresses a device has a value for as delivered.
+/// Addresses with a default value in the profile or EDS.
 fn delivered(dictionary: &Dictionary) -> Vec<ObjectAddress> {
     let mut all = Vec::new();
     for object in dictionary.own() {

@@ -1,4 +1,4 @@
-//! The plot as it is drawn: its series, and the line above it.
+//! The plotted series and the line above the plot.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -6,15 +6,15 @@ use std::sync::Arc;
 use cobscope_decoder::frame::Timestamp;
 
 use super::view::View;
-use super::{OF_LEGEND, Picked, Signals, list};
+use super::{OF_LEGEND, PlottedKey, Signals, list};
 use crate::bucket::Bucket;
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
 use crate::timeline::MOST_SIGNALS;
 use crate::widgets::plot::{Plot, Series};
 
-/// A signal as it is drawn.
-struct Shown {
+/// A plotted signal.
+struct PlottedSignal {
     name: String,
     unit: String,
     role: Role,
@@ -22,11 +22,11 @@ struct Shown {
 }
 
 impl Signals {
-    /// The signals that are plotted, with the values at the cursors as exactly as they are known.
-    fn shown(&self, core: &Core) -> Vec<Shown> {
+    /// The plotted signals, with the exact values at the cursors if they are known.
+    fn shown(&self, core: &Core) -> Vec<PlottedSignal> {
         let room = self.parts(Self::area(core)).plot.width.saturating_sub(OF_LEGEND);
         let cursor = self.view.cursor(core).filter(|_| !core.is_pending() && !core.is_waiting());
-        let shown = |picked: &Picked| {
+        let shown = |picked: &PlottedKey| {
             let points = self.view.points(core, &picked.key);
             let is_assumed = points.as_ref().is_some_and(|points| points.is_assumed);
             let mut points = points.map(|points| points.buckets).unwrap_or_default();
@@ -40,12 +40,12 @@ impl Signals {
             }
             let name = list::within(&picked.key.name, room);
             let name = format!("{name}{}", if is_assumed { "?" } else { "" });
-            Shown { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
+            PlottedSignal { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
         };
         self.picked.iter().map(shown).collect()
     }
 
-    /// Does something with the plot as it is drawn.
+    /// Builds the plot and passes it to `then`.
     pub(super) fn with_plot<T>(
         &self,
         core: &Core,
@@ -69,33 +69,33 @@ impl Signals {
             .zero(core.zero().map_or(from, |zero| zero.0))
             .cursors(self.view.cursor(core), second)
             .until(last)
-            .empty(if is_over { "no value in this time" } else { "reading …" });
+            .empty(if is_over { "no values in this range" } else { "reading …" });
         Some(then(&plot))
     }
 
-    /// The line above the plot.
+    /// Range and progress, shown above the plot.
     pub(super) fn title(&self, core: &Core) -> String {
-        let Some((from, to)) = self.view.range(core) else { return "no times".into() };
+        let Some((from, to)) = self.view.range(core) else { return "no timestamps".into() };
         let delta = core.theme.glyph(Glyph::Delta);
         let time = |time| core.seconds(Some(Timestamp(time))).unwrap_or_default();
         let span = time(to) - time(from);
-        // As many digits as tell the ends of a thousandth apart.
+        // Enough decimals for a thousandth of the range.
         let digits = (0..6).find(|digits| span * 10_f64.powi(*digits) >= 1_000.0).unwrap_or(6);
         let digits = usize::try_from(digits).unwrap_or(0).max(3);
-        let all = if self.view.is_whole() { ", all of it" } else { "" };
+        let all = if self.view.is_whole() { ", whole capture" } else { "" };
         let mut text =
             format!("{:.digits$} to {:.digits$} s, {delta} {span:.digits$} s{all}", time(from), time(to));
         if let Some(share) = self.view.share(core) {
             text = format!("reading {share} %  {text}");
         }
         if self.refused > 0 {
-            text = format!("{} more not plotted: {MOST_SIGNALS} are the most  {text}", self.refused);
+            text = format!("{} more not plotted (max {MOST_SIGNALS})  {text}", self.refused);
         }
         text
     }
 }
 
-/// Puts in what is known to hold at a time, where buckets are too long to tell.
+/// Inserts the exact value at a time if its bucket contains several values.
 fn put(points: &mut Arc<Vec<Bucket>>, time: i64, value: f64) {
     let behind = points.partition_point(|bucket| bucket.t <= time);
     let Some(place) = behind.checked_sub(1) else { return };
@@ -117,10 +117,11 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_at_a_cursor_is_put_where_a_bucket_cannot_tell() {
+    fn the_value_at_the_cursor_is_drawn_inside_a_bucket() {
         let coarse = Arc::new(vec![bucket(0, 1.0, 3.0, 3.0), bucket(100, 4.0, 4.0, 4.0)]);
         let mut points = Arc::clone(&coarse);
-        // Within the first bucket 2 held at 50; of the second its only value is known.
+        // The first bucket contains several values, so the value at 50 is inserted; the second contains only
+        // one.
         put(&mut points, 50, 2.0);
         put(&mut points, 150, 4.0);
         put(&mut points, -1, 7.0);
@@ -128,7 +129,7 @@ mod tests {
             *points,
             [bucket(0, 1.0, 3.0, 3.0), bucket(50, 2.0, 2.0, 2.0), bucket(100, 4.0, 4.0, 4.0)]
         );
-        // What others have is left alone.
+        // The shared points stay unchanged.
         assert_eq!(coarse.len(), 2);
     }
 }

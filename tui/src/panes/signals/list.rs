@@ -1,4 +1,4 @@
-//! All signals there are, each with its value at the cursor.
+//! All known signals with their values at the cursor.
 //!
 //! ```text
 //!   Node   From   Signal                    Value
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::frame::{BusIndex, CanId};
 use cobscope_decoder::profile::{Field, PdoDirection, SignalId};
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
@@ -26,7 +26,7 @@ use crate::timeline::{SignalKey, signal};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 
-/// One signal.
+/// A signal with its texts.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     pub(super) key: SignalKey,
@@ -35,30 +35,30 @@ pub(super) struct Entry {
     order: Order,
 }
 
-/// By bus, node, what the node sends before what it is sent, number and identifier.
+/// Bus, node, received by the node, PDO number, identifier.
 type Order = (u8, u8, bool, u16, u32);
 
-/// The list and what is selected in it.
+/// The list of signals with its selection.
 #[derive(Debug, Default)]
 pub(super) struct List {
     entries: Vec<Entry>,
-    /// Places of those with the text sought.
+    /// Indices of the entries that match the search.
     shown: Vec<usize>,
     state: TableState,
     sought: Option<Regex>,
-    /// What the entries were made of.
+    /// Fingerprint of the identifiers and layouts that the entries were made from.
     made_of: u64,
 }
 
-/// Columns that names of nodes get at most.
+/// Maximum width of node names.
 const MOST_NODE: u16 = 12;
 
-/// Columns of values, by the width of the list from which on they get so many.
+/// Width of the values by the width of the list: (from, width).
 const VALUES: [(u16, u16); 3] = [(110, 32), (70, 20), (0, 14)];
 
 impl List {
-    /// As wide as what they hold needs.
-    fn columns(&self, area: Rect) -> [Column; 5] {
+    /// Columns as wide as their content needs.
+    pub(super) fn columns(&self, area: Rect) -> [Column; 5] {
         let widest = |text: fn(&Entry) -> &str, most: u16| {
             let widths = self.entries.iter().map(|entry| draw::width(text(entry)));
             Width::Fixed(widths.max().unwrap_or(0).clamp(4, most))
@@ -73,10 +73,10 @@ impl List {
         ]
     }
 
-    /// Looks whether there are others now.
+    /// Rebuilds the entries if identifiers or layouts changed.
     pub(super) fn refresh(&mut self, core: &Core) {
         let end = core.timeline.end();
-        let worlds: Vec<&World> = core.world().into_iter().chain(end.as_deref()).collect();
+        let worlds: Vec<&ReplayState> = core.world().into_iter().chain(end.as_deref()).collect();
         let made_of = print(&worlds);
         if made_of == self.made_of {
             return;
@@ -91,18 +91,18 @@ impl List {
         self.state.clamp(self.shown.len());
     }
 
-    /// Selects a signal if it is shown.
+    /// Selects a signal if it is listed.
     pub(super) fn select(&mut self, key: &SignalKey) {
         let place = self.shown().position(|entry| entry.key == *key);
         self.state.selected = place.unwrap_or(self.state.selected);
     }
 
-    /// Shows only what has a text; all for none.
+    /// Lists only signals that match `text`; all if it is empty.
     pub(super) fn search(&mut self, text: &str) {
         self.sought = match pattern(text) {
             _ if text.trim().is_empty() => None,
             Ok(pattern) => Some(pattern),
-            // On the way to something that is a pattern again.
+            // An incomplete pattern: keep the last valid one.
             Err(_) => return,
         };
         self.narrow();
@@ -142,7 +142,7 @@ impl List {
         self.state.page(delta, height, self.shown.len());
     }
 
-    /// Selects the row at a line of the screen.
+    /// Selects the row at a screen line.
     pub(super) fn click(&mut self, core: &Core, area: Rect, y: u16) {
         let columns = self.columns(area);
         let table = Table::new(&core.theme, &columns).row_count(self.len());
@@ -151,7 +151,7 @@ impl List {
         }
     }
 
-    /// Draws it; `look_of` tells how a signal that is plotted looks there.
+    /// Draws the list; `look_of` returns the role of a plotted signal.
     pub(super) fn render(
         &self,
         core: &Core,
@@ -184,18 +184,18 @@ impl List {
         };
         let empty = match (core.world(), self.is_narrowed()) {
             (None, _) => "reading …",
-            (_, true) => "no signal has this text; c shows all",
+            (_, true) => "no signal matches; c shows all",
             _ if core.timeline.progress().is_complete() => {
-                "no signal is known: give the devices (--node), EDS (--eds) or DBC (--dbc)"
+                "no signals known; assign devices (--node), EDS (--eds) or DBC files (--dbc)"
             }
-            _ => "no signal so far",
+            _ => "no signals yet",
         };
         let table =
             Table::new(&core.theme, &columns).row_count(self.len()).rows(row).state(&self.state).empty(empty);
         table.render(area, buf);
     }
 
-    /// The selected signal as text.
+    /// Text of the selected signal, for the clipboard.
     pub(super) fn line(&self, core: &Core) -> Option<String> {
         let entry = self.entries.get(*self.shown.get(self.state.selected)?)?;
         let value = value(core, &entry.key).unwrap_or_default();
@@ -203,7 +203,7 @@ impl List {
     }
 }
 
-/// A name, or its end where it has no room: what is before a comma is the same in many.
+/// A name, or the part after its comma if the room is too small: many names share the part before it.
 pub(super) fn within(name: &str, room: u16) -> &str {
     match name.split_once(", ") {
         Some((_, rest)) if draw::width(name) > room => rest,
@@ -211,13 +211,13 @@ pub(super) fn within(name: &str, room: u16) -> &str {
     }
 }
 
-/// What a signal's identifier carried last before the cursor.
+/// Last data of the signal's identifier before the cursor.
 pub(super) fn row_at<'a>(core: &'a Core, key: &SignalKey) -> Option<&'a IdentifierRow> {
     let is_it = |row: &&IdentifierRow| row.id == key.id && row.bus == key.bus && !row.is_remote;
     core.world()?.identifiers().rows().iter().find(is_it)
 }
 
-/// The value at the cursor as people write it.
+/// Value at the cursor with its unit.
 fn value(core: &Core, key: &SignalKey) -> Option<String> {
     let row = row_at(core, key)?;
     let layout = row.layout.as_ref()?;
@@ -225,7 +225,7 @@ fn value(core: &Core, key: &SignalKey) -> Option<String> {
     Some(signal::text(layout, field, &layout.signal(place, row.payload())?.value))
 }
 
-/// The value at the cursor as a number.
+/// Value at the cursor as a number.
 pub(super) fn number(core: &Core, key: &SignalKey) -> Option<f64> {
     let row = row_at(core, key)?;
     let layout = row.layout.as_ref()?;
@@ -233,8 +233,8 @@ pub(super) fn number(core: &Core, key: &SignalKey) -> Option<f64> {
     signal::number(field, &layout.signal(place, row.payload())?.value)
 }
 
-/// Changes when other identifiers or layouts are there.
-fn print(worlds: &[&World]) -> u64 {
+/// Fingerprint of identifiers and layouts.
+fn print(worlds: &[&ReplayState]) -> u64 {
     let mut hasher = DefaultHasher::new();
     for world in worlds {
         for row in world.identifiers().rows() {
@@ -245,13 +245,13 @@ fn print(worlds: &[&World]) -> u64 {
     hasher.finish()
 }
 
-/// The signals of all these worlds, each once, as the first one that knows what it means does.
-fn entries(worlds: &[&World]) -> Vec<Entry> {
+/// The signals of several states, each once; the first entry with a known meaning is used.
+fn entries(worlds: &[&ReplayState]) -> Vec<Entry> {
     let several = worlds.iter().any(|world| world.buses().len() > 1);
     let mut places = HashMap::new();
     let mut entries: Vec<Entry> = Vec::new();
     for world in worlds {
-        // What the same sender says of the same thing in several messages is told once, by the most frequent.
+        // A value that one node sends in several messages is listed once, for the most frequent message.
         let mut rows: Vec<_> = world.identifiers().rows().iter().filter(|row| !row.is_remote).collect();
         rows.sort_by_key(|row| (std::cmp::Reverse(row.count), row.id.number()));
         for row in rows {
@@ -276,18 +276,18 @@ fn is_meant(key: &SignalKey) -> bool {
     key.layout.fields.get(key.field).is_some_and(|field| field.meaning.is_some())
 }
 
-/// What of a signal makes it the same in several messages and at several times.
+/// Identity of a signal across messages and time.
 #[derive(PartialEq, Eq, Hash)]
 struct Identity {
     bus: BusIndex,
     node: Option<NodeId>,
     direction: Option<PdoDirection>,
-    /// Identifier of what is no PDO.
+    /// Identifier; 0 for a PDO.
     message: u32,
     object: Option<u64>,
-    /// Where only that tells.
+    /// Name of a signal without an object or SPN.
     name: Option<String>,
-    /// How many of the same stand before it.
+    /// Number of equal fields before this one.
     before: usize,
 }
 
@@ -298,7 +298,7 @@ fn identity(row: &IdentifierRow, key: &SignalKey) -> Identity {
         Some(SignalId::Spn(spn)) => Some(1 << 40 | u64::from(spn)),
         Some(SignalId::Name) | None => None,
     };
-    // Of a J1939 identifier the priority says nothing of what it carries.
+    // The priority of a J1939 identifier does not change its content.
     let message = match (row.pdo, row.id) {
         (Some(_), _) => 0,
         (None, CanId::Extended(id)) => id & 0x03FF_FFFF,
@@ -316,7 +316,7 @@ fn identity(row: &IdentifierRow, key: &SignalKey) -> Identity {
     }
 }
 
-fn entry(world: &World, row: &IdentifierRow, key: SignalKey, several: bool) -> Entry {
+fn entry(world: &ReplayState, row: &IdentifierRow, key: SignalKey, several: bool) -> Entry {
     let bus = world.buses().iter().find(|bus| bus.index() == row.bus);
     let name = row.node.and_then(|node| Some(escape(bus?.node(node)?.name()?).into_owned()));
     let node = match row.node {
@@ -347,12 +347,12 @@ mod tests {
 
     #[test]
     fn what_a_sender_says_with_two_priorities_is_one_signal() {
-        // PGN F101 of whichever source.
+        // PGN F101 with any source address.
         let text = "VERSION \"\"\nBO_ 2565931518 SPEED: 8 N\n SG_ Speed : 0|8@1+ (1,0) [0|0] \"km/h\" N\n";
         let mut database = Database::default();
         database.add(dbc::parse(text.as_bytes()).unwrap());
         let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
-        let mut world = World::new(options);
+        let mut world = ReplayState::new(options);
         let mut names = BusNames::default();
         names.index_of(b"can0").unwrap();
         for (number, id) in (1..).zip([0x18F1_0180, 0x0CF1_0180, 0x0CF1_0180, 0x18F1_0181]) {

@@ -1,7 +1,7 @@
-//! Signals: pick any, and see them over time.
+//! Signals: a list of all signals, and a plot of the chosen ones over time.
 //!
 //! ```text
-//!   Node  From   Signal            Value │ 0.000 – 0.306 s, all
+//!   Node  From   Signal            Value │ 0.000 to 0.306 s, whole capture
 //! ✓ 2/02  TPDO1  Actual pressure   124.9 │ bar         A
 //!   2/02  TPDO1  Swivel angle     49.4 % │ 150┤     ⡏⠉⠉⠉⠉⡇
 //!   2/02  RPDO1  Control byte        00h │    │⣀⣀⣀⣀⣀⠇ ┆  ⠧⠤⠤⠤
@@ -10,7 +10,7 @@
 //!                                        │ ⠤⠤ Actual…      157.4   …
 //! ```
 //!
-//! Where there are few columns the list is above the plot. The cursor in time is cursor A.
+//! In a narrow pane the list is above the plot. The cursor is cursor A of the plot.
 
 mod drawn;
 mod list;
@@ -25,57 +25,57 @@ use ratatui::text::Line;
 use self::list::List;
 pub use self::offered::plot;
 use self::view::View;
+use super::legend::{self, Legend};
 use super::{Effect, Pane};
 use crate::action::Action;
-use crate::state::{Core, Place};
+use crate::state::{Core, JumpPlace};
 use crate::theme::{Glyph, Role};
 use crate::timeline::{MOST_SIGNALS, SignalKey};
 use crate::widgets::draw;
 use crate::widgets::plot::Plot;
-use crate::widgets::table::Table;
+use crate::widgets::table::{Column, Table};
 
-/// From so many columns on the list is beside the plot.
+/// Width from which the list is next to the plot.
 const WIDE: u16 = 100;
 
-/// Columns of the list beside the plot, at least and as a share of the screen.
+/// Minimum width of the list next to the plot; in wide panes it takes a third.
 const LIST_WIDTH: u16 = 46;
 
-/// Lines of the list above the plot, with its titles.
+/// Height of the list above the plot, with its heads.
 const LIST_HEIGHT: u16 = 6;
 
-/// Columns of the legend that are no names.
+/// Width of the plot legend without the names.
 const OF_LEGEND: u16 = 52;
 
-/// A signal that is plotted.
-struct Picked {
+struct PlottedKey {
     key: SignalKey,
-    /// How it looks, until it is no longer plotted.
+    /// Number of its highlight colour, fixed while it is plotted.
     look: u8,
 }
 
 /// Cursor B.
-struct Second {
+struct SecondCursor {
     time: i64,
-    /// What held there, of the signals that were plotted then.
+    /// Values at cursor B of the signals plotted when it was set.
     values: Vec<(SignalKey, Option<f64>)>,
 }
 
-/// The signals pane.
+/// The list of signals and the plot.
 #[derive(Default)]
 pub struct Signals {
     list: List,
-    picked: Vec<Picked>,
+    picked: Vec<PlottedKey>,
     view: View,
-    second: Option<Second>,
-    /// The list is hidden.
+    second: Option<SecondCursor>,
+    /// The plot takes the whole pane.
     is_large: bool,
-    /// The last thing done was a click on the list.
+    /// The last action was a click on the list.
     is_list_clicked: bool,
-    /// Signals that there was no place for.
+    /// Number of signals refused because the plot was full.
     refused: usize,
 }
 
-/// Where what is drawn.
+/// Screen areas of this pane.
 struct Parts {
     list: Rect,
     title: Rect,
@@ -116,7 +116,7 @@ impl Signals {
         self.picked.iter().map(|picked| picked.key.clone()).collect()
     }
 
-    /// Plots a signal too, if there is a place for it.
+    /// Adds a signal to the plot; `false` if the plot is full.
     fn pick(&mut self, key: &SignalKey) -> bool {
         if self.look_of(key).is_some() {
             return true;
@@ -124,25 +124,25 @@ impl Signals {
         let is_free = |look: &u8| self.picked.iter().all(|picked| picked.look != *look);
         let most = u8::try_from(MOST_SIGNALS).unwrap_or(u8::MAX);
         let Some(look) = (0..most).find(is_free) else { return false };
-        self.picked.push(Picked { key: key.clone(), look });
+        self.picked.push(PlottedKey { key: key.clone(), look });
         true
     }
 
     fn toggle(&mut self, core: &Core) -> Vec<Effect> {
         let Some(key) = self.list.selected().cloned() else {
-            return vec![Effect::Refuse("there is no signal to plot".into())];
+            return vec![Effect::Refuse("no signal to plot".into())];
         };
         self.refused = 0;
         if self.look_of(&key).is_some() {
             self.picked.retain(|picked| picked.key != key);
         } else if !self.pick(&key) {
-            return vec![Effect::Refuse(format!("no more than {MOST_SIGNALS} signals; x on one removes it"))];
+            return vec![Effect::Refuse(format!("max {MOST_SIGNALS} signals; x removes the selected one"))];
         }
         self.view.refresh(core, &self.keys());
         Vec::new()
     }
 
-    /// Goes so many columns on in time.
+    /// Moves the cursor by `columns` columns of the plot.
     fn step(&mut self, core: &Core, columns: i64) -> Vec<Effect> {
         let area = self.parts(Self::area(core)).plot;
         let Some((zero, last)) = View::whole(core) else { return vec![no_times()] };
@@ -153,20 +153,20 @@ impl Signals {
 
     fn go(&mut self, time: i64) -> Vec<Effect> {
         self.view.aim(time);
-        vec![Effect::Go(Place::Time(Timestamp(time)))]
+        vec![Effect::Go(JumpPlace::Time(Timestamp(time)))]
     }
 
-    /// Sets cursor B at the cursor, or takes it away there.
+    /// Sets cursor B at the cursor, or removes it if it is there.
     fn set_second(&mut self, core: &Core) -> Vec<Effect> {
         let Some(time) = self.view.cursor(core) else { return vec![no_times()] };
         if self.second.as_ref().is_some_and(|second| second.time == time) {
             self.second = None;
-            return vec![Effect::Say("cursor B is gone".into())];
+            return vec![Effect::Say("cursor B removed".into())];
         }
-        let value = |picked: &Picked| (picked.key.clone(), list::number(core, &picked.key));
+        let value = |picked: &PlottedKey| (picked.key.clone(), list::number(core, &picked.key));
         let values = self.picked.iter().map(value).collect();
-        self.second = Some(Second { time, values });
-        vec![Effect::Say("cursor B is here; b again takes it away".into())]
+        self.second = Some(SecondCursor { time, values });
+        vec![Effect::Say("cursor B set; b again removes it".into())]
     }
 
     fn clear(&mut self, core: &Core) {
@@ -202,10 +202,11 @@ impl Pane for Signals {
         let quiet = core.theme.style(Role::Quiet);
         let title = match self.picked.is_empty() {
             true if core.window.is_some() && View::whole(core).is_none() => {
-                "this capture has no times, so there is nothing to plot over".to_owned()
+                "no plot: this capture has no timestamps".to_owned()
             }
-            true => "x plots the selected signal, / searches; p in other panes plots what is selected there"
-                .into(),
+            true => {
+                "x plots the selected signal, / searches; p in other panes plots the selected item".into()
+            }
             false => self.title(core),
         };
         draw::line(buf, parts.title, &Line::styled(title, quiet), draw::Align::Left, &core.theme);
@@ -229,8 +230,8 @@ impl Pane for Signals {
             Action::Up => self.list.move_by(-1),
             Action::PageDown => self.list.page(1, height),
             Action::PageUp => self.list.page(-1, height),
-            Action::Top => return vec![Effect::Go(Place::Start)],
-            Action::Bottom => return vec![Effect::Go(Place::End)],
+            Action::Top => return vec![Effect::Go(JumpPlace::Start)],
+            Action::Bottom => return vec![Effect::Go(JumpPlace::End)],
             Action::Left => return self.step(core, -1),
             Action::Right => return self.step(core, 1),
             Action::Toggle | Action::Plot => return self.toggle(core),
@@ -245,7 +246,7 @@ impl Pane for Signals {
             }
             Action::Back if self.is_large => {
                 self.is_large = false;
-                return vec![Effect::Say("the list again".into())];
+                return vec![Effect::Say("list shown".into())];
             }
             _ => {}
         }
@@ -280,7 +281,7 @@ impl Pane for Signals {
                 }
                 self.refused += usize::from(!self.pick(key));
             }
-            Effect::Go(Place::Time(time)) if self.view.cursor(core) == Some(time.0) => {}
+            Effect::Go(JumpPlace::Time(time)) if self.view.cursor(core) == Some(time.0) => {}
             Effect::Go(_) => self.view.forget_aim(),
             _ => {}
         }
@@ -289,6 +290,14 @@ impl Pane for Signals {
     fn search(&mut self, text: &str, _core: &Core) -> bool {
         self.list.search(text);
         true
+    }
+
+    fn legend(&self) -> &'static Legend {
+        &legend::SIGNALS
+    }
+
+    fn heads(&self) -> Vec<Column> {
+        self.list.columns(Rect::ZERO).to_vec()
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -306,7 +315,7 @@ impl Pane for Signals {
 
     #[expect(
         clippy::redundant_closure_for_method_calls,
-        reason = "only a closure takes a plot of any lifetime"
+        reason = "the method path does not accept a plot of any lifetime"
     )]
     fn line(&self, core: &Core) -> Option<String> {
         if self.picked.is_empty() {
@@ -317,5 +326,5 @@ impl Pane for Signals {
 }
 
 fn no_times() -> Effect {
-    Effect::Refuse("this capture has no times".into())
+    Effect::Refuse("this capture has no timestamps".into())
 }

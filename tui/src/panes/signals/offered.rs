@@ -1,14 +1,14 @@
-//! Which signals an event is about.
+//! Signals of an event.
 //!
 //! ```text
-//! PDO, J1939 message, message of a database ▸ all it carries
-//! set point, bits, object                  ▸ the signal that brings that object
-//! anything else about a node               ▸ its set points and actual values
+//! PDO, J1939 message, DBC message   ▸ all its signals
+//! set point, bits, object           ▸ the signal that carries the object
+//! any other event of a node         ▸ its set points and actual values
 //! ```
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::profile::{Carrier, Field, Role};
-use cobscope_decoder::replay::World;
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
@@ -17,22 +17,22 @@ use crate::state::Core;
 use crate::timeline::SignalKey;
 use crate::timeline::signal::carried;
 
-/// What plotting the selected event comes to.
+/// Requests that plot the signals of the selected event.
 pub fn plot(core: &Core) -> Vec<Effect> {
-    let Some(row) = core.row() else { return vec![Effect::Refuse("no event is selected".into())] };
+    let Some(row) = core.row() else { return vec![Effect::Refuse("no event selected".into())] };
     let end = core.timeline.end();
-    // Early in a capture what is known at its end tells more.
+    // The state at the end of the capture knows more layouts than an early one.
     let mut found = core.world().into_iter().chain(end.as_deref()).map(|world| signals(&row.event, world));
     match found.find(|signals| !signals.is_empty()) {
         Some(signals) => signals.into_iter().map(Effect::Plot).collect(),
-        None => vec![Effect::Refuse("nothing of this event can be plotted".into())],
+        None => vec![Effect::Refuse("this event has no signals to plot".into())],
     }
 }
 
-/// The signals of an event, as far as the world knows them.
-fn signals(event: &Event, world: &World) -> Vec<SignalKey> {
+/// The signals of an event in the layouts known to `world`.
+fn signals(event: &Event, world: &ReplayState) -> Vec<SignalKey> {
     if let Some((id, layout, _)) = carried(event) {
-        // Words of bits and states say nothing on an axis beside values, so they only stand alone.
+        // Bit fields and states are plotted only if there are no values.
         let is_value = |key: &SignalKey| layout.fields.get(key.field).is_some_and(|field| !is_word(field));
         let (values, words): (Vec<_>, Vec<_>) = SignalKey::all(event.bus, id, layout).partition(is_value);
         return if values.is_empty() { words } else { values };
@@ -54,7 +54,7 @@ fn signals(event: &Event, world: &World) -> Vec<SignalKey> {
     found.or_else(others).into_iter().collect()
 }
 
-/// Those fields of what an identifier carries.
+/// Signals of an identifier whose fields are wanted.
 fn of_row(row: &IdentifierRow, is_wanted: impl Fn(&Field) -> bool) -> impl Iterator<Item = SignalKey> {
     let fields = row.layout.iter().flat_map(|layout| {
         layout.fields.iter().enumerate().map(move |(place, field)| (layout, place, field))
@@ -64,7 +64,7 @@ fn of_row(row: &IdentifierRow, is_wanted: impl Fn(&Field) -> bool) -> impl Itera
         .filter_map(|(layout, place, _)| SignalKey::new(row.bus, row.id, layout, place))
 }
 
-/// Whether a field is made of bits or names states.
+/// Whether a field is a bit field or an enumeration.
 fn is_word(field: &Field) -> bool {
     field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some() || meaning.values.is_some())
 }
@@ -74,7 +74,7 @@ fn is_commanded_or_measured(field: &Field) -> bool {
     matches!(role, Some(Role::SetPoint | Role::Actual))
 }
 
-/// The object an event is about, and what brought it.
+/// The object of an event, and the PDO or message that carries it.
 fn object(event: &Event) -> Option<(ObjectAddress, Option<&Carrier>)> {
     match &event.kind {
         EventKind::SetPoint(set_point) => Some((set_point.object, Some(&set_point.carrier))),

@@ -1,88 +1,88 @@
-//! Which part of time is plotted, what is known of it, and where the cursors are.
+//! The plotted time range, its sampled data and the cursors.
 //!
 //! ```text
-//! zero │─────────────── whole ───────────────│ last       coarse, followed once
-//!            │──── near: view and beside ────│            finer, followed when zooming in shows too little
+//! zero │─────────────── whole ───────────────│ last       coarse, sampled once
+//!            │──── near: view and margins ───│            finer, sampled when zooming in needs it
 //!                   │── view ──│
 //! ```
 
 use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::Spot;
+use cobscope_decoder::replay::EventPosition;
 
 use crate::state::Core;
 use crate::timeline::{Points, SignalKey, Traces};
 
-/// Shortest time that can be plotted, in nanoseconds.
+/// Shortest range that can be plotted, in ns.
 const LEAST_SPAN: i64 = 100_000;
 
-/// Pieces of time a view is made of at least; a screen of 250 columns shows no more.
+/// Minimum number of samples in a view; a screen of 250 columns shows no more.
 const LEAST_BUCKETS: i64 = 512;
 
-/// A time the user moved to, at which no event need be.
+/// A time selected by the user; there may be no event at it.
 #[derive(Debug, Clone, Copy)]
-struct Aim {
+struct TimeTarget {
     time: i64,
-    /// Where the cursor came to be, once that is known.
-    spot: Option<Spot>,
+    /// Position of the cursor at that time; None until it is known.
+    spot: Option<EventPosition>,
 }
 
-/// What is plotted of time.
+/// The plotted range with its samples.
 #[derive(Default)]
 pub(super) struct View {
-    /// From one time to another; all of it for none.
+    /// Start and end; None for the whole capture.
     part: Option<(i64, i64)>,
     whole: Vec<Arc<Traces>>,
     near: Option<Arc<Traces>>,
-    aim: Option<Aim>,
+    aim: Option<TimeTarget>,
 }
 
 impl View {
-    /// Times of the first frame and of the last one known; nothing where there are no times.
+    /// Times of the first and of the last known frame; None without timestamps.
     pub(super) fn whole(core: &Core) -> Option<(i64, i64)> {
         let first = core.timeline.first()?;
         let (zero, last) = core.timeline.progress().times().unwrap_or((first, first));
         Some((zero.0.min(first.0), last.0.max(first.0.saturating_add(1))))
     }
 
-    /// What is in view.
+    /// Start and end of the view.
     pub(super) fn range(&self, core: &Core) -> Option<(i64, i64)> {
         self.part.or_else(|| Self::whole(core))
     }
 
-    /// Whether that is all of it.
+    /// Whether the view is the whole capture.
     pub(super) fn is_whole(&self) -> bool {
         self.part.is_none()
     }
 
-    /// Time of the cursor.
+    /// Time of the cursor, or of the target the user selected.
     pub(super) fn cursor(&self, core: &Core) -> Option<i64> {
         self.aim.map(|aim| aim.time).or_else(|| core.time().map(|time| time.0))
     }
 
-    /// The user goes to a time.
+    /// Sets the target time.
     pub(super) fn aim(&mut self, time: i64) {
-        self.aim = Some(Aim { time, spot: None });
+        self.aim = Some(TimeTarget { time, spot: None });
     }
 
-    /// The cursor goes somewhere else.
+    /// Removes the target because the cursor moved elsewhere.
     pub(super) fn forget_aim(&mut self) {
         self.aim = None;
     }
 
-    /// Half as much around the cursor, or twice.
+    /// Halves or doubles the range around the cursor.
     pub(super) fn zoom(&mut self, core: &Core, is_in: bool) -> Result<(), &'static str> {
         let (Some((from, to)), Some(whole)) = (self.range(core), Self::whole(core)) else {
-            return Err("this capture has no times");
+            return Err("this capture has no timestamps");
         };
         let span = to.saturating_sub(from).max(1);
         let wanted = if is_in { span / 2 } else { span.saturating_mul(2) };
         if is_in && wanted < LEAST_SPAN {
-            return Err("this is as close as it goes");
+            return Err("shortest range reached");
         }
         if !is_in && self.part.is_none() {
-            return Err("this is all of it");
+            return Err("the whole capture is shown");
         }
         let middle = self.cursor(core).unwrap_or(from).clamp(from, to);
         let before = i128::from(middle.saturating_sub(from)) * i128::from(wanted) / i128::from(span);
@@ -91,7 +91,7 @@ impl View {
         Ok(())
     }
 
-    /// Looks where the cursor is, and whether what is known will do.
+    /// Moves the range to the cursor and starts sampling where the data is too coarse.
     pub(super) fn refresh(&mut self, core: &Core, signals: &[SignalKey]) {
         self.land(core);
         if let (Some((from, to)), Some(time)) = (self.part, self.cursor(core))
@@ -105,7 +105,7 @@ impl View {
         self.look_closer(core, signals);
     }
 
-    /// The place of a time that was gone to is where the cursor is now; gone from there, the time is over.
+    /// Binds the target to the position of the cursor; removes it once the cursor is elsewhere.
     fn land(&mut self, core: &Core) {
         let Some(aim) = &mut self.aim else { return };
         if core.is_waiting() || core.is_pending() {
@@ -117,7 +117,7 @@ impl View {
         }
     }
 
-    /// Has all signals followed through the whole capture.
+    /// Starts sampling the signals that have no samples of the whole capture.
     fn follow(&mut self, core: &Core, signals: &[SignalKey]) {
         let has = |traces: &Arc<Traces>, key: &SignalKey| traces.signals().contains(key);
         let is_wanted = |traces: &Arc<Traces>| signals.iter().any(|key| has(traces, key));
@@ -127,7 +127,7 @@ impl View {
         if signals.iter().all(|key| self.whole.iter().any(|traces| has(traces, key))) {
             return;
         }
-        // Those on their way begin again together with the new ones: one pass for all.
+        // Unfinished signals restart together with the new ones: one pass for all.
         self.whole.iter().filter(|traces| !traces.is_complete()).for_each(|traces| traces.stop());
         self.whole.retain(|traces| traces.is_complete());
         let is_missing = |key: &&SignalKey| !self.whole.iter().any(|traces| has(traces, key));
@@ -135,7 +135,7 @@ impl View {
         self.whole.push(core.timeline.trace(missing, first, None));
     }
 
-    /// Has a part followed once more where too little is known of it.
+    /// Samples the view again if the samples of the whole capture are too coarse for it.
     fn look_closer(&mut self, core: &Core, signals: &[SignalKey]) {
         let part = self.part.filter(|_| !signals.is_empty());
         let Some((from, to)) = part else { return self.give_up_near() };
@@ -162,7 +162,7 @@ impl View {
         }
     }
 
-    /// The best that is known of a signal by now.
+    /// The finest complete samples of a signal.
     pub(super) fn points(&self, core: &Core, signal: &SignalKey) -> Option<Points> {
         let (from, to) = self.range(core)?;
         let near = self.near.as_ref().filter(|near| near.is_complete() && near.covers(from, to));
@@ -170,7 +170,7 @@ impl View {
         near.and_then(|near| near.points(signal)).or_else(whole)
     }
 
-    /// Percent of the capture that was followed, until all of it was.
+    /// Percent sampled so far; None when complete.
     pub(super) fn share(&self, core: &Core) -> Option<i64> {
         let (_, last) = Self::whole(core)?;
         let unfinished = self.whole.iter().chain(&self.near).find(|traces| !traces.is_complete())?;
@@ -178,7 +178,7 @@ impl View {
     }
 }
 
-/// A part of the whole; nothing if it is all of it.
+/// A range within the capture; None if it is the whole capture.
 fn within(start: i64, span: i64, (zero, last): (i64, i64)) -> Option<(i64, i64)> {
     if span >= last.saturating_sub(zero) {
         return None;

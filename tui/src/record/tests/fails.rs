@@ -1,23 +1,23 @@
-//! Full disks, lost ones and slow ones.
+//! Tests with full, lost and slow disks.
 
 use super::*;
 
 #[test]
-fn a_full_disk_leaves_whole_records_and_the_record_goes_on() {
+fn a_full_disk_leaves_complete_records_and_recording_continues() {
     for format in WRITABLE {
         let name = format!("run.{}", format.suffix);
         let full = length_of(format, 20);
         let header = length_of(format, 0);
-        // What is there as a whole or not at all.
+        // Frames that are written together or not at all.
         let grain = length_of(format, if gathers(format) { 10 } else { 1 });
-        // Room for every number of bytes.
+        // Free space of every size.
         for room in header..full {
             full_at(format, &name, room, grain);
         }
     }
 }
 
-/// Bytes of a record that goes on, with so many frames.
+/// Size of an unfinished capture with `frames` frames.
 fn length_of(format: &'static WritableFormat, frames: u32) -> usize {
     let memory = Memory::new(usize::MAX);
     let name = format!("run.{}", format.suffix);
@@ -26,7 +26,8 @@ fn length_of(format: &'static WritableFormat, frames: u32) -> usize {
     memory.bytes(&name).len()
 }
 
-/// Twenty frames in two batches on a disk with so much room, ten more while it is full, ten when it is not any more.
+/// Twenty frames in two batches on a disk with `room` bytes, ten while it is full, ten after it has room
+/// again.
 fn full_at(format: &WritableFormat, name: &str, room: usize, grain: usize) {
     let memory = Memory::new(room);
     let mut parts = parts(&memory, name, false, UNLIMITED);
@@ -38,7 +39,7 @@ fn full_at(format: &WritableFormat, name: &str, room: usize, grain: usize) {
     let recorded = frames(&read(&first));
     let count = u32::try_from(recorded.len()).unwrap();
     assert_eq!(recorded, kept(format, 0..count), "{name} {room}");
-    // As many as there was room for.
+    // As many frames as fit.
     assert!(room - first.len() < grain, "{name} {room} {}", first.len());
     let status = parts.status().clone();
     let missing = u64::from(30 - count);
@@ -52,11 +53,11 @@ fn full_at(format: &WritableFormat, name: &str, room: usize, grain: usize) {
     parts.take(items(30..40), &can0(), Some(begin + RETRY_AFTER));
     parts.finish();
     let second = if first.is_empty() { name.to_owned() } else { name.replace('.', "-0002.") };
-    let said = read(&memory.bytes(&second));
-    assert_eq!(frames(&said), kept(format, 30..40));
+    let texts = read(&memory.bytes(&second));
+    assert_eq!(frames(&texts), kept(format, 30..40));
     let tells = format.holds.notices;
-    assert_eq!(losses(&said), missing * u64::from(tells));
-    assert_eq!(matches!(said[0], Said::Notice(..)), tells, "they are told before the first frame");
+    assert_eq!(losses(&texts), missing * u64::from(tells));
+    assert_eq!(matches!(texts[0], RecordedItem::Notice(..)), tells, "they precede the first frame");
     let status = parts.status();
     assert_eq!(status.path, Path::new(&second));
     assert_eq!((status.frames, status.missing), (u64::from(count) + 10, missing));
@@ -75,9 +76,9 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
     let count = frames(&read(&memory.bytes("run.pcapng"))).len() as u64;
     assert!((1..5).contains(&count), "{count}");
     memory.set(|inner| inner.is_gone = true);
-    // A frame each second for a minute.
+    // One frame per second for a minute.
     for second in 1..=60_u32 {
-        let lost = Item { bus: 0, what: What::Notice(lost(1)) };
+        let lost = Item { bus: 0, what: RecordItem::Notice(lost(1)) };
         let now = begin + Duration::from_secs(second.into());
         parts.take([items(second..second + 1), vec![lost]].concat(), &can0(), Some(now));
     }
@@ -85,29 +86,29 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
     let failure = parts.status().failure.clone().unwrap();
     assert_eq!((failure.missing, failure.path), (70 - count, "run-0002.pcapng".into()));
     assert!(failure.reason.ends_with("(os error 5)"), "{}", failure.reason);
-    // There again but full: no empty files are left.
+    // Back but full: no empty files remain.
     memory.set(|inner| inner.is_gone = false);
     memory.set(|inner| inner.room = 30);
     parts.take(items(61..62), &can0(), Some(begin + Duration::from_secs(65)));
     assert_eq!(memory.names(), ["run.pcapng"]);
     memory.set(|inner| inner.room = 1_000);
-    let down = Item { bus: 0, what: What::Notice(link(62, LinkState::Down)) };
-    let up = Item { bus: 0, what: What::Notice(link(62, LinkState::Up)) };
+    let down = Item { bus: 0, what: RecordItem::Notice(link(62, LinkState::Down)) };
+    let up = Item { bus: 0, what: RecordItem::Notice(link(62, LinkState::Up)) };
     parts.take([vec![down, up], items(62..63)].concat(), &can0(), Some(begin + Duration::from_secs(70)));
-    let said = read(&memory.bytes("run-0002.pcapng"));
-    // Those that were lost on the way here are missing too; and the link is told as it is.
+    let texts = read(&memory.bytes("run-0002.pcapng"));
+    // Frames lost before they arrived are counted too, and the last link state is written.
     let missing = 71 - count;
     let bus = || "can0".to_owned();
     assert_eq!(
-        said,
+        texts,
         [
-            Said::Notice(bus(), lost(missing + 60)),
-            Said::Notice(bus(), link(62, LinkState::Up)),
-            Said::Frame(bus(), frame(62))
+            RecordedItem::Notice(bus(), lost(missing + 60)),
+            RecordedItem::Notice(bus(), link(62, LinkState::Up)),
+            RecordedItem::Frame(bus(), frame(62))
         ]
     );
     assert_eq!(parts.status().missing, missing);
-    // A later failure counts for itself.
+    // A later failure has its own count.
     memory.set(|inner| inner.room = 0);
     parts.take(items(63..65), &can0(), Some(begin + Duration::from_secs(71)));
     assert_eq!(parts.status().failure.as_ref().unwrap().missing, 2);
@@ -122,7 +123,7 @@ fn a_full_disk_takes_one_old_part_at_most() {
     let begin = Instant::now();
     log.take(items(0..6), &can0(), Some(begin));
     assert_eq!(memory.names(), ["run-0001.log", "run-0002.log", "run-0003.log"]);
-    // The oldest makes room for the next one.
+    // The oldest part is removed for the next one.
     log.take(items(6..8), &can0(), Some(begin));
     assert_eq!(memory.names(), ["run-0002.log", "run-0003.log", "run-0004.log"]);
     assert_eq!((log.status().frames, log.status().missing), (8, 0));
@@ -135,7 +136,7 @@ fn a_full_disk_takes_one_old_part_at_most() {
 }
 
 #[test]
-fn a_disk_that_cannot_be_synced_is_told() {
+fn a_failed_sync_is_reported() {
     let memory = Memory::new(usize::MAX);
     let mut log = parts(&memory, "run.log", false, UNLIMITED);
     let begin = Instant::now();
@@ -169,7 +170,7 @@ fn a_slow_disk_holds_nobody_up() {
     assert_eq!(status.failure, None);
     memory.set(|inner| inner.is_stuck = false);
     wait(&recorder, |status| status.frames == 3_000);
-    // The status is told before the room is free again.
+    // The status is available before the disk has room again.
     let begun = Instant::now();
     while recorder.queued.load(Ordering::Acquire) > 0 {
         assert!(begun.elapsed() < LIMIT);
@@ -178,19 +179,19 @@ fn a_slow_disk_holds_nobody_up() {
     recorder.frame(&frame(5_000), "can0");
     let status = recorder.finish();
     assert_eq!((status.frames, status.missing, status.parts), (3_001, 2_000, 1));
-    let said = read(&memory.bytes("run.pcapng"));
-    assert_eq!(frames(&said), expected((0..3_000).chain([5_000])));
+    let texts = read(&memory.bytes("run.pcapng"));
+    assert_eq!(frames(&texts), expected((0..3_000).chain([5_000])));
     assert_eq!(
-        said[3_000..3_002],
+        texts[3_000..3_002],
         [
-            Said::Notice("can0".to_owned(), lost(2_000)),
-            Said::Notice("can1".to_owned(), link(5_000, LinkState::Down))
+            RecordedItem::Notice("can0".to_owned(), lost(2_000)),
+            RecordedItem::Notice("can1".to_owned(), link(5_000, LinkState::Down))
         ]
     );
 }
 
 #[test]
-fn what_was_too_much_at_the_end_is_told_too() {
+fn losses_at_the_end_are_reported() {
     let memory = Memory::new(usize::MAX);
     let path = options(Path::new("run.pcapng"));
     let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(10)).unwrap();
@@ -199,8 +200,8 @@ fn what_was_too_much_at_the_end_is_told_too() {
     memory.set(|inner| inner.is_stuck = false);
     let status = recorder.finish();
     assert_eq!((status.frames, status.missing), (10, 5));
-    let said = read(&memory.bytes("run.pcapng"));
-    assert_eq!((frames(&said).len(), losses(&said)), (10, 5));
+    let texts = read(&memory.bytes("run.pcapng"));
+    assert_eq!((frames(&texts).len(), losses(&texts)), (10, 5));
 }
 
 /// A disk whose files are all the device that is always full.
@@ -209,7 +210,7 @@ struct Full;
 
 #[cfg(target_os = "linux")]
 impl Disk for Full {
-    fn create(&mut self, _path: &Path) -> io::Result<Box<dyn PartFile>> {
+    fn create(&mut self, _path: &Path) -> io::Result<Box<dyn RecordFile>> {
         Ok(Box::new(std::fs::File::options().write(true).open("/dev/full")?))
     }
 
@@ -231,16 +232,16 @@ fn the_device_that_is_full_is_full() {
     let status = wait(&recorder, |status| status.missing == 3_000);
     assert_eq!(
         status.remarks().first().unwrap(),
-        "run.log: No space left on device (os error 28): 3000 frames not recorded so far; trying again"
+        "run.log: No space left on device (os error 28): 3000 frames not written so far; retrying"
     );
     assert_eq!(recorder.finish().frames, 0);
-    // What has a header says so at once.
+    // A format with a header fails at once.
     let path = options(Path::new("run.pcapng"));
     let error = Recorder::open_on(Box::new(Full), &path, day(), QUEUE).err().unwrap();
-    assert_eq!(format!("{error:#}"), "run.pcapng: cannot be made: No space left on device (os error 28)");
+    assert_eq!(format!("{error:#}"), "run.pcapng: cannot be created: No space left on device (os error 28)");
 }
 
-/// Folder for the process whose files may not grow.
+/// Folder of the child process with a limited file size.
 #[cfg(target_os = "linux")]
 const FOLDER: &str = "COBSCOPE_TEST_RECORD_FOLDER";
 
@@ -251,15 +252,15 @@ fn files_that_may_not_grow_are_followed_by_others() {
         return record_with_little_room(Path::new(&folder));
     }
     let folder = tempfile::tempdir().unwrap();
-    // 4 or 8 KiB, by the shell; a signal that is ignored is an error instead.
+    // 4 or 8 KiB, depending on the shell; the ignored signal becomes an error.
     let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
     let test = "record::tests::fails::files_that_may_not_grow_are_followed_by_others";
     let mut command = std::process::Command::new("sh");
     command.args(["-c", script]).arg(std::env::current_exe().unwrap());
     command.args(["--exact", test]).env(FOLDER, folder.path());
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && said.contains("1 passed"), "{said}");
+    let texts = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && texts.contains("1 passed"), "{texts}");
 }
 
 #[cfg(target_os = "linux")]
@@ -285,8 +286,8 @@ fn record_with_little_room(folder: &Path) {
         recorder.tick(begin + WRITE_EVERY * 25 + RETRY_AFTER);
         let end = recorder.finish();
         assert_eq!((end.frames, end.missing), (before.len() as u64 + 10, status.missing));
-        let said = read(&std::fs::read(name("-0002")).unwrap());
-        assert_eq!(frames(&said), kept(format, 500..510));
-        assert_eq!(losses(&said), if format.holds.notices { status.missing } else { 0 });
+        let texts = read(&std::fs::read(name("-0002")).unwrap());
+        assert_eq!(frames(&texts), kept(format, 500..510));
+        assert_eq!(losses(&texts), if format.holds.notices { status.missing } else { 0 });
     }
 }

@@ -1,8 +1,8 @@
-//! What was given is in the record, in as many parts as asked for.
+//! Tests that all items are in the capture, in the requested parts.
 
 use super::*;
 
-/// Frames of each kind.
+/// One frame of each kind.
 fn kinds() -> Vec<Frame> {
     let with = |flags: FrameFlags, data: &[u8]| Frame {
         flags,
@@ -32,24 +32,23 @@ fn what_was_recorded_is_read_again() {
         let holds = format.holds;
         let mut said = Vec::new();
         for (number, frame) in (0_u32..).zip(kinds()) {
-            let (bus, channel) = if number % 3 == 1 { ("can1", "2") } else { ("can0", "1") };
+            let bus = if number % 3 == 1 { "can1" } else { "can0" };
             recorder.frame(&frame, bus);
-            let name = if holds.bus_names { bus } else { channel };
-            said.extend(holds.kept(&frame).map(|frame| Said::Frame(name.to_owned(), frame)));
+            said.extend(holds.kept(&frame).map(|frame| RecordedItem::Frame(bus.to_owned(), frame)));
             for notice in [link(number, LinkState::Down), lost(2), link(number, LinkState::Up)] {
                 recorder.notice(&notice, bus);
-                said.push(Said::Notice(bus.to_owned(), notice));
+                said.push(RecordedItem::Notice(bus.to_owned(), notice));
             }
             recorder.notice(&Notice::Quiet(time(number)), bus);
-            said.push(Said::Notice(String::new(), Notice::Quiet(time(number))));
+            said.push(RecordedItem::Notice(String::new(), Notice::Quiet(time(number))));
         }
-        said.retain(|said| holds.notices || matches!(said, Said::Frame(..)));
+        said.retain(|said| holds.notices || matches!(said, RecordedItem::Frame(..)));
         let status = recorder.finish();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(read(&bytes), said, "{}", format.name);
         assert_eq!((status.path, status.parts, status.frames), (path, 1, 7));
         assert_eq!((status.bytes, status.missing, status.failure), (bytes.len() as u64, 0, None));
-        let unheld: &[_] = if holds.notices { &[] } else { &[Unheld::Links, Unheld::Losses] };
+        let unheld: &[_] = if holds.notices { &[] } else { &[UnstoredKind::Links, UnstoredKind::Losses] };
         assert_eq!(status.unheld, unheld, "{}", format.name);
         assert_eq!(
             status.losses.is_empty(),
@@ -67,10 +66,7 @@ fn nothing_is_written_over() {
     std::fs::write(&path, "mine").unwrap();
     let error = Recorder::open(&options(&path), day()).err().unwrap().to_string();
     let shown = path.display();
-    assert!(
-        error.starts_with(&format!("{shown}: is there already; nothing is ever written over")),
-        "{error}"
-    );
+    assert!(error.starts_with(&format!("{shown}: file exists; files are never overwritten")), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
 }
 
@@ -91,7 +87,7 @@ fn a_crash_leaves_what_was_given_to_the_system() {
         recorder.tick(begin + Duration::from_millis(210));
         let after_a_crash = std::fs::read(&path).unwrap();
         assert_eq!(frames(&read(&after_a_crash)), kept(format, 0..20), "{}", format.name);
-        // One that ends early writes the rest.
+        // A recorder that is dropped early writes the rest.
         drop(recorder);
         assert_eq!(frames(&read(&std::fs::read(&path).unwrap())), kept(format, 0..30), "{}", format.name);
     }
@@ -104,7 +100,7 @@ fn the_system_has_it_soon_and_the_disk_within_a_second() {
         Recorder::open_on(Box::new(memory.clone()), &options(Path::new("run.log")), day(), QUEUE).unwrap();
     let begin = Instant::now();
     let mut count = 0;
-    // Ticks 50 ms apart, a frame before each: what the system and the disk have behind them.
+    // Ticks 50 ms apart with a frame before each; checks the system and the disk.
     for step in 0..40_u32 {
         recorder.frame(&frame(step), "can0");
         recorder.tick(begin + Duration::from_millis(50) * step);
@@ -112,11 +108,11 @@ fn the_system_has_it_soon_and_the_disk_within_a_second() {
         assert!(held <= 1, "{held} at {step}");
         count += 1;
         wait(&recorder, |status| status.frames == count - held);
-        // The first at once, then at 750 ms and 1,500 ms.
+        // The first sync at once, then at 750 ms and 1,500 ms.
         let syncs = 1 + usize::from(step >= 15) + usize::from(step >= 30);
         assert_eq!(memory.lock().syncs, syncs, "at {step}");
     }
-    // Without frames there is nothing more to do than one sync.
+    // Without frames there is only one more sync.
     for step in 40..100_u32 {
         recorder.tick(begin + Duration::from_millis(50) * step);
     }
@@ -152,8 +148,8 @@ fn each_part_is_a_whole_capture() {
     let buses = ["can0".to_owned(), "can1".to_owned()];
     for number in 0..40 {
         let bus = usize::from(number % 4 == 3);
-        let down = Item { bus, what: What::Notice(link(number, LinkState::Down)) };
-        pcapng.take(vec![Item { bus, what: What::Frame(frame(number)) }, down], &buses, None);
+        let down = Item { bus, what: RecordItem::Notice(link(number, LinkState::Down)) };
+        pcapng.take(vec![Item { bus, what: RecordItem::Frame(frame(number)) }, down], &buses, None);
     }
     pcapng.finish();
     let names = memory.names();
@@ -161,13 +157,16 @@ fn each_part_is_a_whole_capture() {
     let mut said = Vec::new();
     for name in names {
         let bytes = memory.bytes(&name);
-        // A notice does not begin a part.
+        // A notice does not start a part.
         assert!(bytes.len() <= 400 + 60, "{name}: {}", bytes.len());
         said.extend(read(&bytes));
     }
     let expected = (0..40).flat_map(|number| {
         let bus = buses[usize::from(number % 4 == 3)].clone();
-        [Said::Frame(bus.clone(), frame(number)), Said::Notice(bus, link(number, LinkState::Down))]
+        [
+            RecordedItem::Frame(bus.clone(), frame(number)),
+            RecordedItem::Notice(bus, link(number, LinkState::Down)),
+        ]
     });
     assert_eq!(said, expected.collect::<Vec<_>>());
 }
@@ -179,7 +178,7 @@ fn a_part_ends_after_its_time_when_a_frame_comes() {
     let mut log = parts(&memory, "run.pcapng", true, limits);
     let begin = Instant::now();
     let at = |seconds| Some(begin + Duration::from_secs(seconds));
-    let quiet = |number| vec![Item { bus: 0, what: What::Notice(Notice::Quiet(time(number))) }];
+    let quiet = |number| vec![Item { bus: 0, what: RecordItem::Notice(Notice::Quiet(time(number))) }];
     log.take(items(0..3), &can0(), at(0));
     log.take(items(3..5), &can0(), at(599));
     log.take(quiet(5), &can0(), at(1_000));
@@ -189,7 +188,7 @@ fn a_part_ends_after_its_time_when_a_frame_comes() {
     log.finish();
     let said: Vec<_> = (1..=3).map(|part| read(&memory.bytes(&format!("run-000{part}.pcapng")))).collect();
     assert_eq!(frames(&said[0]), expected(0..5));
-    assert_eq!(said[0].last(), Some(&Said::Notice(String::new(), Notice::Quiet(time(5)))));
+    assert_eq!(said[0].last(), Some(&RecordedItem::Notice(String::new(), Notice::Quiet(time(5)))));
     assert_eq!(frames(&said[1]), expected(5..7));
     assert_eq!(frames(&said[2]), expected(7..9));
     assert_eq!(memory.names().len(), 3);
@@ -198,7 +197,7 @@ fn a_part_ends_after_its_time_when_a_frame_comes() {
 #[test]
 fn only_so_many_parts_are_kept() {
     let memory = Memory::new(usize::MAX);
-    // A frame is in it in any case.
+    // A part contains at least one frame.
     let limits = Limits { bytes: 1, files: 2, ..UNLIMITED };
     let mut log = parts(&memory, "run.log", true, limits);
     log.take(items(0..5), &can0(), None);
@@ -218,7 +217,7 @@ fn parts_are_looked_at_as_one_recording() {
         recorder.finish();
         let stem = name.split('.').next().unwrap();
         if max_bytes.is_none() {
-            // As it is called when the first one could not be written any more.
+            // The name of a part after a failure of the first one.
             let name = folder.path().join("c-0002.log");
             std::fs::write(name, "(1700000001.000000) can0 185#00\n").unwrap();
         }
@@ -230,6 +229,7 @@ fn parts_are_looked_at_as_one_recording() {
         let captures = Captures {
             paths,
             align: false,
+            join: crate::source::JoinOptions { is_off: false, is_requested: false, max_gap: 5_000_000_000 },
             read: ReadOptions::default(),
             session: SessionOptions::default(),
             rules: Arc::default(),

@@ -1,4 +1,4 @@
-//! What was recorded is read again, whatever the disk does.
+//! Tests that read the written captures again, with various disks.
 
 mod fails;
 mod keeps;
@@ -10,40 +10,40 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{
-    self, Batch, Notice, Place, ReadOptions, Reader, WRITABLE, WritableFormat, WriteOptions,
+    self, Batch, CapturePlace, Notice, ReadOptions, Reader, WRITABLE, WritableFormat, WriteOptions,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, Timestamp};
 use cobscope_decoder::session::SessionOptions;
 
-use super::disk::{Disk, PartFile};
-use super::item::{Item, What};
+use super::disk::{Disk, RecordFile};
+use super::item::{Item, RecordItem};
 use super::names::Names;
 use super::parts::{Limits, Parts, RETRY_AFTER};
-use super::status::Unheld;
+use super::status::UnstoredKind;
 use super::*;
 use crate::timeline::{Captures, News, Timeline};
 
-/// Bytes of a candump line of [`frame`]: `(1700000000.000001) can0 185#01000000` and its end.
+/// Length of a candump line of [`frame`] with its end: `(1700000000.000001) can0 185#01000000`.
 const LINE: usize = 19 + 1 + 4 + 1 + 12 + 1;
 
-/// Longest that a condition is waited for.
+/// Time limit for a condition.
 const LIMIT: Duration = Duration::from_mins(1);
 
 const UNLIMITED: Limits = Limits { bytes: u64::MAX, time: Duration::MAX, files: usize::MAX };
 
-/// A disk in memory with so much room.
+/// A disk in memory with limited space.
 #[derive(Clone)]
 struct Memory(Arc<(Mutex<Inner>, Condvar)>);
 
 struct Inner {
     files: BTreeMap<PathBuf, Vec<u8>>,
     room: usize,
-    /// Nothing can be made.
+    /// No file can be created.
     is_gone: bool,
-    /// Writing waits.
+    /// Writing blocks.
     is_stuck: bool,
     fails_to_sync: bool,
-    /// Others take what is freed.
+    /// Freed space is used by others.
     is_crowded: bool,
     made: usize,
     syncs: usize,
@@ -87,7 +87,7 @@ impl Memory {
 }
 
 impl Disk for Memory {
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn PartFile>> {
+    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         let mut inner = self.lock();
         inner.made += 1;
         if inner.is_gone {
@@ -128,7 +128,7 @@ impl Write for MemoryFile {
     }
 }
 
-impl PartFile for MemoryFile {
+impl RecordFile for MemoryFile {
     fn sync(&mut self) -> io::Result<()> {
         let mut inner = self.0.lock();
         inner.syncs += 1;
@@ -153,31 +153,31 @@ fn time(number: u32) -> Timestamp {
     Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000)
 }
 
-/// The frame of this number.
+/// The frame with number `number`.
 fn frame(number: u32) -> Frame {
     Frame { time: Some(time(number)), ..Frame::data_frame(CanId::standard(0x185), &number.to_le_bytes()) }
 }
 
 fn items(numbers: std::ops::Range<u32>) -> Vec<Item> {
-    numbers.map(|number| Item { bus: 0, what: What::Frame(frame(number)) }).collect()
+    numbers.map(|number| Item { bus: 0, what: RecordItem::Frame(frame(number)) }).collect()
 }
 
 fn lost(count: u64) -> Notice {
-    Notice::LostFrames { place: Place::Now, bus: BusIndex(0), count: Some(count) }
+    Notice::LostFrames { place: CapturePlace::Now, bus: BusIndex(0), count: Some(count) }
 }
 
 fn link(number: u32, state: LinkState) -> Notice {
     Notice::Link { bus: BusIndex(0), time: time(number), state, bit_rate: Some(250_000) }
 }
 
-/// What a capture says, in its order: frames with their buses, and notices; neither place nor index.
+/// Content of a capture in order: frames and notices with bus names, without position and index.
 #[derive(Debug, PartialEq)]
-enum Said {
+enum RecordedItem {
     Frame(String, Frame),
     Notice(String, Notice),
 }
 
-fn read(bytes: &[u8]) -> Vec<Said> {
+fn read(bytes: &[u8]) -> Vec<RecordedItem> {
     if bytes.is_empty() {
         return Vec::new();
     }
@@ -186,11 +186,11 @@ fn read(bytes: &[u8]) -> Vec<Said> {
     while reader.read(&mut batch).unwrap() {
         let names = reader.buses().names();
         said.extend(batch.items().filter_map(|item| match item {
-            capture::Item::Frame(frame) => Some(Said::Frame(
+            capture::Item::Frame(frame) => Some(RecordedItem::Frame(
                 names[usize::from(frame.bus.0)].clone(),
                 Frame { number: 0, bus: BusIndex(0), ..*frame },
             )),
-            // What the reader takes for granted, no part of what was recorded.
+            // An assumption of the reader is not part of the capture.
             capture::Item::Notice(Notice::Assumption(_)) => None,
             capture::Item::Notice(notice) => Some(of_bus(notice.clone(), names)),
         }));
@@ -198,12 +198,12 @@ fn read(bytes: &[u8]) -> Vec<Said> {
     said
 }
 
-fn of_bus(mut notice: Notice, names: &[String]) -> Said {
+fn of_bus(mut notice: Notice, names: &[String]) -> RecordedItem {
     let mut name = String::new();
     match &mut notice {
         Notice::LostFrames { place, bus, .. } => {
             name.clone_from(&names[usize::from(bus.0)]);
-            (*place, *bus) = (Place::Now, BusIndex(0));
+            (*place, *bus) = (CapturePlace::Now, BusIndex(0));
         }
         Notice::Link { bus, .. } => {
             name.clone_from(&names[usize::from(bus.0)]);
@@ -211,18 +211,18 @@ fn of_bus(mut notice: Notice, names: &[String]) -> Said {
         }
         _ => (),
     }
-    Said::Notice(name, notice)
+    RecordedItem::Notice(name, notice)
 }
 
-fn frames(said: &[Said]) -> Vec<Frame> {
+fn frames(said: &[RecordedItem]) -> Vec<Frame> {
     said.iter()
-        .filter_map(|said| if let Said::Frame(_, frame) = said { Some(*frame) } else { None })
+        .filter_map(|said| if let RecordedItem::Frame(_, frame) = said { Some(*frame) } else { None })
         .collect()
 }
 
-fn losses(said: &[Said]) -> u64 {
-    let count = |said: &Said| match said {
-        Said::Notice(_, Notice::LostFrames { count, .. }) => count.unwrap(),
+fn losses(said: &[RecordedItem]) -> u64 {
+    let count = |said: &RecordedItem| match said {
+        RecordedItem::Notice(_, Notice::LostFrames { count, .. }) => count.unwrap(),
         _ => 0,
     };
     said.iter().map(count).sum()
@@ -232,12 +232,12 @@ fn expected(numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
     numbers.into_iter().map(frame).collect()
 }
 
-/// The frames of these numbers as a format has them.
+/// Frames with these numbers as a format stores them.
 fn kept(format: &WritableFormat, numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
     numbers.into_iter().filter_map(|number| format.holds.kept(&frame(number))).collect()
 }
 
-/// Whether a format writes several frames at once.
+/// Whether a format writes several frames together.
 fn gathers(format: &WritableFormat) -> bool {
     let mut writer = (format.writer)(Box::new(io::sink()), &WriteOptions::default());
     writer.write(&frame(0), "can0").unwrap();
@@ -253,7 +253,7 @@ fn can0() -> Vec<String> {
     vec!["can0".to_owned()]
 }
 
-/// Waits until a record is so far.
+/// Waits until the status satisfies a condition.
 fn wait(recorder: &Recorder, is_so_far: impl Fn(&RecordStatus) -> bool) -> RecordStatus {
     let begun = Instant::now();
     loop {

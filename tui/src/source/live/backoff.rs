@@ -1,4 +1,4 @@
-//! Coming back to what is gone: tries again on a thread of its own, less and less often.
+//! Reconnects in another thread at growing intervals.
 
 use std::convert::Infallible;
 use std::iter::successors;
@@ -7,50 +7,50 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 
-/// Pause before the first attempt; each further one is twice as long.
+/// Pause before the first attempt; it doubles for each further one.
 const FIRST: Duration = Duration::from_millis(250);
 
-/// Longest pause.
+/// Maximum pause.
 const LONGEST: Duration = Duration::from_secs(5);
 
-/// Why an attempt failed.
+/// Failure of an attempt.
 #[derive(Debug)]
-pub enum Setback {
-    /// It is not there, or not ready: it may be later.
+pub enum ConnectError {
+    /// The device is absent or not ready; retry.
     Again(anyhow::Error),
-    /// It is there and will not have it.
+    /// The device refuses; do not retry.
     Never(anyhow::Error),
 }
 
-impl From<Setback> for anyhow::Error {
-    fn from(setback: Setback) -> Self {
+impl From<ConnectError> for anyhow::Error {
+    fn from(setback: ConnectError) -> Self {
         match setback {
-            Setback::Again(error) | Setback::Never(error) => error,
+            ConnectError::Again(error) | ConnectError::Never(error) => error,
         }
     }
 }
 
-/// The pauses before each attempt, without end.
+/// The pauses before the attempts, without end.
 fn pauses() -> impl Iterator<Item = Duration> {
     successors(Some(FIRST), |pause| Some((*pause * 2).min(LONGEST)))
 }
 
-/// Attempts that go on until one succeeds, or this is dropped.
+/// Attempts that continue until one succeeds or this is dropped.
 pub struct Attempts<T> {
     found: Receiver<anyhow::Result<T>>,
-    /// Nothing is ever sent: the thread wakes and ends when it is dropped.
+    /// Nothing is ever sent: dropping it wakes and ends the thread.
     _end: Sender<Infallible>,
 }
 
 impl<T: Send + 'static> Attempts<T> {
-    /// Begins to try, after the first pause.
-    pub fn start(attempt: impl FnMut() -> Result<T, Setback> + Send + 'static) -> Self {
+    /// Starts the attempts after the first pause.
+    pub fn start(attempt: impl FnMut() -> Result<T, ConnectError> + Send + 'static) -> Self {
         Self::after(pauses(), attempt)
     }
 
     fn after(
         mut pauses: impl Iterator<Item = Duration> + Send + 'static,
-        mut attempt: impl FnMut() -> Result<T, Setback> + Send + 'static,
+        mut attempt: impl FnMut() -> Result<T, ConnectError> + Send + 'static,
     ) -> Self {
         let (give, found) = mpsc::sync_channel(1);
         let (end, is_over) = mpsc::channel::<Infallible>();
@@ -62,19 +62,19 @@ impl<T: Send + 'static> Attempts<T> {
                 }
                 match attempt() {
                     Ok(found) => break Ok(found),
-                    Err(Setback::Never(error)) => break Err(error),
-                    Err(Setback::Again(_)) => {}
+                    Err(ConnectError::Never(error)) => break Err(error),
+                    Err(ConnectError::Again(_)) => {}
                 }
             };
-            // Nobody waits any more: what was found is dropped, and so is closed.
+            // Without a receiver the new connection is dropped, which closes it.
             let _ = give.send(result);
         };
-        // Without a thread the channel is closed, which `wait` tells.
+        // If the thread cannot be started, the channel is closed and `wait` reports it.
         let _ = std::thread::Builder::new().name("reconnect".into()).spawn(work);
         Self { found, _end: end }
     }
 
-    /// What was found, waiting for it at most `wait`; `None` while there is nothing.
+    /// The connection, waiting for it at most `wait`; `None` if there is none yet.
     pub fn wait(&self, wait: Duration) -> Option<anyhow::Result<T>> {
         match self.found.recv_timeout(wait) {
             Ok(result) => Some(result),
@@ -97,11 +97,11 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_on_until_an_attempt_succeeds() {
+    fn attempts_continue_until_one_succeeds() {
         let mut left = 3;
         let attempts = Attempts::after(std::iter::repeat(Duration::ZERO), move || {
             left -= 1;
-            if left == 0 { Ok("there") } else { Err(Setback::Again(anyhow!("not yet"))) }
+            if left == 0 { Ok("there") } else { Err(ConnectError::Again(anyhow!("not yet"))) }
         });
         assert_eq!(attempts.wait(LIMIT).unwrap().unwrap(), "there");
     }
@@ -109,13 +109,13 @@ mod tests {
     #[test]
     fn it_ends_where_trying_again_does_not_help() {
         let attempts = Attempts::<()>::after(std::iter::once(Duration::ZERO), || {
-            Err(Setback::Never(anyhow!("refused")))
+            Err(ConnectError::Never(anyhow!("refused")))
         });
         assert_eq!(attempts.wait(LIMIT).unwrap().unwrap_err().to_string(), "refused");
     }
 
     #[test]
-    fn it_does_not_wait_longer_than_it_is_told() {
+    fn the_pause_does_not_exceed_the_limit() {
         let attempts = Attempts::<()>::after(std::iter::once(LIMIT), || unreachable!());
         assert!(attempts.wait(Duration::from_millis(1)).is_none());
     }

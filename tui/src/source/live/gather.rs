@@ -1,8 +1,8 @@
-//! Puts what several sources deliver in the order of its times.
+//! Merges the items of several sources in time order.
 //!
-//! Sources read at different moments, so of several each item waits [`WINDOW`] for earlier ones of the others. A
-//! single source passes through. While nothing comes, time goes on all the same: that is told in the frames' own
-//! clock, so that silence can be judged.
+//! Sources are read at different moments, so items of several sources wait [`WINDOW`] for earlier ones. The
+//! items of a single source do not wait. Without items the time still advances: it is reported in the clock
+//! of the frames, so that rules can detect silence.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,61 +13,62 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 
-use super::{Arrival, Arrivals, BusStatus, Ended, Source};
+use super::clock::{ClockWatch, now};
+use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd};
 
-/// How long an item waits for earlier ones of other sources.
+/// Time for which an item waits for earlier ones of other sources.
 const WINDOW: Duration = Duration::from_millis(20);
 
-/// How long nothing comes before that is told, and how often.
+/// Silence after which the time is reported, and interval of further reports.
 const QUIET: Duration = Duration::from_millis(250);
 
-/// How often sources are asked how they are.
+/// Interval between two status requests.
 const STATUS: Duration = Duration::from_secs(1);
 
-/// How long a source waits before it looks whether it is still wanted.
+/// Time for which a source waits before it checks for cancellation.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// How long frames gather before they are read.
+/// Time for which frames collect before they are read.
 pub(super) const PACE: Duration = Duration::from_millis(15);
 
-/// Frames at once from which on reading goes on without a pause.
+/// Number of frames per read from which reading continues without a pause.
 const MANY: usize = 1_024;
 
-/// Deliveries that wait; then sources wait, and what their own buffers lose is counted.
+/// Maximum number of queued deliveries. Beyond it sources wait, and losses in their buffers are counted.
 const DELIVERIES: usize = 64;
 
-/// What a source's thread sends.
+/// A message of the thread of a source.
 struct Delivery {
     source: usize,
-    what: What,
+    what: SourceItem,
 }
 
-enum What {
+enum SourceItem {
     Items { names: BusNames, items: Vec<Arrival> },
     Status(Vec<BusStatus>),
-    Ended(Ended),
+    Ended(SourceEnd),
 }
 
-/// Sources being read.
+/// The merged sources.
 pub struct Gather {
     inbox: Receiver<Delivery>,
     lanes: Vec<Lane>,
     names: BusNames,
-    held: Vec<Held>,
+    held: Vec<HeldItem>,
     frames: u64,
-    /// Time of the newest item, and when it came.
+    /// Time of the newest item, and moment of its arrival.
     newest: Option<(Timestamp, Instant)>,
     told_quiet: Option<Instant>,
     failures: Vec<anyhow::Error>,
     stop: Arc<AtomicBool>,
 }
 
-/// What is known of a source.
+/// State of a source.
 #[derive(Default)]
 struct Lane {
-    /// Index here of each of its own buses.
+    /// Merged index of each bus of the source.
     buses: Vec<BusIndex>,
-    /// Latest time of its items: the others count as of that time.
+    /// Latest time of its items; other items are compared with it.
     clock: Timestamp,
     status: Vec<BusStatus>,
     lag: Duration,
@@ -75,17 +76,17 @@ struct Lane {
 }
 
 /// An item that waits for earlier ones.
-struct Held {
+struct HeldItem {
     time: Timestamp,
     came: Instant,
     item: Arrival,
 }
 
 impl Gather {
-    /// Reads each source in a thread of its own.
+    /// Starts a thread per source.
     ///
     /// # Errors
-    /// When no thread can be started.
+    /// A thread cannot be started.
     pub fn start(sources: Vec<Box<dyn Source>>) -> anyhow::Result<Self> {
         let (outbox, inbox) = sync_channel(DELIVERIES);
         let stop = Arc::new(AtomicBool::new(false));
@@ -96,14 +97,14 @@ impl Gather {
             let thread = std::thread::Builder::new().name("source".into());
             thread
                 .spawn(move || feed(&mut *source, place, &outbox, &stop))
-                .context("no thread can be started")?;
+                .context("cannot start a thread")?;
         }
         let names = BusNames::default();
         let (held, failures) = (Vec::new(), Vec::new());
         Ok(Self { inbox, lanes, names, held, frames: 0, newest: None, told_quiet: None, failures, stop })
     }
 
-    /// What came next, in order, its frames numbered; nothing when `wait` is over. `None` when all sources ended.
+    /// The next items in order, with frame numbers; empty after `wait`. `None` when all sources have ended.
     pub fn next(&mut self, wait: Duration) -> Option<Vec<Arrival>> {
         let wait = if self.held.is_empty() { wait } else { wait.min(WINDOW) };
         match self.inbox.recv_timeout(wait) {
@@ -128,12 +129,12 @@ impl Gather {
         &self.names
     }
 
-    /// What is known of each bus.
+    /// Status of each bus.
     pub fn status(&self) -> impl Iterator<Item = &BusStatus> {
         self.lanes.iter().flat_map(|lane| &lane.status)
     }
 
-    /// Sources that failed since this was asked last.
+    /// Removes and returns the failures of sources.
     pub fn failures(&mut self) -> Vec<anyhow::Error> {
         std::mem::take(&mut self.failures)
     }
@@ -141,38 +142,45 @@ impl Gather {
     fn take(&mut self, Delivery { source, what }: Delivery) {
         let Some(lane) = self.lanes.get_mut(source) else { return };
         match what {
-            What::Status(status) => lane.status = status,
-            What::Ended(ended) => {
+            SourceItem::Status(status) => lane.status = status,
+            SourceItem::Ended(ended) => {
                 lane.has_ended = true;
-                if let Ended::Failed(error) = ended {
+                if let SourceEnd::Failed(error) = ended {
                     self.failures.push(error);
                 }
             }
-            What::Items { names, items } => {
+            SourceItem::Items { names, items } => {
                 let came = Instant::now();
                 for mut item in items {
                     match &mut item {
                         Arrival::Frame(frame) => frame.bus = lane.bus(frame.bus, &names, &mut self.names),
-                        Arrival::Notice(Notice::LostFrames { bus, .. } | Notice::Link { bus, .. }) => {
+                        Arrival::Notice(
+                            Notice::LostFrames { bus, .. }
+                            | Notice::Link { bus, .. }
+                            | Notice::ClockSet { bus, .. },
+                        ) => {
                             *bus = lane.bus(*bus, &names, &mut self.names);
                         }
                         Arrival::Notice(_) => {}
                     }
                     let time = match &item {
                         Arrival::Frame(frame) => frame.time,
-                        Arrival::Notice(Notice::Link { time, .. } | Notice::Quiet(time)) => Some(*time),
+                        Arrival::Notice(
+                            Notice::Link { time, .. } | Notice::Quiet(time) | Notice::ClockSet { time, .. },
+                        ) => Some(*time),
                         Arrival::Notice(_) => None,
                     };
-                    // A clock that goes back holds nothing up: a source's items keep their order.
+                    // A clock that steps back does not delay other items: the items of a source keep their
+                    // order.
                     lane.clock = time.map_or(lane.clock, |time| time.max(lane.clock));
                     self.newest = self.newest.max(Some((lane.clock, came)));
-                    self.held.push(Held { time: lane.clock, came, item });
+                    self.held.push(HeldItem { time: lane.clock, came, item });
                 }
             }
         }
     }
 
-    /// What needs to wait no longer, in order; all of it without `now`.
+    /// Items that need not wait any longer, in order; all items without `now`.
     fn release(&mut self, now: Option<Instant>) -> Vec<Arrival> {
         let is_alone = self.lanes.iter().filter(|lane| !lane.has_ended).count() < 2;
         let Some(now) = now.filter(|_| !is_alone) else {
@@ -186,8 +194,8 @@ impl Gather {
         self.ordered(ready)
     }
 
-    fn ordered(&mut self, mut items: Vec<Held>) -> Vec<Arrival> {
-        // Stable: what has one time stays as it came.
+    fn ordered(&mut self, mut items: Vec<HeldItem>) -> Vec<Arrival> {
+        // A stable sort keeps items with equal times in order of arrival.
         items.sort_by_key(|held| held.time);
         let mut items: Vec<Arrival> = items.into_iter().map(|held| held.item).collect();
         for item in &mut items {
@@ -199,7 +207,7 @@ impl Gather {
         items
     }
 
-    /// That time went on although nothing came.
+    /// Reports the advance of time without items.
     fn quiet(&mut self, now: Instant) -> Option<Notice> {
         let (time, came) = self.newest?;
         let silence = now.saturating_duration_since(came);
@@ -221,7 +229,7 @@ impl Drop for Gather {
 }
 
 impl Lane {
-    /// The bus here of one of its own. Buses of two sources that have one name are two.
+    /// Merged index of a bus of a source. Buses of two sources with the same name are different buses.
     fn bus(&mut self, own: BusIndex, own_names: &BusNames, names: &mut BusNames) -> BusIndex {
         while self.buses.len() <= usize::from(own.0) {
             let name = own_names.names().get(self.buses.len()).map_or("", String::as_str);
@@ -238,35 +246,42 @@ impl Lane {
     }
 }
 
-/// Reads a source until it ends or is not wanted any more.
+/// Reads a source until it ends or is cancelled.
 fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, stop: &AtomicBool) {
     let send = |what| outbox.send(Delivery { source: place, what }).is_ok();
     let mut arrivals = Arrivals::default();
     let mut asked = Instant::now();
+    let mut clock = source.has_local_times().then(|| ClockWatch::new(now(), Instant::now()));
     while !stop.load(Ordering::Relaxed) {
         let ended = source.receive(&mut arrivals, WAIT).err();
-        let items = std::mem::take(&mut arrivals.items);
+        let mut items = std::mem::take(&mut arrivals.items);
+        let time = now();
+        if let Some(step) = clock.as_mut().and_then(|clock| clock.step(time, Instant::now())) {
+            let buses = (0..arrivals.names.names().len()).filter_map(|bus| u8::try_from(bus).ok());
+            let set = |bus| Arrival::Notice(Notice::ClockSet { bus: BusIndex(bus), time, step });
+            items.splice(..0, buses.map(set));
+        }
         let count = items.len();
-        if count > 0 && !send(What::Items { names: arrivals.names.clone(), items }) {
+        if count > 0 && !send(SourceItem::Items { names: arrivals.names.clone(), items }) {
             return;
         }
-        // What comes meanwhile gathers: a wake-up costs a thousand times what a frame does.
+        // Frames collect during the pause: a wake-up costs a thousand times as much as a frame.
         if (1..MANY).contains(&count) && ended.is_none() {
             std::thread::sleep(PACE);
         }
         if let Some(ended) = ended {
-            send(What::Status(source.status()));
-            send(What::Ended(ended));
+            send(SourceItem::Status(source.status()));
+            send(SourceItem::Ended(ended));
             return;
         }
         if asked.elapsed() >= STATUS {
             asked = Instant::now();
-            if !send(What::Status(source.status())) {
+            if !send(SourceItem::Status(source.status())) {
                 return;
             }
         }
     }
-    send(What::Status(source.status()));
+    send(SourceItem::Status(source.status()));
 }
 
 #[cfg(test)]
@@ -277,15 +292,15 @@ mod tests {
 
     use super::*;
 
-    /// Gives its items one by one, then ends.
+    /// Returns its items one by one, then ends.
     struct Scripted {
         bus: &'static str,
         times: VecDeque<i64>,
     }
 
     impl Source for Scripted {
-        fn receive(&mut self, arrivals: &mut Arrivals, _wait: Duration) -> Result<(), Ended> {
-            let Some(time) = self.times.pop_front() else { return Err(Ended::Complete) };
+        fn receive(&mut self, arrivals: &mut Arrivals, _wait: Duration) -> Result<(), SourceEnd> {
+            let Some(time) = self.times.pop_front() else { return Err(SourceEnd::Complete) };
             let bus = arrivals.names.index_of(self.bus.as_bytes()).unwrap();
             let frame = Frame::data_frame(CanId::standard(0x123), &[]);
             arrivals.items.push(Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame }));
@@ -305,7 +320,7 @@ mod tests {
         Box::new(Scripted { bus, times: times.iter().copied().collect() })
     }
 
-    /// Two sources of which nothing has come.
+    /// Two sources without items.
     fn two(inbox: Receiver<Delivery>) -> Gather {
         Gather {
             inbox,
@@ -320,7 +335,7 @@ mod tests {
         }
     }
 
-    /// All that comes, as bus, number and time.
+    /// All items as bus, number and time.
     fn all(mut gather: Gather) -> Vec<(String, u64, i64)> {
         let mut found = Vec::new();
         while let Some(items) = gather.next(Duration::from_mins(1)) {
@@ -333,7 +348,7 @@ mod tests {
         found
     }
 
-    /// Moments are given, so that it does not matter how busy the machine is.
+    /// The moments are simulated, so that the load of the machine does not matter.
     #[test]
     fn several_sources_are_one_in_order_of_time() {
         let (_outbox, inbox) = sync_channel(1);
@@ -341,7 +356,7 @@ mod tests {
         let held = |time: i64, age: u64| {
             let frame = Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::standard(1), &[]) };
             let came = now.checked_sub(Duration::from_millis(age)).unwrap();
-            Held { time: Timestamp(time), came, item: Arrival::Frame(frame) }
+            HeldItem { time: Timestamp(time), came, item: Arrival::Frame(frame) }
         };
         let mut gather = two(inbox);
         gather.held = vec![held(10, 25), held(30, 21), held(50, 5), held(20, 19), held(40, 1)];
@@ -353,7 +368,7 @@ mod tests {
             };
             items.into_iter().map(time).collect::<Vec<_>>()
         };
-        // What waited 20 ms goes, and with it what is earlier and came later.
+        // Items older than 20 ms are released, together with later arrivals that have earlier times.
         assert_eq!(release(0), [(1, 10), (2, 20), (3, 30)]);
         assert_eq!(release(10), []);
         assert_eq!(release(15), [(4, 40), (5, 50)]);
@@ -367,9 +382,9 @@ mod tests {
         assert_eq!(found.iter().map(|(bus, ..)| bus.len()).sum::<usize>(), "can0".len() + "can0@2".len());
     }
 
-    /// Apart from the clock: the moments are given.
+    /// The moments are simulated.
     #[test]
-    fn silence_is_told_in_the_frames_own_clock() {
+    fn silence_is_reported_in_the_clock_of_the_frames() {
         let (_outbox, inbox) = sync_channel(1);
         let start = Instant::now();
         let mut gather = two(inbox);
@@ -377,7 +392,7 @@ mod tests {
         gather.newest = Some((Timestamp(1_000_000_000), start));
         let mut at = |millis| gather.quiet(start + Duration::from_millis(millis));
         assert_eq!(at(200), None);
-        // Of 400 ms, 10 may still be on the way and 20 are the window.
+        // Of 400 ms, 10 ms may still be under way and 20 ms are the window.
         assert_eq!(at(400), Some(Notice::Quiet(Timestamp(1_370_000_000))));
         assert_eq!(at(500), None, "told every 250 ms");
         assert_eq!(at(1_400), Some(Notice::Quiet(Timestamp(2_370_000_000))));
@@ -396,8 +411,10 @@ mod tests {
         let link =
             |time, state| Arrival::Notice(Notice::Link { bus, time: Timestamp(time), state, bit_rate: None });
         let items = vec![frame(5), link(6, LinkState::Down), link(8, LinkState::Up), frame(9)];
-        outbox.send(Delivery { source: 1, what: What::Items { names: names.clone(), items } }).unwrap();
-        outbox.send(Delivery { source: 0, what: What::Items { names, items: vec![frame(7)] } }).unwrap();
+        outbox.send(Delivery { source: 1, what: SourceItem::Items { names: names.clone(), items } }).unwrap();
+        outbox
+            .send(Delivery { source: 0, what: SourceItem::Items { names, items: vec![frame(7)] } })
+            .unwrap();
         drop(outbox);
         let mut order = Vec::new();
         while let Some(items) = gather.next(Duration::from_mins(1)) {

@@ -1,13 +1,13 @@
-//! Buses as they are now. Nothing here transmits, ever.
+//! Live buses. Nothing here transmits.
 //!
 //! ```text
-//! can0 ──a thread each──▶ ┐
-//! slcan:… ───────────────▶├─ gather: in order of time ──▶ frames and notices ──▶ screen, lines, rules, record
-//! socketcand://… ────────▶┘
+//! can0 ──one thread each──▶ ┐
+//! slcan:… ─────────────────▶├─ gather: in time order ──▶ frames and notices ──▶ screen, text, rules, capture
+//! socketcand://… ──────────▶┘
 //! ```
 //!
-//! A source tells of its buses what a recorder knows: frames, links that open and close, frames that were lost.
-//! Where it is gone it comes back by itself.
+//! A source reports frames, link states and lost frames of its buses. It reconnects automatically after a
+//! disconnection.
 
 mod backoff;
 mod clock;
@@ -37,50 +37,50 @@ pub use gather::Gather;
 pub use spec::SourceSpec;
 pub use state::{Live, LiveState};
 
-/// What came of a source.
+/// An item of a source.
 #[derive(Debug, Clone)]
 pub enum Arrival {
-    /// A frame with its time in nanoseconds since 1970, where the source has one; its number counts nothing.
+    /// A frame with its time in ns since 1970, if the source has one; its number is not used.
     Frame(Frame),
-    /// A link that changed, frames that were lost, what could not be read.
+    /// A change of a link, lost frames or unreadable input.
     Notice(Notice),
 }
 
-/// What came of a source at once, in its order.
+/// Items received together, in order.
 #[derive(Debug, Default)]
 pub struct Arrivals {
-    /// Its buses, which frames and notices name by index; the names stay while it is open.
+    /// Buses of the source. Frames and notices refer to them by index; they stay while it is open.
     pub names: BusNames,
-    /// What came.
+    /// The items.
     pub items: Vec<Arrival>,
 }
 
-/// Why nothing comes of a source any more.
+/// End of a source.
 #[derive(Debug)]
-pub enum Ended {
-    /// It is at its end: standard input was closed.
+pub enum SourceEnd {
+    /// The input is complete: standard input was closed.
     Complete,
-    /// It will not come back.
+    /// A failure without reconnection.
     Failed(anyhow::Error),
 }
 
-/// Whose clock stamps frames.
+/// Clock of the timestamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stamps {
-    /// The controller's own.
+    /// Clock of the CAN controller.
     Hardware,
-    /// The kernel's, when the frame was received.
+    /// Clock of the kernel at reception.
     Kernel,
-    /// The adapter's, on this computer's clock.
+    /// Clock of the adapter, mapped to this computer.
     Adapter,
-    /// This program's, when it read the frame.
+    /// Clock of this program at reading.
     Arrival,
-    /// They stand in what is read.
+    /// Timestamps contained in the input.
     Recorded,
 }
 
 impl Stamps {
-    /// Whose clock; nothing where the stamps are those of what is read.
+    /// Name of the clock; None for timestamps contained in the input.
     pub const fn whose(self) -> Option<&'static str> {
         match self {
             Self::Hardware => Some("the controller"),
@@ -92,35 +92,40 @@ impl Stamps {
     }
 }
 
-/// What is known of a bus besides its frames.
+/// Status of a bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusStatus {
-    /// Its name.
+    /// Name of the bus.
     pub name: String,
-    /// Whether frames can come.
+    /// State of the link.
     pub state: LinkState,
     /// Bit rate in bit/s.
     pub bit_rate: Option<u32>,
-    /// State of the controller and its error counters, as people say it: `error passive, rx 135 tx 0`.
+    /// State of the controller with its error counters: `error passive, rx 135 tx 0`.
     pub controller: Option<String>,
-    /// Whose clock.
+    /// Clock of the timestamps.
     pub stamps: Stamps,
-    /// Frames lost since it was opened.
+    /// Number of frames lost since it was opened.
     pub lost: u64,
 }
 
-/// One source of frames, which has a thread of its own.
+/// A source of frames, read in its own thread.
 pub trait Source: Send {
-    /// Takes what has arrived, in batches, waiting at most `wait` for the first of it. While it is gone it waits too:
-    /// it never returns with nothing before `wait` is over.
+    /// Appends received items, waiting at most `wait` for the first one. While disconnected it waits too: it
+    /// never returns empty before `wait` is over.
     ///
     /// # Errors
-    /// When nothing more will come.
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended>;
+    /// The source has ended.
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd>;
 
-    /// What is known of its buses now; asked about once a second.
+    /// Status of its buses; requested about once per second.
     fn status(&mut self) -> Vec<BusStatus>;
 
-    /// How late what happened may arrive at most while nothing is wrong.
+    /// Maximum delay of an item under normal conditions.
     fn lag(&self) -> Duration;
+
+    /// Whether the clock of this computer gives the frames their times.
+    fn has_local_times(&self) -> bool {
+        false
+    }
 }

@@ -1,10 +1,10 @@
-//! Serial adapters in a build without them.
+//! Replacement for serial adapters in a build without them.
 
 use anyhow::bail;
 
 use super::Source;
 
-/// Always an error.
+/// Always fails.
 ///
 /// # Errors
 /// Always.

@@ -1,28 +1,28 @@
-//! CAN interfaces where there are none: another system than Linux, or a build without them.
+//! Replacement for CAN interfaces on systems other than Linux and in builds without them.
 
 use anyhow::bail;
 
 use super::spec::InterfaceSpec;
 use super::{BusStatus, Source};
 
-/// Always an error, which says what can be done instead.
+/// Always fails, with a message about the alternatives.
 ///
 /// # Errors
 /// Always.
 pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
     let name = specs.first().map_or("", |spec| &spec.name);
     bail!(
-        "{name}: this build cannot open CAN interfaces (SocketCAN is Linux's, feature socketcan). Serial adapters are \
+        "{name}: this build cannot open CAN interfaces (needs Linux and feature socketcan). Serial adapters: \
          slcan:DEVICE@BITRATE; a bus of another machine: ssh MACHINE candump -L any | cobscope live -"
     )
 }
 
-/// There are none.
+/// Always empty.
 pub fn all() -> Vec<BusStatus> {
     Vec::new()
 }
 
-/// Nothing can be done about it here.
+/// State of the interface without a remedy.
 pub fn how_to_bring_up(name: &str, _bit_rate: Option<u32>) -> String {
     format!("{name} is down")
 }

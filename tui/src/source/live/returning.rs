@@ -1,69 +1,69 @@
-//! A source with one bus that may go away and come back: an adapter that is unplugged, a server that restarts.
+//! A source with one bus that reconnects: an unplugged adapter, a restarted server.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{BusNames, Notice, Place};
+use cobscope_decoder::capture::{BusNames, CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, LinkState, Timestamp};
 
-use super::backoff::{Attempts, Setback};
-use super::{Arrival, Arrivals, BusStatus, Ended, Source, Stamps};
+use super::backoff::{Attempts, ConnectError};
+use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd, Stamps};
 
-/// An open connection to a bus, the only one of its source.
+/// A connection to the single bus of a source.
 pub trait Connection: Send + 'static {
-    /// Reads once what has come, waiting at most `wait` for it.
+    /// Reads once, waiting at most `wait`.
     ///
     /// # Errors
-    /// When it is lost, in words.
+    /// The connection is lost; the text is the reason.
     fn read(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), String>;
 
-    /// Now, on the clock of its frames.
+    /// Present time in the clock of its frames.
     fn now(&self) -> Timestamp;
 
-    /// Bit rate of the bus in bit/s, if it is known.
+    /// Bit rate in bit/s, if known.
     fn bit_rate(&self) -> Option<u32>;
 
-    /// Whose clock stamps frames.
+    /// Clock of the timestamps.
     fn stamps(&self) -> Stamps;
 
-    /// What its controller says of itself, if it does.
+    /// State of the controller, if the device reports it.
     fn controller(&self) -> Option<String>;
 
-    /// Frames lost since it was opened, at least.
+    /// Minimum number of frames lost since it was opened.
     fn lost(&self) -> u64;
 }
 
-/// Opens a connection, the first time and again.
-type Connect<C> = dyn Fn() -> Result<C, Setback> + Send + Sync;
+/// Opens a connection, first and after a disconnection.
+type Connect<C> = dyn Fn() -> Result<C, ConnectError> + Send + Sync;
 
 enum Link<C> {
     Open(C),
     Gone { attempts: Attempts<C>, reason: String },
 }
 
-/// The source.
-pub struct Returning<C> {
+/// A source that reconnects.
+pub struct ReconnectingSource<C> {
     names: BusNames,
     connect: Arc<Connect<C>>,
     link: Link<C>,
     lag: Duration,
-    /// What is to be said first.
+    /// Notices to deliver first.
     unsaid: Vec<Notice>,
-    /// Kept while the connection is gone.
+    /// Number of lost frames of the last connection.
     lost: u64,
     stamps: Stamps,
 }
 
-impl<C: Connection> Returning<C> {
-    /// Opens it for the first time; `remarks` are said before anything else.
+impl<C: Connection> ReconnectingSource<C> {
+    /// Opens the first connection; `remarks` are delivered first.
     ///
     /// # Errors
-    /// When it cannot be opened: whoever typed a wrong name wants to know at once.
+    /// The first connection fails; there are no retries, so that a wrong name is reported at once.
     pub fn open(
         name: &str,
         lag: Duration,
         remarks: Vec<Notice>,
-        connect: impl Fn() -> Result<C, Setback> + Send + Sync + 'static,
+        connect: impl Fn() -> Result<C, ConnectError> + Send + Sync + 'static,
     ) -> anyhow::Result<Self> {
         let connection = connect()?;
         let mut names = BusNames::default();
@@ -75,8 +75,8 @@ impl<C: Connection> Returning<C> {
         Ok(Self { names, connect: Arc::new(connect), link, lag, unsaid, lost: 0, stamps })
     }
 
-    /// One step of receiving: reads, or tries to come back.
-    fn step(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), Ended> {
+    /// Reads once, or tries to reconnect.
+    fn step(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), SourceEnd> {
         match &mut self.link {
             Link::Open(connection) => {
                 let Err(reason) = connection.read(items, wait) else { return Ok(()) };
@@ -84,12 +84,12 @@ impl<C: Connection> Returning<C> {
                 self.lost = self.lost.saturating_add(connection.lost());
                 self.stamps = connection.stamps();
                 let connect = Arc::clone(&self.connect);
-                // The connection is dropped, and so closed, before the first attempt at another.
+                // The connection is dropped and thus closed before the first attempt at a new one.
                 self.link = Link::Gone { attempts: Attempts::start(move || connect()), reason };
             }
             Link::Gone { attempts, .. } => {
                 let Some(result) = attempts.wait(wait) else { return Ok(()) };
-                let connection = result.map_err(Ended::Failed)?;
+                let connection = result.map_err(SourceEnd::Failed)?;
                 items.push(Arrival::Notice(link(&connection, LinkState::Up)));
                 self.link = Link::Open(connection);
             }
@@ -98,9 +98,9 @@ impl<C: Connection> Returning<C> {
     }
 }
 
-/// Says that something which came cannot be read.
+/// A notice about unreadable input.
 pub fn unreadable(reason: String) -> Arrival {
-    Arrival::Notice(Notice::Unreadable { place: Place::Now, reason })
+    Arrival::Notice(Notice::Unreadable { place: CapturePlace::Now, reason })
 }
 
 fn link<C: Connection>(connection: &C, state: LinkState) -> Notice {
@@ -108,8 +108,8 @@ fn link<C: Connection>(connection: &C, state: LinkState) -> Notice {
     Notice::Link { bus: BusIndex(0), time: connection.now(), state, bit_rate }
 }
 
-impl<C: Connection> Source for Returning<C> {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+impl<C: Connection> Source for ReconnectingSource<C> {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         if arrivals.names != self.names {
             arrivals.names = self.names.clone();
         }

@@ -1,4 +1,4 @@
-//! How the command line names a source.
+//! Syntax of sources on the command line.
 //!
 //! ```text
 //! can0   can0,123:7FF,400~7F0,#FFFFFFFF   any       SocketCAN, with candump's filters
@@ -11,51 +11,51 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Longest name of an interface (IFNAMSIZ without its end mark).
+/// Maximum length of an interface name (IFNAMSIZ without its end mark).
 const LONGEST_NAME: usize = 15;
 
-/// Bits of an identifier in a filter, as linux/can.h has them: 29 bits, inverted; and what errors are.
+/// Flags of a filter identifier in linux/can.h: 29 bits, inverted; then the error classes.
 const EXTENDED: u32 = 0x8000_0000;
 const INVERTED: u32 = 0x2000_0000;
 const ERROR: u32 = 0x2000_0000;
 
-/// Digits of a 29-bit identifier: fewer are 11 bits.
+/// Number of digits of a 29-bit identifier; fewer digits mean 11 bits.
 const EXTENDED_DIGITS: usize = 8;
 
-/// A source as named.
+/// A parsed source.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SourceSpec {
     /// A CAN interface of this computer, or `any`.
     SocketCan(InterfaceSpec),
-    /// A serial adapter at a device; bit/s to be set.
+    /// A serial adapter, and the bit rate to set in bit/s.
     Slcan { device: String, bit_rate: Option<u32> },
-    /// A bus of a server.
+    /// A bus of a socketcand server.
     Socketcand { address: String, bus: String },
-    /// Text on standard input.
+    /// Standard input.
     Stdin,
-    /// A file.
+    /// A growing file.
     File(PathBuf),
 }
 
-/// A CAN interface and which of its frames are wanted.
+/// A CAN interface with its frame filters.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InterfaceSpec {
-    /// Its name; `any` for all there are.
+    /// Name of the interface; `any` for all interfaces.
     pub name: String,
-    /// Frames that fit any of them; all frames where there is none.
+    /// A frame must match any of these filters; all frames if empty.
     pub filters: Vec<IdFilter>,
-    /// Only frames that fit all of them.
+    /// A frame must match all filters.
     pub is_joined: bool,
-    /// Classes of error frames.
+    /// Mask of the error frame classes.
     pub errors: u32,
 }
 
-/// An identifier and which of its bits count, in the kernel's form.
+/// An identifier filter in the format of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct IdFilter {
-    /// Identifier with its flags; with `CAN_INV_FILTER` what does not fit is wanted.
+    /// Identifier with its flags; `CAN_INV_FILTER` inverts the filter.
     pub id: u32,
-    /// Bits that count.
+    /// Bits of the identifier that must match.
     pub mask: u32,
 }
 
@@ -85,7 +85,7 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
         None => (text, None),
     };
     if device.is_empty() {
-        return Err("name the adapter's device: slcan:/dev/ttyACM0@500000".into());
+        return Err("found no device, expected slcan:/dev/ttyACM0@500000".into());
     }
     let wrong = |rate: &str| format!("found {rate} after @, expected a bit rate in bit/s such as 500000");
     let bit_rate = rate.map(|rate| rate.parse().map_err(|_| wrong(rate))).transpose()?;
@@ -97,18 +97,16 @@ fn socketcand(text: &str) -> Result<SourceSpec, String> {
         Some((address, bus)) if !address.is_empty() && !bus.is_empty() => {
             Ok(SourceSpec::Socketcand { address: address.into(), bus: bus.into() })
         }
-        _ => Err("name server and bus: socketcand://host:29536/can0".into()),
+        _ => Err("expected server and bus, as in socketcand://host:29536/can0".into()),
     }
 }
 
-/// `can0,123:7FF,400~7F0,#FFFFFFFF,j`, as candump takes it.
+/// `can0,123:7FF,400~7F0,#FFFFFFFF,j`, the syntax of candump.
 fn interface(text: &str) -> Result<InterfaceSpec, String> {
     let mut parts = text.split(',');
     let name = parts.next().unwrap_or_default();
     if name.is_empty() || name.len() > LONGEST_NAME {
-        return Err(format!(
-            "found {name:?}, expected the name of an interface of 1 to {LONGEST_NAME} letters"
-        ));
+        return Err(format!("found {name:?}, expected an interface name of 1 to {LONGEST_NAME} characters"));
     }
     let mut spec =
         InterfaceSpec { name: name.into(), filters: Vec::new(), is_joined: false, errors: u32::MAX >> 3 };
@@ -140,7 +138,7 @@ mod tests {
         text.parse()
     }
 
-    /// As candump.c reads them: eight digits are 29 bits, error bits of a mask do not count, `~` inverts.
+    /// As in candump.c: eight digits are 29 bits, error bits of a mask are ignored, `~` inverts.
     #[test]
     fn filters_of_candump() {
         let Ok(SourceSpec::SocketCan(found)) = spec("can0,123:7FF,400~7F0,18FEF180:1FFFFFFF,#FFFFFFFF,j")
@@ -171,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_are_reported() {
         for text in ["", "can0,", "can0,123", "can0,123:", "can0,xyz:7FF", "can0,#", "averyverylongname"] {
             assert!(spec(text).is_err(), "{text}");
         }

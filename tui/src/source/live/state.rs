@@ -1,29 +1,29 @@
-//! How a live bus and its record are, for whoever shows it.
+//! State of live buses and their capture, for display.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::BusStatus;
 use crate::record::RecordStatus;
 
-/// What is known besides what came.
+/// State of live buses besides their frames.
 #[derive(Debug, Clone, Default)]
 pub struct Live {
-    /// Each bus.
+    /// Status of each bus.
     pub buses: Vec<BusStatus>,
-    /// The record, if there is one.
+    /// Status of the `--record` capture, if there is one.
     pub record: Option<RecordStatus>,
-    /// Why a source ended, if one did.
+    /// Reason for the failure of a source.
     pub failure: Option<String>,
-    /// Nothing more will come.
+    /// All sources have ended.
     pub has_ended: bool,
 }
 
-/// The same, shared between threads.
+/// The state shared between threads.
 #[derive(Debug, Clone, Default)]
 pub struct LiveState(Arc<Mutex<Live>>);
 
 impl LiveState {
-    /// What is known now.
+    /// The present state.
     pub fn get(&self) -> MutexGuard<'_, Live> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,4 +1,4 @@
-//! Writes a part of the captures to a file: frames in any format that can be written, or the events shown.
+//! Exports a part of the captures: frames in any writable format, or the shown events.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind};
@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{WritableFormat, WriteOptions};
-use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::text::{PdoLines, TextOptions};
 use cobscope_decoder::sink::{
     EVENT_FORMATS, EventContent, EventFormat, EventSink, Output, OutputFiles, SinkOptions, SpoolFile,
@@ -20,30 +20,30 @@ use crate::timeline::shared::Shared;
 use crate::timeline::walk::Walk;
 use crate::timeline::{Matcher, News};
 
-/// Bytes gathered before they are written.
+/// Size of the write buffer, in bytes.
 const BUFFER: usize = 64 * 1024;
 
-/// What is written where.
+/// A request for an export.
 #[derive(Debug, Clone)]
 pub struct Export {
-    /// File; the end of its name says the format.
+    /// Output file; its suffix selects the format.
     pub path: PathBuf,
     /// First frame.
     pub first: u64,
-    /// Last frame; beyond the last one the captures' end.
+    /// Last frame; a larger number means the end of the captures.
     pub last: u64,
-    /// Which events, where events are written.
+    /// Selection of the events, for event formats.
     pub matcher: Matcher,
 }
 
-/// A format by the end of a file's name.
+/// Format by the suffix of the file name.
 enum Format {
     Frames(&'static WritableFormat),
     Events(&'static EventFormat),
 }
 
 impl Format {
-    /// Formats of events first: the end of their names may be that of a format of frames with a word before it.
+    /// Event formats take precedence, because their suffix may end in the suffix of a frame format.
     fn of(path: &Path) -> Option<Self> {
         let name = path.file_name()?.to_str()?;
         let is_of = |format: &&EventFormat| {
@@ -55,18 +55,18 @@ impl Format {
 }
 
 impl Export {
-    /// Ends of names that say a format, with what is written then.
+    /// Suffixes with the titles of their formats.
     pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
         format::suffixes().chain(EVENT_FORMATS.iter().map(|format| (format.suffix, format.title)))
     }
 
-    /// Whether the end of a file's name says a format.
+    /// Whether the suffix selects a format.
     pub fn has_format(path: &Path) -> bool {
         Format::of(path).is_some()
     }
 }
 
-/// Writes it, and tells what was written.
+/// Writes the file and reports the result.
 pub(in crate::timeline) fn run(shared: &Shared, export: &Export, news: &Sender<News>) {
     let mut files = ExportFiles { path: &export.path, opened: Vec::new() };
     let told = write(shared, export, &mut files);
@@ -74,7 +74,7 @@ pub(in crate::timeline) fn run(shared: &Shared, export: &Export, news: &Sender<N
     let told = told
         .map(|what| format!("{}: {what}", names.join(", ")))
         .map_err(|error| format!("{}: {error:#}", export.path.display()));
-    // The application may be gone.
+    // The application may have ended.
     let _ = news.send(News::Exported(told));
 }
 
@@ -94,7 +94,7 @@ fn write(shared: &Shared, export: &Export, files: &mut ExportFiles<'_>) -> anyho
     }
 }
 
-/// The files of an export. Nothing of the user's is ever written over.
+/// Files of an export. Existing files are never overwritten.
 struct ExportFiles<'a> {
     path: &'a Path,
     opened: Vec<PathBuf>,
@@ -108,10 +108,10 @@ impl ExportFiles<'_> {
         Ok(Box::new(BufWriter::with_capacity(BUFFER, file)))
     }
 
-    /// Removes the files again, in which nothing was written.
+    /// Removes the empty files again.
     fn discard(&self) {
         for path in &self.opened {
-            // An empty file that stays does no harm.
+            // A remaining empty file does no harm.
             let _ = fs::remove_file(path);
         }
     }
@@ -126,7 +126,7 @@ impl OutputFiles for ExportFiles<'_> {
         let suffix = format::suffix(self.path);
         let path = part_of(self.path, content, suffix).ok_or(ErrorKind::InvalidFilename)?;
         let name = path.display().to_string();
-        self.open(path).map_err(|error| io::Error::other(format!("{name} {error}")))
+        self.open(path).map_err(|error| io::Error::other(format!("{name}: {error}")))
     }
 
     fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
@@ -134,17 +134,17 @@ impl OutputFiles for ExportFiles<'_> {
     }
 }
 
-/// Why a file cannot be made, in the words of its user.
+/// Error text for a file that cannot be created.
 fn refusal(error: &io::Error) -> io::Error {
     io::Error::other(match error.kind() {
-        ErrorKind::AlreadyExists => "is there already; choose another name".to_owned(),
-        ErrorKind::NotFound => "there is no such folder".to_owned(),
-        ErrorKind::PermissionDenied => "nothing may be written there; choose another folder".to_owned(),
-        _ => format!("cannot be made: {error}"),
+        ErrorKind::AlreadyExists => "file exists; choose another name".to_owned(),
+        ErrorKind::NotFound => "folder does not exist; create it first".to_owned(),
+        ErrorKind::PermissionDenied => "no write permission; choose another folder".to_owned(),
+        _ => format!("cannot be created: {error}"),
     })
 }
 
-/// The frames, all of them: a filter of events says nothing of frames.
+/// Writes all frames of the range; filters select events, not frames.
 fn frames(
     shared: &Shared,
     export: &Export,
@@ -155,7 +155,7 @@ fn frames(
     let mut walk = walk_to(shared, export.first)?;
     let mut count: u64 = 0;
     while !shared.is_over() {
-        // A capture that grows is written as far as it is known.
+        // A growing capture is written up to its present end.
         if walk.is_at_head(shared) {
             break;
         }
@@ -176,7 +176,7 @@ fn frames(
     Ok(format!("{} written", plural(count, "frame")))
 }
 
-/// The events that are shown, in a capture with all frames.
+/// Writes the shown events; a capture format also gets all frames.
 fn events(
     shared: &Shared,
     export: &Export,
@@ -184,7 +184,7 @@ fn events(
     mut sink: Box<dyn EventSink + Send>,
 ) -> anyhow::Result<String> {
     let mut walk = walk_to(shared, export.first)?;
-    let (first, last) = (Spot::before(export.first), Spot::behind(export.last));
+    let (first, last) = (EventPosition::before(export.first), EventPosition::after(export.last));
     let mut count: u64 = 0;
     while !shared.is_over() && !sink.has_failed() && !walk.is_at_head(shared) {
         let next = walk.peek()?.copied();
@@ -195,7 +195,7 @@ fn events(
             let bus = walk.names().get(usize::from(frame.bus.0)).map_or("", String::as_str);
             sink.frame(&frame, bus);
         }
-        let more = walk.step(&mut |told: Told<'_>| {
+        let more = walk.step(&mut |told: PlacedEvent<'_>| {
             if told.spot >= first && told.spot <= last && export.matcher.takes(&told) {
                 count += 1;
                 sink.observe_time(told.frame.and_then(|frame| frame.time));
@@ -211,7 +211,7 @@ fn events(
     Ok(format!("{} written{remark}", plural(count, "event")))
 }
 
-/// Before a frame, from the nearest mark.
+/// Walks from the nearest mark to a frame.
 fn walk_to(shared: &Shared, first: u64) -> anyhow::Result<Walk> {
     let before = first.saturating_sub(1);
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! Reads a capture once from beginning to end and leaves marks on the way.
+//! Reads a capture once and stores marks at regular intervals.
 
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
@@ -8,19 +8,19 @@ use crate::timeline::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::walk::Walk;
 
-/// Runs until all is read or nobody wants to know.
+/// Runs until the capture is read or the timeline ends.
 pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
     match Walk::start(shared) {
         Ok(mut walk) => {
             go(shared, &mut walk, news);
-            shared.progress.tell(&walk.world, walk.offset());
+            shared.progress.publish(&walk.world, walk.offset());
             *shared.end.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(walk.world));
         }
         Err(error) => shared.fail(&error),
     }
     shared.progress.complete();
     shared.begin();
-    // The application may be gone.
+    // The application may have ended.
     let _ = news.send(News::Indexed);
 }
 
@@ -33,10 +33,10 @@ fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
         }
         match walk.leap(u64::MAX, &mut |_| ()) {
             Ok(true) => {
-                shared.progress.tell(&walk.world, walk.offset());
+                shared.progress.publish(&walk.world, walk.offset());
                 if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel)
                 {
-                    // The application may be gone.
+                    // The application may have ended.
                     let _ = news.send(News::Grew);
                 }
             }

@@ -1,23 +1,23 @@
-//! Looks for the events that are shown, in the whole capture while the index grows.
+//! Searches the whole capture for the shown events while the index grows.
 
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
-use cobscope_decoder::replay::Told;
+use cobscope_decoder::replay::PlacedEvent;
 
 use crate::timeline::matches::Matches;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::walk::Walk;
 
-/// Frames between two looks at whether the search is still wanted.
+/// Number of frames between two checks for cancellation.
 const STRIDE: u64 = 4_096;
 
-/// Looks at the whole capture.
+/// Searches the whole capture.
 pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
     shared.wait_for_index();
     if let Ok(mut walk) = Walk::start(shared) {
-        let mut see = |told: Told<'_>| {
+        let mut see = |told: PlacedEvent<'_>| {
             if matches.matcher.takes(&told) {
                 matches.add(&told);
             }
@@ -40,6 +40,6 @@ pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &S
         matches.set_scanned(walk.world.frames());
     }
     matches.complete();
-    // The application may be gone.
+    // The application may have ended.
     let _ = news.send(News::Filtered);
 }

@@ -1,5 +1,5 @@
 //! The threads of a timeline, one per file. Each fills one part of [`Shared`](super::Shared) or sends
-//! [`News`](super::News), and ends when the timeline does.
+//! [`News`](super::News), and ends with the timeline.
 
 pub(super) mod export;
 pub(super) mod index;

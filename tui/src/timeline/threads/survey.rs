@@ -1,4 +1,4 @@
-//! Reads the whole capture in a pass of its own: findings, exchanges, errors, load.
+//! Surveys the whole capture in its own pass: findings, transfers, errors, load.
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
@@ -8,7 +8,7 @@ use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
 };
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
@@ -19,62 +19,62 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, Occurred, Opened, bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, OpenedFinding, bit_rate_change,
 };
 use crate::timeline::walk::Walk;
 
-/// Frames between two times what was found is told.
+/// Number of frames between two publications.
 const STRIDE: u64 = 65_536;
 
-/// How often the survey of what is still coming is told.
+/// Interval of publications of a growing capture.
 const TELL: Duration = Duration::from_millis(200);
 
-/// Looks at the whole capture.
+/// Surveys the whole capture.
 pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
     if let Ok(mut walk) = Walk::start(shared) {
         let mut surveyor = Surveyor::new(setup);
         let mut next = STRIDE;
         let mut told = Instant::now();
         while !shared.is_over() {
-            // What follows may take long to come.
+            // The next frame may take long to arrive.
             if walk.is_drained() && told.elapsed() >= TELL {
                 told = Instant::now();
-                surveyor.tell(shared, walk.world.frames());
+                surveyor.publish(shared, walk.world.frames());
             }
             match walk.peek() {
                 Ok(Some(frame)) => surveyor.frame(frame),
-                // A notice: time may have gone on without a frame.
+                // A notice: time may have advanced without a frame.
                 Ok(None) => surveyor.advance(walk.world.buses()),
                 Err(_) => {}
             }
-            match walk.step(&mut |told: Told<'_>| surveyor.event(&told)) {
+            match walk.step(&mut |told: PlacedEvent<'_>| surveyor.event(&told)) {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(_) => {
-                    walk.close(&mut |told: Told<'_>| surveyor.event(&told));
+                    walk.close(&mut |told: PlacedEvent<'_>| surveyor.event(&told));
                     break;
                 }
             }
             if walk.world.frames() >= next {
                 next = walk.world.frames() + STRIDE;
-                surveyor.tell(shared, walk.world.frames());
+                surveyor.publish(shared, walk.world.frames());
             }
         }
-        surveyor.tell(shared, walk.world.frames());
+        surveyor.publish(shared, walk.world.frames());
         let names = walk.names().to_vec();
         surveyor.finish(shared, walk.world.buses(), names);
     }
     shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;
-    // The application may be gone.
+    // The application may have ended.
     let _ = news.send(News::Surveyed);
 }
 
-/// Gathers between two times it is told.
+/// Results since the last publication.
 struct Surveyor {
     engine: Engine,
-    news: Vec<Opened>,
+    news: Vec<OpenedFinding>,
     exchanges: Vec<Exchange>,
-    errors: Vec<Spot>,
+    errors: Vec<EventPosition>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
     kept: (usize, usize, usize),
@@ -83,7 +83,7 @@ struct Surveyor {
 }
 
 impl Surveyor {
-    /// Lets time go on to where the buses are.
+    /// Advances the time of the rules to that of the buses.
     fn advance(&mut self, buses: Buses<'_>) {
         for bus in buses {
             self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
@@ -116,7 +116,7 @@ impl Surveyor {
         }
     }
 
-    fn event(&mut self, told: &Told<'_>) {
+    fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
         let (news, kept) = (&mut self.news, &mut self.kept);
         let mut opened = |event: &Event, _: &Bus| {
@@ -125,7 +125,7 @@ impl Surveyor {
             {
                 kept.0 += 1;
                 let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
-                news.push(Opened { spot: told.spot, time: event.time, bus, node, news: finding });
+                news.push(OpenedFinding { spot: told.spot, time: event.time, bus, node, news: finding });
             }
         };
         self.engine.event(told.event, told.bus, &mut opened);
@@ -146,10 +146,10 @@ impl Surveyor {
         }
     }
 
-    fn tell(&mut self, shared: &Shared, frames: u64) {
+    fn publish(&mut self, shared: &Shared, frames: u64) {
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.frames = frames;
-        survey.places.extend(self.news.iter().map(|opened| Occurred {
+        survey.places.extend(self.news.iter().map(|opened| FindingOccurrence {
             frame: opened.spot.frame,
             time: opened.time,
             id: opened.news.id,
@@ -168,7 +168,7 @@ impl Surveyor {
         let findings = self.engine.finish(buses, &mut |_: &Event, _: &Bus| ());
         let mut places = Vec::new();
         for group in findings.counting() {
-            places.extend(group.first.iter().chain(&group.last).map(|occurrence| Occurred {
+            places.extend(group.first.iter().chain(&group.last).map(|occurrence| FindingOccurrence {
                 frame: occurrence.frames.last,
                 time: occurrence.time,
                 id: group.id,
@@ -179,12 +179,13 @@ impl Surveyor {
         places.dedup();
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.places = places;
+        survey.statistics.withdraw(buses);
         survey.findings = Some(findings);
         survey.buses = names;
     }
 }
 
-/// Whether an event tells that something went wrong.
+/// Whether an event reports an error.
 fn is_error(event: &Event) -> bool {
     match &event.kind {
         EventKind::Emcy(emergency) => emergency.action == EmcyAction::Raised,
@@ -208,14 +209,14 @@ fn is_error(event: &Event) -> bool {
     }
 }
 
-/// The row of messages that belong together.
-fn exchange(told: &Told<'_>) -> Option<Exchange> {
+/// The row of a transfer.
+fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
     let event = told.event;
     let (duration, size, outcome) = match &event.kind {
         EventKind::SdoTransfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
         EventKind::J1939Transfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
         EventKind::UdsExchange(exchange) => (exchange.duration, 0, exchange.outcome.name()),
-        // Whole ones are the messages of UDS exchanges.
+        // Complete ISO-TP messages belong to a UDS exchange.
         EventKind::IsoTpTransfer(transfer) if transfer.outcome != MessageOutcome::Complete => {
             (transfer.duration, transfer.size, transfer.outcome.name())
         }

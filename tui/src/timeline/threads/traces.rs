@@ -1,11 +1,11 @@
-//! Follows signals through their range of time.
+//! Samples signals over their time range.
 //!
 //! ```text
-//! mark ──decode──▶ │ from │▂▂│▃▅│▅▅│▂ │ … │ to │      as many pieces as a screen can show, and some more
-//!   └ value that holds from before
+//! mark ──decode──▶ │ from │▂▂│▃▅│▅▅│▂ │ … │ to │      a few more buckets than a screen can show
+//!   └ value before the range
 //! ```
 //!
-//! Without an end the pieces begin short and become twice as long whenever there are too many.
+//! Without a known end the buckets start short and double whenever there are too many.
 
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
@@ -14,7 +14,7 @@ use std::sync::{Arc, PoisonError};
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
 use cobscope_decoder::profile::Layout;
-use cobscope_decoder::replay::{Told, World};
+use cobscope_decoder::replay::{PlacedEvent, ReplayState};
 
 use crate::bucket::Bucket;
 use crate::timeline::news::News;
@@ -23,36 +23,36 @@ use crate::timeline::signal::{SignalKey, carried, is_assumed, number};
 use crate::timeline::traces::{Points, Traces};
 use crate::timeline::walk::Walk;
 
-/// Pieces of time kept of each.
+/// Maximum number of buckets per signal.
 pub const MOST_BUCKETS: i64 = 4_096;
 
-/// Nanoseconds of a piece in the beginning, where the end is not known.
+/// Initial length of a bucket if the end is unknown, in ns.
 const FIRST_WIDTH: i64 = 10_000;
 
-/// Frames between two times what was found is told: twice as many each time, from the first number to the second.
+/// Number of frames between two publications; it doubles from the first to the second value.
 const STRIDES: (u64, u64) = (16_384, 262_144);
 
-/// Nanoseconds between two times it is told where more is still coming.
+/// Interval of publications of a growing capture, in ns.
 const SOON: i64 = 100_000_000;
 
-/// Stamps that go back no further than this many nanoseconds are still found behind the end of a range.
+/// Sampling continues for this time after the range, in ns, because timestamps may step back.
 const SLACK: i64 = 1_000_000_000;
 
-/// Follows the signals through their range.
+/// Samples the signals over their range.
 pub(in crate::timeline) fn run(shared: &Shared, traces: &Arc<Traces>, news: &Sender<News>) {
     let mut follower = Follower::new(traces);
-    // Why a capture cannot be read is told by the index.
+    // The index reports read errors.
     if let Ok(mut walk) = begin(shared, traces, &mut follower) {
         go(shared, traces, &mut follower, &mut walk, news);
     }
-    follower.tell(traces);
+    follower.publish(traces);
     traces.complete();
     shared.tracing.fetch_sub(1, Ordering::Release);
-    // The application may be gone.
+    // The application may have ended.
     let _ = news.send(News::Traced);
 }
 
-/// From the last mark before the range, and with the values that hold there.
+/// Starts at the last mark before the range, with the values that apply there.
 fn begin(shared: &Shared, traces: &Traces, follower: &mut Follower) -> Result<Walk, CaptureError> {
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
     match index.before_time(Timestamp(traces.from)) {
@@ -71,7 +71,7 @@ fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk
     let (mut stride, most) = STRIDES;
     let (mut next, mut told) = (walk.world.frames() + stride, i64::MIN);
     while !shared.is_over() && !traces.is_stopped() {
-        match walk.leap(u64::MAX, &mut |told: Told<'_>| follower.take(&told)) {
+        match walk.leap(u64::MAX, &mut |told: PlacedEvent<'_>| follower.take(&told)) {
             Ok(true) => {}
             Ok(false) | Err(_) => return,
         }
@@ -85,7 +85,7 @@ fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk
         if frames >= next || is_at_head {
             stride = if is_at_head { stride } else { most.min(stride * 2) };
             (next, told) = (frames + stride, time);
-            follower.tell(traces);
+            follower.publish(traces);
             if news.send(News::Traced).is_err() {
                 return;
             }
@@ -93,10 +93,10 @@ fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk
     }
 }
 
-/// The signals on their way.
+/// The signals while they are sampled.
 struct Follower {
     tracks: Vec<Track>,
-    /// A bit for the identifiers of each remainder by 64: most events are of others.
+    /// One bit per identifier modulo 64, to skip most other events.
     identifiers: u64,
 }
 
@@ -114,7 +114,7 @@ impl Follower {
     }
 
     #[inline]
-    fn take(&mut self, told: &Told<'_>) {
+    fn take(&mut self, told: &PlacedEvent<'_>) {
         let Some((id, layout, payload)) = carried(told.event) else { return };
         if self.identifiers & bit(id) == 0 {
             return;
@@ -124,8 +124,8 @@ impl Follower {
         }
     }
 
-    /// What each identifier carried last.
-    fn take_world(&mut self, world: &World) {
+    /// Takes the last values of each identifier.
+    fn take_world(&mut self, world: &ReplayState) {
         for row in world.identifiers().rows().iter().filter(|row| !row.is_remote) {
             if let (Some(layout), Some(time)) = (&row.layout, row.last_time) {
                 self.values(row.bus, row.id, layout, row.payload(), time.0);
@@ -141,7 +141,7 @@ impl Follower {
         }
     }
 
-    fn tell(&self, traces: &Traces) {
+    fn publish(&self, traces: &Traces) {
         traces.set_points(self.tracks.iter().map(Track::points).collect());
     }
 }
@@ -150,10 +150,10 @@ fn bit(id: CanId) -> u64 {
     1 << (id.number() % 64)
 }
 
-/// One signal on its way.
+/// One signal while it is sampled.
 struct Track {
     signal: SignalKey,
-    /// The layout in force, and where the signal is in it.
+    /// The current layout, and the index of the signal in it.
     layout: Option<Arc<Layout>>,
     place: Option<usize>,
     buckets: Buckets,
@@ -168,9 +168,9 @@ impl Track {
             self.place = found.map(|(place, _)| place);
             self.layout = Some(Arc::clone(layout));
         }
-        // The identifier carries something else now: the line ends.
+        // The identifier no longer carries the signal: the line ends.
         let Some(place) = self.place else { return self.buckets.add(time, f64::NAN) };
-        // In another branch of a multiplexed message the value before still holds.
+        // In another branch of a multiplexed message the previous value still applies.
         if let Some(signal) = layout.signal(place, payload) {
             self.buckets.add(time, number(signal.field, &signal.value).unwrap_or(f64::NAN));
         }
@@ -183,7 +183,7 @@ impl Track {
     }
 }
 
-/// Pieces of time and what was in them.
+/// Buckets of one signal.
 struct Buckets {
     from: i64,
     to: Option<i64>,
@@ -236,7 +236,7 @@ impl Buckets {
     }
 }
 
-/// Two pieces as one; what is no number says nothing of the lowest and highest.
+/// Merges two buckets; NaN does not affect minimum and maximum.
 fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
     match (first, second) {
         (Some(first), Some(second)) => Some(Bucket {
@@ -267,7 +267,7 @@ mod tests {
             let value = if millisecond == 5_003 { -7.0 } else { f64::from(millisecond % 10) };
             buckets.add(i64::from(millisecond) * 1_000_000, value);
         }
-        // 10 s in at most 4,096 pieces: 2.56 ms and so 10 µs doubled eight times.
+        // 10 s in at most 4,096 buckets: 2.56 ms, which is 10 µs doubled eight times.
         assert_eq!((buckets.width, buckets.is_exact), (2_560_000, false));
         let kept = kept(&buckets);
         assert!((2_048..=4_096).contains(&kept.len()));
@@ -288,10 +288,10 @@ mod tests {
         assert!(buckets.is_exact);
     }
 
-    /// A layout of one byte each, by object, unit and factor.
+    /// A layout of one-byte fields by object, unit and factor.
     fn layout(fields: &[(u16, &str, f64)]) -> Arc<Layout> {
         let field = |(at, (index, unit, factor)): (u16, &(u16, &str, f64))| {
-            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None });
+            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None, is_reciprocal: false });
             let object = ObjectAddress::new(*index, 0);
             let meaning = Meaning { unit: (*unit).into(), scale, ..Meaning::default() };
             let field = Field::of_object(object, at * 8, 8, DataType::Unsigned8);
@@ -309,7 +309,7 @@ mod tests {
         let without = layout(&[(0x6001, "%", 0.5)]);
         let traces = Traces::new(vec![signal.clone()], Timestamp(0), None);
         let mut follower = Follower::new(&traces);
-        // The last has no room for it, so what was before still holds.
+        // The last payload is too short for the field, so the previous value still applies.
         let payloads: [(&Arc<Layout>, &[u8]); 6] = [
             (&first, &[10, 20]),
             (&rescaled, &[20, 10]),
@@ -321,9 +321,9 @@ mod tests {
         for (second, (layout, payload)) in (0..).zip(payloads) {
             follower.values(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
         }
-        // Of others nothing is taken.
+        // Values of other signals are ignored.
         follower.values(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
-        follower.tell(&traces);
+        follower.publish(&traces);
         let points = traces.points(&signal).unwrap();
         let values: Vec<_> = points.buckets.iter().map(|bucket| bucket.last).collect();
         assert_eq!(format!("{values:?}"), "[10.0, 20.0, NaN, 22.0, NaN]");

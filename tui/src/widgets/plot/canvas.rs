@@ -1,4 +1,4 @@
-//! Dots in cells: eight to a braille character, or one to an ASCII character.
+//! Canvas of dots: eight per braille character, one per ASCII character.
 //!
 //! ```text
 //! ⠀⠀⡠⠒⠉⢢⣀⣀        ··***|**
@@ -9,20 +9,20 @@ use ratatui::layout::{Position, Rect};
 
 use crate::theme::Borders;
 
-/// The dots of a braille character by row from above, left and right.
+/// Bits of a braille character by row from above; left and right column.
 const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
-/// What stands for values in ASCII, a character a series, since there may be no colours either.
+/// ASCII characters for values, one per series, because there may be no colours.
 const MARKS: [char; 6] = ['*', 'o', 'x', '+', '#', '@'];
 
-/// Why a dot is where it is; what says more hides what says less.
+/// Reason of a dot; a later variant covers an earlier one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ink {
-    /// The value still holds.
+    /// The value still applies.
     #[default]
     Hold,
-    /// From one value to the next.
+    /// Join from one value to the next.
     Join,
-    /// A value was there.
+    /// A value.
     Value,
 }
 
@@ -33,7 +33,7 @@ struct Cell {
     series: usize,
 }
 
-/// An area to draw dots on; dot 0, 0 is at the bottom left.
+/// An area of dots; dot 0, 0 is at the bottom left.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     borders: Borders,
@@ -43,13 +43,13 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// An empty canvas of so many cells.
+    /// An empty canvas of `width` × `height` cells.
     pub fn new(width: u16, height: u16, borders: Borders) -> Self {
         let cells = vec![Cell::default(); usize::from(width) * usize::from(height)];
         Self { borders, width, height, cells }
     }
 
-    /// Columns and rows of dots in a cell.
+    /// Columns and rows of dots per cell.
     fn per_cell(&self) -> (u32, u32) {
         match self.borders {
             Borders::Unicode => (2, 4),
@@ -57,17 +57,17 @@ impl Canvas {
         }
     }
 
-    /// Columns of dots.
+    /// Number of columns of dots.
     pub fn columns(&self) -> u32 {
         u32::from(self.width) * self.per_cell().0
     }
 
-    /// Rows of dots.
+    /// Number of rows of dots.
     pub fn rows(&self) -> u32 {
         u32::from(self.height) * self.per_cell().1
     }
 
-    /// Sets the dots of a column between two rows, both included.
+    /// Sets the dots of a column between two rows, inclusive.
     pub fn span(&mut self, column: u32, from: u32, to: u32, series: usize, ink: Ink) {
         for row in from..=to.min(self.rows().saturating_sub(1)) {
             self.set(column, row, series, ink);
@@ -83,14 +83,14 @@ impl Canvas {
         };
         let (x, y) = ((column % wide) as usize, (row % high) as usize);
         cell.dots |= DOTS.get(y).and_then(|dots| dots.get(x)).copied().unwrap_or_default();
-        // The later series lies above the earlier one, since a cell has one colour.
+        // A cell has one colour: a later series covers an earlier one.
         if cell.series != series {
             (cell.series, cell.ink) = (series, ink);
         }
         cell.ink = cell.ink.max(ink);
     }
 
-    /// Draws the cells that have dots, each in the style of its series.
+    /// Draws the cells with dots in the styles of their series.
     pub fn render(&self, area: Rect, buf: &mut Buffer, style: impl Fn(usize) -> ratatui::style::Style) {
         let places =
             (area.top()..area.bottom()).flat_map(|y| (area.left()..area.right()).map(move |x| (x, y)));
@@ -114,7 +114,7 @@ impl Canvas {
     }
 }
 
-/// What stands for the values of a series in ASCII.
+/// ASCII character for the values of a series.
 pub fn mark(series: usize) -> char {
     MARKS.get(series % MARKS.len()).copied().unwrap_or('*')
 }

@@ -8,20 +8,20 @@ use super::window::Window;
 use crate::bucket::Bucket;
 use crate::theme::{Role, Theme};
 
-/// A signal to be drawn.
+/// A plotted signal.
 #[derive(Clone, Debug)]
 pub struct Series<'a> {
-    /// Its name.
+    /// Name in the legend.
     pub name: Cow<'a, str>,
-    /// Its unit; empty where it has none.
+    /// Unit; empty without one.
     pub unit: Cow<'a, str>,
-    /// How it looks.
+    /// Role that decides its colour.
     pub role: Role,
-    /// Its values in the order of time.
+    /// Values in time order.
     pub points: &'a [Bucket],
 }
 
-/// Series to be drawn over time.
+/// A plot of series over time.
 #[derive(Clone, Copy, Debug)]
 pub struct Plot<'a> {
     pub(super) theme: &'a Theme,
@@ -33,43 +33,43 @@ pub struct Plot<'a> {
 }
 
 impl<'a> Plot<'a> {
-    /// A plot from one time to another in nanoseconds, both in view.
+    /// A plot of the range from `from` to `to` in ns, inclusive.
     pub fn new(theme: &'a Theme, series: &'a [Series<'a>], from: i64, to: i64) -> Self {
         let window = Window { from, to: to.max(from), gap: None, until: i64::MAX };
         Self { theme, series, window, zero: 0, cursors: (None, None), empty: "" }
     }
 
-    /// The time that is 0 s.
+    /// Sets the time shown as 0 s.
     #[must_use]
     pub fn zero(self, zero: i64) -> Self {
         Self { zero, ..self }
     }
 
-    /// The times of the cursors A and B.
+    /// Sets the times of cursors A and B.
     #[must_use]
     pub fn cursors(self, a: Option<i64>, b: Option<i64>) -> Self {
         Self { cursors: (a, b), ..self }
     }
 
-    /// For how many nanoseconds a value holds at most.
+    /// Sets the maximum time in ns for which a value applies.
     #[must_use]
     pub fn gap(self, gap: Option<i64>) -> Self {
         Self { window: Window { gap, ..self.window }, ..self }
     }
 
-    /// The end of what was recorded; until then the last value holds.
+    /// Sets the end of the capture; the last value applies until then.
     #[must_use]
     pub fn until(self, until: i64) -> Self {
         Self { window: Window { until, ..self.window }, ..self }
     }
 
-    /// What to say where there is nothing to draw.
+    /// Sets the text of an empty plot.
     #[must_use]
     pub fn empty(self, text: &'a str) -> Self {
         Self { empty: text, ..self }
     }
 
-    /// The number of a series' unit among the units.
+    /// Index of the unit of a series.
     pub(super) fn axis(&self, series: usize) -> usize {
         let mut units: Vec<&str> = Vec::new();
         for unit in self.series.iter().take(series + 1).map(|series| series.unit.as_ref()) {
@@ -81,14 +81,14 @@ impl<'a> Plot<'a> {
         units.iter().position(|known| Some(*known) == unit).unwrap_or(0)
     }
 
-    /// The lowest and highest value of a series that the window shows.
+    /// Lowest and highest visible value of a series.
     pub(super) fn range(&self, series: usize) -> Option<(f64, f64)> {
         let points = self.series.get(series)?.points;
         let inside = trace::extremes(points, &self.window);
         let shown = trace::in_window(points, &self.window);
         let start =
             shown.iter().find(|bucket| bucket.t >= self.window.from).map_or(self.window.end(), |next| next.t);
-        // A value that came before and still holds is seen too.
+        // An earlier value that still applies is visible too.
         let held = shown
             .first()
             .filter(|bucket| {
@@ -104,7 +104,7 @@ impl<'a> Plot<'a> {
         }
     }
 
-    /// The range of all series of an axis.
+    /// Range of all series of an axis.
     pub(super) fn axis_range(&self, axis: usize) -> Option<(f64, f64)> {
         let of_axis = (0..self.series.len()).filter(|series| self.axis(*series) == axis);
         of_axis
@@ -112,7 +112,7 @@ impl<'a> Plot<'a> {
             .reduce(|(low, high), (other_low, other_high)| (low.min(other_low), high.max(other_high)))
     }
 
-    /// A time in seconds, as exactly as the window shows it.
+    /// A time in seconds with the resolution of the window.
     pub(super) fn time_text(&self, time: i64) -> String {
         seconds(time, time_decimals(self.window.span() / 200).min(6))
     }

@@ -1,4 +1,4 @@
-//! What is around a plot: axes with their ticks, and the cursors in it.
+//! Frame of a plot: axes with ticks, and the cursors.
 //!
 //! ```text
 //! bar          %     units
@@ -16,35 +16,35 @@ use super::scale::{Scale, seconds, time_decimals, time_step};
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw;
 
-/// Less than this is no plot: axes give way.
+/// Minimum width of the plot; below it axes are dropped.
 const LEAST_WIDTH: u16 = 12;
 const LEAST_HEIGHT: u16 = 5;
-/// Below this height there is no legend.
+/// Minimum height with a legend.
 const LEGEND_FROM: u16 = 9;
-/// Lines a tick of a value takes, columns one of time.
+/// Lines per tick of a value, and columns per tick of the time.
 const TICK_LINES: u16 = 3;
 const TICK_COLUMNS: u16 = 10;
 
-/// Where the parts of a plot are.
+/// Areas and scales of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Places {
-    /// Where the lines are drawn.
+    /// Area of the curves.
     pub plot: Rect,
-    /// The scale of the first unit.
+    /// Scale of the first unit.
     pub left: Option<Scale>,
-    /// That of the second one.
+    /// Scale of the second unit.
     pub right: Option<Scale>,
-    /// Columns of what is written at the axes; none where there is no room for an axis.
+    /// Width of the labels of the left axis; 0 without room for an axis.
     left_width: u16,
     right_width: u16,
-    /// Whether there are lines for time and units.
+    /// Whether there are lines for the time axis and the units.
     has_frame: bool,
-    /// Below the plot.
+    /// Area of the legend below the plot.
     pub legend: Rect,
 }
 
 impl Places {
-    /// Divides an area.
+    /// Divides an area into these parts.
     pub fn new(plot: &Plot<'_>, area: Rect) -> Self {
         let lines = draw::cells(plot.series.len()).saturating_add(1);
         let legend_height = if area.height < LEGEND_FROM { 0 } else { lines.min(area.height / 3) };
@@ -112,7 +112,7 @@ fn draw_values(plot: &Plot<'_>, places: &Places, is_left: bool, buf: &mut Buffer
         (Borders::Ascii, _) => ("+", 1),
     };
     for tick in scale.ticks() {
-        // The cell the dot of the tick is in.
+        // The cell that contains the dot of the tick.
         let row = scale.row(tick, u32::from(area.height) * dots) / dots;
         let y = area
             .bottom()
@@ -162,7 +162,7 @@ fn draw_times(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     let mut free = area.x - places.left_width;
     for time in ticks(plot, step) {
         let at = plot.window.column(time.saturating_add(plot.zero), u32::from(area.width));
-        // Times at the ends of what can be counted do not come back from the zero.
+        // Near the limits of i64 the saturated time may be outside the plot.
         let Some(at) = u16::try_from(at).ok().filter(|at| *at < area.width) else { continue };
         let x = area.x + at;
         draw::put(buf, x, y, 1, tick_mark, border);
@@ -176,18 +176,18 @@ fn draw_times(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     draw::put(buf, unit, y + 1, 1, "s", quiet);
 }
 
-/// The multiples of a step that are in view, counted from the plot's zero.
+/// Visible multiples of a step, counted from the zero of the plot.
 fn ticks(plot: &Plot<'_>, step: u64) -> impl Iterator<Item = i64> + use<> {
     let step = i64::try_from(step).unwrap_or(i64::MAX);
     let (from, to) = (plot.window.from.saturating_sub(plot.zero), plot.window.to.saturating_sub(plot.zero));
     let below = from.div_euclid(step).saturating_mul(step);
     let first = if below < from { below.checked_add(step) } else { Some(below) };
-    // One step makes at most as many ticks as there are columns for them.
+    // There are at most as many ticks as columns.
     let times = std::iter::successors(first, move |time| time.checked_add(step));
     times.take_while(move |time| *time <= to).take(usize::from(u16::MAX / TICK_COLUMNS))
 }
 
-/// A cursor is a line behind the series with its name above it.
+/// Draws a cursor as a line under the series, with its name above.
 fn draw_cursor(plot: &Plot<'_>, places: &Places, name: &str, time: i64, buf: &mut Buffer) {
     let area = places.plot;
     let column = plot.window.column(time, u32::from(area.width));

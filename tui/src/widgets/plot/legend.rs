@@ -1,4 +1,4 @@
-//! What the series of a plot are, as a table below it.
+//! Legend of a plot: a table of the series below it.
 //!
 //! ```text
 //!               A 12.300 s  B 12.800 s  Δ 0.500 s    min    max
@@ -19,12 +19,12 @@ use crate::bucket::Bucket;
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw::{self, Align};
 
-/// A name is worth no less than this.
+/// Minimum width of a name.
 const LEAST_NAME: u16 = 9;
-/// The line in front of a name, with the space behind it.
+/// Width of the sample line with a space.
 const SAMPLE: u16 = 3;
 
-/// A column of values with its head.
+/// A column of values.
 struct Values {
     head: String,
     cells: Vec<String>,
@@ -36,7 +36,7 @@ impl Values {
     }
 }
 
-/// Draws the head and as many series as there are lines.
+/// Draws the head and as many series as fit.
 pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
     if area.is_empty() {
         return;
@@ -50,7 +50,7 @@ pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
             columns.iter().map(|column| column.width().saturating_add(2)).fold(0, u16::saturating_add);
         area.width.saturating_sub(SAMPLE + 1).saturating_sub(units_width).saturating_sub(used)
     };
-    // The last column says least.
+    // The last column is dropped first.
     while room_for_names(&columns) < LEAST_NAME.min(wanted) && columns.pop().is_some() {}
     let names = wanted.min(room_for_names(&columns));
     let quiet = plot.theme.style(Role::Quiet);
@@ -78,7 +78,7 @@ pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
     }
 }
 
-/// The same as text, whatever room it takes.
+/// The legend as text without a width limit.
 pub fn text(plot: &Plot<'_>) -> String {
     let names = plot.series.iter().map(|series| draw::width(&series.name)).max().unwrap_or(0);
     let columns = columns(plot);
@@ -104,7 +104,7 @@ fn blank(width: u16) -> String {
     " ".repeat(usize::from(width))
 }
 
-/// A piece of the line of a series.
+/// Sample of the line of a series.
 fn sample(plot: &Plot<'_>, series: usize) -> String {
     match plot.theme.borders() {
         Borders::Unicode => "⠤⠤".to_owned(),
@@ -121,7 +121,7 @@ fn unit(plot: &Plot<'_>, series: usize) -> String {
     }
 }
 
-/// The columns that say something: those of cursors only where there are cursors.
+/// The columns; those of the cursors only if they are set.
 fn columns(plot: &Plot<'_>) -> Vec<Values> {
     let (a, b) = plot.cursors;
     let zero = plot.zero;
@@ -154,7 +154,7 @@ fn columns(plot: &Plot<'_>) -> Vec<Values> {
     columns
 }
 
-/// The value that holds at a time.
+/// The value that applies at a time.
 fn value_at(points: &[Bucket], time: i64, window: &Window) -> Option<f64> {
     let behind = points.partition_point(|bucket| bucket.t <= time);
     let bucket = points.get(behind.checked_sub(1)?)?;

@@ -1,4 +1,4 @@
-//! Signals over time.
+//! A plot of signals over time.
 //!
 //! ```text
 //! bar               A
@@ -15,8 +15,8 @@
 //! ⠤⠤ pressure       130  121  130 bar
 //! ```
 //!
-//! Series with the same unit share an axis; the first unit has the left one, the second the right one, and
-//! series of further units have their own scale.
+//! Series with the same unit share an axis: the first unit the left one, the second unit the right one.
+//! Series of further units have their own scale.
 
 mod canvas;
 mod content;
@@ -68,14 +68,14 @@ impl Plot<'_> {
         legend::render(self, places.legend, buf);
     }
 
-    /// The time at a column of the screen, if that is in the plot.
+    /// The time of a screen column inside the plot.
     pub fn time_at(&self, area: Rect, x: u16) -> Option<i64> {
         let plot = Places::new(self, area).plot;
         let column = x.checked_sub(plot.x).filter(|column| *column < plot.width)?;
         Some(self.window.time(u32::from(column), u32::from(plot.width)))
     }
 
-    /// The last time of the column that is so many columns behind that of a time, inside the plot or not.
+    /// Last time of the column that is `columns` columns after the column of `time`, inside the plot or not.
     pub fn beside(&self, area: Rect, time: i64, columns: i64) -> i64 {
         let width = u32::from(Places::new(self, area).plot.width.max(1));
         let wanted = self.window.column(time, width).saturating_add(columns);
@@ -89,12 +89,12 @@ impl Plot<'_> {
         }
     }
 
-    /// The legend as text, a line a series below one with the titles.
+    /// The legend as text: a line with the heads, then one line per series.
     pub fn legend(&self) -> String {
         legend::text(self)
     }
 
-    /// How many columns of dots the plot has: finer pieces of time than these are not seen.
+    /// Number of dot columns; finer samples are not visible.
     pub fn resolution(&self, area: Rect) -> u32 {
         let per_cell = if self.theme.borders() == Borders::Unicode { 2 } else { 1 };
         u32::from(Places::new(self, area).plot.width) * per_cell

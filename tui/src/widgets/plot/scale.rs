@@ -1,46 +1,46 @@
-//! Numbers on axes: steps of 1, 2 and 5, and as many decimals as tell them apart.
+//! Axis numbers: steps of 1, 2 and 5 with the necessary decimals.
 
 use crate::widgets::draw;
 
-/// Powers of ten of a second.
+/// Nanoseconds per second.
 const SECOND: u64 = 1_000_000_000;
 /// Significant digits of a value.
 const DIGITS: i32 = 5;
-/// More ticks than this no screen has room for.
+/// Maximum number of ticks.
 const MOST_TICKS: u32 = 64;
 
-/// A range of values with ticks at round numbers.
+/// A value range with ticks at round numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// At the bottom.
+    /// Value at the bottom.
     pub low: f64,
-    /// At the top.
+    /// Value at the top.
     pub high: f64,
     step: f64,
 }
 
 impl Scale {
-    /// A scale for values from `low` to `high`, with ticks at its ends and about `ticks` steps between them.
+    /// A scale for `low` to `high` with ticks at its ends and about `ticks` steps between them.
     pub fn round(low: f64, high: f64, ticks: u16) -> Self {
         let (low, high) = widened(low, high);
         let step = round_step((high / 2.0 - low / 2.0) * 2.0 / f64::from(ticks.max(1)));
         Self { low: (low / step).floor() * step, high: (high / step).ceil() * step, step }
     }
 
-    /// A scale that ends where the values do.
+    /// A scale that ends exactly at `low` and `high`.
     pub fn exact(low: f64, high: f64) -> Self {
         let (low, high) = widened(low, high);
         Self { low, high, step: high - low }
     }
 
-    /// Where a value is among so many rows, the lowest of which is 0; beyond the ends it is at the end.
+    /// Row of a value; row 0 is the lowest. Values beyond the ends are at the end.
     pub fn row(&self, value: f64, rows: u32) -> u32 {
-        // Halves, since the difference of two numbers may be none.
+        // Halves, because the difference of two finite numbers may overflow.
         let share = (value / 2.0 - self.low / 2.0) / (self.high / 2.0 - self.low / 2.0);
         draw::part(share, rows.saturating_sub(1))
     }
 
-    /// The values that are written at the axis.
+    /// Values of the ticks.
     pub fn ticks(&self) -> impl Iterator<Item = f64> + use<> {
         let Self { low, high, step } = *self;
         (0..MOST_TICKS)
@@ -48,15 +48,15 @@ impl Scale {
             .take_while(move |tick| *tick < high + step / 2.0)
     }
 
-    /// How a tick is written.
+    /// Label of a tick.
     pub fn label(&self, tick: f64) -> String {
-        // What is left of a sum that should be 0.
+        // A rounding error of a tick at 0.
         let tick = if tick.abs() < self.step / 1e6 { 0.0 } else { tick };
         number(tick, decimals(&[self.step, self.low]))
     }
 }
 
-/// A range with something in it.
+/// The range, widened if it is empty.
 fn widened(low: f64, high: f64) -> (f64, f64) {
     let (low, high) = (low.clamp(-1e300, 1e300), high.clamp(-1e300, 1e300));
     if high - low > low.abs().max(high.abs()) * 1e-12 {
@@ -66,20 +66,20 @@ fn widened(low: f64, high: f64) -> (f64, f64) {
     (low - by, high + by)
 }
 
-/// The next larger of 1, 2 and 5 times a power of ten.
+/// The smallest of 1, 2 and 5 times a power of ten that is at least `least`.
 fn round_step(least: f64) -> f64 {
     let ten = 10_f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * ten);
     steps.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(ten * 10.0)
 }
 
-/// How many decimals are needed to write values to five digits, none of them without need.
+/// Number of decimals that shows the values with five digits, without trailing zeros.
 pub fn decimals(values: &[f64]) -> usize {
     let largest =
         values.iter().copied().filter(|value| value.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
     let mut power = 1.0;
     let mut most = 0;
-    // As long as another decimal adds a digit that counts.
+    // While another decimal adds a significant digit.
     while most < 9 && largest * power < 10_f64.powi(DIGITS - 1) && largest > 0.0 {
         power *= 10.0;
         most += 1;
@@ -94,7 +94,7 @@ pub fn decimals(values: &[f64]) -> usize {
     (0..most).find(is_enough).unwrap_or(most)
 }
 
-/// Writes a value; those no one would write out have an exponent.
+/// Text of a value; very large and very small ones have an exponent.
 pub fn number(value: f64, decimals: usize) -> String {
     let size = value.abs();
     if value.is_nan() {
@@ -111,7 +111,7 @@ pub fn number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// The next larger of 1, 2 and 5 times a power of ten nanoseconds.
+/// The smallest of 1, 2 and 5 times a power of ten nanoseconds that is at least `least`.
 pub fn time_step(least: u64) -> u64 {
     let mut ten = 1_u64;
     loop {
@@ -125,7 +125,7 @@ pub fn time_step(least: u64) -> u64 {
     }
 }
 
-/// How many decimals of a second tell times so many nanoseconds apart from each other.
+/// Number of decimals that distinguishes times `step` ns apart.
 pub fn time_decimals(step: u64) -> usize {
     let mut decimals = 0;
     let mut unit = SECOND;
@@ -136,7 +136,7 @@ pub fn time_decimals(step: u64) -> usize {
     decimals
 }
 
-/// Writes nanoseconds as seconds.
+/// Nanoseconds as seconds.
 pub fn seconds(nanoseconds: i64, decimals: usize) -> String {
     let unit = 10_u64.pow(9 - u32::try_from(decimals.min(9)).unwrap_or(9));
     let rounded = nanoseconds.unsigned_abs().saturating_add(unit / 2) / unit;

@@ -1,4 +1,4 @@
-//! Whole plots as they are seen.
+//! Tests of complete plots as text.
 
 use super::*;
 use crate::bucket::Bucket;
@@ -104,9 +104,9 @@ fn times_count_from_the_zero_that_was_given() {
             " 2.00                2.05                  s",
         ]
     );
-    // What was recorded ends within the window.
+    // The capture ends within the window.
     assert_eq!(drawn(plot.until(10_060 * MILLISECOND), 44, 6)[1], "20+                    *....");
-    // A value is not held for longer than this, so there is nothing on the left.
+    // A value applies no longer than this: the left side is empty.
     assert_eq!(
         drawn(plot.gap(Some(200 * MILLISECOND)), 44, 6)[1..4],
         ["25+", "20+                    *....................", "15+"]
@@ -141,7 +141,7 @@ fn clicks_find_times() {
     let theme = plain(Borders::Unicode);
     let plot = Plot::new(&theme, &series, 100, 299);
     let area = Rect::new(5, 5, 23, 10);
-    // Three columns for "20" and the axis.
+    // "20" and the axis take three columns.
     assert_eq!(plot.resolution(area), 40);
     let times = [7, 8, 9, 27, 28].map(|x| plot.time_at(area, x));
     assert_eq!(times, [None, Some(100), Some(110), Some(290), None]);
@@ -197,7 +197,7 @@ fn columns_are_counted_from_a_time() {
     let (from, to) = ends(0, 100);
     let theme = plain(Borders::Ascii);
     let plot = Plot::new(&theme, &series, from, to);
-    // Two columns of labels and the axis leave 50: of 2 ms each.
+    // Labels and axis take three columns, which leaves 50 of 2 ms each.
     let area = Rect::new(0, 0, 53, 6);
     assert_eq!(plot.beside(area, 9 * MILLISECOND, 0), 10 * MILLISECOND - 1);
     assert_eq!(plot.beside(area, 9 * MILLISECOND, 1), 12 * MILLISECOND - 1);
@@ -212,7 +212,7 @@ fn a_column_is_found_again_by_its_times() {
     let set = values(&[(0, 10.0), (50, 20.0)]);
     let series = [series("set point", "", 0, &set)];
     let theme = plain(Borders::Ascii);
-    // 1,000 ns do not divide into 47 columns.
+    // 1,000 ns cannot be divided into 47 columns.
     let plot = Plot::new(&theme, &series, 5, 1_004);
     let area = Rect::new(0, 0, 47, 4);
     for x in 0..47 {

@@ -1,9 +1,9 @@
-//! The line of one series: a value holds until the next one comes.
+//! Curve of one series: a value applies until the next one.
 //!
 //! ```text
 //!        ┌──┐         buckets in one column of dots   ▸ one span from their lowest to their highest value
-//!   ─────┘  └───      the next value elsewhere        ▸ a vertical join where it comes
-//!                ─    nothing for longer than the gap ▸ the line ends
+//!   ─────┘  └───      next value in another column    ▸ a vertical join at its column
+//!                ─    no value for longer than the gap ▸ the line ends
 //! ```
 
 use super::canvas::{Canvas, Ink};
@@ -11,27 +11,27 @@ use super::scale::Scale;
 use super::window::Window;
 use crate::bucket::Bucket;
 
-/// The dots of one column, as far as they are known.
+/// Known dots of one column.
 #[derive(Clone, Copy, Debug)]
 struct Column {
-    /// Among the columns of dots; before 0 where the line comes in from the left.
+    /// Index of the column; negative for a value left of the window.
     at: i64,
     low: u32,
     high: u32,
-    /// The row of the last value.
+    /// Row of the last value.
     last: u32,
-    /// When that was.
+    /// Time of the last value.
     time: i64,
 }
 
-/// The buckets that are in a window, and one on either side of it.
+/// Buckets in a window, and one on either side.
 pub fn in_window<'a>(points: &'a [Bucket], window: &Window) -> &'a [Bucket] {
     let start = points.partition_point(|bucket| bucket.t < window.from).saturating_sub(1);
     let end = points.partition_point(|bucket| bucket.t <= window.to).saturating_add(1);
     points.get(start..end.min(points.len())).unwrap_or_default()
 }
 
-/// The lowest and the highest number of the buckets in a window itself.
+/// Lowest and highest number of the buckets in a window.
 pub fn extremes(points: &[Bucket], window: &Window) -> Option<(f64, f64)> {
     let inside = in_window(points, window).iter().filter(|bucket| window.contains(bucket.t));
     let bounds = inside.filter_map(Bucket::bounds).flat_map(|(low, high)| [low, high]);
@@ -41,7 +41,7 @@ pub fn extremes(points: &[Bucket], window: &Window) -> Option<(f64, f64)> {
     })
 }
 
-/// Draws a series onto a canvas.
+/// Draws a series on a canvas.
 pub fn draw(canvas: &mut Canvas, points: &[Bucket], window: &Window, scale: &Scale, series: usize) {
     let mut pen: Option<Column> = None;
     for bucket in in_window(points, window) {
@@ -75,7 +75,7 @@ pub fn draw(canvas: &mut Canvas, points: &[Bucket], window: &Window, scale: &Sca
     }
 }
 
-/// Draws the values of a column, if it is in view.
+/// Draws the values of a visible column.
 fn finish(canvas: &mut Canvas, column: Option<Column>, series: usize) {
     if let Some(column) = column
         && let Ok(at) = u32::try_from(column.at)
@@ -84,7 +84,7 @@ fn finish(canvas: &mut Canvas, column: Option<Column>, series: usize) {
     }
 }
 
-/// Draws what is between two columns: the earlier value holds, then comes the later one.
+/// Draws the line between two columns: the earlier value, then the join to the later one.
 fn join(canvas: &mut Canvas, from: Column, to: Column, series: usize) {
     hold(canvas, from, to.at, series);
     if let Ok(at) = u32::try_from(to.at) {
@@ -96,7 +96,7 @@ fn join(canvas: &mut Canvas, from: Column, to: Column, series: usize) {
     }
 }
 
-/// Draws the last value of a column up to another one.
+/// Extends the last value of a column up to column `end`.
 fn hold(canvas: &mut Canvas, from: Column, end: i64, series: usize) {
     for at in from.at.saturating_add(1).max(0)..end.min(i64::from(canvas.columns())) {
         if let Ok(at) = u32::try_from(at) {
@@ -144,7 +144,7 @@ mod tests {
     fn nothing_of_a_spike_is_lost() {
         let points = [value(2, 1.0), Bucket { t: 5, min: 0.0, max: 2.0, last: 1.0 }, value(8, 1.0)];
         assert_eq!(drawn(&points, None, Borders::Ascii), ["     *", "  *..*..*", "     *"]);
-        // Many buckets in a column are one span.
+        // The buckets of one column form one span.
         let points = [value(5, 1.0), value(5, 2.0), value(5, 0.0), value(5, 1.0)];
         assert_eq!(drawn(&points, None, Borders::Ascii), ["     *", "     *", "     *"]);
     }

@@ -1,13 +1,13 @@
-//! The time in view.
+//! The visible time range.
 
-/// What is in view.
+/// The visible time range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     pub(super) from: i64,
-    /// Still in view.
+    /// End, inclusive.
     pub(super) to: i64,
     pub(super) gap: Option<i64>,
-    /// Beyond it nothing is known, so no value holds.
+    /// No value applies after this time.
     pub(super) until: i64,
 }
 
@@ -16,22 +16,22 @@ impl Window {
         (self.from..=self.to).contains(&time)
     }
 
-    /// Whether nothing came for so long that no line joins two times.
+    /// Whether the distance of two times is longer than the gap, so that no line joins them.
     pub(super) fn is_gap(&self, earlier: i64, later: i64) -> bool {
         self.gap.is_some_and(|gap| later.saturating_sub(earlier) > gap)
     }
 
-    /// The last time in view at which a value may hold.
+    /// Last visible time at which a value may apply.
     pub(super) fn end(&self) -> i64 {
         self.to.min(self.until)
     }
 
-    /// Nanoseconds in view.
+    /// Length in ns.
     pub(super) fn span(&self) -> u64 {
         self.to.abs_diff(self.from).saturating_add(1)
     }
 
-    /// In which of so many columns a time is; before it -1, behind it their number.
+    /// Column of a time: -1 before the window, `columns` after it.
     pub(super) fn column(&self, time: i64, columns: u32) -> i64 {
         if time < self.from {
             -1
@@ -43,7 +43,7 @@ impl Window {
         }
     }
 
-    /// The first time of a column.
+    /// First time of a column.
     pub(super) fn time(&self, column: u32, columns: u32) -> i64 {
         let after = (u128::from(column) * u128::from(self.span())).div_ceil(u128::from(columns.max(1)));
         u64::try_from(after)

@@ -1,63 +1,63 @@
-//! Which columns have room and where they stand.
+//! Selection and position of the visible columns.
 //!
 //! ```text
-//! 100 columns   No   Time      ID   Node     What               Data
-//!  60 columns   No   Time      ID   What               (Node and Data had the lowest priority)
+//! 100 columns   No   Time      ID   Node     Event              Data
+//!  60 columns   No   Time      ID   Event              (Node and Data had the lowest priority)
 //! ```
 
 use std::borrow::Cow;
 
 use crate::widgets::draw::Align;
 
-/// Between two columns.
+/// Space between two columns.
 const SPACE: u16 = 1;
-/// Less than this a column that takes what is left is not worth having.
+/// Minimum width of a column that fills the rest.
 const LEAST_FILL: u16 = 10;
 
-/// How wide a column is.
+/// Width of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
-    /// Always so many.
+    /// A fixed width.
     Fixed(u16),
-    /// At least so many; more where there is room and no column that takes all of it.
+    /// A minimum width. The column grows if there is room and no `Fill` column.
     Min(u16),
-    /// What is left, but at least ten; several share it.
+    /// The rest of the width, but at least ten; several columns share it.
     Fill,
 }
 
 /// A column of a table.
 #[derive(Clone, Debug)]
 pub struct Column {
-    /// Stands above it.
+    /// Column head.
     pub title: Cow<'static, str>,
-    /// How wide it is.
+    /// Width on the screen.
     pub width: Width,
-    /// On which side its text stands.
+    /// Alignment of its text.
     pub align: Align,
-    /// Where there is not room for all, the lowest goes first; of equal ones the rightmost.
+    /// In a narrow table the column with the lowest priority is dropped first; of equal ones the rightmost.
     pub priority: u8,
 }
 
 impl Column {
-    /// A column of text on the left that is the last to go.
+    /// A left-aligned column with the highest priority.
     pub fn new(title: impl Into<Cow<'static, str>>, width: Width) -> Self {
         Self { title: title.into(), width, align: Align::Left, priority: u8::MAX }
     }
 
-    /// Puts numbers on the right.
+    /// Aligns the column to the right, for numbers.
     #[must_use]
     pub fn right(self) -> Self {
         Self { align: Align::Right, ..self }
     }
 
-    /// Says when the column goes.
+    /// Sets the priority.
     #[must_use]
     pub fn priority(self, priority: u8) -> Self {
         Self { priority, ..self }
     }
 }
 
-/// What a column needs at least.
+/// Minimum width.
 fn least_of(width: Width) -> u16 {
     match width {
         Width::Fixed(least) | Width::Min(least) => least,
@@ -65,22 +65,22 @@ fn least_of(width: Width) -> u16 {
     }
 }
 
-/// A column that has room.
+/// A visible column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Placed {
-    /// Which of the table's columns.
+pub struct VisibleColumn {
+    /// Index in the columns of the table.
     pub index: usize,
-    /// Columns of the screen before it, from the table's left.
+    /// Offset from the left edge of the table.
     pub x: u16,
-    /// Its width.
+    /// Width on the screen.
     pub width: u16,
 }
 
-/// Gives the columns that have room in `available` their places, from left to right.
-pub fn place(columns: &[Column], available: u16) -> Vec<Placed> {
+/// Places the columns that fit into `available`, from left to right.
+pub fn place(columns: &[Column], available: u16) -> Vec<VisibleColumn> {
     let mut kept: Vec<_> = columns.iter().enumerate().collect();
     while kept.len() > 1 && least(&kept) > available {
-        // The last of the least important ones.
+        // The rightmost of the columns with the lowest priority.
         let goes = kept.iter().enumerate().rev().min_by_key(|(_, (_, column))| column.priority);
         let Some((at, _)) = goes else { break };
         kept.remove(at);
@@ -105,14 +105,14 @@ pub fn place(columns: &[Column], available: u16) -> Vec<Placed> {
         }
         let width = width.min(available.saturating_sub(x));
         if width > 0 {
-            placed.push(Placed { index, x, width });
+            placed.push(VisibleColumn { index, x, width });
         }
         x = x.saturating_add(width).saturating_add(SPACE);
     }
     placed
 }
 
-/// What these columns need at least, spaces between them included.
+/// Minimum width of these columns with the spaces between them.
 fn least(kept: &[(usize, &Column)]) -> u16 {
     let widths = kept.iter().fold(0_u16, |sum, (_, column)| sum.saturating_add(least_of(column.width)));
     let spaces = u16::try_from(kept.len().saturating_sub(1)).unwrap_or(u16::MAX);

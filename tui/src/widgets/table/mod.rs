@@ -1,9 +1,9 @@
-//! A table of any number of rows, of which only those in view are ever asked for.
+//! A table of any number of rows; only the visible rows are requested.
 //!
 //! ```text
-//! No▲ Time      Node  What                │  titles, the mark of the sorted column
-//!  17    0.412  boom  ▾ boot-up           █  an item that is open, and below it what belongs to it
-//!  18    0.413  boom    EMCY 0000 no err… █  ◀ the selected line is highlighted as a whole
+//! No▲ Time      Node  Event               │  column heads with the sort mark
+//!  17    0.412  boom  ▾ boot-up           █  an expanded row with its children below
+//!  18    0.413  boom    EMCY 0000 no err… █  ◀ the whole selected row is highlighted
 //!  19    0.900  boom  ▸ SDO download      │
 //! ```
 
@@ -22,12 +22,12 @@ use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
 pub use crate::widgets::draw::Align;
 
-/// One value in a row.
+/// A cell of a row.
 #[derive(Clone, Debug, Default)]
 pub struct Cell<'a> {
-    /// What it says.
+    /// Text of the cell.
     pub text: Line<'a>,
-    /// How, for whatever of the text has no style of its own.
+    /// Style of the parts of the text without their own style.
     pub style: Style,
 }
 
@@ -44,23 +44,23 @@ impl<'a, T: Into<Line<'a>>> From<T> for Cell<'a> {
     }
 }
 
-/// The place of a row in a tree.
+/// Position of a row in a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// How deep it is.
+    /// Depth, 0 at the root.
     pub level: u8,
-    /// Whether what belongs to it is shown; nothing where nothing does.
+    /// Whether its children are shown; None without children.
     pub open: Option<bool>,
 }
 
-/// One row.
+/// A row of a table.
 #[derive(Clone, Debug, Default)]
 pub struct Row<'a> {
-    /// As many as there are columns, in their order; missing ones are empty.
+    /// Cells in column order; missing cells are empty.
     pub cells: Vec<Cell<'a>>,
-    /// Below the styles of the cells.
+    /// Style under the styles of the cells.
     pub style: Style,
-    /// Its place in a tree, if the table is one.
+    /// Position in a tree, if the table is one.
     pub group: Option<Group>,
 }
 
@@ -70,23 +70,23 @@ impl<'a> Row<'a> {
         Self { cells: cells.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
-    /// Sets what is below the styles of the cells.
+    /// Sets the style under the styles of the cells.
     #[must_use]
     pub fn style(self, style: Style) -> Self {
         Self { style, ..self }
     }
 
-    /// Puts the row into a tree.
+    /// Sets the position in a tree.
     #[must_use]
     pub fn group(self, level: u8, open: Option<bool>) -> Self {
         Self { group: Some(Group { level, open }), ..self }
     }
 }
 
-/// Gives the row of a number.
+/// Returns the row with an index.
 type Rows<'a> = Box<dyn FnMut(usize) -> Row<'a> + 'a>;
 
-/// A table to be drawn.
+/// A table with its rows and state.
 pub struct Table<'a> {
     theme: &'a Theme,
     columns: &'a [Column],
@@ -105,52 +105,49 @@ impl<'a> Table<'a> {
         Self { theme, columns, count: 0, rows, state: None, is_focused: true, tree_column: 0, empty: "" }
     }
 
-    /// How many rows there are.
+    /// Sets the number of rows.
     #[must_use]
     pub fn row_count(self, count: usize) -> Self {
         Self { count, ..self }
     }
 
-    /// Gives the rows; asked only for those in view.
+    /// Sets the source of rows; it is called for visible rows only.
     #[must_use]
-    #[expect(
-        clippy::redundant_closure,
-        reason = "only a closure makes of a longer lived row a shorter lived one"
-    )]
+    #[expect(clippy::redundant_closure, reason = "the closure shortens the lifetime of the row")]
     pub fn rows<'row: 'a>(self, mut rows: impl FnMut(usize) -> Row<'row> + 'a) -> Self {
         Self { rows: Box::new(move |index| rows(index)), ..self }
     }
 
-    /// What is selected and in view.
+    /// Sets the selection and the visible part.
     #[must_use]
     pub fn state(self, state: &'a TableState) -> Self {
         Self { state: Some(state), ..self }
     }
 
-    /// Whether keys act on this table.
+    /// Sets whether keys act on this table.
     #[must_use]
     pub fn focused(self, is_focused: bool) -> Self {
         Self { is_focused, ..self }
     }
 
-    /// The column that is indented by [`Row::group`]; the first one unless said otherwise.
+    /// Sets the column indented by [`Row::group`]; the default is the first one.
     #[must_use]
     pub fn tree_column(self, column: usize) -> Self {
         Self { tree_column: column, ..self }
     }
 
-    /// What to say where there are no rows.
+    /// Sets the text of an empty table.
     #[must_use]
     pub fn empty(self, text: &'a str) -> Self {
         Self { empty: text, ..self }
     }
 
-    /// How many rows are in view in an area: what `TableState` calls the height.
+    /// Number of visible rows in an area: the height for `TableState`.
     pub fn height(area: Rect) -> usize {
         usize::from(body(area).height)
     }
 
-    /// How wide a column is drawn where the table has so many columns of the screen; 0 where it has no room.
+    /// Width of a column in a table of `width`; 0 if it is not visible.
     pub fn width_of(columns: &[Column], index: usize, width: u16) -> u16 {
         columns::place(columns, width)
             .iter()
@@ -191,7 +188,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// The row at a line of the screen.
+    /// The row at a screen line.
     pub fn row_at(&self, area: Rect, y: u16, state: &TableState) -> Option<usize> {
         let body = body(area);
         let line = usize::from(y.checked_sub(body.y)?);
@@ -199,7 +196,7 @@ impl<'a> Table<'a> {
         (line < visible.len()).then(|| visible.start + line)
     }
 
-    /// The column at a column of the screen; the space behind one belongs to it.
+    /// The column at a screen column; the space after a column belongs to it.
     pub fn column_at(&self, area: Rect, x: u16) -> Option<usize> {
         let inside = self.inside(area);
         if !(inside.left()..inside.right()).contains(&x) {
@@ -209,24 +206,24 @@ impl<'a> Table<'a> {
         placed.iter().rev().find(|column| inside.x + column.x <= x).map(|column| column.index)
     }
 
-    /// Whether a line of the screen is that of the titles.
+    /// Whether a screen line is that of the column heads.
     pub fn is_title_at(area: Rect, y: u16) -> bool {
         area.y == y && body(area).y > y
     }
 
-    /// The rows in view.
+    /// Indices of the visible rows.
     fn visible(&self, area: Rect) -> std::ops::Range<usize> {
         let height = Self::height(area);
         self.state.map_or(0..height.min(self.count), |state| state.visible(height, self.count))
     }
 
-    /// The area without the scrollbar.
+    /// The area without the scroll bar.
     fn inside(&self, area: Rect) -> Rect {
         let scrolls = self.count > Self::height(area) && area.width > 2;
         Rect { width: area.width - u16::from(scrolls), ..area }
     }
 
-    fn draw_titles(&self, placed: &[columns::Placed], area: Rect, buf: &mut Buffer) {
+    fn draw_titles(&self, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
         let sort = self.state.and_then(|state| state.sort);
         for column in placed {
             let Some(Column { title, align, .. }) = self.columns.get(column.index) else { continue };
@@ -241,7 +238,7 @@ impl<'a> Table<'a> {
             if self.is_focused && self.state.is_some_and(|state| state.column == column.index) {
                 style = style.patch(self.theme.style(Role::Key));
             }
-            // The mark is what must be seen of a title that has to be cut.
+            // The mark stays visible if the head is cut.
             let mark_width = draw::width(mark).min(place.width);
             place.width -= mark_width;
             draw::line(buf, place, &Line::styled(title.as_ref(), style), *align, self.theme);
@@ -253,9 +250,9 @@ impl<'a> Table<'a> {
         }
     }
 
-    fn draw_row(&self, row: &Row<'_>, placed: &[columns::Placed], area: Rect, buf: &mut Buffer) {
+    fn draw_row(&self, row: &Row<'_>, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
         buf.set_style(area, row.style);
-        // A tree stays a tree where its own column had no room.
+        // If the column of the tree is not visible, the next one shows the tree.
         let tree = placed.iter().find(|column| column.index >= self.tree_column).or(placed.first());
         for column in placed {
             let mut place = Rect { x: area.x + column.x, width: column.width, ..area };
@@ -272,7 +269,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Draws the indent and the mark of a tree's row; gives the place behind it.
+    /// Draws indent and mark of a tree row; returns the rest of the cell.
     fn draw_branch(&self, group: Group, place: Rect, buf: &mut Buffer) -> Rect {
         let mark = match group.open {
             Some(true) => self.theme.glyph(Glyph::Open),
@@ -285,8 +282,8 @@ impl<'a> Table<'a> {
         Rect { x: place.x + used, width: place.width - used, ..place }
     }
 
-    /// Underlines the cell of the selected line that belongs to the current column.
-    fn mark_cell(&self, placed: &[columns::Placed], place: Rect, buf: &mut Buffer) {
+    /// Underlines the current column in the selected row.
+    fn mark_cell(&self, placed: &[columns::VisibleColumn], place: Rect, buf: &mut Buffer) {
         let current = self.state.map(|state| state.column).filter(|_| self.is_focused);
         if let Some(column) = placed.iter().find(|column| Some(column.index) == current) {
             let cell = Rect { x: place.x + column.x, width: column.width, ..place };
@@ -295,7 +292,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The area without the titles, for which a single line is too dear.
+/// The area without the heads, which are dropped in an area of one line.
 fn body(area: Rect) -> Rect {
     let titles = u16::from(area.height > 1);
     Rect { y: area.y + titles, height: area.height - titles, ..area }

@@ -1,39 +1,39 @@
-//! Where one is in a table: plain data, moved by keys without any drawing.
+//! Selection and scroll position of a table, without drawing.
 //!
 //! ```text
 //! offset ──▶  ┌──────────┐
 //!             │          │
-//! selected ─▶ │▒▒▒▒▒▒▒▒▒▒│   two lines before and behind it stay in view
+//! selected ─▶ │▒▒▒▒▒▒▒▒▒▒│   two rows before and after it stay visible
 //!             │          │
 //!             └──────────┘
 //! ```
 
 use std::ops::Range;
 
-/// How many lines are kept in view before and behind the selected one.
+/// Number of visible rows kept before and after the selected one.
 const MARGIN: usize = 2;
 
-/// The selected row and what is in view.
+/// Selection, scroll position and sort order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TableState {
-    /// The row keys act on.
+    /// The selected row.
     pub selected: usize,
-    /// The first row in view, as far as the selection allows; see [`TableState::visible`].
+    /// First visible row, unless the selection requires another; see [`TableState::visible`].
     pub offset: usize,
-    /// By which column the rows are sorted, and whether descending.
+    /// Column of the sort order, and whether it is descending.
     pub sort: Option<(usize, bool)>,
-    /// The column keys act on.
+    /// The selected column.
     pub column: usize,
 }
 
 impl TableState {
-    /// Moves the selection by some rows, stopping at both ends.
+    /// Moves the selection by `delta` rows, but not beyond the ends.
     pub fn move_by(&mut self, delta: isize, len: usize) {
         self.selected = self.selected.saturating_add_signed(delta);
         self.clamp(len);
     }
 
-    /// Moves by pages of `height` rows; one row stays in view.
+    /// Moves the selection by pages of `height` rows with an overlap of one row.
     pub fn page(&mut self, delta: isize, height: usize, len: usize) {
         let rows = isize::try_from(height.saturating_sub(1).max(1)).unwrap_or(isize::MAX);
         let by = delta.saturating_mul(rows);
@@ -42,7 +42,7 @@ impl TableState {
         self.settle(height, len);
     }
 
-    /// Scrolls without moving the selection, except where it would leave the view.
+    /// Scrolls; the selection moves only if it would leave the visible part.
     pub fn scroll(&mut self, delta: isize, height: usize, len: usize) {
         let last = len.saturating_sub(height);
         self.offset = self.visible(height, len).start.saturating_add_signed(delta).min(last);
@@ -53,24 +53,24 @@ impl TableState {
         self.clamp(len);
     }
 
-    /// Goes to the first row.
+    /// Selects the first row.
     pub fn home(&mut self) {
         self.selected = 0;
         self.offset = 0;
     }
 
-    /// Goes to the last row.
+    /// Selects the last row.
     pub fn end(&mut self, len: usize) {
         self.selected = usize::MAX;
         self.clamp(len);
     }
 
-    /// Moves to another column of `count`.
+    /// Selects another of `count` columns.
     pub fn move_column(&mut self, delta: isize, count: usize) {
         self.column = self.column.saturating_add_signed(delta).min(count.saturating_sub(1));
     }
 
-    /// Sorts by the current column: ascending, descending, not at all.
+    /// Cycles the sort order of the current column: ascending, descending, off.
     pub fn cycle_sort(&mut self) {
         self.sort = match self.sort {
             Some((column, false)) if column == self.column => Some((column, true)),
@@ -79,18 +79,18 @@ impl TableState {
         };
     }
 
-    /// Keeps the selection within `len` rows.
+    /// Limits the selection to `len` rows.
     pub fn clamp(&mut self, len: usize) {
         self.selected = self.selected.min(len.saturating_sub(1));
     }
 
-    /// Remembers what is in view, so that the view stays when the selection turns back. Called after moves,
-    /// by whoever knows how many rows were in view.
+    /// Stores the visible part, so that it stays in place when the selection moves back. Called after moves,
+    /// with the number of visible rows.
     pub fn settle(&mut self, height: usize, len: usize) {
         self.offset = self.visible(height, len).start;
     }
 
-    /// The rows in view: from `offset` on, moved as far as the selection and the end of the table ask.
+    /// The visible rows: from `offset`, moved as far as the selection and the end of the table require.
     pub fn visible(&self, height: usize, len: usize) -> Range<usize> {
         let selected = self.selected.min(len.saturating_sub(1));
         let margin = margin(height);
@@ -101,7 +101,7 @@ impl TableState {
     }
 }
 
-/// In a view of few rows the margin is what is left beside the selected one.
+/// Rows kept before and after the selection in a view of `height` rows.
 fn margin(height: usize) -> usize {
     MARGIN.min(height.saturating_sub(1) / 2)
 }

@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! t 123 2 11 22 [EA5F] CR     11-bit data frame: identifier, DLC, data, milliseconds 0..=59,999
-//! T 18FEF100 1 AA CR          29-bit        r, R  remote frames: no data behind the DLC
-//! d, D  FD frame       b, B  FD frame with bit rate switch: DLC 9..F stand for 12..64 bytes
+//! T 18FEF100 1 AA CR          29-bit        r, R  remote frames: no data after the DLC
+//! d, D  FD frame       b, B  FD frame with bit rate switch: DLC 9..F mean 12..64 bytes
 //! CR done    BEL refused    F 00 CR status flags
 //! s p 130 005 CR              state (a, w, p, b) and receive and transmit error counters, decimal
-//! e 2 a c CR                  bus errors, counted
+//! e 2 a c CR                  number of bus errors, then one letter per error
 //! ```
 //!
 //! Sources: Lawicel, CAN232 manual version 3; README of the CANable 2 firmware (normaldotcom/canable2-fw);
@@ -14,20 +14,20 @@
 
 use std::fmt;
 
-use super::{Begun, hexadecimal};
+use super::{PendingReply, hexadecimal};
 use crate::capture::text::lines::excerpt;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
-/// Longest line that is read, in bytes without its end; the longest frame has 142.
+/// Longest accepted line in bytes, without its end; the longest frame has 142.
 pub const LONGEST_LINE: usize = 160;
 
-/// Ends a line, and by itself says "done".
+/// Ends a line; alone, it means "done".
 const CR: u8 = b'\r';
 
-/// Says "refused".
+/// Means "refused".
 const BEL: u8 = 0x07;
 
-/// A bit rate the protocol has a command for.
+/// A bit rate for which the protocol has a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BitRate(usize);
 
@@ -45,35 +45,35 @@ const BIT_RATES: [(u32, &[u8]); 9] = [
 ];
 
 impl BitRate {
-    /// The rate of so many bit/s; `None` where the protocol has no command for it.
+    /// The command for this bit rate; `None` if the protocol has none.
     pub fn of(bits_per_second: u32) -> Option<Self> {
         BIT_RATES.iter().position(|(rate, _)| *rate == bits_per_second).map(Self)
     }
 
-    /// All of them, in bit/s, ascending.
+    /// All supported bit rates in bit/s, ascending.
     pub fn all() -> impl Iterator<Item = u32> {
         BIT_RATES.iter().map(|(rate, _)| *rate)
     }
 }
 
-/// What an adapter can be told. There is no command here that transmits a frame, or that opens the channel
-/// in another mode than listening, and no way to make one.
+/// Commands to an adapter. No command transmits a frame or opens the channel in another mode than
+/// listen-only, and none can be constructed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// Closes the channel.
+    /// Close the channel.
     Close,
-    /// Sets the bit rate; only while the channel is closed.
+    /// Set the bit rate; only while the channel is closed.
     SetBitRate(BitRate),
-    /// Puts milliseconds behind each frame; only while the channel is closed.
+    /// Append milliseconds to each frame; only while the channel is closed.
     TimestampsOn,
-    /// Opens the channel to listen only: the controller does not even acknowledge frames.
+    /// Open the channel in listen-only mode: the controller does not even acknowledge frames.
     Listen,
-    /// Asks for the status flags, which clears them.
+    /// Read the status flags, which also clears them.
     ReadFlags,
 }
 
 impl Command {
-    /// The bytes to write, a whole line.
+    /// The bytes to write: one complete line.
     pub fn bytes(self) -> &'static [u8] {
         match self {
             Self::Close => b"C\r",
@@ -85,11 +85,11 @@ impl Command {
     }
 }
 
-/// The adapter's status flags since they were last read.
+/// The adapter's status flags since the last read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StatusFlags(pub u8);
 
-/// Bit and meaning, as the CAN232 manual has them under `F`.
+/// Bit and meaning, from command `F` of the CAN232 manual.
 const FLAGS: [(u8, &str); 7] = [
     (0, "receive queue full"),
     (1, "transmit queue full"),
@@ -101,13 +101,13 @@ const FLAGS: [(u8, &str); 7] = [
 ];
 
 impl StatusFlags {
-    /// Whether frames did not reach the computer: the queue was full (bit 0) or the controller overran (bit 3).
+    /// Whether frames were lost in the adapter: full queue (bit 0) or overrun of the controller (bit 3).
     pub const fn lost_frames(self) -> bool {
         self.0 & 0b1001 != 0
     }
 }
 
-/// What is set, in words: `error warning, bus error`; nothing where nothing is.
+/// Names of the set flags: `error warning, bus error`; empty if none is set.
 impl fmt::Display for StatusFlags {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let set = FLAGS.iter().filter(|(bit, _)| self.0 >> bit & 1 != 0);
@@ -119,23 +119,23 @@ impl fmt::Display for StatusFlags {
     }
 }
 
-/// How far a controller takes part in its bus (ISO 11898-1, fault confinement).
+/// Fault confinement state of a controller (ISO 11898-1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Confinement {
-    /// Both counters below 96.
+    /// Both error counters are below 96.
     Active,
-    /// A counter of 96 or more.
+    /// An error counter is 96 or more.
     Warning,
-    /// A counter of 128 or more.
+    /// An error counter is 128 or more.
     Passive,
-    /// The transmit counter went past 255: off the bus.
+    /// Bus off: the transmit error counter exceeded 255.
     BusOff,
 }
 
 /// State of the adapter's controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerState {
-    /// Fault confinement.
+    /// Fault confinement state.
     pub confinement: Confinement,
     /// Receive error counter.
     pub receive_errors: u16,
@@ -143,7 +143,7 @@ pub struct ControllerState {
     pub transmit_errors: u16,
 }
 
-/// `error passive, rx 130 tx 5`.
+/// Example: `error passive, rx 130 tx 5`.
 impl fmt::Display for ControllerState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.confinement {
@@ -156,31 +156,31 @@ impl fmt::Display for ControllerState {
     }
 }
 
-/// What an adapter said.
+/// A reply of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reply {
-    /// A frame without number and time, on bus 0, and the adapter's milliseconds, which begin anew each minute.
+    /// A frame without number and time, on bus 0, and the adapter's milliseconds, which restart each minute.
     Frame(Frame, Option<u16>),
-    /// The last command was carried out.
+    /// The last command was executed.
     Done,
     /// The last command was refused.
     Refused,
-    /// Its status flags.
+    /// Status flags of the adapter.
     Flags(StatusFlags),
-    /// Its controller changed its state; the error frame that says so follows.
+    /// New state of the controller; the corresponding error frame follows.
     State(ControllerState),
-    /// A line that is none of these: what was found and expected. Escaped already.
+    /// An unknown line: the text found and the text expected, already escaped.
     Unreadable(String),
 }
 
-/// Reads what an adapter sends, in whatever pieces it comes.
+/// Parses an adapter's output, which may arrive in pieces of any size.
 #[derive(Debug, Clone, Default)]
 pub struct Reader {
-    begun: Begun,
+    begun: PendingReply,
 }
 
 impl Reader {
-    /// Reads `input`, which follows what was read before, and gives each reply that is complete.
+    /// Parses `input`, the continuation of the previous input, and passes each complete reply to `give`.
     pub fn read(&mut self, input: &[u8], mut give: impl FnMut(Reply)) {
         let mut rest = input;
         while let Some(end) = memchr::memchr2(CR, BEL, rest) {
@@ -198,7 +198,7 @@ impl Reader {
             if self.begun.is_too_long {
                 let start = excerpt(&self.begun.bytes);
                 give(Reply::Unreadable(format!(
-                    "slcan: no line has over {LONGEST_LINE} bytes; found {start}"
+                    "slcan: line too long (max {LONGEST_LINE} bytes); found {start}"
                 )));
                 if is_refused {
                     give(Reply::Refused);
@@ -211,20 +211,20 @@ impl Reader {
         self.begun.add(rest, LONGEST_LINE);
     }
 
-    /// Forgets the beginning of a line: what follows comes of another connection.
+    /// Discards an incomplete line: the next input is from another connection.
     pub fn reset(&mut self) {
         self.begun.clear();
     }
 }
 
-/// One line; a refusal ends the line it stands in, which is then cut short.
+/// Parses one line; a refusal within a line ends it early.
 fn line(line: &[u8], is_refused: bool, give: &mut impl FnMut(Reply)) {
-    // Firmware that ends its lines with CR LF leaves the LF in front of the next.
+    // Firmware that ends its lines with CR LF leaves the LF at the start of the next line.
     let line = line.trim_ascii();
     let unreadable = |what: &str| Reply::Unreadable(format!("slcan: {what}; found {}", excerpt(line)));
     if is_refused {
         if !line.is_empty() {
-            give(unreadable("a line that breaks off"));
+            give(unreadable("incomplete line"));
         }
         return give(Reply::Refused);
     }
@@ -239,11 +239,11 @@ fn line(line: &[u8], is_refused: bool, give: &mut impl FnMut(Reply)) {
                 give(Reply::State(state));
                 give(Reply::Frame(state_frame(state), None));
             }
-            None => give(unreadable("expected s, one of a, w, p, b and two counters of three digits")),
+            None => give(unreadable("expected s, then a, w, p or b, and two counters of three digits")),
         },
         [b'e', rest @ ..] => give(match error_frame(rest) {
             Some(frame) => Reply::Frame(frame, None),
-            None => unreadable("expected e, a count and so many of the letters a, b, B, c, f, o, O, s"),
+            None => unreadable("expected e, a count and that number of letters of a, b, B, c, f, o, O, s"),
         }),
         [kind, rest @ ..] => give(match KINDS.iter().find(|(letter, ..)| letter == kind) {
             Some((_, is_extended, flags)) => match frame(*is_extended, *flags, rest) {
@@ -255,7 +255,7 @@ fn line(line: &[u8], is_refused: bool, give: &mut impl FnMut(Reply)) {
     }
 }
 
-/// Letter of each kind of frame, whether its identifier has 29 bits, and its flags.
+/// Per frame type: its letter, whether the identifier has 29 bits, and its flags.
 const KINDS: [(u8, bool, FrameFlags); 8] = [
     (b't', false, FrameFlags(0)),
     (b'T', true, FrameFlags(0)),
@@ -267,15 +267,15 @@ const KINDS: [(u8, bool, FrameFlags); 8] = [
     (b'B', true, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH)),
 ];
 
-/// What stands behind the letter of a frame.
+/// Parses a frame after its letter.
 fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Option<u16>), &'static str> {
-    const SHORT: &str = "frame: shorter than its identifier and DLC";
+    const SHORT: &str = "frame: ends before its identifier and DLC";
     let (digits, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 }).ok_or(SHORT)?;
     let number = hexadecimal(digits).ok_or("identifier: expected hex digits")?;
     let id = match u16::try_from(number) {
         Ok(number) if !is_extended && number <= 0x7FF => CanId::standard(number),
         _ if is_extended && number <= 0x1FFF_FFFF => CanId::extended(number),
-        _ => return Err("identifier: expected at most 7FF, or 1FFFFFFF behind a capital letter"),
+        _ => return Err("identifier: expected at most 7FF, or 1FFFFFFF after a capital letter"),
     };
     let (dlc, rest) = rest.split_first().ok_or(SHORT)?;
     let dlc = char::from(*dlc).to_digit(16).and_then(|dlc| u8::try_from(dlc).ok());
@@ -284,12 +284,12 @@ fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Op
     if flags.contains(FrameFlags::FD) {
         frame.length = fd_length(dlc);
     } else {
-        // Classic frames may say 9..15 and carry eight bytes (ISO 11898-1).
+        // The DLC of classic frames may be 9 to 15; they have eight data bytes (ISO 11898-1).
         frame.length = dlc.min(8);
         frame.raw_dlc = if dlc > 8 { dlc } else { 0 };
     }
     let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(frame.length) };
-    let (data, rest) = rest.split_at_checked(2 * count).ok_or("data: fewer bytes than the DLC says")?;
+    let (data, rest) = rest.split_at_checked(2 * count).ok_or("data: fewer bytes than the DLC")?;
     for (slot, digits) in frame.bytes.iter_mut().zip(data.chunks_exact(2)) {
         let byte = hexadecimal(digits).and_then(|byte| u8::try_from(byte).ok());
         *slot = byte.ok_or("data: expected pairs of hex digits")?;
@@ -302,9 +302,9 @@ fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Op
     Ok((frame, stamp))
 }
 
-const STAMP: &str = "behind the data: expected nothing or four hex digits of milliseconds";
+const STAMP: &str = "after the data: expected nothing or four hex digits of milliseconds";
 
-/// Letter, three digits, three digits.
+/// Parses a state: one letter and two counters of three digits.
 fn state(rest: &[u8]) -> Option<ControllerState> {
     let [letter, counters @ ..] = rest else { return None };
     let confinement = match letter {
@@ -323,7 +323,7 @@ fn state(rest: &[u8]) -> Option<ControllerState> {
     Some(ControllerState { confinement, receive_errors: number(receive), transmit_errors: number(transmit) })
 }
 
-/// The error frame SocketCAN makes of a state (linux/can/error.h): counters in bytes 6 and 7.
+/// The error frame that SocketCAN creates for a state (linux/can/error.h): counters in bytes 6 and 7.
 fn state_frame(state: ControllerState) -> Frame {
     const CONTROLLER: u32 = 0x004;
     const BUS_OFF: u32 = 0x040;
@@ -347,8 +347,8 @@ fn error(classes: u32, bytes: [u8; 8]) -> Frame {
     Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(classes), &bytes) }
 }
 
-/// Letter of a bus error, its class besides "protocol" and "bus error", and which byte of the error frame
-/// has which bits (linux/can/error.h).
+/// Letter of a bus error, its class in addition to "protocol" and "bus error", index of the byte in the error
+/// frame, and the bits in that byte (linux/can/error.h).
 const ERRORS: [(u8, u32, usize, u8); 8] = [
     (b'a', 0x20, 3, 0x19),
     (b'b', 0, 2, 0x08),
@@ -360,7 +360,7 @@ const ERRORS: [(u8, u32, usize, u8); 8] = [
     (b's', 0, 2, 0x04),
 ];
 
-/// A count and so many letters: the error frame SocketCAN makes of them.
+/// Parses a count and its letters into the error frame that SocketCAN creates for them.
 fn error_frame(rest: &[u8]) -> Option<Frame> {
     let (count, letters) = rest.split_first()?;
     let count = usize::from(count.checked_sub(b'0')?);

@@ -1,8 +1,8 @@
-//! Lines of the manual, of the driver's comments, and broken ones.
+//! Lines from the manual and from the driver's comments, and invalid lines.
 
 use super::*;
 
-/// What comes of `text` in pieces of `size` bytes.
+/// Replies parsed from `text` in pieces of `size` bytes.
 fn replies(text: &[u8], size: usize) -> Vec<Reply> {
     let (mut reader, mut found) = (Reader::default(), Vec::new());
     for piece in text.chunks(size) {
@@ -11,7 +11,7 @@ fn replies(text: &[u8], size: usize) -> Vec<Reply> {
     found
 }
 
-/// The one frame `line` is, printed, and its milliseconds.
+/// The single frame in `line`, as text, and its milliseconds.
 fn one_frame(line: &str) -> (Frame, Option<u16>) {
     let found = replies(line.as_bytes(), usize::MAX);
     let [Reply::Frame(frame, milliseconds)] = &found[..] else { panic!("{line:?} gave {found:?}") };
@@ -89,7 +89,7 @@ fn status_flags_in_words() {
 }
 
 #[test]
-fn a_state_is_said_and_becomes_the_error_frame_of_socketcan() {
+fn a_state_is_reported_and_becomes_a_socketcan_error_frame() {
     let found = replies(b"sp130005\r", usize::MAX);
     let state =
         ControllerState { confinement: Confinement::Passive, receive_errors: 130, transmit_errors: 5 };
@@ -97,7 +97,7 @@ fn a_state_is_said_and_becomes_the_error_frame_of_socketcan() {
     frame.flags = FrameFlags::ERROR;
     assert_eq!(found, [Reply::State(state), Reply::Frame(frame, None)]);
     assert_eq!(state.to_string(), "error passive, rx 130 tx 5");
-    // The driver's own example: bus-off.
+    // Example from the driver: bus off.
     let [Reply::State(state), Reply::Frame(frame, None)] = &replies(b"sb256256\r", usize::MAX)[..] else {
         panic!("expected a state and its frame")
     };
@@ -107,7 +107,7 @@ fn a_state_is_said_and_becomes_the_error_frame_of_socketcan() {
 
 #[test]
 fn bus_errors_become_an_error_frame() {
-    // The driver's own examples.
+    // Examples from the driver.
     let (frame, _) = one_frame("e1a\r");
     assert_eq!(frame.flags, FrameFlags::ERROR);
     assert_eq!((frame.id, frame.data()), (CanId::Extended(0xA8), &[0, 0, 0, 0x19, 0, 0, 0, 0][..]));
@@ -116,35 +116,35 @@ fn bus_errors_become_an_error_frame() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said_with_its_beginning() {
+fn unreadable_input_is_reported_with_its_start() {
     for (line, reason) in [
-        ("t12", "slcan: frame: shorter than its identifier and DLC; found \"t12\""),
-        ("t123", "slcan: frame: shorter than its identifier and DLC; found \"t123\""),
+        ("t12", "slcan: frame: ends before its identifier and DLC; found \"t12\""),
+        ("t123", "slcan: frame: ends before its identifier and DLC; found \"t123\""),
         (
             "t80001",
-            "slcan: identifier: expected at most 7FF, or 1FFFFFFF behind a capital letter; found \"t80001\"",
+            "slcan: identifier: expected at most 7FF, or 1FFFFFFF after a capital letter; found \"t80001\"",
         ),
         (
             "T200000000",
-            "slcan: identifier: expected at most 7FF, or 1FFFFFFF behind a capital letter; found \"T200000000\"",
+            "slcan: identifier: expected at most 7FF, or 1FFFFFFF after a capital letter; found \"T200000000\"",
         ),
         ("t12x0", "slcan: identifier: expected hex digits; found \"t12x0\""),
         ("t123g", "slcan: DLC: expected a hex digit; found \"t123g\""),
-        ("t12321", "slcan: data: fewer bytes than the DLC says; found \"t12321\""),
+        ("t12321", "slcan: data: fewer bytes than the DLC; found \"t12321\""),
         ("t1231zz", "slcan: data: expected pairs of hex digits; found \"t1231zz\""),
         (
             "t1230123",
-            "slcan: behind the data: expected nothing or four hex digits of milliseconds; found \"t1230123\"",
+            "slcan: after the data: expected nothing or four hex digits of milliseconds; found \"t1230123\"",
         ),
         ("F1", "slcan: expected two hex digits of status flags after F; found \"F1\""),
         ("V1013", "slcan: expected a frame (t, T, r, R, d, D, b, B), F, s or e; found \"V1013\""),
         (
             "e2a",
-            "slcan: expected e, a count and so many of the letters a, b, B, c, f, o, O, s; found \"e2a\"",
+            "slcan: expected e, a count and that number of letters of a, b, B, c, f, o, O, s; found \"e2a\"",
         ),
         (
             "sx000000",
-            "slcan: expected s, one of a, w, p, b and two counters of three digits; found \"sx000000\"",
+            "slcan: expected s, then a, w, p or b, and two counters of three digits; found \"sx000000\"",
         ),
         ("\x1b[2J", "slcan: expected a frame (t, T, r, R, d, D, b, B), F, s or e; found \"\\x1b[2J\""),
     ] {
@@ -156,7 +156,7 @@ fn what_cannot_be_read_is_said_with_its_beginning() {
     let [Reply::Unreadable(reason), Reply::Refused] = &replies(b"t1232\x07", usize::MAX)[..] else {
         panic!("expected a broken line and a refusal")
     };
-    assert_eq!(reason, "slcan: a line that breaks off; found \"t1232\"");
+    assert_eq!(reason, "slcan: incomplete line; found \"t1232\"");
 }
 
 #[test]
@@ -167,7 +167,7 @@ fn a_line_without_end_is_thrown_away_up_to_the_next_end() {
         let found = replies(&text, size);
         let [Reply::Unreadable(reason), Reply::Frame(..)] = &found[..] else { panic!("{size}: {found:?}") };
         let start = "t".repeat(60);
-        assert_eq!(reason, &format!("slcan: no line has over 160 bytes; found \"{start}…\""));
+        assert_eq!(reason, &format!("slcan: line too long (max 160 bytes); found \"{start}…\""));
     }
     let mut reader = Reader::default();
     (0..1_000).for_each(|_| reader.read(&[b'x'; 1_000], |reply| panic!("{reply:?}")));
@@ -193,7 +193,7 @@ fn half_a_line_of_a_lost_connection_is_forgotten() {
     assert_eq!(found, [Reply::Frame(Frame::data_frame(CanId::standard(1), &[]), None)]);
 }
 
-/// Every command there is.
+/// All commands.
 fn commands() -> Vec<Command> {
     let rates = BitRate::all().map(|rate| Command::SetBitRate(BitRate::of(rate).unwrap()));
     let others = [Command::Close, Command::TimestampsOn, Command::Listen, Command::ReadFlags];
@@ -202,26 +202,26 @@ fn commands() -> Vec<Command> {
 
 #[test]
 fn bit_rates_have_the_codes_of_the_manual() {
-    let said = |rate| BitRate::of(rate).map(|rate| Command::SetBitRate(rate).bytes());
-    assert_eq!(said(10_000), Some(&b"S0\r"[..]));
-    assert_eq!(said(125_000), Some(&b"S4\r"[..]));
-    assert_eq!(said(500_000), Some(&b"S6\r"[..]));
-    assert_eq!(said(1_000_000), Some(&b"S8\r"[..]));
-    assert_eq!((said(750_000), said(0)), (None, None));
+    let texts = |rate| BitRate::of(rate).map(|rate| Command::SetBitRate(rate).bytes());
+    assert_eq!(texts(10_000), Some(&b"S0\r"[..]));
+    assert_eq!(texts(125_000), Some(&b"S4\r"[..]));
+    assert_eq!(texts(500_000), Some(&b"S6\r"[..]));
+    assert_eq!(texts(1_000_000), Some(&b"S8\r"[..]));
+    assert_eq!((texts(750_000), texts(0)), (None, None));
 }
 
-/// An adapter transmits at lines that begin with t, T, r, R, d, D, b or B, and acknowledges frames when it
-/// was opened with `O`. Whatever commands follow each other, or break off anywhere: no such line comes about.
+/// An adapter transmits on lines that begin with t, T, r, R, d, D, b or B, and acknowledges frames if it
+/// was opened with `O`. No sequence of commands, even if cut at any byte, contains such a line.
 #[test]
 fn no_command_transmits_or_opens_a_channel_other_than_to_listen() {
     for first in commands() {
         for cut in 0..=first.bytes().len() {
             for second in commands() {
-                let said = [&first.bytes()[..cut], second.bytes()].concat();
-                for line in said.split(|byte| *byte == CR) {
-                    assert!(!line.iter().any(|byte| b"tTrRdDbBO".contains(byte)), "{said:?}");
+                let texts = [&first.bytes()[..cut], second.bytes()].concat();
+                for line in texts.split(|byte| *byte == CR) {
+                    assert!(!line.iter().any(|byte| b"tTrRdDbBO".contains(byte)), "{texts:?}");
                 }
-                assert!(said.ends_with(b"\r") && second.bytes().len() >= 2);
+                assert!(texts.ends_with(b"\r") && second.bytes().len() >= 2);
             }
         }
     }

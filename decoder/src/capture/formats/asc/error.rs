@@ -2,24 +2,24 @@
 //!
 //! ```text
 //! ErrorFrame
-//! ErrorFrame ECC: 10100010                                     the SJA1000's register
+//! ErrorFrame ECC: 10100010                                     register of the SJA1000
 //! ErrorFrame Flags = 0xe CodeExt = 0x20a2 Code = 0x82 ID = 0 DLC = 0 Position = 5 Length = 11300
-//! Rx   ErrorFrame Stuff Error    fffe 82     20aa Data 104 …   behind CANFD; the third number is CodeExt
+//! Rx   ErrorFrame Stuff Error    fffe 82     20aa Data 104 …   after CANFD; the third number is CodeExt
 //! OverloadFrame
 //! ```
 //!
 //! ```text
-//! ECC      7 6 kind   5 receiving   4…0 place
-//! CodeExt  15…12 direction (1, 3 sending)   11…6 kind   5 receiving   4…0 place
+//! ECC      7 6 error type   5 receiving   4…0 location
+//! CodeExt  15…12 direction (1, 3 transmitting)   11…6 error type   5 receiving   4…0 location
 //! ```
 //!
-//! Places are the SJA1000's segment codes, which SocketCAN uses too.
+//! Locations are the SJA1000's segment codes, as in SocketCAN.
 
-use crate::capture::bus_error::{Broken, Violation, violation};
-use crate::capture::text::columns::{Base, Words};
+use crate::capture::bus_error::{ProtocolViolation, Violation, violation};
+use crate::capture::text::columns::{Base, ColumnWords};
 use crate::frame::{Frame, FrameFlags};
 
-/// Kinds of error in both codes; an ECC holds the first four.
+/// Error types in both codes; an ECC contains the first four.
 const KINDS: &[(u32, Violation)] = &[
     (0, Violation::Bit),
     (1, Violation::Form),
@@ -30,7 +30,7 @@ const KINDS: &[(u32, Violation)] = &[
     (7, Violation::Acknowledgement),
 ];
 
-/// Beginnings of the text behind `ErrorFrame` on FD channels, lower case.
+/// Start of the text after `ErrorFrame` on FD channels, in lower case.
 const TEXTS: &[(&[u8], Violation)] = &[
     (b"bit", Violation::Bit),
     (b"form", Violation::Form),
@@ -39,12 +39,12 @@ const TEXTS: &[(&[u8], Violation)] = &[
     (b"not acknowledge", Violation::Acknowledgement),
 ];
 
-/// Words that name the phase of the frame, behind `CodeExt`.
+/// Names of the frame phase, after `CodeExt`.
 const PHASES: &[&[u8]] = &[b"Arb.", b"Data"];
 
-/// An error frame, if `text` (what stands behind the channel) is one.
+/// Parses the text after the channel; `None` if it is not an error frame.
 pub(super) fn parse(text: &[u8]) -> Option<Frame> {
-    let mut words = Words::new(text);
+    let mut words = ColumnWords::new(text);
     let mut flags = FrameFlags::ERROR;
     match words.peek() {
         Some(b"Rx") => flags = flags.with(FrameFlags::RECEIVED),
@@ -62,7 +62,7 @@ pub(super) fn parse(text: &[u8]) -> Option<Frame> {
     first.eq_ignore_ascii_case(b"ErrorFrame").then(|| Frame { flags, ..details(&words) })
 }
 
-fn details(words: &Words<'_>) -> Frame {
+fn details(words: &ColumnWords<'_>) -> Frame {
     let by_code = error_code_capture(words.clone()).or_else(|| extended_code(words.clone()));
     by_code.unwrap_or_else(|| {
         let text = words.rest().trim_ascii_start().to_ascii_lowercase();
@@ -73,8 +73,8 @@ fn details(words: &Words<'_>) -> Frame {
     })
 }
 
-/// `ECC: 10100010`
-fn error_code_capture(mut words: Words<'_>) -> Option<Frame> {
+/// Parses `ECC: 10100010`.
+fn error_code_capture(mut words: ColumnWords<'_>) -> Option<Frame> {
     words.find(|word| *word == b"ECC:")?;
     let digits = words.next().filter(|word| word.len() == 8)?;
     let code = digits.iter().try_fold(0_u32, |code, digit| match digit {
@@ -84,8 +84,8 @@ fn error_code_capture(mut words: Words<'_>) -> Option<Frame> {
     Some(violation(kind(code >> 6)?, code & 0x20 == 0, place(code), None))
 }
 
-/// `CodeExt = 0x20a2`; decimal where the file's base is.
-fn extended_code(mut words: Words<'_>) -> Option<Frame> {
+/// Parses `CodeExt = 0x20a2`; decimal if the base of the file is decimal.
+fn extended_code(mut words: ColumnWords<'_>) -> Option<Frame> {
     words.find(|word| *word == b"CodeExt")?;
     words.next().filter(|word| *word == b"=")?;
     let code = match words.next()? {
@@ -96,8 +96,8 @@ fn extended_code(mut words: Words<'_>) -> Option<Frame> {
     Some(violation(kind, is_sending(code), place(code), None))
 }
 
-/// The number before the phase, in the form FD channels have.
-fn behind_text(words: Words<'_>) -> Option<u32> {
+/// The number before the phase, in lines of FD channels.
+fn behind_text(words: ColumnWords<'_>) -> Option<u32> {
     let mut last = None;
     for word in words {
         if PHASES.contains(&word) {
@@ -120,14 +120,16 @@ fn place(code: u32) -> u8 {
     u8::try_from(code & 0x1F).unwrap_or(0)
 }
 
-/// Appends what stands behind the channel of an error frame: how the protocol was broken, if that is known.
-/// The direction is that of the code: other readers know no word for it here.
-pub(super) fn push(line: &mut Vec<u8>, broken: Option<Broken>) {
-    /// The flag says that `CodeExt` is filled; the rest is not known.
+/// Appends an error frame after its channel, with the protocol violation if known. The direction is part of
+/// the code, because other readers accept no direction word here.
+pub(super) fn push(line: &mut Vec<u8>, broken: Option<ProtocolViolation>) {
+    /// Fields after `CodeExt`, which are unknown; the flag 0x4 marks `CodeExt` as valid.
     const BEHIND_CODE: &str = " Code = 0x0 ID = 0 DLC = 0 Position = 0 Length = 0";
     let (place, sending, kind) = match broken {
-        Some(Broken { kind: Violation::Overload, .. }) => return line.extend_from_slice(b"OverloadFrame"),
-        Some(Broken { kind, sending, place }) => (place, sending, kind),
+        Some(ProtocolViolation { kind: Violation::Overload, .. }) => {
+            return line.extend_from_slice(b"OverloadFrame");
+        }
+        Some(ProtocolViolation { kind, sending, place }) => (place, sending, kind),
         None => (0, false, Violation::Other),
     };
     line.extend_from_slice(b"ErrorFrame");
@@ -157,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn all_codes_tell_the_same() {
+    fn all_codes_agree() {
         let ecc = read("ErrorFrame ECC: 10100010");
         assert_eq!(ecc.data(), [0, 0, 0x04, 0x02, 0, 0, 0, 0], "stuff error at ID.28 to ID.21, receiving");
         let hex =
@@ -167,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn fd_channels_tell_it_in_words() {
+    fn fd_channels_report_errors_as_text() {
         let frame = read("Rx   ErrorFrame Stuff Error    fffe 82     20aa Data 104       f6  1 0 d 32 19 85");
         assert_eq!(frame.data(), [0, 0, 0x04, 0x0A, 0, 0, 0, 0]);
         let frame =
@@ -189,7 +191,7 @@ mod tests {
         ] {
             for (sending, place) in [(false, 0), (true, 0), (false, 0x1F), (true, 0x19)] {
                 let mut line = Vec::new();
-                push(&mut line, Some(Broken { kind, sending, place }));
+                push(&mut line, Some(ProtocolViolation { kind, sending, place }));
                 let frame = parse(&line).unwrap();
                 assert_eq!(frame, violation(kind, sending, place, None), "{kind:?} {sending} {place}");
             }

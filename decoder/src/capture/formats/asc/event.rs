@@ -1,15 +1,15 @@
-//! Lines of an ASC capture that carry a time: which of them are frames, and of which kind.
+//! Lines with a time in an ASC capture: frames of all types, and other events.
 
 use super::error;
 use super::frame;
-use crate::capture::text::columns::{Base, Words, time};
+use crate::capture::text::columns::{Base, ColumnWords, time};
 use crate::frame::Frame;
 
-/// Nanoseconds of the unit of times.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// First words behind the time of events that are no frames: the measurement's own, variables, test
-/// steps, positions, comments.
+/// First words after the time of events other than frames: measurement events, variables, test steps,
+/// positions, comments.
 const NO_FRAME: &[&[u8]] = &[
     b"CAN", // `CAN 1 Status:chip status error passive …`
     b"SV:",
@@ -21,47 +21,47 @@ const NO_FRAME: &[&[u8]] = &[
     b"Trigger",
 ];
 
-/// First words of frames of other bus systems. LIN's are `Li` for the first channel, `L2` and so on for
-/// the others.
+/// First words of frames of other bus systems. LIN frames begin with `Li` on the first channel, and with
+/// `L2`, `L3`, … on the other channels.
 const OTHER_BUSES: &[&[u8]] =
     &[b"Li", b"LIN", b"Fr", b"FR", b"ETH", b"MOST", b"MS", b"M50", b"M150", b"WLAN", b"AFDX", b"A429"];
 
-/// Beginnings of the word behind a channel where the line is about the channel, or repeats what frames
-/// say: `Statistic:` counts, `J1939TP` is the transport message that earlier frames carried.
+/// Start of the word after a channel in lines about the channel or with repeated data: `Statistic:` has
+/// counts, `J1939TP` is a transport message whose frames precede it.
 const ABOUT_CHANNEL: &[&[u8]] = &[b"Statistic", b"Status", b"J1939TP", b"OSEKTL", b"LIN"];
 
 /// A line with a time.
 #[derive(Debug)]
 pub(super) struct Event<'a> {
-    /// Time as written, in nanoseconds.
+    /// Time as in the line, in nanoseconds.
     pub(super) stamp: i64,
-    /// What happened, or what was expected instead.
+    /// The event, or the content expected.
     pub(super) content: Result<Content<'a>, &'static str>,
 }
 
-/// What a line with a time says.
+/// Content of a line with a time.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Content<'a> {
-    /// A frame on a channel, its number, time and bus left open.
+    /// Channel and frame; number, time and bus of the frame are not set.
     Frame(&'a [u8], Frame),
-    /// `Start of measurement`: the block's date is the zero of the times.
+    /// `Start of measurement`: the date of the block is the zero of the times.
     Start,
-    /// A frame somebody wants to send; when it was sent it stands in a line of its own.
+    /// A request to send a frame; the transmitted frame has its own line.
     Request,
     /// A frame of another bus system.
     Foreign,
-    /// No frame.
+    /// Event without a frame.
     Nothing,
 }
 
-/// Reads a line; `None` if it does not begin with a time.
+/// Parses a line; `None` if it does not begin with a time.
 pub(super) fn parse(line: &[u8], base: Base) -> Option<Event<'_>> {
-    let mut words = Words::new(line);
+    let mut words = ColumnWords::new(line);
     let stamp = words.next().filter(|word| word.contains(&b'.')).and_then(|word| time(word, SECOND))?;
     Some(Event { stamp, content: content(words, base) })
 }
 
-fn content(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
+fn content(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     let first = words.next().unwrap_or_default();
     let rest = words.clone();
     if first == b"Start" {
@@ -81,7 +81,7 @@ fn content(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str
         return Err("CAN XL frame: not supported");
     }
     if channel.is_empty() || !channel.iter().all(u8::is_ascii_digit) {
-        return Err("expected a channel number, CANFD, or a known event behind the time");
+        return Err("expected a channel number, CANFD or a known event after the time");
     }
     let about = words.peek().unwrap_or_default();
     if ABOUT_CHANNEL.iter().any(|start| about.starts_with(start)) {
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_other_bus_systems_are_told_from_can() {
+    fn frames_of_other_bus_systems_are_distinguished_from_can() {
         for line in [
             "   0.1 Li 3c Tx     8 01 02 03 04 05 06 07 08  checksum = 7f",
             "   0.1 L12 3c Tx 8 01 02 03 04 05 06 07 08",

@@ -3,43 +3,43 @@
 //! ```text
 //! 123x            Rx   d 8 05 0C 00 00 00 00 00 00  Length = 240015 BitCount = 124 ID = 291x
 //! 123             Tx   r 8
-//! Rx  30a  Name  1 0 8  8 11 C2 03 04 05 06 07 08   102203  133   303000 e0006659 …     behind CANFD
+//! Rx  30a  Name  1 0 8  8 11 C2 03 04 05 06 07 08   102203  133   303000 e0006659 …     after CANFD
 //!     ID   name BRS ESI DLC length data             duration bits flags  checksum
 //! ```
 //!
-//! `CANFD` means a channel that can do FD, not that the frame is one: the flags say so.
+//! `CANFD` means that the channel supports FD. The flags determine whether the frame is an FD frame.
 
-use crate::capture::text::columns::{Base, Words, data, identifier};
+use crate::capture::text::columns::{Base, ColumnWords, data, identifier};
 use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 /// Flag of an FD line: a remote frame.
 const REMOTE_FLAG: u32 = 1 << 4;
 
-/// Flag of an FD line: an FD frame (the bit was once called extended data length).
+/// Flag of an FD line: an FD frame (formerly called extended data length).
 const FD_FLAG: u32 = 1 << 12;
 
-const SHORT: &str = "data: not as many bytes as the length says";
+const SHORT: &str = "data: number of bytes differs from the length";
 const DIRECTION: &str = "direction: expected Rx or Tx";
-const LENGTH: &str = "length: expected one the frame can have";
-const IDENTIFIER: &str = "identifier: expected one up to 7FF, or up to 1FFFFFFF with x behind";
+const LENGTH: &str = "length: expected a valid length of the frame type";
+const IDENTIFIER: &str = "identifier: expected up to 7FF, or up to 1FFFFFFF followed by x";
 
-/// A frame, or `None` for the request to send one.
-type Found = Result<Option<Frame>, &'static str>;
+/// A frame, or `None` for a request to send one.
+type ParsedFrame = Result<Option<Frame>, &'static str>;
 
-/// What the word for the direction says.
+/// Meaning of the direction word.
 #[derive(Debug, Clone, Copy)]
 enum Direction {
-    /// The frame was on the bus.
-    Seen(FrameFlags),
-    /// Somebody wants to send it.
+    /// A frame on the bus.
+    Frame(FrameFlags),
+    /// A request to send a frame.
     Request,
 }
 
-/// Words for the direction, in any case.
+/// Direction words, compared without regard to case.
 const DIRECTIONS: &[(&[u8], Direction)] = &[
-    (b"Rx", Direction::Seen(FrameFlags::RECEIVED)),
-    (b"Tx", Direction::Seen(FrameFlags::TRANSMITTED)),
+    (b"Rx", Direction::Frame(FrameFlags::RECEIVED)),
+    (b"Tx", Direction::Frame(FrameFlags::TRANSMITTED)),
     (b"TxRq", Direction::Request),
 ];
 
@@ -47,7 +47,7 @@ fn direction(word: &[u8]) -> Option<Direction> {
     DIRECTIONS.iter().find(|(known, _)| word.eq_ignore_ascii_case(known)).map(|(_, direction)| *direction)
 }
 
-/// `123`, `18FEF100x`
+/// Parses `123` or `18FEF100x`.
 fn can_id(word: &[u8], base: Base) -> Option<CanId> {
     let (digits, extended) = match word {
         [digits @ .., b'x' | b'X'] => (digits, true),
@@ -56,8 +56,8 @@ fn can_id(word: &[u8], base: Base) -> Option<CanId> {
     identifier(base.number(digits)?, extended)
 }
 
-/// The identifier, or where a name stands in its place, the number behind `ID =`: always decimal.
-fn classic_id(word: &[u8], base: Base, mut line: Words<'_>) -> Option<CanId> {
+/// The identifier, or if a name replaces it, the decimal number after `ID =`.
+fn classic_id(word: &[u8], base: Base, mut line: ColumnWords<'_>) -> Option<CanId> {
     can_id(word, base).or_else(|| {
         line.find(|word| *word == b"ID")?;
         line.next().filter(|word| *word == b"=")?;
@@ -65,43 +65,43 @@ fn classic_id(word: &[u8], base: Base, mut line: Words<'_>) -> Option<CanId> {
     })
 }
 
-/// A frame behind its channel. `line` is for what stands at the end.
-pub(super) fn classic(mut words: Words<'_>, base: Base, line: Words<'_>) -> Found {
+/// Parses a frame after its channel. `line` is a copy of the words, used to find the fields at the end.
+pub(super) fn classic(mut words: ColumnWords<'_>, base: Base, line: ColumnWords<'_>) -> ParsedFrame {
     let id = words.next().unwrap_or_default();
     let way = direction(words.next().unwrap_or_default()).ok_or(DIRECTION)?;
-    let Direction::Seen(flags) = way else { return Ok(None) };
+    let Direction::Frame(flags) = way else { return Ok(None) };
     let id = classic_id(id, base, line).ok_or(IDENTIFIER)?;
     let frame = Frame { id, flags, ..Frame::EMPTY };
     match words.next() {
         Some(b"r" | b"R") => Ok(Some(remote(frame, &words, base))),
         Some(b"d" | b"D") => payload(frame, words, base).map(Some),
-        _ => Err("kind: expected d or r"),
+        _ => Err("frame type: expected d or r"),
     }
 }
 
-/// A remote frame; the length is missing in older files.
-fn remote(frame: Frame, words: &Words<'_>, base: Base) -> Frame {
+/// Parses a remote frame; older files have no length.
+fn remote(frame: Frame, words: &ColumnWords<'_>, base: Base) -> Frame {
     let dlc = words.peek().and_then(|word| base.byte(word)).filter(|dlc| *dlc <= 15).unwrap_or(0);
     with_dlc(Frame { flags: frame.flags.with(FrameFlags::REMOTE), ..frame }, dlc)
 }
 
-/// Classic: eight bytes at most, whatever the DLC says.
+/// Sets the DLC of a classic frame, which has at most eight bytes.
 fn with_dlc(frame: Frame, dlc: u8) -> Frame {
     Frame { length: dlc.min(8), raw_dlc: if dlc > 8 { dlc } else { 0 }, ..frame }
 }
 
-/// Data of a line of the classic form.
+/// Parses the data of a classic line.
 ///
-/// Some programs write FD frames in this form too, and they do not agree on the number before the data:
-/// the DLC in the file's base, the DLC in decimal although the base is hex, or the length. The number of
-/// bytes on the line tells them apart; python-can cuts all of these to eight bytes.
-fn payload(frame: Frame, mut words: Words<'_>, base: Base) -> Result<Frame, &'static str> {
+/// Some programs write FD frames in this form too. The number before the data is then the DLC in the base of
+/// the file, the DLC in decimal in spite of base hex, or the length. The number of bytes on the line
+/// determines which; python-can cuts all of these to eight bytes.
+fn payload(frame: Frame, mut words: ColumnWords<'_>, base: Base) -> Result<Frame, &'static str> {
     let number = words.next().ok_or(LENGTH)?;
     let there = words.clone().take(MAX_DATA).take_while(|word| base.byte(word).is_some()).count();
     let readings = [base.byte(number), Base::Decimal.byte(number)];
     let lengths = || readings.iter().flatten().flat_map(|number| readings_of(*number));
     let exact = lengths().find(|(length, _, _)| usize::from(*length) == there);
-    // More bytes than that are harmless only where the number has but one meaning.
+    // Extra bytes are accepted only if the number has a single meaning.
     let enough = || lengths().find(|(length, dlc, fd)| usize::from(*length) <= there && *dlc == 0 && !fd);
     if lengths().next().is_none() {
         return Err(LENGTH);
@@ -112,7 +112,7 @@ fn payload(frame: Frame, mut words: Words<'_>, base: Base) -> Result<Frame, &'st
     Ok(Frame { flags, length, raw_dlc, bytes, ..frame })
 }
 
-/// Length, DLC and whether FD, for each thing the number before the data may mean.
+/// Possible meanings of the number before the data: length, DLC and whether the frame is FD.
 fn readings_of(number: u8) -> impl Iterator<Item = (u8, u8, bool)> {
     let as_length = (number > 15 && is_fd_length(number)).then_some((number, 0, true));
     let as_dlc = (9..=15).contains(&number).then_some((fd_length(number), 0, true));
@@ -124,41 +124,41 @@ fn readings_of(number: u8) -> impl Iterator<Item = (u8, u8, bool)> {
     [as_length, as_dlc, classic].into_iter().flatten()
 }
 
-/// A frame on an FD channel, behind the channel's number.
-pub(super) fn on_fd_channel(mut words: Words<'_>, base: Base) -> Found {
+/// Parses a frame on an FD channel, after the channel number.
+pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: Base) -> ParsedFrame {
     let first = words.next().unwrap_or_default();
     let second = words.next().unwrap_or_default();
-    // Early files have the identifier before the direction.
+    // Old files have the identifier before the direction.
     let (way, id) = match direction(first) {
         Some(way) => (way, second),
         None => (direction(second).ok_or(DIRECTION)?, first),
     };
-    let Direction::Seen(mut flags) = way else { return Ok(None) };
+    let Direction::Frame(mut flags) = way else { return Ok(None) };
     if !matches!(words.peek(), Some(b"0" | b"1")) {
-        // The message's name, which no digit begins.
+        // Name of the message; it does not begin with a digit.
         words.next();
     }
     for flag in [FrameFlags::BIT_RATE_SWITCH, FrameFlags::ERROR_STATE] {
         match words.next() {
             Some(b"1") => flags = flags.with(flag),
             Some(b"0") => {}
-            _ => return Err("bit rate switch and error state: expected 0 or 1"),
+            _ => return Err("bit rate switch, error state: expected 0 or 1"),
         }
     }
     let (dlc, length) = fd_lengths(&mut words).ok_or(LENGTH)?;
     let base = fd_base(&words, length, base);
     let id = can_id(id, base).ok_or(IDENTIFIER)?;
     let bytes = data(words.clone(), length.into(), base).ok_or(SHORT)?;
-    // Duration and number of bits stand before the flags. Flags without any bit were not recorded.
+    // Duration and number of bits precede the flags. Flags of 0 mean that no flags were recorded.
     let marks = words.nth(usize::from(length) + 2).and_then(|word| Base::Hex.number(word));
     let marks = marks.filter(|marks| *marks != 0);
     let frame = Frame { id, flags, length, bytes, ..Frame::EMPTY };
     Ok(Some(kind_of_fd_line(frame, dlc, marks)))
 }
 
-/// DLC (hex, or decimal beyond 9) and length (decimal); early files have `d` or `r` before them.
-fn fd_lengths(words: &mut Words<'_>) -> Option<(u8, u8)> {
-    let pair = |words: &mut Words<'_>| {
+/// Parses DLC (hex, or decimal above 9) and length (decimal); in old files `d` or `r` precedes them.
+fn fd_lengths(words: &mut ColumnWords<'_>) -> Option<(u8, u8)> {
+    let pair = |words: &mut ColumnWords<'_>| {
         let digits = words.next()?;
         let dlc = if digits.len() == 1 { Base::Hex.byte(digits) } else { Base::Decimal.byte(digits) };
         let length = Base::Decimal.byte(words.next()?)?;
@@ -176,18 +176,18 @@ fn fd_lengths(words: &mut Words<'_>) -> Option<(u8, u8)> {
     pair(words)
 }
 
-/// Digits of an FD line. Vector's programs write these in hex even where the base is decimal: two digits
-/// a byte, which decimal ones have only by chance.
-fn fd_base(words: &Words<'_>, length: u8, base: Base) -> Base {
+/// Base of the data in an FD line. Vector's programs write hex even if the base is decimal: always two digits
+/// per byte, which is unlikely in decimal data.
+fn fd_base(words: &ColumnWords<'_>, length: u8, base: Base) -> Base {
     let all_pairs = words.clone().take(length.into()).all(|word| word.len() == 2);
     if all_pairs { Base::Hex } else { base }
 }
 
-/// The frame an FD line tells. Without flags the word `CANFD` has to do.
+/// Sets the frame type from the flags of an FD line; without flags the word `CANFD` decides.
 fn kind_of_fd_line(frame: Frame, dlc: u8, marks: Option<u32>) -> Frame {
     let switched = FrameFlags::BIT_RATE_SWITCH.0 | FrameFlags::ERROR_STATE.0;
     let marked = |flag| marks.is_some_and(|marks| marks & flag != 0);
-    // FD has no remote frames, so one of them is a classic frame on an FD channel.
+    // FD has no remote frames, so a remote frame is a classic frame on an FD channel.
     if marked(REMOTE_FLAG) || (frame.length == 0 && dlc > 0) {
         let flags = FrameFlags(frame.flags.0 & !switched).with(FrameFlags::REMOTE);
         return with_dlc(Frame { flags, bytes: [0; MAX_DATA], ..frame }, dlc);
@@ -205,12 +205,12 @@ mod tests {
     use super::*;
 
     fn classic_in(line: &str, base: Base) -> Result<Frame, &'static str> {
-        let words = Words::new(line.as_bytes());
+        let words = ColumnWords::new(line.as_bytes());
         classic(words.clone(), base, words).map(Option::unwrap)
     }
 
     fn fd(line: &str) -> Frame {
-        on_fd_channel(Words::new(line.as_bytes()), Base::Hex).unwrap().unwrap()
+        on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Hex).unwrap().unwrap()
     }
 
     fn bytes(count: usize) -> String {
@@ -293,10 +293,10 @@ mod tests {
     #[test]
     fn fd_lines_are_hex_in_decimal_files() {
         let line = "Rx a8 Motor_12 1 0 3 3 ad 69 1e 102031 130 323000 b0011297";
-        let frame = on_fd_channel(Words::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
+        let frame = on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
         assert_eq!((frame.id, frame.data()), (CanId::Standard(0xA8), &[0xAD, 0x69, 0x1E][..]));
         let line = "Rx 168 1 0 3 3 173 105 30";
-        let decimal = on_fd_channel(Words::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
+        let decimal = on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
         assert_eq!(decimal, Frame { flags: decimal.flags, ..frame });
     }
 
@@ -306,7 +306,7 @@ mod tests {
             ("100 Xx d 0", DIRECTION),
             ("800 Rx d 0", IDENTIFIER),
             ("20000000x Rx d 0", IDENTIFIER),
-            ("100 Rx q 0", "kind: expected d or r"),
+            ("100 Rx q 0", "frame type: expected d or r"),
             ("100 Rx d", LENGTH),
             ("100 Rx d 99 00", LENGTH),
             ("100 Rx d 4 00 00", SHORT),
@@ -315,11 +315,11 @@ mod tests {
             assert_eq!(classic_in(line, Base::Hex), Err(part), "{line}");
         }
         for (line, part) in [
-            ("Rx 100 1 2 8 8", "bit rate switch and error state: expected 0 or 1"),
+            ("Rx 100 1 2 8 8", "bit rate switch, error state: expected 0 or 1"),
             ("Rx 100 1 0 8 65", LENGTH),
             ("Rx 100 1 0 8 8 00", SHORT),
         ] {
-            assert_eq!(on_fd_channel(Words::new(line.as_bytes()), Base::Hex), Err(part), "{line}");
+            assert_eq!(on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Hex), Err(part), "{line}");
         }
     }
 }

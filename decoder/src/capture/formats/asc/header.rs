@@ -1,4 +1,4 @@
-//! Lines of an ASC capture that carry no time: what the times and numbers mean.
+//! Lines without a time in an ASC capture: start date, base of numbers, meaning of times.
 //!
 //! ```text
 //! date Sam Sep 30 15:06:13.191 2017          or 03:06:13.191 pm 2017
@@ -16,12 +16,12 @@ use nom::sequence::{preceded, terminated};
 use nom::{IResult, Parser};
 
 use crate::capture::calendar::utc;
-use crate::capture::text::columns::{Base, Words, time};
+use crate::capture::text::columns::{Base, ColumnWords, time};
 
-/// Nanoseconds of the unit that seconds are written in.
+/// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// First letters of the months, English and German, lower case; ä in Latin-1 and in UTF-8.
+/// First letters of the months in English and German, in lower case; ä in Latin-1 and in UTF-8.
 const MONTHS: &[(&[u8], i64)] = &[
     (b"jan", 1),
     (b"feb", 2),
@@ -43,35 +43,35 @@ const MONTHS: &[(&[u8], i64)] = &[
     (b"dez", 12),
 ];
 
-/// Beginnings of lines that say nothing a reader needs, lower case.
+/// Start of ignored lines, in lower case.
 const SILENT: &[&[u8]] =
     &[b"internal events logged", b"no internal events logged", b"end triggerblock", b"//"];
 
-/// What a line without time says.
+/// Content of a line without a time.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Header {
-    /// When the measurement began, nanoseconds since 1970, the date read as UTC.
+    /// Start of the measurement, in nanoseconds since 1970, read as UTC.
     Date(i64),
-    /// When a trigger began a block; it may carry no date.
+    /// Start of a block by a trigger; the date is optional.
     TriggerBlock(Option<i64>),
-    /// What numbers and times are.
+    /// Format of numbers and times.
     Base {
-        /// Digits of identifiers and data.
+        /// Base of identifiers and data.
         base: Base,
-        /// Times are differences to the line before.
+        /// Whether times are relative to the previous line.
         relative: bool,
     },
-    /// Nothing a reader needs.
+    /// Ignored line.
     Silent,
 }
 
-/// Reads a line that does not begin with a time; the error says what was expected.
+/// Parses a line that does not begin with a time; the error contains the expected content.
 pub(super) fn parse(line: &[u8]) -> Result<Header, &'static str> {
     const DATE: &str = "date: expected weekday, month, day, time and year";
     if SILENT.iter().any(|start| begins_with(line, start)) {
         return Ok(Header::Silent);
     }
-    let mut words = Words::new(line);
+    let mut words = ColumnWords::new(line);
     let first = words.next().unwrap_or_default();
     if first.eq_ignore_ascii_case(b"date") {
         return date(words.rest()).map(Header::Date).ok_or(DATE);
@@ -86,15 +86,15 @@ pub(super) fn parse(line: &[u8]) -> Result<Header, &'static str> {
         let is_blank = rest.is_empty();
         return if date.is_some() || is_blank { Ok(Header::TriggerBlock(date)) } else { Err(DATE) };
     }
-    Err("expected a time in seconds, or a line of the header")
+    Err("expected a time in seconds or a header line")
 }
 
 fn begins_with(line: &[u8], start: &[u8]) -> bool {
     line.get(..start.len()).is_some_and(|found| found.eq_ignore_ascii_case(start))
 }
 
-/// `hex  timestamps absolute`; without `timestamps` they are absolute.
-fn base(mut words: Words<'_>) -> Option<Header> {
+/// Parses `hex  timestamps absolute`; without `timestamps` the times are absolute.
+fn base(mut words: ColumnWords<'_>) -> Option<Header> {
     let base = match words.next()?.to_ascii_lowercase().as_slice() {
         b"hex" => Base::Hex,
         b"dec" => Base::Decimal,
@@ -107,7 +107,7 @@ fn base(mut words: Words<'_>) -> Option<Header> {
 
 type Parsed<'a, T> = IResult<&'a [u8], T>;
 
-/// A date, read as UTC: `Sam Sep 30 15:06:13.191 2017`, `Fri May 18 12:14:42 am 2012`.
+/// Parses a date as UTC: `Sam Sep 30 15:06:13.191 2017`, `Fri May 18 12:14:42 am 2012`.
 fn date(input: &[u8]) -> Option<i64> {
     let fields = (
         preceded(space0, word),
@@ -120,7 +120,7 @@ fn date(input: &[u8]) -> Option<i64> {
     let (_, (_, month, day, [hour, minute, second, fraction], half, year)) =
         all_consuming(fields).parse(input).ok()?;
     let hour = match half {
-        // Some locales write am or pm behind 24 hours; then it says nothing new.
+        // Some locales write am or pm after 24-hour times; it is then ignored.
         Some(true) if hour < 12 => hour + 12,
         Some(false) if hour == 12 => 0,
         _ => hour,
@@ -142,7 +142,7 @@ fn number<'a>(most: usize) -> impl Parser<&'a [u8], Output = i64, Error = nom::e
         .map(|digits: &[u8]| digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
 }
 
-/// `15:06:13.191`, and the nanoseconds of its fraction.
+/// Parses `15:06:13.191` into hour, minute, second and nanoseconds.
 fn clock(input: &[u8]) -> Parsed<'_, [i64; 4]> {
     let (rest, (hour, _, minute, _)) = (number(2), char(':'), number(2), char(':')).parse(input)?;
     let second = map_opt(word, |text| time(text, SECOND));
@@ -150,7 +150,7 @@ fn clock(input: &[u8]) -> Parsed<'_, [i64; 4]> {
     Ok((rest, [hour, minute, second / SECOND, second % SECOND]))
 }
 
-/// Whether it is the second half.
+/// Whether the time is pm.
 fn half_of_day(input: &[u8]) -> Parsed<'_, bool> {
     let am = tag_no_case("am").map(|_| false);
     let pm = tag_no_case("pm").map(|_| true);

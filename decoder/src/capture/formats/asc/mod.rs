@@ -11,8 +11,8 @@
 //! End TriggerBlock
 //! ```
 //!
-//! No line of the header is needed, and a frame may follow at once: python-can takes the first line that
-//! is none of its header's for a part of it, and loses a frame where `internal events logged` is missing.
+//! All header lines are optional, and a frame may follow directly. python-can treats the first line that is
+//! not part of its header as a header line, and so loses a frame if `internal events logged` is missing.
 
 mod error;
 mod event;
@@ -23,11 +23,12 @@ mod write;
 use event::Content;
 use header::Header;
 
+use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::Base;
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
-use crate::capture::{Directions, ErrorFrames, Format, Holds, WritableFormat};
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ParsedLine};
+use crate::capture::{Directions, ErrorFrames, Format, FormatCapabilities, WritableFormat};
 
-/// Lines at the start among which one must be of the header.
+/// Number of lines at the start within which a header line must occur.
 const DETECTING_LINES: usize = 50;
 
 pub(super) const FORMAT: Format = Format {
@@ -42,19 +43,19 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "asc",
     title: FORMAT.title,
-    holds: Holds {
+    holds: FormatCapabilities {
         untimed: false,
         backwards: false,
         errors: ErrorFrames::Violations,
         directions: Directions::Assumed,
         bus_names: false,
         notices: false,
-        ..Holds::ALL
+        ..FormatCapabilities::ALL
     },
     writer: |output, _| Box::new(write::AscWriter::new(output)),
 };
 
-/// A line of the header, whole: of one still coming in, the end may be anything.
+/// Whether a complete header line occurs. The last line may be incomplete and is not checked.
 fn detect(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
@@ -62,27 +63,28 @@ fn detect(head: &[u8]) -> bool {
     lines.any(|line| matches!(header::parse(line), Ok(Header::Date(_) | Header::Base { .. })))
 }
 
-/// What ASC says of later lines.
+/// State that affects later lines.
 #[derive(Clone, Default)]
 struct Asc {
     base: Base,
     clock: Clock,
+    buses: BusLabels,
 }
 
-/// What times stand for.
+/// Meaning of times.
 #[derive(Clone, Default)]
 struct Clock {
     relative: bool,
     elapsed: i64,
     start: Option<i64>,
-    /// Date of a further header, while it is open whether times begin anew behind it.
+    /// Date of a further header, until it is known whether the times restart after it.
     again: Option<i64>,
-    /// Date of a block whose `Start of measurement` has not come yet.
+    /// Date of a block whose `Start of measurement` has not been read yet.
     block: Option<i64>,
 }
 
 impl Clock {
-    /// A header gives the date. Recordings behind one another in a file have one each.
+    /// Sets the date of a header. Concatenated captures in one file have one header each.
     fn date(&mut self, date: i64) {
         if self.relative || self.start.is_none() {
             (self.start, self.elapsed) = (Some(date), 0);
@@ -91,26 +93,26 @@ impl Clock {
         }
     }
 
-    /// Counts a line with a time: differences are to the line before, whatever it was.
+    /// Advances to a line with a time: differences are relative to the previous line of any type.
     fn advance(&mut self, stamp: i64) {
         if let (Some(date), Some(start)) = (self.again.take(), self.start) {
-            // BUSMASTER repeats the header at each pause, but its times go on. A time that has room for
-            // what lies between the two dates is one of those.
+            // BUSMASTER repeats the header at each pause, but its times continue. A time that is large enough
+            // for the interval between the two dates continues.
             let goes_on = stamp >= self.elapsed && stamp >= date.saturating_sub(start);
             self.start = Some(if goes_on { start } else { date });
         }
         self.elapsed = if self.relative { self.elapsed.saturating_add(stamp) } else { stamp };
     }
 
-    /// The measurement starts here: the date of its block is the zero of the times. A block that a
-    /// trigger began later has no such line; its times go on counting from the header's date.
+    /// Handles the start of the measurement: the date of its block is the zero of the times. A block begun
+    /// later by a trigger has no such line; its times still count from the date of the header.
     fn start_of_measurement(&mut self) {
         if let Some(block) = self.block.take() {
             self.start = Some(block.saturating_sub(self.elapsed));
         }
     }
 
-    /// The time of the line counted last.
+    /// Time of the current line.
     fn now(&self) -> i64 {
         self.start.or(self.block).unwrap_or(0).saturating_add(self.elapsed)
     }
@@ -118,16 +120,16 @@ impl Clock {
 
 impl Asc {
     fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
-        const ZONE: &str = "the start date carries no time zone: times read as UTC";
+        const ZONE: &str = "start date without time zone: times read as UTC";
         match header::parse(text)? {
             Header::Date(date) => {
                 self.clock.date(date);
-                assumptions.say(ZONE);
+                assumptions.report(ZONE);
             }
             Header::TriggerBlock(date) => {
                 self.clock.block = date;
                 if date.is_some() {
-                    assumptions.say(ZONE);
+                    assumptions.report(ZONE);
                 }
             }
             Header::Base { base, relative } => {
@@ -147,19 +149,24 @@ impl LineFormat for Asc {
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
+        if let Some(label) = text.strip_prefix(b"// bus ") {
+            self.buses.learn(label);
+            return Ok(None);
+        }
         let Some(event) = event::parse(text, self.base) else {
             return self.header(text, assumptions).map(|()| None);
         };
         self.clock.advance(event.stamp);
         match event.content? {
             Content::Frame(channel, frame) => {
-                return Ok(Some(Seen::new(Some(self.clock.now()), channel, frame)));
+                let time = self.clock.now();
+                return Ok(Some(ParsedLine::new(Some(time), self.buses.name(channel), frame)));
             }
             Content::Start => self.clock.start_of_measurement(),
-            Content::Request => assumptions.say("requests to send (TxRq) are not taken for frames"),
-            Content::Foreign => assumptions.say("lines of other bus systems than CAN are passed over"),
+            Content::Request => assumptions.report("requests to send (TxRq) ignored"),
+            Content::Foreign => assumptions.report("lines of bus systems other than CAN skipped"),
             Content::Nothing => {}
         }
         Ok(None)
@@ -231,13 +238,13 @@ mod tests {
     }
 
     #[test]
-    fn other_bus_systems_are_passed_over_and_said_once() {
+    fn other_bus_systems_are_skipped_and_reported_once() {
         let batch = read(
             "base hex\n 0.1 Li 3c Tx 1 01\n 0.2 1 123 Rx d 0\n 0.3 ETH 1 Rx 40:FF\n 0.4 L2 3c Rx 1 01\n",
         );
         assert_eq!(times(&batch), ["0.200000000"]);
         let [(0, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
-        assert_eq!(notice.to_string(), "lines of other bus systems than CAN are passed over");
+        assert_eq!(notice.to_string(), "lines of bus systems other than CAN skipped");
     }
 
     #[test]

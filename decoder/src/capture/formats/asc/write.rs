@@ -1,4 +1,4 @@
-//! Writes Vector's ASC, as Vector's programs and python-can do.
+//! Writer of Vector's ASC, in the form that Vector's programs and python-can write.
 //!
 //! ```text
 //! date Sat Sep 30 15:06:13.191 2017
@@ -13,8 +13,8 @@
 //! End TriggerBlock
 //! ```
 //!
-//! Behind the data of an FD frame: duration and number of bits (not known), flags, and five numbers about
-//! checksum and bit timing (not known either).
+//! Fields after the data of an FD frame: duration and number of bits (unknown), flags, and five numbers about
+//! checksum and bit timing (unknown).
 
 use std::io::{self, Write};
 
@@ -24,36 +24,35 @@ use crate::capture::Notice;
 use crate::capture::bus_error::broken;
 use crate::capture::calendar::date;
 use crate::capture::elapsed::Elapsed;
-use crate::capture::text::print::{Kept, Numbering, push_lines, push_spaced_data};
+use crate::capture::text::print::{CachedText, Numbering, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags};
 
-/// Dates of the header have milliseconds.
+/// Resolution of the dates in the header, in nanoseconds.
 const MILLISECOND: i64 = 1_000_000;
 const SECOND: u64 = 1_000_000_000;
 
-/// `Sat Sep 30 15:06:13.191 2017`
+/// Format of `Sat Sep 30 15:06:13.191 2017`.
 const DATE: &str = "%a %b %d %H:%M:%S%.3f %Y";
 
 /// Flags of an FD line.
 const FLAGS: [(FrameFlags, u32); 3] =
     [(FrameFlags::FD, 1 << 12), (FrameFlags::BIT_RATE_SWITCH, 1 << 13), (FrameFlags::ERROR_STATE, 1 << 14)];
 
-/// Widths of the identifier of a classic line, and of identifier and name of an FD line.
+/// Column widths: identifier of a classic line; identifier and name of an FD line.
 const ID: usize = 15;
 const FD_ID: usize = 8;
 const FD_NAME: &[u8; 35] = b"                                   ";
 
-/// Where the duration, the number of bits, and what follows the flags would stand.
+/// Zeros for the duration, the number of bits, and the fields after the flags.
 const UNKNOWN: &[u8; 14] = b"        0    0";
 const UNKNOWN_END: &[u8; 46] = b"        0        0        0        0        0\n";
 
-/// Writer of ASC.
 pub(super) struct AscWriter<W> {
     output: W,
     line: Vec<u8>,
     elapsed: Elapsed,
-    seconds: Kept<u64>,
+    seconds: CachedText<u64>,
     buses: Numbering,
     has_begun: bool,
     has_ended: bool,
@@ -65,14 +64,14 @@ impl<W: Write> AscWriter<W> {
             output,
             line: Vec::with_capacity(512),
             elapsed: Elapsed::new(MILLISECOND, i64::MIN),
-            seconds: Kept::default(),
+            seconds: CachedText::default(),
             buses: Numbering::default(),
             has_begun: false,
             has_ended: false,
         }
     }
 
-    /// The header, once the time of the first frame is known.
+    /// Writes the header, once the time of the first frame is known.
     fn begin(&mut self, start: i64) {
         let date = date(start).strftime(DATE).to_string();
         let text = format!(
@@ -121,13 +120,13 @@ impl<W: Write> AscWriter<W> {
         self.line.push(b' ');
     }
 
-    /// Received unless it is known to have been sent.
+    /// Appends the direction: transmitted, or received if unknown.
     fn direction(&mut self, frame: &Frame) {
         let sent = frame.flags.contains(FrameFlags::TRANSMITTED);
         self.line.extend_from_slice(if sent { b" Tx  " } else { b" Rx  " });
     }
 
-    /// `123`, `18FEF100x`; returns its length.
+    /// Appends `123` or `18FEF100x`; returns its length.
     fn identifier(&mut self, id: CanId) -> usize {
         let begin = self.line.len();
         push_code(&mut self.line, id.number(), 1);
@@ -189,7 +188,7 @@ impl<W: Write + Send> FrameWriter for AscWriter<W> {
         self.frame(frame, bus, Some(comment))
     }
 
-    /// There are lines for none of it that other readers know.
+    /// Stores nothing: other readers know no lines for notices.
     fn notice(&mut self, _notice: &Notice, _bus: &str) -> io::Result<bool> {
         Ok(false)
     }
@@ -200,7 +199,7 @@ impl<W: Write + Send> FrameWriter for AscWriter<W> {
 
     fn finish(&mut self) -> io::Result<()> {
         if !std::mem::replace(&mut self.has_ended, true) {
-            // Without a frame there is no date, but it is a capture.
+            // Without a frame there is no date; a base line alone is a valid capture.
             let end: &[u8] =
                 if self.has_begun { b"End TriggerBlock\n" } else { b"base hex  timestamps absolute\n" };
             self.output.write_all(end)?;
@@ -270,7 +269,7 @@ End TriggerBlock
         let mut writer = AscWriter::new(Vec::new());
         let frame = at(0, Frame::data_frame(CanId::standard(1), &[]));
         writer.write_commented(&frame, "1", "first\n1.0 1 123 Rx d 0\rsecond").unwrap();
-        // It was not finished, but can be read.
+        // The capture was not finished but is readable.
         let content = crate::capture::testing::read(&writer.output);
         assert_eq!(content.frames.len(), 1);
         let text = String::from_utf8(writer.output).unwrap();

@@ -1,52 +1,52 @@
-//! Containers: objects behind one another, compressed mostly. An object may begin in one and end in the next.
+//! Containers: sequences of objects, usually compressed. An object may begin in one container and end in the
+//! next.
 //!
 //! ```text
 //! header of the object   0 compression (2): 0 none, 2 zlib   8 size of the content (4)   16 content
 //! ```
-//! How much there is, is found out by reading it.
+//! The declared size is not trusted; the actual size is known after decompression.
 
 use super::object::{FILL, Head, TITLE};
 use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
-use crate::capture::inflate::{Inflated, inflate};
+use crate::capture::inflate::{Decompression, inflate};
 
-/// Largest container that is believed.
+/// Largest accepted container in bytes.
 pub(super) const LARGEST_CONTAINER: usize = 16 * 1024 * 1024;
 
-/// Largest content that is read.
+/// Largest content read, in bytes.
 const LARGEST_CONTENT: usize = 2 * LARGEST_CONTAINER;
 
 const HEADER: usize = 16;
 const STORED: u16 = 0;
 const ZLIB: u16 = 2;
 
-/// The content of a container.
 #[derive(Debug)]
 pub(super) struct Container {
-    /// What was left of the one before, and what is in this one.
+    /// Remaining bytes of the previous container, then the content of this one.
     pub(super) bytes: Vec<u8>,
-    /// Whether the content stands in the capture as it is.
+    /// Whether the content is stored uncompressed.
     pub(super) is_stored: bool,
-    /// Bytes of the capture it stands for.
+    /// Size of the container in the capture, in bytes.
     pub(super) length: usize,
-    /// What is wrong with it.
+    /// Description of the damage, if any.
     pub(super) damage: Option<String>,
-    /// Whether that breaks off the objects in it.
+    /// Whether the damage cuts off the objects in the content.
     pub(super) is_broken: bool,
-    /// Whether that is the end of the capture inside it.
+    /// Whether the capture ends inside the container.
     pub(super) is_cut: bool,
 }
 
 impl Container {
-    /// Bytes before the content of a container.
+    /// Number of bytes before the content of a container.
     pub(super) const fn before(head: Head) -> usize {
         head.header + HEADER
     }
 
-    /// Opens the container at the front of `rest`, of which nothing more will come if it is cut off.
+    /// Opens the container at the start of `rest`. If the container is incomplete, the capture ends in it.
     ///
     /// # Errors
-    /// When it is compressed and this build cannot read that.
+    /// If the container is compressed and this build cannot decompress it.
     pub(super) fn open(head: Head, rest: &[u8], tail: &[u8], offset: u64) -> Result<Self, CaptureError> {
         let object = rest.get(..head.size).unwrap_or(rest);
         let mut container = Self {
@@ -64,7 +64,7 @@ impl Container {
         }
         let header = object.get(head.header..).unwrap_or_default();
         let Some((method, content)) = Little.u16(header, 0).zip(header.get(HEADER..)) else {
-            container.broken(format!("a container of {} bytes: too short", head.size));
+            container.broken(format!("container too short ({} bytes)", head.size));
             return Ok(container);
         };
         match method {
@@ -73,7 +73,7 @@ impl Container {
                 container.bytes.extend_from_slice(content);
             }
             ZLIB => container.inflate(head, content, Little.u32(header, 8), offset)?,
-            _ => container.broken(format!("a container with compression {method}, expected 0 or 2 (zlib)")),
+            _ => container.broken(format!("container compression {method}; expected 0 or 2 (zlib)")),
         }
         Ok(container)
     }
@@ -83,11 +83,12 @@ impl Container {
         self.damage.get_or_insert(damage);
     }
 
-    /// Its content is whole after so many bytes. If its size is another one, what follows is not lost.
+    /// Handles content that is complete after `length` bytes. If the declared size differs, the data after it
+    /// is kept.
     fn ends_after(&mut self, head: Head, length: usize) {
         if self.is_cut || self.length.saturating_sub(length) > FILL {
             self.damage =
-                Some(format!("a container of {} bytes whose content ends after {length}", head.size));
+                Some(format!("container of {} bytes: content ends after {length} bytes", head.size));
             (self.is_broken, self.is_cut, self.length) = (false, false, length);
         }
     }
@@ -100,25 +101,23 @@ impl Container {
         offset: u64,
     ) -> Result<(), CaptureError> {
         match inflate(content, &mut self.bytes, LARGEST_CONTENT) {
-            Inflated::Whole(taken) => self.ends_after(head, Self::before(head).saturating_add(taken)),
-            Inflated::CutOff if content.is_empty() && size == Some(0) => {}
-            Inflated::CutOff => self.broken("the content of a container ends too early".into()),
-            Inflated::Damaged => {
-                self.broken(
-                    "the content of a container is damaged: the last frames from it may be wrong".into(),
-                );
+            Decompression::Whole(taken) => self.ends_after(head, Self::before(head).saturating_add(taken)),
+            Decompression::CutOff if content.is_empty() && size == Some(0) => {}
+            Decompression::CutOff => self.broken("content of a container ends early".into()),
+            Decompression::Damaged => {
+                self.broken("content of a container damaged: its last frames may be wrong".into());
             }
-            Inflated::TooLong => {
+            Decompression::TooLong => {
                 self.broken(format!(
-                    "a container with more than {LARGEST_CONTENT} bytes: the rest is not read"
+                    "content of a container longer than {LARGEST_CONTENT} bytes: rest skipped"
                 ));
             }
-            Inflated::Unavailable => {
+            Decompression::Unavailable => {
                 return Err(CaptureError::Header {
                     format: TITLE,
                     offset,
                     found: "a compressed container".into(),
-                    expected: "one that is not: this build leaves out the feature `gzip`; use one with it",
+                    expected: "an uncompressed container (this build lacks the feature `gzip`)",
                 });
             }
         }

@@ -1,4 +1,4 @@
-//! What BLF objects say of errors on the bus, as error frames.
+//! BLF objects about bus errors, converted to error frames.
 //!
 //! ```text
 //! CAN_ERROR, CAN_OVERLOAD   0 channel (2)
@@ -6,20 +6,20 @@
 //! CAN_FD_ERROR_64           0 channel (1)   3 code (1)    4 valid (2)  6 extended code (2)
 //! CAN_DRIVER_ERROR, _EXT    0 channel (2)   2 transmit error counter (1)  3 receive error counter (1)
 //!
-//! valid 1: the code is the SJA1000's register    7 6 kind   5 receiving   4…0 place
-//! valid 2: the extended code is Vector's         13 12 direction (1, 3 sending)  11…6 kind  4…0 place
+//! valid 1: register of the SJA1000      7 6 error type   5 receiving   4…0 location
+//! valid 2: Vector's extended code       13 12 direction (1, 3 transmitting)  11…6 error type  4…0 location
 //! ```
 //!
-//! Kinds, directions and places are those of the same events in an ASC capture.
+//! Error types, directions and locations have the same codes in ASC captures.
 
-use crate::capture::bus_error::{self, Counters, Violation, violation};
+use crate::capture::bus_error::{Counters, Violation, violation};
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::frame::Frame;
 
 const SJA1000: u16 = 1;
 const EXTENDED: u16 = 2;
 
-/// Kinds of error; a register of the SJA1000 holds the first four.
+/// Error types; a register of the SJA1000 contains the first four.
 const KINDS: &[Violation] = &[
     Violation::Bit,
     Violation::Form,
@@ -30,30 +30,30 @@ const KINDS: &[Violation] = &[
     Violation::Other,
     Violation::Acknowledgement,
     Violation::Overload,
-    // The bit that tells FD from classic.
+    // Error in the FDF bit, which distinguishes FD frames from classic frames.
     Violation::Bit,
 ];
 
-/// The error frame of an object whose channel is all it tells.
+/// Error frame of an object without details.
 pub(super) fn bare(kind: Violation) -> Frame {
     violation(kind, false, 0, None)
 }
 
-/// `CAN_ERROR_EXT`
+/// Parses `CAN_ERROR_EXT`.
 pub(super) fn extended(body: &[u8]) -> Option<Frame> {
-    // The validity bits are four bytes here; only the first of them are used.
+    // The validity field has four bytes here; only the lower two are used.
     Some(detailed(Little.u16(body, 4)?, *body.get(8)?, Little.u16(body, 20)?))
 }
 
-/// `CAN_FD_ERROR_64`
+/// Parses `CAN_FD_ERROR_64`.
 pub(super) fn fd(body: &[u8]) -> Option<Frame> {
     Some(detailed(Little.u16(body, 4)?, *body.get(3)?, Little.u16(body, 6)?))
 }
 
-/// Counters of a controller. What its error code means is written nowhere.
-pub(super) fn counters(body: &[u8]) -> Option<Frame> {
+/// Error counters of a controller. The error code of the object is undocumented and ignored.
+pub(super) fn counters(body: &[u8]) -> Option<Counters> {
     let (transmit, receive) = (*body.get(2)?, *body.get(3)?);
-    Some(bus_error::counters(Counters { receive, transmit }))
+    Some(Counters { receive, transmit })
 }
 
 fn detailed(valid: u16, code: u8, extended: u16) -> Frame {
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
     use crate::frame::CanId;
 
-    /// `CAN_ERROR_EXT` on channel 1.
+    /// Body of a `CAN_ERROR_EXT` on channel 1.
     fn body(valid: u8, code: u8, extended_code: u16) -> [u8; 32] {
         let mut body = [0; 32];
         (body[0], body[4], body[8]) = (1, valid, code);
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn counters_stand_where_socketcan_has_them() {
-        let frame = counters(&[1, 0, 130, 7, 0, 0, 0, 0]).unwrap();
-        assert_eq!(frame.data(), [0, 0, 0, 0, 0, 0, 130, 7]);
+        let found = counters(&[1, 0, 130, 7, 0, 0, 0, 0]).unwrap();
+        assert_eq!(crate::capture::bus_error::counters(found).data(), [0, 0, 0, 0, 0, 0, 130, 7]);
     }
 }

@@ -1,4 +1,4 @@
-//! The objects of BLF that are frames.
+//! BLF objects that contain frames.
 //!
 //! ```text
 //! CAN_MESSAGE, CAN_MESSAGE2     0 channel (2)  2 flags (1)  3 DLC (1)  4 identifier (4)  8 data (8)
@@ -6,12 +6,12 @@
 //! CAN_FD_MESSAGE_64             0 channel (1)  1 DLC (1)  2 valid bytes (1)  4 identifier (4)
 //!                              12 flags (4)   34 direction (1)  35 offset of further data (1)  40 data
 //!
-//! identifier  bit 31: extended          flags      7 remote   6 5 state of the line   3…0 direction
+//! identifier  bit 31: extended          flags      7 remote   6 5 line state          3…0 direction
 //! direction   0 Rx   1 Tx   2 TxRq      FD flags   2 ESI   1 BRS   0 FD
 //! flags of CAN_FD_MESSAGE_64            14 ESI   13 BRS   12 FD   4 remote
 //! ```
 //!
-//! Sources: `binlog_objects.h` as Vector ships it, Wireshark's `wiretap/blf.c`, python-can.
+//! Sources: Vector's `binlog_objects.h`, Wireshark's `wiretap/blf.c`, python-can.
 
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
@@ -21,26 +21,26 @@ const CLASSIC_DATA: usize = 8;
 const FD_DATA: usize = 20;
 const FD_64_DATA: usize = 40;
 
-/// What an object is.
+/// Content of a frame object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Content {
-    /// A frame that was on the bus.
+    /// A frame on the bus.
     Frame(Frame),
-    /// A request to send one, which may come to nothing.
+    /// A request to send a frame; it is possible that the frame was never sent.
     Request,
 }
 
-/// What all kinds say, each in its own place.
+/// Fields common to all frame objects.
 struct Fields {
     id: u32,
     dlc: u8,
-    /// Bytes of data that count, if it says so.
+    /// Number of valid data bytes; `None` if the object type has no such field.
     valid: Option<u8>,
     direction: u8,
     flags: FrameFlags,
 }
 
-/// `CAN_MESSAGE` and `CAN_MESSAGE2`
+/// Parses `CAN_MESSAGE` and `CAN_MESSAGE2`.
 pub(super) fn classic(body: &[u8]) -> Option<Content> {
     let (flags, dlc) = (*body.get(2)?, *body.get(3)?);
     let fields = Fields {
@@ -50,11 +50,11 @@ pub(super) fn classic(body: &[u8]) -> Option<Content> {
         direction: direction(flags),
         flags: remote(flags),
     };
-    // The data have a fixed place: an object that ends before it is cut off.
+    // The data field has a fixed size; a shorter object is cut off.
     fields.content(body.get(CLASSIC_DATA..CLASSIC_DATA + 8)?)
 }
 
-/// `CAN_FD_MESSAGE`
+/// Parses `CAN_FD_MESSAGE`.
 pub(super) fn fd(body: &[u8]) -> Option<Content> {
     let (flags, dlc, fd) = (*body.get(2)?, *body.get(3)?, *body.get(13)?);
     let flags_of_frame = if fd & 1 == 0 { remote(flags) } else { fd_flags(fd & 2 != 0, fd & 4 != 0) };
@@ -68,7 +68,7 @@ pub(super) fn fd(body: &[u8]) -> Option<Content> {
     fields.content(body.get(FD_DATA..)?)
 }
 
-/// `CAN_FD_MESSAGE_64`; `header` bytes stand before the body, from which the offset counts too.
+/// Parses `CAN_FD_MESSAGE_64`; its offset of further data includes the `header` bytes before the body.
 pub(super) fn fd_64(body: &[u8], header: usize) -> Option<Content> {
     let flags = Little.u32(body, 12)?;
     let has = |bit: u32| flags & bit != 0;
@@ -85,12 +85,12 @@ pub(super) fn fd_64(body: &[u8], header: usize) -> Option<Content> {
     };
     let further = usize::from(*body.get(35)?);
     let data = body.get(FD_64_DATA..)?;
-    // Behind the data may stand what the recorder knows besides.
+    // Further data of the recorder may follow the frame data.
     let end = further.checked_sub(header + FD_64_DATA).unwrap_or(data.len());
     fields.content(data.get(..end).unwrap_or(data))
 }
 
-/// The direction in the flags of a frame. A request has not been on the bus, so it knows no state of the line.
+/// Direction from the flags of a frame. A request was not on the bus, so its line state is 0.
 fn direction(flags: u8) -> u8 {
     if flags & 0x6F == 2 { 2 } else { flags & 1 }
 }
@@ -115,14 +115,14 @@ impl Fields {
             0 => CanId::standard(u16::try_from(self.id & 0x7FF).ok()?),
             _ => CanId::extended(self.id),
         };
-        // Above the four bits stands something else.
+        // The upper four bits have another meaning.
         let dlc = self.dlc & 0x0F;
         let is_fd = self.flags.contains(FrameFlags::FD);
         let is_remote = self.flags.contains(FrameFlags::REMOTE);
         let longest = if is_fd { fd_length(dlc) } else { dlc.min(8) };
         let length = if is_remote { longest } else { self.valid.map_or(longest, |valid| valid.min(longest)) };
         let mut bytes = [0; MAX_DATA];
-        // Fewer bytes than are said to count are recorded where the rest is 0.
+        // Some writers omit trailing bytes that are 0.
         let count = usize::from(length).min(data.len());
         if let (Some(target), Some(source), false) = (bytes.get_mut(..count), data.get(..count), is_remote) {
             target.copy_from_slice(source);

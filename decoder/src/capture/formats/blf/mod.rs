@@ -1,15 +1,16 @@
 //! BLF: the binary captures of Vector's programs.
 //!
 //! ```text
-//! header, 144 bytes                      ─▶ containers ─▶ objects in them, of which some are frames
+//! header, 144 bytes                      ─▶ containers ─▶ objects, some of which are frames
 //!  0 LOGG (4)   4 size of the header (4)
 //! 40 start: year, month, day of the week, day, hour, minute, second, millisecond (2 each), local time
 //! ```
-//! [`container`] and [`object`] show how those are built, [`frame`] and [`error`] what is in the objects that
-//! are read. Objects may also stand outside of containers.
+//! Layouts: [`container`] and [`object`]; contents of the supported objects: [`frame`] and [`error`]. Objects
+//! may also occur outside of containers.
 //!
-//! Only the content of a container is ever held at once, and a place in a capture does not hold it: it is the
-//! place of the container, how far in it reading is, and what was left of the one before.
+//! At most one container is decompressed at a time. A stored position does not include its content: it
+//! consists of the offset of the container, the position in its content, and the remaining bytes of the
+//! previous container.
 
 mod container;
 mod error;
@@ -18,17 +19,17 @@ mod object;
 mod objects;
 
 use container::{Container, LARGEST_CONTAINER};
-use object::{BASE, FILL, Found, Head, find, is_followed};
+use object::{BASE, FILL, Head, ObjectContent, find, is_followed};
 use objects::{LARGEST_OBJECT, LOG_CONTAINER, Objects, is_read};
 
 use crate::capture::byte_order::ByteOrder::Little;
-use crate::capture::{Batch, BusNames, CaptureError, Format, Notice, Parser, Place, calendar};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, Notice, Parser, calendar};
 
 const MAGIC: &[u8] = b"LOGG";
-/// Header as all known versions have it, and the part of it that is read.
+/// Size of the header in all known versions, and the part of it that is read, in bytes.
 const HEADER: usize = 144;
 const READ_OF_HEADER: usize = 56;
-/// A longer header is taken for damage.
+/// A longer header is treated as damage.
 const LONGEST_HEADER: usize = 64 * 1024;
 const START: usize = 40;
 
@@ -40,50 +41,50 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(Blf::default()),
 };
 
-/// Reader of BLF.
+/// Parser of BLF.
 #[derive(Clone, Default)]
 struct Blf {
     objects: Objects,
     has_header: bool,
-    /// Bytes taken so far.
+    /// Bytes used so far.
     offset: u64,
-    /// Bytes of an object outside of containers still to pass over.
+    /// Bytes left to skip of an object outside of containers.
     skip: usize,
     gap: Gap,
     inner: Inner,
-    open: Open,
+    open: OpenContainer,
     has_ended: bool,
 }
 
-/// How far reading is in a container, and what goes on from one to the next.
+/// Position in a container, and the state carried to the next container.
 #[derive(Debug, Clone, Default)]
 struct Inner {
-    /// Bytes taken of the content and of `tail` before it.
+    /// Bytes used of `tail` and the content.
     at: usize,
-    /// The beginning of an object that ends in the next container.
+    /// Start of an object that ends in the next container.
     tail: Vec<u8>,
-    /// Bytes of an object still to pass over.
+    /// Bytes left to skip of an object.
     skip: usize,
     gap: Gap,
 }
 
-/// The content of the container being read: made again where it is missing.
+/// Content of the current container; rebuilt if missing.
 #[derive(Default)]
-struct Open(Option<Container>);
+struct OpenContainer(Option<Container>);
 
-impl Clone for Open {
+impl Clone for OpenContainer {
     fn clone(&self) -> Self {
         Self(None)
     }
 }
 
-/// Bytes that are no object.
+/// Bytes between objects that are not part of an object.
 #[derive(Debug, Clone, Copy, Default)]
 struct Gap {
-    /// Where they begin.
+    /// Offset of the first of these bytes.
     start: u64,
     count: u64,
-    /// Whether it was said before why they are there.
+    /// Whether the cause was already reported.
     is_told: bool,
 }
 
@@ -95,38 +96,44 @@ impl Gap {
         self.count = self.count.saturating_add(count as u64);
     }
 
-    /// An object, or the end, follows.
+    /// Reports the gap, if any: an object or the end of the capture follows.
     fn close(&mut self, batch: &mut Batch) {
         let Self { start, count, is_told } = std::mem::take(self);
         if count > FILL as u64 && !is_told {
-            let reason = format!("{count} bytes that are no object passed over");
-            batch.push_unreadable(Place::Offset(start), reason);
+            let reason = format!("{count} bytes outside of objects skipped");
+            batch.push_unreadable(CapturePlace::Offset(start), reason);
         }
     }
 }
 
-/// What a step of the parser did.
-enum Step {
-    /// Took so many bytes.
+/// Result of one step of the parser.
+enum ParserStep {
+    /// Number of bytes used.
     Took(usize),
-    /// Nothing: more input is needed, or there is no room for more frames.
+    /// Nothing used: more input is needed, or the batch is full.
     Stop,
 }
 
-/// How the reading of a container ended.
+/// Reason why the reading of a container stopped.
 enum Ending {
     /// The batch is full.
     Full,
-    /// All of it was read.
+    /// The content is complete.
     End,
-    /// A container begins in it, so many bytes before its end.
+    /// Another container begins this number of bytes before the end.
     Container(usize),
 }
 
 impl Blf {
-    fn step(&mut self, rest: &[u8], at: u64, at_end: bool, batch: &mut Batch) -> Result<Step, CaptureError> {
+    fn step(
+        &mut self,
+        rest: &[u8],
+        at: u64,
+        at_end: bool,
+        batch: &mut Batch,
+    ) -> Result<ParserStep, CaptureError> {
         if rest.is_empty() {
-            return Ok(Step::Stop);
+            return Ok(ParserStep::Stop);
         }
         if !self.has_header {
             return Ok(self.header(rest, at_end, batch));
@@ -134,45 +141,45 @@ impl Blf {
         if self.skip > 0 {
             let count = self.skip.min(rest.len());
             self.skip -= count;
-            return Ok(Step::Took(count));
+            return Ok(ParserStep::Took(count));
         }
         match find(rest) {
-            Found::Object(head) if head.kind == LOG_CONTAINER => {
+            ObjectContent::Object(head) if head.kind == LOG_CONTAINER => {
                 self.container(head, rest, at, at_end, batch)
             }
-            Found::Object(head) => Ok(self.lone(head, rest, at, at_end, batch)),
-            Found::More if !at_end => Ok(Step::Stop),
-            Found::More => {
+            ObjectContent::Object(head) => Ok(self.lone(head, rest, at, at_end, batch)),
+            ObjectContent::More if !at_end => Ok(ParserStep::Stop),
+            ObjectContent::More => {
                 self.gap.close(batch);
                 cut_off(at, batch);
-                Ok(Step::Took(rest.len()))
+                Ok(ParserStep::Took(rest.len()))
             }
-            Found::Gap(count) => Ok(self.passed_over(at, count)),
+            ObjectContent::Gap(count) => Ok(self.passed_over(at, count)),
         }
     }
 
-    fn passed_over(&mut self, at: u64, count: usize) -> Step {
+    fn passed_over(&mut self, at: u64, count: usize) -> ParserStep {
         self.gap.add(at, count);
-        Step::Took(count)
+        ParserStep::Took(count)
     }
 
-    fn header(&mut self, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    fn header(&mut self, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
         let size = Little.u32(rest, 4).and_then(|size| usize::try_from(size).ok()).unwrap_or(HEADER);
         let is_usual = (READ_OF_HEADER..=LONGEST_HEADER).contains(&size);
         let size = if is_usual { size } else { HEADER };
         if !at_end && rest.len() < size.max(HEADER) {
-            return Step::Stop;
+            return ParserStep::Stop;
         }
         self.has_header = true;
         if !is_usual {
-            batch.push_unreadable(Place::Offset(4), "a header of impossible size".into());
+            batch.push_unreadable(CapturePlace::Offset(4), "invalid header size".into());
         }
         if rest.len() < size {
             let reason = format!("the capture ends inside its header: found {} of {size} bytes", rest.len());
-            batch.notice(Notice::CutOff { place: Place::Offset(0), reason });
+            batch.notice(Notice::CutOff { place: CapturePlace::Offset(0), reason });
         }
         self.start(rest, batch);
-        Step::Took(size.min(rest.len()))
+        ParserStep::Took(size.min(rest.len()))
     }
 
     fn start(&mut self, header: &[u8], batch: &mut Batch) {
@@ -182,41 +189,46 @@ impl Blf {
         else {
             return;
         };
-        // Writers without a clock leave it empty.
+        // Writers without a clock leave the date empty.
         if (year, month, day) == (0, 0, 0) {
             return;
         }
         let start = calendar::utc([year, month, day, hour, minute, second], ms * 1_000_000);
         if let Some(start) = start {
             self.objects.start = start;
-            let text = "the start date carries no time zone: times read as UTC";
+            let text = "start date without time zone: times read as UTC";
             batch.notice(Notice::Assumption(text.into()));
         } else {
-            let reason = "the start is no date: times count from 1970".into();
-            batch.push_unreadable(Place::Offset(START as u64), reason);
+            let reason = "invalid start date: times count from 1970".into();
+            batch.push_unreadable(CapturePlace::Offset(START as u64), reason);
         }
     }
 
-    /// An object outside of containers.
-    fn lone(&mut self, head: Head, rest: &[u8], at: u64, at_end: bool, batch: &mut Batch) -> Step {
+    /// Handles an object outside of containers.
+    fn lone(&mut self, head: Head, rest: &[u8], at: u64, at_end: bool, batch: &mut Batch) -> ParserStep {
         if is_read(head.kind) && head.size <= LARGEST_OBJECT {
-            // What follows is looked at too.
+            // The bytes after the object are checked too.
             if rest.len() < head.size + BASE && !at_end {
-                return Step::Stop;
+                return ParserStep::Stop;
             }
             self.gap.close(batch);
             if rest.len() < head.size {
                 cut_off(at, batch);
-                return Step::Took(rest.len());
+                return ParserStep::Took(rest.len());
             }
-            self.objects.take(head, rest.get(..head.size).unwrap_or_default(), Place::Offset(at), batch);
-            return Step::Took(if is_followed(rest, head.size) { head.size } else { BASE });
+            self.objects.take(
+                head,
+                rest.get(..head.size).unwrap_or_default(),
+                CapturePlace::Offset(at),
+                batch,
+            );
+            return ParserStep::Took(if is_followed(rest, head.size) { head.size } else { BASE });
         }
         self.gap.close(batch);
         too_long(head, at, batch);
         self.objects.pass_over(head.kind);
         self.skip = head.size;
-        Step::Took(0)
+        ParserStep::Took(0)
     }
 
     fn container(
@@ -226,12 +238,12 @@ impl Blf {
         at: u64,
         at_end: bool,
         batch: &mut Batch,
-    ) -> Result<Step, CaptureError> {
+    ) -> Result<ParserStep, CaptureError> {
         if head.size > LARGEST_CONTAINER {
             return Ok(self.passed_over(at, BASE));
         }
         if rest.len() < head.size && !at_end {
-            return Ok(Step::Stop);
+            return Ok(ParserStep::Stop);
         }
         self.gap.close(batch);
         let container = match self.open.0.take() {
@@ -241,19 +253,19 @@ impl Blf {
         let ending = self.inner.read(&container, at, &mut self.objects, batch);
         if matches!(ending, Ending::Full) {
             self.open.0 = Some(container);
-            return Ok(Step::Stop);
+            return Ok(ParserStep::Stop);
         }
         let mut length = container.length;
         if let Ending::Container(left) = ending {
             self.inner.at = container.bytes.len();
             length = length.saturating_sub(left).max(BASE);
             let reason =
-                format!("a container of {} bytes, in which another begins after {length}", head.size);
-            batch.push_unreadable(Place::Offset(at), reason);
+                format!("container of {} bytes: another container begins after {length} bytes", head.size);
+            batch.push_unreadable(CapturePlace::Offset(at), reason);
         }
         self.inner.close(&container);
         if let Some(reason) = container.damage {
-            let place = Place::Offset(at);
+            let place = CapturePlace::Offset(at);
             let is_cut = container.is_cut;
             batch.notice(if is_cut {
                 Notice::CutOff { place, reason }
@@ -261,7 +273,7 @@ impl Blf {
                 Notice::Unreadable { place, reason }
             });
         }
-        Ok(Step::Took(length))
+        Ok(ParserStep::Took(length))
     }
 
     fn end(&mut self, batch: &mut Batch) {
@@ -295,12 +307,12 @@ impl Inner {
                 continue;
             }
             match find(rest) {
-                Found::More => return Ending::End,
-                Found::Gap(count) => {
+                ObjectContent::More => return Ending::End,
+                ObjectContent::Gap(count) => {
                     self.gap.add(at, count);
                     self.at += count;
                 }
-                Found::Object(head) => {
+                ObjectContent::Object(head) => {
                     self.gap.close(batch);
                     if head.kind == LOG_CONTAINER && open.is_stored {
                         return Ending::Container(rest.len());
@@ -313,7 +325,7 @@ impl Inner {
         }
     }
 
-    /// The object at the front of `rest`; `false` if it ends in the next container.
+    /// Handles the object at the start of `rest`; `false` if it ends in the next container.
     fn object(&mut self, head: Head, rest: &[u8], at: u64, objects: &mut Objects, batch: &mut Batch) -> bool {
         let size = if is_followed(rest, head.size) { head.size } else { BASE };
         if !is_read(head.kind) || head.size > LARGEST_OBJECT {
@@ -323,12 +335,12 @@ impl Inner {
             return true;
         }
         let Some(object) = rest.get(..head.size) else { return false };
-        objects.take(head, object, Place::Offset(at), batch);
+        objects.take(head, object, CapturePlace::Offset(at), batch);
         self.at += size;
         true
     }
 
-    /// Keeps what goes on in the next container.
+    /// Keeps the bytes of an object that continues in the next container.
     fn close(&mut self, open: &Container) {
         let rest = open.bytes.get(self.at..).unwrap_or_default();
         self.at = 0;
@@ -336,7 +348,10 @@ impl Inner {
         if open.is_broken {
             self.skip = 0;
             self.gap = Gap { is_told: true, ..Gap::default() };
-        } else if matches!(find(rest), Found::More | Found::Object(Head { size: ..=LARGEST_OBJECT, .. })) {
+        } else if matches!(
+            find(rest),
+            ObjectContent::More | ObjectContent::Object(Head { size: ..=LARGEST_OBJECT, .. })
+        ) {
             self.tail.extend_from_slice(rest);
         }
     }
@@ -344,15 +359,14 @@ impl Inner {
 
 fn too_long(head: Head, at: u64, batch: &mut Batch) {
     if is_read(head.kind) {
-        let reason =
-            format!("an object of kind {} and {} bytes: too long for what it is", head.kind, head.size);
-        batch.push_unreadable(Place::Offset(at), reason);
+        let reason = format!("object type {}: {} bytes are too long for the type", head.kind, head.size);
+        batch.push_unreadable(CapturePlace::Offset(at), reason);
     }
 }
 
 fn cut_off(at: u64, batch: &mut Batch) {
     let reason = "the capture ends inside an object".into();
-    batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
+    batch.notice(Notice::CutOff { place: CapturePlace::Offset(at), reason });
 }
 
 impl Parser for Blf {
@@ -361,9 +375,9 @@ impl Parser for Blf {
         while !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             match self.step(rest, self.offset.saturating_add(taken as u64), at_end, batch) {
-                Ok(Step::Took(count)) => taken += count,
-                Ok(Step::Stop) => break,
-                // What was read before it is given first; it comes again then.
+                Ok(ParserStep::Took(count)) => taken += count,
+                Ok(ParserStep::Stop) => break,
+                // Earlier frames are emitted first; the next call returns the error again.
                 Err(_) if !batch.is_empty() => break,
                 Err(error) => return Err(error),
             }

@@ -1,24 +1,24 @@
-//! How an object is told from other bytes.
+//! Detection of objects.
 //!
 //! ```text
-//!  0 LOBJ   4 size of the header (2)   6 its version (2)   8 size of the object (4)   12 kind (4)
-//! 16 flags (4): unit of time   24 time (8)   then what else the version has, up to the body
+//!  0 LOBJ   4 size of the header (2)   6 version of the header (2)   8 size of the object (4)   12 type (4)
+//! 16 flags (4): unit of time   24 time (8)   then fields of the version, up to the body
 //! ```
-//! Behind an object stand up to three bytes that fill up: how many depends on the writer.
+//! Up to three fill bytes follow an object, depending on the writer.
 
 use crate::capture::byte_order::ByteOrder::Little;
 
 /// Title of the format.
 pub(super) const TITLE: &str = "Vector BLF";
 
-/// Bytes that all objects begin with.
+/// Size of the part of the header that all objects have, in bytes.
 pub(super) const BASE: usize = 16;
 
-/// Bytes that may fill up behind an object.
+/// Maximum number of fill bytes after an object.
 pub(super) const FILL: usize = 3;
 
-/// Longest header, and largest kind and size that are believed: 133 kinds are known, and containers hold
-/// 128 KiB as Vector's programs write them.
+/// Plausibility limits of an object: header size, version, type and size. 133 types are known; Vector's
+/// programs write containers of 128 KiB.
 const LONGEST_HEADER: u16 = 256;
 const LAST_VERSION: u16 = 3;
 const LAST_KIND: u32 = 0x3FF;
@@ -26,48 +26,48 @@ const LARGEST: u32 = 64 * 1024 * 1024;
 
 const MAGIC: &[u8; 4] = b"LOBJ";
 
-/// What an object's first bytes say.
+/// Header of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Head {
-    /// Bytes before the body.
+    /// Size of the header in bytes.
     pub(super) header: usize,
-    /// Bytes in all.
+    /// Size of the object in bytes, with its header.
     pub(super) size: usize,
-    /// What it is.
+    /// Object type.
     pub(super) kind: u32,
 }
 
-/// What stands at a place.
+/// Content found at a position.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Found {
-    /// An object.
+pub(super) enum ObjectContent {
     Object(Head),
-    /// So many bytes that are none, at least one.
+    /// Number of bytes, at least one, that are not part of an object.
     Gap(usize),
-    /// Too few bytes to tell, or none.
+    /// Too few bytes to decide, or none.
     More,
 }
 
-/// Looks at the beginning of `rest`.
-pub(super) fn find(rest: &[u8]) -> Found {
+/// Determines what `rest` begins with.
+pub(super) fn find(rest: &[u8]) -> ObjectContent {
     let mut gap = 0;
     loop {
         let here = rest.get(gap..).unwrap_or_default();
         let may_go_on = here.len() < BASE && here.iter().zip(MAGIC).all(|(found, magic)| found == magic);
         match head(here) {
-            Some(head) if gap == 0 => return Found::Object(head),
-            None if may_go_on && gap == 0 => return Found::More,
-            Some(_) => return Found::Gap(gap),
-            None if may_go_on => return Found::Gap(gap),
+            Some(head) if gap == 0 => return ObjectContent::Object(head),
+            None if may_go_on && gap == 0 => return ObjectContent::More,
+            Some(_) => return ObjectContent::Gap(gap),
+            None if may_go_on => return ObjectContent::Gap(gap),
             None => {}
         }
-        // An object cannot begin before the next of its first bytes.
+        // An object cannot begin before the next `L`.
         let next = here.get(1..).and_then(|behind| memchr::memchr(b'L', behind));
         gap = next.map_or(rest.len(), |next| gap + 1 + next);
     }
 }
 
-/// Whether an object follows at the end of one, or behind what fills up; `true` if that cannot be seen.
+/// Whether an object follows after `size` bytes, with optional fill bytes; `true` if more input is needed to
+/// decide.
 pub(super) fn is_followed(rest: &[u8], size: usize) -> bool {
     let Some(behind) = rest.get(size..) else { return true };
     let window = behind.get(..FILL + MAGIC.len()).unwrap_or(behind);
@@ -97,13 +97,13 @@ mod tests {
     #[test]
     fn an_object_is_found_behind_other_bytes() {
         let head = Head { header: 32, size: 48, kind: 1 };
-        assert_eq!(find(&HEAD), Found::Object(head));
-        assert_eq!(find(&[&b"\0L\0LOBJ...............LO"[..], &HEAD].concat()), Found::Gap(24));
-        assert_eq!(find(b"nothing"), Found::Gap(7));
-        assert_eq!(find(b"nothing LO"), Found::Gap(8));
-        assert_eq!(find(b"LO"), Found::More);
-        assert_eq!(find(&HEAD[..15]), Found::More);
-        assert_eq!(find(b""), Found::More);
+        assert_eq!(find(&HEAD), ObjectContent::Object(head));
+        assert_eq!(find(&[&b"\0L\0LOBJ...............LO"[..], &HEAD].concat()), ObjectContent::Gap(24));
+        assert_eq!(find(b"nothing"), ObjectContent::Gap(7));
+        assert_eq!(find(b"nothing LO"), ObjectContent::Gap(8));
+        assert_eq!(find(b"LO"), ObjectContent::More);
+        assert_eq!(find(&HEAD[..15]), ObjectContent::More);
+        assert_eq!(find(b""), ObjectContent::More);
     }
 
     #[test]
@@ -111,7 +111,7 @@ mod tests {
         for (at, byte) in [(4, 15), (6, 0), (6, 4), (8, 31), (11, 5), (13, 4)] {
             let mut bytes = HEAD;
             bytes[at] = byte;
-            assert_eq!(find(&bytes), Found::Gap(BASE), "{at} = {byte}");
+            assert_eq!(find(&bytes), ObjectContent::Gap(BASE), "{at} = {byte}");
         }
     }
 

@@ -1,17 +1,17 @@
-//! What the objects of a capture say, one after the other.
+//! Objects of a capture, converted to frames and notices.
 
 use super::error;
 use super::frame::{self, Content};
 use super::object::Head;
-use crate::capture::bus_error::Violation;
+use crate::capture::bus_error::{self, Counters, Violation};
 use crate::capture::byte_order::ByteOrder::Little;
-use crate::capture::{Batch, BusNames, MAX_BUSES, Notice, Place};
+use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, Frame, Timestamp};
 
 const CAN_MESSAGE: u32 = 1;
 const CAN_ERROR: u32 = 2;
 const CAN_OVERLOAD: u32 = 3;
-/// Kind of the objects that hold others.
+/// Type of objects that contain other objects.
 pub(super) const LOG_CONTAINER: u32 = 10;
 const CAN_DRIVER_ERROR: u32 = 31;
 const CAN_ERROR_EXT: u32 = 73;
@@ -24,7 +24,7 @@ const CAN_FD_ERROR_64: u32 = 104;
 const DATA_LOST_BEGIN: u32 = 125;
 const DATA_LOST_END: u32 = 126;
 
-/// What is looked at.
+/// Supported object types.
 const READ: &[u32] = &[
     CAN_MESSAGE,
     CAN_ERROR,
@@ -41,48 +41,49 @@ const READ: &[u32] = &[
     DATA_LOST_END,
 ];
 
-/// Messages of other buses: LIN, MOST, FlexRay, J1708, Ethernet, WLAN, AFDX, ARINC 429.
+/// Object types of other bus systems: LIN, MOST, FlexRay, J1708, Ethernet, WLAN, AFDX, ARINC 429.
 const OTHER_BUSES: &[u32] =
     &[11, 22, 23, 29, 32, 33, 41, 50, 55, 57, 66, 71, 76, 77, 78, 84, 85, 93, 97, 113, 120, 121];
 
-/// Largest object that is looked at: the largest frame has 64 bytes of data and little else.
+/// Largest object parsed, in bytes: the largest frame has 64 bytes of data and a few other fields.
 pub(super) const LARGEST_OBJECT: usize = 4_096;
 
 /// Bus type of `OVERRUN_ERROR`.
 const CAN: u32 = 1;
 
-/// Whether objects of this kind are looked at.
+/// Whether objects of this type are parsed.
 pub(super) fn is_read(kind: u32) -> bool {
     READ.contains(&kind)
 }
 
-/// What was learnt from the objects so far.
+/// State collected from the objects so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Objects {
-    /// Nanoseconds since 1970 at which times are 0.
+    /// Start of the capture in nanoseconds since 1970: the zero of the times.
     pub(super) start: i64,
     pub(super) buses: BusNames,
     frames: u64,
-    /// Messages of other buses.
+    /// Number of messages of other bus systems.
     others: u64,
-    /// Where the recorder began to lose frames, until it says how many.
-    losing: Option<Place>,
+    /// Position at which the recorder began to lose frames, until it reports their number.
+    losing: Option<CapturePlace>,
+    /// Last error counters of each channel that reported some; at most [`MAX_BUSES`] channels.
+    counters: Vec<(u16, Counters)>,
     said_request: bool,
     said_unit: bool,
 }
 
 impl Objects {
-    /// Counts an object that is not looked at.
+    /// Counts a skipped object.
     pub(super) fn pass_over(&mut self, kind: u32) {
         self.others += u64::from(OTHER_BUSES.contains(&kind));
     }
 
-    /// One whole object.
-    pub(super) fn take(&mut self, head: Head, object: &[u8], place: Place, batch: &mut Batch) {
+    /// Parses one complete object.
+    pub(super) fn take(&mut self, head: Head, object: &[u8], place: CapturePlace, batch: &mut Batch) {
         let body = object.get(head.header..).unwrap_or_default();
         if self.content(head, object, body, place, batch).is_none() {
-            let reason =
-                format!("an object of kind {} and {} bytes: too short for what it is", head.kind, head.size);
+            let reason = format!("object type {}: {} bytes are too short for the type", head.kind, head.size);
             batch.push_unreadable(place, reason);
         }
     }
@@ -92,7 +93,7 @@ impl Objects {
         head: Head,
         object: &[u8],
         body: &[u8],
-        place: Place,
+        place: CapturePlace,
         batch: &mut Batch,
     ) -> Option<()> {
         let frame = match head.kind {
@@ -103,7 +104,7 @@ impl Objects {
             CAN_OVERLOAD => Some(error::bare(Violation::Overload)),
             CAN_ERROR_EXT => Some(error::extended(body)?),
             CAN_FD_ERROR_64 => Some(error::fd(body)?),
-            CAN_DRIVER_ERROR | CAN_DRIVER_ERROR_EXT => Some(error::counters(body)?),
+            CAN_DRIVER_ERROR | CAN_DRIVER_ERROR_EXT => self.counters(body)?,
             _ => {
                 self.loss(head.kind, body, place, batch)?;
                 None
@@ -124,12 +125,26 @@ impl Objects {
         Some(())
     }
 
+    /// State of a controller: its error counters. Recorders repeat them, so only a change is returned.
+    #[expect(clippy::option_option, reason = "a body that is too short, and a report without news")]
+    fn counters(&mut self, body: &[u8]) -> Option<Option<Frame>> {
+        let (channel, counters) = (Little.u16(body, 0)?, error::counters(body)?);
+        let has_room = self.counters.len() < MAX_BUSES;
+        match self.counters.iter_mut().find(|(known, _)| *known == channel) {
+            Some((_, last)) if *last == counters => return Some(None),
+            Some((_, last)) => *last = counters,
+            None if has_room => self.counters.push((channel, counters)),
+            None => {}
+        }
+        Some(Some(bus_error::counters(counters)))
+    }
+
     fn sent(&mut self, content: Content, batch: &mut Batch) -> Option<Frame> {
         match content {
             Content::Frame(frame) => Some(frame),
             Content::Request => {
                 if !std::mem::replace(&mut self.said_request, true) {
-                    let text = "requests to send (TxRq) are not taken for frames";
+                    let text = "requests to send (TxRq) ignored";
                     batch.notice(Notice::Assumption(text.into()));
                 }
                 None
@@ -146,14 +161,14 @@ impl Objects {
         let stamp = i64::try_from(stamp).unwrap_or(i64::MAX);
         let elapsed = if unit == 1 { stamp.saturating_mul(10_000) } else { stamp };
         if !matches!(unit, 1 | 2) && !std::mem::replace(&mut self.said_unit, true) {
-            let text = format!("times of an unknown unit ({unit}) are read as nanoseconds");
+            let text = format!("unknown time unit {unit}: times read as nanoseconds");
             batch.notice(Notice::Assumption(text));
         }
         Some(Timestamp(self.start).plus(elapsed))
     }
 
-    /// What the recorder says of frames it lost.
-    fn loss(&mut self, kind: u32, body: &[u8], place: Place, batch: &mut Batch) -> Option<()> {
+    /// Handles objects about lost frames.
+    fn loss(&mut self, kind: u32, body: &[u8], place: CapturePlace, batch: &mut Batch) -> Option<()> {
         let (bus, count) = match kind {
             OVERRUN_ERROR if Little.u32(body, 0)? == CAN => (self.bus(Little.u16(body, 4)?), None),
             DATA_LOST_END => {
@@ -170,13 +185,13 @@ impl Objects {
         Some(())
     }
 
-    /// Nothing follows.
+    /// Handles the end of the capture.
     pub(super) fn end(&mut self, batch: &mut Batch) {
         if let Some(place) = self.losing.take() {
             batch.notice(Notice::LostFrames { place, bus: BusIndex(0), count: None });
         }
         if self.others > 0 {
-            let text = format!("messages of other buses than CAN are passed over ({})", self.others);
+            let text = format!("messages of bus systems other than CAN skipped ({})", self.others);
             batch.notice(Notice::Assumption(text));
         }
     }

@@ -1,4 +1,4 @@
-//! Captures made here, byte by byte.
+//! Tests with captures built byte by byte.
 
 use super::*;
 use crate::capture::testing::{read, read_in_pieces};
@@ -15,7 +15,7 @@ fn header(start: [u16; 8]) -> Vec<u8> {
     header
 }
 
-/// An object of header version 1 with a time in nanoseconds, filled up as Vector does.
+/// An object of header version 1 with a time in nanoseconds, and with fill bytes as Vector writes them.
 fn object(kind: u32, time: u64, body: &[u8]) -> Vec<u8> {
     let size = u32::try_from(32 + body.len()).unwrap();
     let mut object = b"LOBJ\x20\0\x01\0".to_vec();
@@ -61,7 +61,7 @@ fn capture(parts: &[&[u8]]) -> Vec<u8> {
     [&header([0; 8])[..], &parts.concat()].concat()
 }
 
-/// Messages 0, 1, 2 …, a millisecond apart.
+/// Messages 0, 1, 2 …, one millisecond apart.
 fn messages(count: u16) -> Vec<u8> {
     (0..count).flat_map(|n| message(n % 0x800, u64::from(n) * 1_000_000)).collect()
 }
@@ -83,15 +83,15 @@ fn a_frame_has_a_time_from_the_start_of_the_recording() {
     assert_eq!((frame.id, frame.data()), (CanId::Standard(0x181), &[0x81, 2, 3][..]));
     assert_eq!(frame.time, Some(Timestamp(1_436_516_253_750_000_001)));
     assert_eq!(content.buses, ["1"]);
-    assert_eq!(content.items[0], "the start date carries no time zone: times read as UTC");
+    assert_eq!(content.items[0], "start date without time zone: times read as UTC");
 }
 
 #[test]
-fn a_date_that_is_none_is_said_and_an_empty_one_not() {
+fn an_invalid_date_is_reported_and_an_empty_one_is_not() {
     let start = header([2015, 13, 5, 10, 8, 17, 32, 250]);
     let capture = [&start[..], &stored(&message(1, 7))].concat();
     assert_eq!(read(&capture).frames[0].time, Some(Timestamp(7)));
-    assert_eq!(notices(&capture), ["byte 40: the start is no date: times count from 1970"]);
+    assert_eq!(notices(&capture), ["byte 40: invalid start date: times count from 1970"]);
     assert_eq!(notices(&self::capture(&[&stored(&message(1, 7))])), [""; 0]);
 }
 
@@ -99,7 +99,7 @@ fn a_date_that_is_none_is_said_and_an_empty_one_not() {
 fn times_have_a_unit_of_their_own_and_headers_a_version() {
     let mut ten_microseconds = message(1, 12_345);
     ten_microseconds[16] = 1;
-    // Version 2 has eight bytes more before the body.
+    // Version 2 has eight more bytes before the body.
     let mut later = message(2, 9);
     (later[4], later[6], later[8]) = (40, 2, 56);
     later.splice(32..32, [0xEE; 8]);
@@ -141,8 +141,8 @@ fn a_capture_that_comes_in_pieces_reads_the_same() {
     }
 }
 
-/// Reads on from each place, and holds it against reading on without a break.
-fn goes_on_from_any_place(capture: &[u8]) {
+/// Resumes at each position and compares the result with an uninterrupted read.
+fn resumes_from_any_position(capture: &[u8]) {
     let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let (mut taken, whole) = (0, ids(capture));
@@ -155,16 +155,16 @@ fn goes_on_from_any_place(capture: &[u8]) {
         while resumed.read(&mut own).unwrap() {
             found.extend(own.frames().iter().map(|frame| frame.id.number()));
         }
-        assert_eq!(found, whole[taken..], "behind {taken} frames");
+        assert_eq!(found, whole[taken..], "after {taken} frames");
     }
 }
 
 #[test]
-fn reading_goes_on_inside_a_container() {
+fn reading_resumes_inside_a_container() {
     let content = messages(2_000);
-    goes_on_from_any_place(&capture(&[&stored(&content)]));
+    resumes_from_any_position(&capture(&[&stored(&content)]));
     let containers: Vec<u8> = content.chunks(30_011).flat_map(stored).collect();
-    goes_on_from_any_place(&capture(&[&containers]));
+    resumes_from_any_position(&capture(&[&containers]));
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn what_the_recorder_lost() {
 }
 
 #[test]
-fn errors_are_frames_and_other_buses_are_said() {
+fn errors_are_frames_and_other_buses_are_reported() {
     let errors = [object(2, 0, &[1, 0, 0, 0]), object(3, 0, &[1, 0, 0, 0, 0, 0, 0, 0])].concat();
     let capture = capture(&[&stored(
         &[errors, object(11, 0, &[0; 20]), object(31, 0, &[1, 0, 9, 8, 0, 0, 0, 0])].concat(),
@@ -190,11 +190,11 @@ fn errors_are_frames_and_other_buses_are_said() {
     let content = read(&capture);
     let ids: Vec<u32> = content.frames.iter().map(|frame| frame.id.number()).collect();
     assert_eq!(ids, [0x088, 0x008, 0x200]);
-    assert_eq!(notices(&capture), ["messages of other buses than CAN are passed over (1)"]);
+    assert_eq!(notices(&capture), ["messages of bus systems other than CAN skipped (1)"]);
 }
 
 #[test]
-fn lying_sizes_are_said_and_what_follows_is_read() {
+fn wrong_sizes_are_reported_and_the_next_objects_are_read() {
     let content = messages(3);
     let mut long = content.clone();
     long[48 + 8] = 200;
@@ -203,22 +203,25 @@ fn lying_sizes_are_said_and_what_follows_is_read() {
     short[48 + 8] = 40;
     let short = capture(&[&stored(&short)]);
     assert_eq!(ids(&short), [0, 2]);
-    let said = notices(&short);
-    assert_eq!(said[0], "byte 144: an object of kind 1 and 40 bytes: too short for what it is");
-    assert_eq!(said[1], "byte 144: 32 bytes that are no object passed over");
-    // A container that takes in the next one.
+    let texts = notices(&short);
+    assert_eq!(texts[0], "byte 144: object type 1: 40 bytes are too short for the type");
+    assert_eq!(texts[1], "byte 144: 32 bytes outside of objects skipped");
+    // A container whose declared size includes the next one.
     let mut both = [stored(&content), stored(&content)].concat();
     both[8] = 0xFF;
     let both = capture(&[&both]);
     assert_eq!(ids(&both), [0, 1, 2, 0, 1, 2]);
-    assert_eq!(notices(&both), ["byte 144: a container of 255 bytes, in which another begins after 176"]);
+    assert_eq!(
+        notices(&both),
+        ["byte 144: container of 255 bytes: another container begins after 176 bytes"]
+    );
 }
 
 #[test]
-fn unknown_compression_is_said_and_what_follows_is_read() {
+fn unknown_compression_is_reported_and_the_next_object_is_read() {
     let capture = capture(&[&container(1, 9, b"something"), &stored(&messages(2))]);
     assert_eq!(ids(&capture), [0, 1]);
-    assert_eq!(notices(&capture), ["byte 144: a container with compression 1, expected 0 or 2 (zlib)"]);
+    assert_eq!(notices(&capture), ["byte 144: container compression 1; expected 0 or 2 (zlib)"]);
 }
 
 #[test]
@@ -246,8 +249,8 @@ mod compressed {
             assert_eq!(read(&capture(&[&containers])).frames, read(&capture(&[&stored(&content)])).frames);
         }
         let containers: Vec<u8> = content.chunks(20_011).flat_map(zlib).collect();
-        goes_on_from_any_place(&capture(&[&containers]));
-        goes_on_from_any_place(&capture(&[&zlib(&content)]));
+        resumes_from_any_position(&capture(&[&containers]));
+        resumes_from_any_position(&capture(&[&zlib(&content)]));
     }
 
     #[test]
@@ -264,7 +267,7 @@ mod compressed {
     }
 
     #[test]
-    fn a_damaged_container_is_said_and_the_next_is_read() {
+    fn a_damaged_container_is_reported_and_the_next_is_read() {
         let content = messages(200);
         let mut containers: Vec<u8> = content.chunks(3_000).flat_map(zlib).collect();
         let middle = containers.len() / 2;
@@ -276,10 +279,10 @@ mod compressed {
     }
 
     #[test]
-    fn a_bomb_is_said() {
+    fn a_bomb_is_reported() {
         let bomb = zlib(&vec![0; LARGEST_CONTAINER * 2 + 5_000]);
-        let said = notices(&capture(&[&bomb, &stored(&message(1, 0))]));
-        assert!(said[0].contains("the rest is not read"), "{said:?}");
+        let texts = notices(&capture(&[&bomb, &stored(&message(1, 0))]));
+        assert!(texts[0].contains("rest skipped"), "{texts:?}");
         assert_eq!(ids(&capture(&[&bomb, &stored(&message(1, 0))])), [1]);
     }
 }
@@ -292,5 +295,28 @@ fn a_build_without_an_inflater_says_so() {
     let mut batch = Batch::new();
     assert!(reader.read(&mut batch).unwrap());
     let error = reader.read(&mut batch).unwrap_err().to_string();
-    assert!(error.contains("leaves out the feature `gzip`"), "{error}");
+    assert!(error.contains("lacks the feature `gzip`"), "{error}");
+}
+
+/// CAN_DRIVER_ERROR (31) and its extension (74) state both counters in bytes 2 and 3; a repetition is no news.
+#[test]
+fn counters_of_a_controller_are_a_state_that_is_reported_when_it_changes() {
+    let state = |kind: u32, channel: u8, transmit: u8, receive: u8| {
+        object(kind, 0, &[channel, 0, transmit, receive, 0, 0, 0, 0])
+    };
+    let objects = [
+        state(31, 1, 0, 0),
+        state(31, 1, 0, 0),
+        state(31, 2, 0, 0),
+        state(74, 1, 8, 130),
+        state(31, 1, 8, 130),
+        state(31, 1, 0, 0),
+    ];
+    let content = read(&capture(&[&objects.concat()]));
+    let found: Vec<_> = content
+        .frames
+        .iter()
+        .map(|frame| (frame.bus.0, frame.id.number(), frame.data()[6], frame.data()[7]))
+        .collect();
+    assert_eq!(found, [(0, 0x200, 0, 0), (1, 0x200, 0, 0), (0, 0x200, 8, 130), (0, 0x200, 0, 0)]);
 }

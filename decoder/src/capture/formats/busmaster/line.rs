@@ -2,13 +2,13 @@
 //!
 //! ```text
 //! 22:20:14:9920 Rx 1 0x21A s 8 FE 36 12 FE 69 05 07 AD       s, sr, x, xr, s-fd, x-fd
-//! 22:20:14:9920 Rx 1 0x000 ERR STUFF_ERROR                   an error frame, in words
+//! 22:20:14:9920 Rx 1 0x000 ERR STUFF_ERROR                   error frame, described by its text
 //! 13:19:55:2009 1 1cea2000 0x00EA00 RQST 00 20 007 Tx 3 00 00 00
 //! time          channel id PGN type source destination priority direction length data
 //! ```
 
 use crate::capture::bus_error::{Violation, violation};
-use crate::capture::text::columns::{Base, Words, identifier, time};
+use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
 use crate::capture::text::payload::{LENGTH, SHORT, by_either, frame};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
@@ -21,11 +21,11 @@ const MILLISECOND: i64 = 1_000_000;
 /// Nanoseconds of a day.
 pub(super) const DAY: i64 = 86_400 * SECOND;
 
-const IDENTIFIER: &str = "identifier: expected one of its type, in the base the header names";
+const IDENTIFIER: &str = "identifier: expected a value valid for the type, in the base of the header";
 const DIRECTION: &str = "direction: expected Rx or Tx";
 const CHANNEL: &str = "channel: expected a number";
 
-/// Types of CAN frames: name, whether extended, and flags.
+/// Types of CAN frames: name, whether the identifier is extended, and flags.
 const TYPES: &[(&[u8], bool, FrameFlags)] = &[
     (b"s", false, FrameFlags(0)),
     (b"x", true, FrameFlags(0)),
@@ -35,7 +35,7 @@ const TYPES: &[(&[u8], bool, FrameFlags)] = &[
     (b"x-fd", true, FrameFlags::FD),
 ];
 
-/// Words in the text of an error, lower case.
+/// Words in the text of an error, in lower case.
 const ERRORS: &[(&[u8], Violation)] = &[
     (b"stuff", Violation::Stuff),
     (b"form", Violation::Form),
@@ -44,26 +44,26 @@ const ERRORS: &[(&[u8], Violation)] = &[
     (b"bit", Violation::Bit),
 ];
 
-/// What a line says.
+/// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Content<'a> {
-    /// A frame on a channel, its number, time and bus left open.
+    /// Channel and frame; number, time and bus of the frame are not set.
     Frame(&'a [u8], Frame),
-    /// A message of several frames, which stand in lines of their own.
+    /// A message of several frames, each of which also has its own line.
     Transfer,
 }
 
-/// Nanoseconds of the time as written, and what happened; the error says what was expected.
+/// Parses a line: its time in nanoseconds and its content. The error contains the expected content.
 pub(super) fn parse(line: &[u8], is_j1939: bool, base: Base) -> Result<(i64, Content<'_>), &'static str> {
-    let mut words = Words::new(line);
+    let mut words = ColumnWords::new(line);
     let stamp = clock(words.next().unwrap_or_default());
     let stamp = stamp.ok_or("time: expected hours:minutes:seconds:fraction")?;
     let content = if is_j1939 { j1939(words, base) } else { can(words, base) };
     Ok((stamp, content?))
 }
 
-/// `22:20:14:9920`: BUSMASTER writes four digits, units of 100 µs. Up to three are milliseconds, as SavvyCAN
-/// writes them, without zeros before them; Wireshark takes those for units of 100 µs too.
+/// Parses `22:20:14:9920`. BUSMASTER writes four digits in units of 100 µs. Up to three digits are
+/// milliseconds without leading zeros, as SavvyCAN writes them; Wireshark reads those in units of 100 µs too.
 fn clock(word: &[u8]) -> Option<i64> {
     let mut parts = word.splitn(4, |byte| *byte == b':');
     let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
@@ -89,7 +89,7 @@ fn channel(word: Option<&[u8]>) -> Result<&[u8], &'static str> {
     word.filter(|word| word.iter().all(u8::is_ascii_digit)).ok_or(CHANNEL)
 }
 
-/// A number in the header's base, with 0x or without.
+/// Parses a number in the base of the header, with or without 0x.
 fn number(word: &[u8], base: Base) -> Option<u32> {
     match word {
         [b'0', b'x' | b'X', digits @ ..] => Base::Hex.number(digits),
@@ -97,7 +97,7 @@ fn number(word: &[u8], base: Base) -> Option<u32> {
     }
 }
 
-fn can(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
+fn can(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     let way = direction(words.next())?;
     let bus = channel(words.next())?;
     let id = words.next().and_then(|word| number(word, base));
@@ -115,18 +115,18 @@ fn can(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     Ok(Content::Frame(bus, frame(id, flags.with(way), lengths, words, base).ok_or(SHORT)?))
 }
 
-/// An error frame whose text says more or less what happened.
+/// Error frame from a text that describes the error.
 fn error(text: &[u8], sending: bool) -> Frame {
     let text = text.to_ascii_lowercase();
     let kind = ERRORS.iter().find(|(word, _)| memchr::memmem::find(&text, word).is_some());
     violation(kind.map_or(Violation::Other, |(_, kind)| *kind), sending, 0, None)
 }
 
-fn j1939(mut words: Words<'_>, base: Base) -> Result<Content<'_>, &'static str> {
+fn j1939(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
     let bus = channel(words.next())?;
     let id = words.next().and_then(|word| number(word, base));
     let id = id.and_then(|id| identifier(id, true)).ok_or(IDENTIFIER)?;
-    // The identifier says it all: group, addresses and priority only repeat it.
+    // Group, addresses and priority are part of the identifier, so their columns are skipped.
     let way = direction(words.by_ref().nth(5))?;
     let count = words.next().and_then(|word| Base::Decimal.number(word)).ok_or(LENGTH)?;
     if count > 8 {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_told_in_words() {
+    fn errors_are_reported_as_text() {
         let found = read("0:0:0:0 Tx 1 0x000 ERR Acknowledgement error");
         assert_eq!(found, "0 1 {0} bus0 000000A8#0000801900000000 flags=22 dlc=0");
         let found = read("0:0:0:0 Rx 1 0x000 ERR");

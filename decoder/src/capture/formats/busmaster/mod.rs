@@ -1,19 +1,19 @@
-//! BUSMASTER's captures, of CAN and of J1939.
+//! Captures of BUSMASTER: CAN and J1939.
 //!
 //! ```text
 //! ***BUSMASTER Ver 2.4.0***
-//! ***PROTOCOL CAN***                                    or J1939; LIN is passed over
+//! ***PROTOCOL CAN***                                    or J1939; LIN is skipped
 //! ***[START LOGGING SESSION]***
 //! ***START DATE AND TIME 23:9:2015 22:17:28:928***      day first
 //! ***HEX***                                             or DEC: identifiers and data, never the DLC
 //! ***SYSTEM MODE***                                     or ABSOLUTE, RELATIVE
 //! 22:20:14:9920 Rx 1 0x21A s 8 FE 36 12 FE 69 05 07 AD
 //! ***END DATE AND TIME 23:9:2015 22:20:28:001***
-//! ***[STOP LOGGING SESSION]***                          and perhaps further sessions behind it
+//! ***[STOP LOGGING SESSION]***                          further sessions may follow
 //! ```
 //!
-//! System mode writes the time of day, absolute mode the time since the start, relative mode the time
-//! since the frame before.
+//! Times are the time of day in system mode, the time since the start in absolute mode, and the time since
+//! the frame before in relative mode.
 
 mod line;
 
@@ -21,14 +21,16 @@ use line::{Content, DAY};
 
 use crate::capture::Format;
 use crate::capture::calendar::utc;
-use crate::capture::text::columns::{Base, Words};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+use crate::capture::text::columns::{Base, ColumnWords};
+use crate::capture::text::line_format::{
+    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+};
 
-/// Time of day may fall back by less than this without the day having ended: frames out of order, or a
-/// clock that was set.
+/// A smaller backward step of the time of day is not a new day: frames are out of order, or the clock was
+/// set.
 const HALF_A_DAY: i64 = DAY / 2;
 
-/// What surrounds lines of the header.
+/// Start and end of header lines.
 const STARS: &[u8] = b"***";
 
 pub(super) const FORMAT: Format = Format {
@@ -39,35 +41,35 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(BusMaster::default())),
 };
 
-/// What frames stand in a session.
+/// Protocol of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Protocol {
     #[default]
     Can,
     J1939,
-    /// Another bus system's.
+    /// Another bus system.
     Foreign,
 }
 
-/// What times stand for.
+/// Meaning of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Mode {
     /// Time of day.
     #[default]
     System,
-    /// Time since the session began.
+    /// Time since the start of the session.
     Absolute,
     /// Time since the frame before.
     Relative,
 }
 
-/// What the header of a session says of its lines.
+/// Header of the current session.
 #[derive(Clone, Default)]
 struct BusMaster {
     protocol: Protocol,
     base: Base,
     mode: Option<Mode>,
-    /// Nanoseconds since 1970 of the day the session began, and of the session itself since then.
+    /// Day of the start of the session, in nanoseconds since 1970, and the time of the start within that day.
     day: i64,
     start: i64,
     /// Time of day, or time since the start, of the frame before.
@@ -87,22 +89,22 @@ impl BusMaster {
             _ if text.starts_with(b"BUSMASTER") => *self = Self::default(),
             _ if text.starts_with(b"PROTOCOL") => {
                 self.protocol = Protocol::Foreign;
-                assumptions.say("sessions of other bus systems than CAN are passed over");
+                assumptions.report("sessions of bus systems other than CAN skipped");
             }
             _ => {
                 if let Some(date) = text.strip_prefix(b"START DATE AND TIME") {
                     self.started(date)?;
-                    assumptions.say("the start date carries no time zone: times read as UTC");
+                    assumptions.report("start date without time zone: times read as UTC");
                 }
             }
         }
         Ok(())
     }
 
-    /// ` 23:9:2015 22:17:28:928`: milliseconds are not padded.
+    /// Parses ` 23:9:2015 22:17:28:928`; milliseconds are not padded.
     fn started(&mut self, text: &[u8]) -> Result<(), Fault> {
         const DATE: &str = "start date: expected day:month:year hour:minute:second:millisecond";
-        let mut words = Words::new(text);
+        let mut words = ColumnWords::new(text);
         let date = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
         let time = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
         let ([day, month, year], [hour, minute, second, millisecond]) = (date, time);
@@ -114,7 +116,7 @@ impl BusMaster {
         Ok(())
     }
 
-    /// The time a stamp stands for.
+    /// Converts a timestamp of a line to a time.
     fn time(&mut self, stamp: i64) -> i64 {
         match self.mode.unwrap_or_default() {
             Mode::System => {
@@ -134,7 +136,7 @@ impl BusMaster {
     }
 }
 
-/// Numbers with colons between them.
+/// Parses `N` numbers separated by colons.
 fn numbers<const N: usize>(word: &[u8]) -> Option<[i64; N]> {
     let mut parts = word.split(|byte| *byte == b':');
     let mut found = [0; N];
@@ -151,7 +153,7 @@ impl LineFormat for BusMaster {
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         if let Some(text) = text.strip_prefix(STARS) {
             let text = text.strip_suffix(STARS).unwrap_or(text).trim_ascii();
@@ -164,16 +166,14 @@ impl LineFormat for BusMaster {
         };
         if self.mode.is_none() {
             self.mode = Some(Mode::System);
-            assumptions.say("the header does not say what times are: read as the time of day");
+            assumptions.report("header without time mode: times read as time of day");
         }
         let (stamp, content) = line::parse(text, is_j1939, self.base)?;
         let time = Some(self.time(stamp));
         match content {
-            Content::Frame(bus, frame) => Ok(Some(Seen::new(time, bus, frame))),
+            Content::Frame(bus, frame) => Ok(Some(ParsedLine::new(time, bus, frame))),
             Content::Transfer => {
-                assumptions.say(
-                    "J1939 messages of more than 8 bytes, which the recorder put together, are no frames",
-                );
+                assumptions.report("J1939 messages over 8 bytes, reassembled by the recorder, skipped");
                 Ok(None)
             }
         }
@@ -222,8 +222,8 @@ mod tests {
         assert_eq!(
             content.items,
             [
-                "the start date carries no time zone: times read as UTC",
-                "the header does not say what times are: read as the time of day",
+                "start date without time zone: times read as UTC",
+                "header without time mode: times read as time of day",
                 "{1} (208800.000000000) bus0 123#10FF flags=20 dlc=0",
             ]
         );
@@ -243,9 +243,9 @@ mod tests {
         assert_eq!(
             content.items,
             [
-                "the start date carries no time zone: times read as UTC",
+                "start date without time zone: times read as UTC",
                 "{1} (172799.005000000) bus0 010# flags=40 dlc=0",
-                "sessions of other bus systems than CAN are passed over",
+                "sessions of bus systems other than CAN skipped",
                 "{2} (172799.000000000) bus0 1CEA2000#000000 flags=20 dlc=0",
             ]
         );

@@ -1,32 +1,32 @@
-//! The common log line, read straight ahead without searching for its end.
+//! Fast path for the common log line: parsed in one pass without a search for the line end.
 //!
 //! ```text
 //! (1700000000.123456) can0 18A#08A01F0020\n
 //!  └ cached ┘ └ 6 ┘   └cached┘3 or 8, up to 16 hex digits
 //! ```
 //!
-//! Seconds and interface repeat from line to line, so both are compared with the line before instead of
-//! being parsed. Digits are handled eight or sixteen at a time in one register. Everything else (other fraction
-//! lengths, remote, FD and error frames, suffixes, CR) is left to [`super::line`]; a property test holds
-//! both to the same result.
+//! Seconds and interface repeat from line to line, so both are compared with the previous line instead of
+//! being parsed. Digits are handled eight or sixteen at a time in one register. Everything else (other
+//! fraction lengths, remote, FD and error frames, suffixes, CR) is left to [`super::line`]; a property test
+//! compares the results of both.
 
 use bytemuck::must_cast;
 use wide::{i16x8, u8x16, u16x8};
 
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 
-/// Bytes looked at: the longest common line, and room for eight-byte loads behind it.
+/// Size of the window in bytes: the longest common line, and room for eight-byte loads after it.
 pub(super) const WINDOW: usize = 64;
 
 /// Longest interface name that is cached, in bytes.
 const LONGEST_NAME: usize = 7;
 
-/// Repeated byte, as a register of eight.
+/// The byte, repeated in a register of eight.
 const fn each(byte: u8) -> u64 {
     u64::from_le_bytes([byte; 8])
 }
 
-/// Second and interfaces of the lines before.
+/// Second and interfaces of the previous lines.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cache {
     /// `(1700000000.`, as two registers.
@@ -37,14 +37,14 @@ pub(super) struct Cache {
 
 #[derive(Debug, Clone, Copy)]
 struct Name {
-    /// Name and the blank behind it.
+    /// Name and the space after it.
     text: u64,
     mask: u64,
     length: usize,
     bus: BusIndex,
 }
 
-/// No name: equal to nothing.
+/// A name that matches nothing.
 impl Default for Name {
     fn default() -> Self {
         Self { text: u64::MAX, mask: 0, length: 0, bus: BusIndex(0) }
@@ -52,7 +52,7 @@ impl Default for Name {
 }
 
 impl Cache {
-    /// Remembers the interface of a line that was read the long way.
+    /// Stores the interface of a line that the general parser read.
     pub(super) fn learn(&mut self, name: &[u8], bus: BusIndex) {
         if name.len() > LONGEST_NAME {
             return;
@@ -76,7 +76,7 @@ impl Cache {
         }
     }
 
-    /// Another second than that of the line before.
+    /// Parses the second if it differs from that of the previous line.
     #[cold]
     fn new_second(&mut self, input: &[u8; WINDOW], head: (u64, u32)) -> Option<i64> {
         let [open, digits @ .., point] = input.first_chunk::<12>()?;
@@ -86,14 +86,14 @@ impl Cache {
         let value = digits.iter().try_fold(0_i64, |value, digit| {
             digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0'))
         })?;
-        // Ten digits can be a few years beyond the last nanosecond there is: the general parser saturates.
+        // Ten digits can exceed the range of nanoseconds; the general parser saturates.
         let nanoseconds = value.checked_mul(1_000_000_000)?;
         (self.head, self.nanoseconds) = (head, nanoseconds);
         Some(nanoseconds)
     }
 
-    /// Reads the line at the start of `input` into `frame`, its number apart: the bytes of the line with its `\n`.
-    /// `None` leaves it to the general parser, with `frame` as it was.
+    /// Parses the line at the start of `input` into `frame`, except its number; returns the length of the
+    /// line with its `\n`. `None` leaves the line to the general parser and `frame` unchanged.
     #[inline]
     pub(super) fn parse(&mut self, input: &[u8; WINDOW], frame: &mut Frame) -> Option<usize> {
         let end_of_head = load(input, 4)? >> 32;
@@ -136,7 +136,7 @@ fn load(input: &[u8; WINDOW], at: usize) -> Option<u64> {
     input.get(at..)?.first_chunk().map(|chunk| u64::from_le_bytes(*chunk))
 }
 
-/// Three digits and `#`, or eight and `#` without the error bit.
+/// Parses three digits and `#`, or eight digits and `#` without the error bit.
 #[inline]
 fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
     let (bytes, digits) = hex_run(input, start)?;
@@ -153,13 +153,14 @@ fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
     (input.get(end) == Some(&b'#')).then_some((id, end + 1))
 }
 
-/// Up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits. What is behind
-/// them in the bytes means nothing.
+/// Parses up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits.
+/// The bytes after the digits are undefined.
 ///
-/// Always looks at sixteen: a branch on the length would be mispredicted too often.
+/// Always processes sixteen bytes: a branch on the length would be mispredicted too often.
 #[inline]
 fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
-    // Of two digits in a word the first is the low byte below; on other machines all lines go the general way.
+    // The pairs below require the first digit in the low byte; big-endian machines use the general parser
+    // only.
     if cfg!(target_endian = "big") {
         return None;
     }
@@ -169,7 +170,7 @@ fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
     let is_letter = letter.simd_le(u8x16::splat(5));
     let is_hex = digit.simd_le(u8x16::splat(9)) | is_letter;
     let digits = (!is_hex.to_bitmask()).trailing_zeros();
-    // A letter's low half counts from one.
+    // The low nibble of a letter is its value minus 9.
     let nibbles = (digit & u8x16::splat(0x0F)) + (is_letter & u8x16::splat(9));
     let pairs: u16x8 = must_cast(nibbles);
     let pairs: i16x8 = must_cast((pairs << 4 | pairs >> 8) & u16x8::splat(0xFF));
@@ -177,7 +178,7 @@ fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
     Some((bytes, digits))
 }
 
-/// The number that eight decimal digits make, first digit lowest byte.
+/// Value of eight decimal digits, first digit in the lowest byte.
 #[inline]
 fn eight_digits(text: u64) -> Option<i64> {
     let values = text ^ each(b'0');
@@ -207,7 +208,7 @@ mod tests {
         cache
     }
 
-    /// The frame of a line, and the bytes the line took.
+    /// The frame of a line, and the length of the line.
     fn parse(line: &str) -> Option<(Frame, usize)> {
         let mut frame = Frame::EMPTY;
         let taken = cache().parse(&window(line), &mut frame)?;

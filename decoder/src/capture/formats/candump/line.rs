@@ -1,4 +1,4 @@
-//! One line of candump text, in every form can-utils writes it.
+//! Parser of one line of candump text, in all forms of can-utils.
 //!
 //! ```text
 //! (1700000000.123456) can0 701#05                      log: -l, -L
@@ -18,77 +18,88 @@ use super::stamp::{decimal, leading_stamp};
 use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, FrameFlags, MAX_DATA};
 
-/// SocketCAN's mark of an error frame within a 32-bit identifier.
+/// Error frame flag of SocketCAN in a 32-bit identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// What a line says.
+/// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Line<'a> {
-    /// A frame.
+pub(in crate::capture::formats) enum Line<'a> {
     Frame(FrameLine<'a>),
     /// candump -d: the socket of an interface lost this many frames.
-    Dropped { count: u64, bus: &'a [u8] },
-    /// Nothing, and rightly so: blank, comment, marker, detail of an error frame, shell prompt.
+    Dropped {
+        count: u64,
+        bus: &'a [u8],
+    },
+    /// A line without data: blank, comment, marker, detail of an error frame.
     Nothing,
+    /// Text around the capture: a shell prompt, or a Markdown fence.
+    Around,
 }
 
-/// The parts of a frame's line.
+/// Content of a line with a frame.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct FrameLine<'a> {
-    /// Stamp in nanoseconds, if any.
-    pub(super) stamp: Option<i64>,
-    /// The stamp is a calendar date without time zone (`-t A`).
-    pub(super) is_date: bool,
-    /// A line of a log (`-l`, `-L`), whose stamps are never differences.
-    pub(super) is_log: bool,
+pub(in crate::capture::formats) struct FrameLine<'a> {
+    /// Timestamp in nanoseconds, if any.
+    pub(in crate::capture::formats) stamp: Option<i64>,
+    /// Whether the timestamp is a date without time zone (`-t A`).
+    pub(in crate::capture::formats) is_date: bool,
+    /// Whether the line has the log form (`-l`, `-L`), whose timestamps are always absolute.
+    pub(in crate::capture::formats) is_log: bool,
     /// Interface name.
-    pub(super) bus: &'a [u8],
-    pub(super) id: CanId,
-    pub(super) flags: FrameFlags,
-    pub(super) length: u8,
-    pub(super) raw_dlc: u8,
-    pub(super) bytes: [u8; MAX_DATA],
+    pub(in crate::capture::formats) bus: &'a [u8],
+    pub(in crate::capture::formats) id: CanId,
+    pub(in crate::capture::formats) flags: FrameFlags,
+    pub(in crate::capture::formats) length: u8,
+    pub(in crate::capture::formats) raw_dlc: u8,
+    pub(in crate::capture::formats) bytes: [u8; MAX_DATA],
 }
 
-/// Why a line is no frame.
+/// Reason why a line has no frame.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum LineError {
-    /// Not a candump line at all.
+pub(in crate::capture::formats) enum LineError {
+    /// The line is not candump text.
     NotCandump,
     /// A CAN XL frame: up to 2,048 bytes, not supported.
     CanXl,
-    /// A frame line with a part that cannot be read.
+    /// A line of a frame with an unreadable part; contains the description.
     Broken(&'static str),
 }
 
 type Parsed<'a, T> = IResult<&'a [u8], T>;
 
-/// Reads one line without its end.
-pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
+/// Parses one line without its end.
+pub(in crate::capture::formats) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     if is_nothing(line) {
         return Ok(Line::Nothing);
+    }
+    if is_fence(line) {
+        return Ok(Line::Around);
     }
     if let Ok((_, (count, bus))) = drop_count(line) {
         return Ok(Line::Dropped { count, bus });
     }
     let Ok((rest, (stamp, is_date))) = leading_stamp(line) else {
-        return Err(LineError::Broken("time stamp: expected (seconds.fraction) or (date time.fraction)"));
+        return Err(LineError::Broken("timestamp: expected (seconds.fraction) or (date time.fraction)"));
     };
     let has_stamp = stamp.is_some();
     let Ok((rest, bus)) = interface(rest) else {
         return match (has_stamp, is_prompt(line)) {
-            (true, _) => Err(LineError::Broken("no interface name")),
-            (false, true) => Ok(Line::Nothing),
+            (true, _) => Err(LineError::Broken("interface: expected a name")),
+            (false, true) => Ok(around(line)),
             (false, false) => Err(LineError::NotCandump),
         };
     };
     let body = match log_body(rest) {
         Some(result) => result,
+        // In pasted text, quote marks and times in other forms precede the identifier.
+        None if !has_stamp && !is_name(bus) => {
+            return if is_prompt(line) { Ok(around(line)) } else { Err(LineError::NotCandump) };
+        }
         None => screen_body(rest),
     };
     match body {
         Ok(body) => Ok(Line::Frame(FrameLine { stamp, is_date, bus, ..body })),
-        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(Line::Nothing),
+        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(around(line)),
         Err(LineError::NotCandump) if has_stamp => {
             Err(LineError::Broken("expected an identifier of 3 or 8 hex digits after the interface"))
         }
@@ -96,21 +107,21 @@ pub(super) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
     }
 }
 
-/// `DROPCOUNT: dropped 55 CAN frames on 'vcan0' socket (total drops 55)`
+/// Parses `DROPCOUNT: dropped 55 CAN frames on 'vcan0' socket (total drops 55)`.
 fn drop_count(line: &[u8]) -> Parsed<'_, (u64, &[u8])> {
     let (rest, digits) = delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame")).parse(line)?;
     let bus = rest.split(|byte| *byte == b'\'').nth(1).unwrap_or_default();
     Ok((rest, (u64::try_from(decimal(digits)).unwrap_or(0), bus)))
 }
 
-/// The line without the colours of `candump -c`.
-pub(super) fn without_colors(line: &[u8]) -> std::borrow::Cow<'_, [u8]> {
+/// Removes the colours of `candump -c` from a line.
+pub(in crate::capture::formats) fn without_colors(line: &[u8]) -> std::borrow::Cow<'_, [u8]> {
     const ESCAPE: u8 = 0x1B;
     let mut parts = line.split(|byte| *byte == ESCAPE);
     let Some(first) = parts.next().filter(|first| first.len() < line.len()) else { return line.into() };
     let mut plain = first.to_vec();
     for part in parts {
-        // `[` parameters letter: a colour; anything else stays as it is.
+        // `[`, parameters and a letter are a colour; other text is kept.
         let end = part.iter().position(u8::is_ascii_alphabetic).filter(|_| part.starts_with(b"["));
         plain.extend_from_slice(end.and_then(|end| part.get(end + 1..)).unwrap_or(part));
     }
@@ -121,15 +132,73 @@ fn interface(input: &[u8]) -> Parsed<'_, &[u8]> {
     terminated(take_while1(|c: u8| !c.is_ascii_whitespace()), space1).parse(input)
 }
 
+/// Whether the word is an interface name, neither quote marks nor a number with a decimal point.
+fn is_name(word: &[u8]) -> bool {
+    let is_decimal = word.contains(&b'.') && word.iter().all(|byte| byte.is_ascii_digit() || *byte == b'.');
+    !is_decimal && word.iter().any(|byte| *byte != b'>')
+}
+
+/// Starts of the lines in which `candump -e` explains an error frame (can-utils, lib.c).
+const DETAILS: &[&[u8]] = &[
+    b"tx-timeout",
+    b"lost-arbitration",
+    b"controller-problem",
+    b"protocol-violation",
+    b"transceiver-status",
+    b"no-acknowledgement-on-tx",
+    b"bus-off",
+    b"bus-error",
+    b"restarted-after-bus-off",
+    b"error-counter-tx-rx",
+];
+
 fn is_nothing(line: &[u8]) -> bool {
     match line.iter().find(|byte| !byte.is_ascii_whitespace()) {
         None | Some(b'#' | b'*' | b';') => true,
-        // candump -e explains an error frame on indented lines of its own.
-        Some(_) => line.first() == Some(&b'\t'),
+        Some(_) => {
+            let text = line.trim_ascii();
+            line.first() == Some(&b'\t')
+                && (DETAILS.iter().any(|detail| text.starts_with(detail)) || is_repeated_error_frame(text))
+        }
     }
 }
 
-/// A command someone typed between two recordings.
+/// Whether the line repeats an error frame without its interface: `candump -e` prints that for classes that it cannot
+/// explain.
+fn is_repeated_error_frame(text: &[u8]) -> bool {
+    let id = text.iter().take_while(|byte| byte.is_ascii_hexdigit()).count();
+    id == 8 && text.ends_with(b"ERRORFRAME")
+}
+
+/// Whether the line begins or ends a block of code in Markdown.
+fn is_fence(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    line.starts_with(b"```") || line.starts_with(b"~~~")
+}
+
+/// Whether the line is text around a capture: a Markdown fence or a shell prompt.
+pub(in crate::capture::formats) fn is_around(line: &[u8]) -> bool {
+    is_fence(line) || is_prompt(line)
+}
+
+/// A line without the quote marks of a mail or of Markdown at its start.
+pub(in crate::capture::formats) fn without_quotes(line: &[u8]) -> &[u8] {
+    let marks = line.iter().take_while(|byte| byte.is_ascii_whitespace() || **byte == b'>').count();
+    line.get(marks..).unwrap_or_default()
+}
+
+/// Parses a line that has the form of a prompt: `> ` may be a quote mark before a frame.
+fn around(line: &[u8]) -> Line<'_> {
+    let quoted = without_quotes(line);
+    if quoted.len() < line.len()
+        && let Ok(frame @ Line::Frame(_)) = parse(quoted)
+    {
+        return frame;
+    }
+    Line::Around
+}
+
+/// Whether the line is a shell command between two captures.
 fn is_prompt(line: &[u8]) -> bool {
     let trimmed = line.trim_ascii();
     let marks = |mark: &[u8]| memchr::memmem::find(trimmed, mark).is_some();
@@ -155,7 +224,7 @@ const EMPTY: FrameLine<'static> = FrameLine {
     bytes: [0; MAX_DATA],
 };
 
-/// Identifier digits: three make a base identifier, eight an extended one or an error frame.
+/// Parses an identifier: three digits are a base identifier, eight an extended one or an error frame.
 fn identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
     let number =
         digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(nibble(*digit)?)))?;
@@ -171,7 +240,7 @@ fn nibble(digit: u8) -> Option<u8> {
     char::from(digit).to_digit(16).and_then(|value| u8::try_from(value).ok())
 }
 
-/// `123#1122`, `123#R4`, `123##1…`; `None` if there is no `#` where the log form has it.
+/// Parses `123#1122`, `123#R4`, `123##1…`; `None` if there is no `#` at the position of the log form.
 fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
     let hash = memchr::memchr(b'#', input).filter(|at| (1..=8).contains(at))?;
     let (digits, rest) = (input.get(..hash)?, input.get(hash + 1..)?);
@@ -200,7 +269,7 @@ fn split_word(input: &[u8]) -> (&[u8], &[u8]) {
     (input.get(..end).unwrap_or_default(), input.get(end..).unwrap_or_default())
 }
 
-/// The direction candump -x appends to log lines.
+/// Direction that candump -x appends to log lines.
 fn direction(tail: &[u8]) -> FrameFlags {
     match tail.trim_ascii() {
         [b'T', ..] => FrameFlags::TRANSMITTED,
@@ -236,7 +305,7 @@ fn remote_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<
         [digit] => nibble(*digit)
             .filter(|length| *length <= 8)
             .ok_or(LineError::Broken("remote frame length: expected 0 to 8"))?,
-        _ => return Err(LineError::Broken("remote frame: expected R or R and a length of 0 to 8")),
+        _ => return Err(LineError::Broken("remote frame: expected R, or R and a length of 0 to 8")),
     };
     body.raw_dlc = raw;
     Ok(body)
@@ -252,7 +321,7 @@ fn classic_payload<'a>(payload: &[u8], mut body: FrameLine<'a>) -> Result<FrameL
     Ok(body)
 }
 
-/// The suffix `_9` … `_F`: a classic frame whose DLC said more than 8.
+/// Splits off the suffix `_9` … `_F` of a classic frame with a DLC above 8.
 fn split_raw_dlc(payload: &[u8]) -> Result<(&[u8], u8), LineError> {
     match payload {
         [data @ .., b'_', digit] => match nibble(*digit) {
@@ -263,7 +332,7 @@ fn split_raw_dlc(payload: &[u8]) -> Result<(&[u8], u8), LineError> {
     }
 }
 
-/// Hex pairs, dots between them allowed.
+/// Parses pairs of hex digits, optionally separated by dots.
 fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
     let mut length = 0;
     loop {
@@ -275,7 +344,7 @@ fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result
             return Err(LineError::Broken("data: expected pairs of hex digits"));
         };
         let Some(slot) = body.bytes.get_mut(..limit).and_then(|bytes| bytes.get_mut(length)) else {
-            return Err(LineError::Broken("data: more bytes than the frame can hold"));
+            return Err(LineError::Broken("data: longer than the frame type allows"));
         };
         *slot = high << 4 | low;
         length += 1;
@@ -288,7 +357,7 @@ fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result
     Ok(())
 }
 
-/// `[RX - -]  123   [2]  11 22`; brackets hold the length, braces (`-8`) a raw DLC.
+/// Parses `[RX - -]  123   [2]  11 22`; brackets contain the length, braces (`-8`) a raw DLC.
 fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
     let (rest, marks) = opt(direction_marks).parse(input).map_err(|_| LineError::NotCandump)?;
     let (digits, rest) = split_word(rest);
@@ -303,7 +372,7 @@ fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
         body.flags = body.flags.with(FrameFlags::FD);
     }
     if count > limit {
-        return Err(LineError::Broken("length: more than the frame can hold"));
+        return Err(LineError::Broken("length: greater than the frame type allows"));
     }
     body.raw_dlc = raw_dlc;
     body.length = u8::try_from(count).unwrap_or(0);
@@ -320,7 +389,7 @@ fn is_xl_length(rest: &[u8]) -> bool {
     matches!(rest.trim_ascii_start(), [b'[', a, b, c, d, b']', ..] if [a, b, c, d].iter().all(|digit| digit.is_ascii_digit()))
 }
 
-/// `RX - -` or `TX B E`: direction, bit rate switch, error state.
+/// Parses `RX - -` or `TX B E`: direction, bit rate switch, error state.
 fn direction_marks(input: &[u8]) -> Parsed<'_, FrameFlags> {
     let (rest, (direction, _, switch, _, state, _)) = (
         alt((tag("RX"), tag("TX"))),
@@ -359,9 +428,10 @@ fn bracketed_length(input: &[u8]) -> Parsed<'_, (usize, bool, u8)> {
     Ok((rest, (count, digits.len() == 2, 0)))
 }
 
-/// `count` bytes as hex pairs (or eight binary digits each, `-i`), in reverse behind backticks (`-S`).
+/// Parses `count` bytes as pairs of hex digits (or eight binary digits each, `-i`), reversed after backticks
+/// (`-S`).
 fn screen_data(rest: &[u8], count: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
-    const SHORT: LineError = LineError::Broken("data: fewer bytes than the length says");
+    const SHORT: LineError = LineError::Broken("data: fewer bytes than the length");
     let swapped = rest.trim_ascii_start().get(2).is_some_and(|byte| *byte == b'`')
         || rest.trim_ascii_start().get(8).is_some_and(|byte| *byte == b'`');
     let mut words =

@@ -1,8 +1,8 @@
-//! candump text: what can-utils writes to logs and to the screen, in all its dialects.
+//! candump text: log files and screen output of can-utils, in all dialects.
 
 mod fast;
-mod line;
-mod stamp;
+pub(super) mod line;
+pub(super) mod stamp;
 mod time;
 mod write;
 
@@ -10,17 +10,17 @@ use fast::Cache;
 use line::{FrameLine, Line, LineError};
 use time::Clock;
 
-use crate::capture::text::lines::{Lines, Step, excerpt};
+use crate::capture::text::lines::{LineStep, Lines, SkippedLines, excerpt};
 use crate::capture::{
-    Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, ReadOptions,
-    WritableFormat,
+    Batch, BusNames, CaptureError, CapturePlace, Format, FormatCapabilities, LARGEST_RECORD, Notice, Parser,
+    ReadOptions, WritableFormat,
 };
 use crate::frame::Frame;
 
-/// Lines whose stamps decide whether times are differences.
+/// Number of lines whose timestamps determine whether times are relative.
 const DECIDING_LINES: usize = 1_000;
 
-/// Lines at the start among which one must be a frame.
+/// Number of lines at the start within which a frame must occur.
 const DETECTING_LINES: usize = 200;
 
 pub(super) const FORMAT: Format = Format {
@@ -41,11 +41,11 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "log",
     title: FORMAT.title,
-    holds: Holds { negative: false, notices: false, comments: false, ..Holds::ALL },
+    holds: FormatCapabilities { negative: false, notices: false, comments: false, ..FormatCapabilities::ALL },
     writer: |output, _| Box::new(write::CandumpWriter::new(output)),
 };
 
-/// Reader of candump text.
+/// Parser of candump text.
 #[derive(Clone)]
 struct Candump {
     lines: Lines,
@@ -53,6 +53,7 @@ struct Candump {
     cache: Cache,
     buses: BusNames,
     frames: u64,
+    around: SkippedLines,
     said_date: bool,
     said_lin: bool,
     said_xl: bool,
@@ -66,17 +67,18 @@ impl Candump {
             cache: Cache::default(),
             buses: BusNames::default(),
             frames: 0,
+            around: SkippedLines::default(),
             said_date: false,
             said_lin: false,
             said_xl: false,
         }
     }
 
-    /// Common lines in a row; returns the bytes they took.
+    /// Parses consecutive common lines; returns the number of bytes used.
     #[inline]
     fn run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let mut taken = 0;
-        // The rest of a line that is too long is no line, whatever it looks like.
+        // The rest of a line that is too long must not be parsed as a line.
         if !self.clock.is_absolute() || self.lines.is_skipping() {
             return 0;
         }
@@ -92,13 +94,14 @@ impl Candump {
         taken
     }
 
-    /// One line the general way.
+    /// Parses one line with the general parser.
     fn line(&mut self, line: &[u8], batch: &mut Batch) {
         match line::parse(&line::without_colors(line)) {
             Ok(Line::Nothing) => {}
+            Ok(Line::Around) => self.around.add(self.lines.number()),
             Ok(Line::Dropped { count, bus }) => {
                 let bus = self.buses.index_of(bus).unwrap_or_default();
-                let place = Place::Line(self.lines.number());
+                let place = CapturePlace::Line(self.lines.number());
                 batch.notice(Notice::LostFrames { place, bus, count: Some(count) });
             }
             Ok(Line::Frame(found)) => self.frame(&found, batch),
@@ -109,10 +112,10 @@ impl Candump {
     fn frame(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
         let Some(bus) = self.buses.index_of(found.bus) else {
             let reason = format!("more than {} interfaces", crate::capture::MAX_BUSES);
-            batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+            batch.notice(Notice::Unreadable { place: CapturePlace::Line(self.lines.number()), reason });
             return;
         };
-        self.say_once(found, batch);
+        self.report_assumptions(found, batch);
         self.frames += 1;
         let time = found.stamp.map(|stamp| self.clock.time(stamp));
         if found.stamp.is_some() {
@@ -130,17 +133,17 @@ impl Candump {
         });
     }
 
-    fn say_once(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+    fn report_assumptions(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
         if self.clock.take_guess() {
-            let text = "stamps step back: read as the time since the frame before (candump -t d); --time a reads them as \
-                        they are";
+            let text = "timestamps step back: read as time since the frame before (candump -t d); --time a reads \
+                        them as absolute times";
             batch.notice(Notice::Assumption(text.into()));
         }
         if found.is_date && !std::mem::replace(&mut self.said_date, true) {
-            batch.notice(Notice::Assumption("dates carry no time zone: read as UTC".into()));
+            batch.notice(Notice::Assumption("dates without time zone: read as UTC".into()));
         }
         if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.said_lin, true) {
-            let text = format!("interface {} looks like LIN: its frames are read as CAN", excerpt(found.bus));
+            let text = format!("interface {} looks like LIN: frames read as CAN", excerpt(found.bus));
             batch.notice(Notice::Assumption(text));
         }
     }
@@ -152,12 +155,12 @@ impl Candump {
             }
             LineError::CanXl => "CAN XL frame".to_owned(),
             LineError::Broken(what) => format!("{what}; found {}", excerpt(line)),
-            LineError::NotCandump => format!("no candump line: found {}", excerpt(line)),
+            LineError::NotCandump => format!("not a candump line; found {}", excerpt(line)),
         };
-        batch.notice(Notice::Unreadable { place: Place::Line(self.lines.number()), reason });
+        batch.notice(Notice::Unreadable { place: CapturePlace::Line(self.lines.number()), reason });
     }
 
-    /// Whether the stamps' meaning is known, or could be found out from the lines ahead.
+    /// Whether the meaning of the timestamps is known, or can be determined from the lines ahead.
     fn is_decided(&mut self, line: &[u8], ahead: &[u8], at_end: bool) -> bool {
         let plain = line::without_colors(line);
         let Ok(Line::Frame(FrameLine { stamp: Some(stamp), is_log, .. })) = line::parse(&plain) else {
@@ -167,7 +170,7 @@ impl Candump {
             self.clock.settle();
             return true;
         }
-        // The same lines decide however much input there is.
+        // The decision uses the same lines for any amount of input.
         let ahead = ahead.get(..LARGEST_RECORD / 2).unwrap_or(ahead);
         let enough = at_end
             || ahead.len() >= LARGEST_RECORD / 2
@@ -200,7 +203,7 @@ impl Parser for Candump {
             let rest = rest.get(taken - before..).unwrap_or_default();
             let mut lines = self.lines.clone();
             match lines.next(rest, at_end) {
-                Step::Line(line, length) => {
+                LineStep::Line(line, length) => {
                     if !self.is_decided(line, rest, at_end) {
                         break;
                     }
@@ -208,12 +211,15 @@ impl Parser for Candump {
                     self.line(line, batch);
                     taken += length;
                 }
-                Step::Skip(length) => {
+                LineStep::Skip(length) => {
                     self.lines = lines;
                     taken += length;
                 }
-                Step::More => break,
+                LineStep::More => break,
             }
+        }
+        if at_end && taken == input.len() && !batch.is_full() {
+            self.around.report(batch);
         }
         Ok(taken)
     }

@@ -1,4 +1,4 @@
-//! The time stamp in front of a candump line: seconds, or a date without time zone.
+//! Timestamps at the start of candump lines: seconds, or a date without time zone.
 
 use nom::branch::alt;
 use nom::bytes::complete::take_while_m_n;
@@ -11,8 +11,8 @@ use crate::capture::calendar::utc;
 
 type Parsed<'a, T> = IResult<&'a [u8], T>;
 
-/// The stamp in nanoseconds, if there is one, and whether it is a date.
-pub(super) fn leading_stamp(line: &[u8]) -> Parsed<'_, (Option<i64>, bool)> {
+/// Parses the timestamp in nanoseconds, if any, and whether it is a date.
+pub(in crate::capture::formats) fn leading_stamp(line: &[u8]) -> Parsed<'_, (Option<i64>, bool)> {
     let (rest, _) = space0(line)?;
     if rest.first() != Some(&b'(') {
         return Ok((rest, (None, false)));
@@ -41,7 +41,7 @@ pub(super) fn decimal(digits: &[u8]) -> i64 {
     })
 }
 
-/// `2024-05-01 08:17:32.249713`, read as UTC.
+/// Parses `2024-05-01 08:17:32.249713` as UTC.
 fn date(input: &[u8]) -> Parsed<'_, (i64, bool)> {
     let number = |count| take_while_m_n(count, count, |c: u8| c.is_ascii_digit()).map(decimal);
     let invalid = || nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::Verify));

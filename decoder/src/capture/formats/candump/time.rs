@@ -1,37 +1,37 @@
-//! What candump's time stamps mean.
+//! Meaning of candump's timestamps.
 
 use crate::capture::TimeStyle;
 use crate::frame::Timestamp;
 
-/// Stamps below this (1973 as Unix time) count from the start of the recording, not from 1970.
+/// Timestamps below this (1973 as Unix time) are relative to the start of the capture, not to 1970.
 const RELATIVE_BELOW: i64 = 100_000_000 * 1_000_000_000;
 
-/// Turns stamps into times.
+/// Converts timestamps to times.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Clock {
     style: Option<TimeStyle>,
     elapsed: i64,
-    /// Nobody said that stamps are differences: they look like it.
+    /// Whether the style was inferred from the timestamps.
     is_guess: bool,
 }
 
 impl Clock {
-    /// A clock whose style is known (`Some`) or to be found out.
+    /// Creates a clock with a known style, or with `None` a clock that determines its style.
     pub(super) fn new(style: Option<TimeStyle>) -> Self {
         Self { style, elapsed: 0, is_guess: false }
     }
 
-    /// Whether `stamp` cannot be understood before the style is known.
+    /// Whether the style must be determined before `stamp` can be converted.
     pub(super) fn must_decide(&self, stamp: i64) -> bool {
         self.style.is_none() && (0..RELATIVE_BELOW).contains(&stamp)
     }
 
-    /// Takes stamps as they are from now on, unless another style is known.
+    /// Treats timestamps as absolute from now on, unless another style is known.
     pub(super) fn settle(&mut self) {
         self.style.get_or_insert(TimeStyle::Absolute);
     }
 
-    /// Decides from the first stamps: one smaller than its predecessor makes them differences.
+    /// Determines the style from the first timestamps: a backward step means that they are differences.
     pub(super) fn decide(&mut self, mut stamps: impl Iterator<Item = i64>) {
         let mut last = i64::MIN;
         let falls = stamps.any(|stamp| {
@@ -43,18 +43,18 @@ impl Clock {
         self.style = Some(if falls { TimeStyle::Delta } else { TimeStyle::Absolute });
     }
 
-    /// Whether stamps were found to be differences since this was asked last.
+    /// Whether timestamps were inferred to be differences since the last call.
     pub(super) fn take_guess(&mut self) -> bool {
         std::mem::take(&mut self.is_guess)
     }
 
-    /// Whether stamps are taken as they are, so that no call per stamp is needed.
+    /// Whether timestamps are absolute, so that no call per timestamp is needed.
     #[inline]
     pub(super) fn is_absolute(&self) -> bool {
         self.style != Some(TimeStyle::Delta)
     }
 
-    /// The time a stamp stands for.
+    /// Converts a timestamp to a time.
     #[inline]
     pub(super) fn time(&mut self, stamp: i64) -> Timestamp {
         if self.is_absolute() {

@@ -1,32 +1,32 @@
-//! Writes candump's log form: `(1700000000.000000) can0 123#1122`.
+//! Writer of candump's log form: `(1700000000.000000) can0 123#1122`.
 
 use std::io::{self, Write};
 
 use crate::ascii::{push_code, push_digits, push_nine};
 use crate::capture::Notice;
-use crate::capture::text::print::{Kept, push_data};
+use crate::capture::text::print::{CachedText, push_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
-/// Bit of an identifier that says "error frame" (SocketCAN's CAN_ERR_FLAG).
+/// Error frame flag of an identifier (SocketCAN's CAN_ERR_FLAG).
 const ERROR_FLAG: u32 = 0x2000_0000;
 
 const SECOND: i64 = 1_000_000_000;
 
-/// Writer of candump text. Frames without time have lines without a stamp, as `candump` on the screen. Times before
-/// 1970 are written as 0: stamps have no sign.
+/// Writer of candump text. Frames without time have lines without a timestamp, like the screen output of
+/// `candump`. Times before 1970 are written as 0 because timestamps have no sign.
 pub(super) struct CandumpWriter<W> {
     output: W,
     line: Vec<u8>,
-    /// Beginning of a stamp: `(1700000000.`
-    seconds: Kept<i64>,
-    /// Name of a bus as it may stand in a line, and the blank behind it.
-    bus: Kept<String>,
+    /// Start of a timestamp: `(1700000000.`
+    seconds: CachedText<i64>,
+    /// Name of a bus as written in a line, and the space after it.
+    bus: CachedText<String>,
 }
 
 impl<W: Write> CandumpWriter<W> {
     pub(super) fn new(output: W) -> Self {
-        let (seconds, bus) = (Kept::default(), Kept::default());
+        let (seconds, bus) = (CachedText::default(), CachedText::default());
         Self { output, line: Vec::with_capacity(256), seconds, bus }
     }
 
@@ -71,7 +71,8 @@ impl<W: Write> CandumpWriter<W> {
     }
 }
 
-/// A name that is one word and cannot be taken for something else: a stamp, or the mark of a line that is no frame.
+/// Appends a name as one word that cannot be mistaken for a timestamp or for the mark of a line without a
+/// frame.
 fn push_name(line: &mut Vec<u8>, name: &str) {
     if name.starts_with(['(', '#', '*', ';']) || name.is_empty() {
         line.push(b'_');
@@ -99,7 +100,8 @@ impl<W: Write + Send> FrameWriter for CandumpWriter<W> {
         self.output.write_all(&self.line)
     }
 
-    /// The log form has frames only; a `DROPCOUNT` line, which candump prints on the screen, stops other readers.
+    /// Stores nothing: the log form has frames only, and other readers stop at a `DROPCOUNT` line of the
+    /// screen form.
     fn notice(&mut self, _notice: &Notice, _bus: &str) -> io::Result<bool> {
         Ok(false)
     }

@@ -1,43 +1,49 @@
-//! Whose columns a header names, and what they mean.
+//! Column layouts of known programs, detected by the header.
 
-use super::field::Fields;
+use std::borrow::Cow;
+
+use super::field::{Field, Fields};
 use crate::capture::text::columns::Base;
 
-/// Separators of columns, in the order they are tried.
+/// Column separators, in the order in which they are tried.
 const SEPARATORS: &[u8] = b",;\t";
 
-/// Columns that are looked at: 64 bytes and what stands around them.
+/// Maximum number of columns read: 64 bytes and the other fields.
 const MOST_COLUMNS: usize = 96;
 
-/// What a column holds.
+/// Content of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// When the frame was recorded.
+    /// Time of the frame.
     Time(Stamp),
-    /// Name of the bus.
+    /// Bus name.
     Bus,
     /// Identifier, with or without 0x.
     Id(Base),
-    /// Whether the identifier is extended: 0 and 1, false and true, Std and Ext.
+    /// Whether the identifier is extended: 0 or 1, false or true, Std or Ext.
     Extended,
-    /// Whether it is a remote frame.
+    /// Whether the frame is a remote frame.
     Remote,
-    /// Whether it is an error frame.
+    /// Whether the frame is an error frame.
     Error,
-    /// Whether it is an FD frame.
+    /// Whether the frame is an FD frame.
     Fd,
     /// Bit rate switch.
     Switch,
     /// Error state indicator.
     State,
-    /// rx and tx, or 0 and 1.
+    /// Direction: rx or tx, or 0 or 1.
     Direction,
     /// Flags of Kvaser's library as a number (canlib.h, `canMSG_`).
     KvaserFlags,
-    /// Words of IXXAT's programs: `Rtr`.
+    /// Flag words of IXXAT's programs: `Rtr`.
     IxxatFlags,
-    /// Kind of frame in Netronics' words: `RD11`, `TR29`, `EF`.
+    /// Frame type in Netronics' form: `RD11`, `TR29`, `EF`.
     CandoKind,
+    /// Direction in words of ZLG's programs.
+    ZlgDirection,
+    /// Frame type or format in words of ZLG's programs.
+    ZlgKind,
     /// The DLC.
     Dlc,
     /// Length in bytes.
@@ -46,47 +52,53 @@ pub(super) enum Meaning {
     Data(Coding),
     /// One byte of the data.
     Byte(Base),
-    /// Nothing that a frame has.
+    /// Ignored column.
     Nothing,
 }
 
-/// How times are written.
+/// Format of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stamp {
     /// Seconds.
     Seconds,
     /// Milliseconds.
     Milliseconds,
-    /// Microseconds, or with a decimal point seconds.
+    /// Microseconds; seconds if a decimal point occurs.
     Microseconds,
-    /// `00:30:06.866`
+    /// Hours, minutes and seconds: `00:30:06.866`.
     Clock,
+    /// Time of the computer in ZLG's programs: `="09:15:30.250"`.
+    ZlgSystem,
+    /// Time of the adapter in ZLG's programs: units of 0.1 ms as `0x592897`, seconds, or a time of day.
+    ZlgAdapter,
 }
 
-/// How all data of a frame are written.
+/// Format of a data column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Coding {
-    /// Hex, two digits a byte, blanks between them or not.
+    /// Hex, two digits per byte, with or without spaces.
     Hex,
-    /// Decimal, blanks between them.
+    /// Decimal, separated by spaces.
     Decimal,
     /// Base64 of RFC 4648.
     Base64,
-    /// `[0x05 0x7f]`, which a remote frame leaves out.
+    /// `[0x05 0x7f]`; empty for a remote frame.
     Listed,
+    /// `x| 05 7F`, possibly with bytes after the length.
+    Marked,
 }
 
-/// Columns of a program: names in lower case, `#` for a number.
+/// Columns of a program: names in lower case, `#` means a number.
 struct Dialect {
-    /// Columns a header must name.
+    /// Columns that the header must contain.
     required: &'static [(&'static str, Meaning)],
-    /// Columns it may name.
+    /// Columns that the header may contain.
     optional: &'static [(&'static str, Meaning)],
-    /// Lines without a separator are text around the table.
+    /// Whether lines without a separator are text around the table.
     has_text: bool,
 }
 
-/// All known programs, those that need more columns first.
+/// All known programs; those with more required columns first.
 const DIALECTS: &[Dialect] = &[
     // cobscope.
     Dialect {
@@ -128,7 +140,7 @@ const DIALECTS: &[Dialect] = &[
         ],
         has_text: false,
     },
-    // python-can: can.CSVWriter: what it calls dlc is a length.
+    // python-can: can.CSVWriter; its column dlc contains a length.
     Dialect {
         required: &[
             ("timestamp", Meaning::Time(Stamp::Seconds)),
@@ -142,7 +154,7 @@ const DIALECTS: &[Dialect] = &[
         optional: &[],
         has_text: false,
     },
-    // SavvyCAN: framefileio.cpp, saveNativeCSVFile; older ones have no Dir.
+    // SavvyCAN: framefileio.cpp, saveNativeCSVFile; older versions have no Dir.
     Dialect {
         required: &[
             ("time stamp", Meaning::Time(Stamp::Microseconds)),
@@ -155,7 +167,8 @@ const DIALECTS: &[Dialect] = &[
         optional: &[("dir", Meaning::Direction), ("d#", Meaning::Byte(Base::Hex))],
         has_text: false,
     },
-    // Kvaser Memorator: Kvaser's linlib samples, KvaLogWriter_CsvFrame.cpp; the lines before the header name the bases.
+    // Kvaser Memorator: KvaLogWriter_CsvFrame.cpp in Kvaser's linlib samples; the lines before the header
+    // state the bases.
     Dialect {
         required: &[
             ("time", Meaning::Time(Stamp::Seconds)),
@@ -207,6 +220,42 @@ const DIALECTS: &[Dialect] = &[
         optional: &[],
         has_text: false,
     },
+    // Programs of ZLG and of makers of compatible adapters (USB_CAN TOOL for CANalyst-II, CANTest): in Chinese, in any
+    // order of columns.
+    Dialect {
+        required: &[("id号", Meaning::Id(Base::Hex)), ("数据", Meaning::Data(Coding::Marked))],
+        optional: &[
+            ("系统时间", Meaning::Time(Stamp::ZlgSystem)),
+            ("时间标识", Meaning::Time(Stamp::ZlgAdapter)),
+            ("can通道", Meaning::Bus),
+            ("传输方向", Meaning::ZlgDirection),
+            ("帧类型", Meaning::ZlgKind),
+            ("帧格式", Meaning::ZlgKind),
+            ("can类型", Meaning::ZlgKind),
+            ("长度", Meaning::Length),
+        ],
+        has_text: false,
+    },
+    // The same in English.
+    Dialect {
+        required: &[
+            ("system time", Meaning::Time(Stamp::ZlgSystem)),
+            ("direction", Meaning::ZlgDirection),
+            ("type", Meaning::ZlgKind),
+            ("format", Meaning::ZlgKind),
+            ("data", Meaning::Data(Coding::Marked)),
+        ],
+        optional: &[
+            ("id", Meaning::Id(Base::Hex)),
+            ("frame id", Meaning::Id(Base::Hex)),
+            ("time stamp", Meaning::Time(Stamp::ZlgAdapter)),
+            ("channel", Meaning::Bus),
+            ("length", Meaning::Length),
+            ("len", Meaning::Length),
+            ("dlc", Meaning::Length),
+        ],
+        has_text: false,
+    },
     // SavvyCAN, generic: framefileio.cpp, saveGenericCSVFile.
     Dialect {
         required: &[("id", Meaning::Id(Base::Hex)), ("data bytes", Meaning::Data(Coding::Hex))],
@@ -214,6 +263,34 @@ const DIALECTS: &[Dialect] = &[
         has_text: false,
     },
 ];
+
+/// Names of columns that differ between versions of a program, and the name in [`DIALECTS`].
+const SYNONYMS: &[(&str, &str)] = &[
+    ("时间", "时间标识"),
+    ("方向", "传输方向"),
+    ("通道", "can通道"),
+    ("通道号", "can通道"),
+    ("源通道", "can通道"),
+    ("帧id", "id号"),
+    ("帧id(hex)", "id号"),
+    ("帧id(靠右对齐)", "id号"),
+    ("数据长度", "长度"),
+    ("数据(hex)", "数据"),
+];
+
+/// Text of a header or of a word: UTF-8, or otherwise GBK (also GB 2312). Invalid characters become U+FFFD.
+pub(super) fn decoded(text: &[u8], is_gbk: bool) -> Cow<'_, str> {
+    if is_gbk {
+        return encoding_rs::GBK.decode_without_bom_handling(text).0;
+    }
+    String::from_utf8_lossy(text)
+}
+
+/// The name of a column in [`DIALECTS`].
+fn known_name(name: &str) -> &str {
+    let synonym = SYNONYMS.iter().find(|(other, _)| name.eq_ignore_ascii_case(other));
+    synonym.map_or(name, |(_, known)| known)
+}
 
 impl Dialect {
     fn meaning(&self, name: &[u8]) -> Meaning {
@@ -223,7 +300,7 @@ impl Dialect {
     }
 }
 
-/// Whether a header's name is `known`, whatever its case.
+/// Whether a column name matches `known`, without regard to case.
 fn is_named(name: &[u8], known: &str) -> bool {
     match known.strip_suffix('#') {
         Some(start) => name.split_at_checked(start.len()).is_some_and(|(name, digits)| {
@@ -234,34 +311,43 @@ fn is_named(name: &[u8], known: &str) -> bool {
     }
 }
 
-/// What the columns of a capture mean.
+/// Columns of a capture.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
-    /// What stands between columns.
+    /// Column separator.
     pub(super) separator: u8,
-    /// Their meanings, in order.
+    /// Contents of the columns, in order.
     pub(super) columns: Vec<Meaning>,
-    /// Lines without a separator are text around the table.
+    /// Whether lines without a separator are text around the table.
     pub(super) has_text: bool,
+    /// Whether the text is in GBK, not in UTF-8.
+    pub(super) is_gbk: bool,
 }
 
 impl Layout {
-    /// What `line` says of the rows behind it, if it is a known program's header.
+    /// Layout of the rows after the header `line`; `None` if it is not the header of a known program.
     pub(super) fn of_header(line: &[u8]) -> Option<Self> {
+        let is_gbk = std::str::from_utf8(line).is_err();
+        let line = decoded(line, is_gbk);
+        let line = line.as_bytes();
         for separator in SEPARATORS.iter().copied().filter(|separator| line.contains(separator)) {
             let fields = Fields::new(line, separator).take(MOST_COLUMNS);
-            let names: Vec<_> = fields.map(|field| field.text.trim_ascii()).collect();
+            let name = |field: Field<'_>| {
+                let name = String::from_utf8_lossy(field.text.trim_ascii());
+                known_name(&name).as_bytes().to_vec()
+            };
+            let names: Vec<_> = fields.map(name).collect();
             let has = |known: &str| names.iter().any(|name| is_named(name, known));
             let fits = |dialect: &&Dialect| dialect.required.iter().all(|(known, _)| has(known));
             if let Some(dialect) = DIALECTS.iter().find(fits) {
                 let columns = names.iter().map(|name| dialect.meaning(name)).collect();
-                return Some(Self { separator, columns, has_text: dialect.has_text });
+                return Some(Self { separator, columns, has_text: dialect.has_text, is_gbk });
             }
         }
         None
     }
 
-    /// Whether some column has this meaning.
+    /// Whether a column has this content.
     pub(super) fn has(&self, meaning: Meaning) -> bool {
         self.columns.contains(&meaning)
     }
@@ -294,6 +380,27 @@ mod tests {
         for header in ["", "id", "time,bus,id", "ID;DLC;Data", "Time,Channel,PGN,Flags,DLC,Data0,Counter"] {
             assert_eq!(of(header), None, "{header}");
         }
+    }
+
+    /// Names as in files of these programs; the order of columns differs between versions.
+    #[test]
+    fn chinese_heads_in_both_encodings() {
+        let heads = [
+            "序号,系统时间,时间标识,CAN通道,传输方向,ID号,帧类型,帧格式,长度,数据",
+            "序号,系统时间,时间标识,CAN通道,ID号,帧类型,帧格式,CAN类型,长度,数据",
+            "序号,传输方向,时间标识,名称,帧ID(靠右对齐),帧格式,帧类型,数据长度,数据(HEX)",
+            "序号,方向,时间,名称,帧ID,帧格式,帧类型,数据长度,数据(HEX)",
+        ];
+        for head in heads {
+            let utf_8 = Layout::of_header(head.as_bytes()).unwrap();
+            let gbk = Layout::of_header(&encoding_rs::GBK.encode(head).0).unwrap();
+            assert_eq!((utf_8.is_gbk, gbk.is_gbk, &utf_8.columns), (false, true, &gbk.columns), "{head}");
+            assert!(utf_8.has(Meaning::Id(Base::Hex)) && utf_8.has(Meaning::Length), "{head}");
+        }
+        let mut broken = encoding_rs::GBK.encode(heads[2]).0.into_owned();
+        let name = encoding_rs::GBK.encode("序号,传输方向,时间标识,").0.len();
+        broken[name] = 0xFF;
+        assert!(Layout::of_header(&broken).is_some(), "a broken name of a column that is not needed");
     }
 
     #[test]

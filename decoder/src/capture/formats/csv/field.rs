@@ -1,16 +1,16 @@
-//! Fields of a row, as RFC 4180 quotes them.
+//! Fields of a row, quoted as in RFC 4180.
 
-/// One field.
+/// A field of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Field<'a> {
-    /// Its text without the quotes around it.
+    /// Text without the enclosing quotes.
     pub(super) text: &'a [u8],
-    /// Quotes within it are doubled.
+    /// Whether the text contains doubled quotes.
     pub(super) has_quotes: bool,
 }
 
 impl Field<'_> {
-    /// The text with its quotes single again, put into `room`.
+    /// Copies the text to `room`, with single instead of doubled quotes.
     pub(super) fn unquoted(self, room: &mut Vec<u8>) {
         room.clear();
         let mut rest = self.text;
@@ -21,7 +21,7 @@ impl Field<'_> {
     }
 }
 
-/// The fields of a row.
+/// Iterator over the fields of a row.
 #[derive(Debug, Clone)]
 pub(super) struct Fields<'a> {
     rest: Option<&'a [u8]>,
@@ -29,13 +29,13 @@ pub(super) struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// The fields of `row`, between which `separator` stands.
+    /// Iterates over the fields of `row`, separated by `separator`.
     pub(super) fn new(row: &'a [u8], separator: u8) -> Self {
         Self { rest: Some(row), separator }
     }
 
-    /// Length of a quoted field without its quotes, and whether it holds some. A quote that is not closed
-    /// goes to the end of the row.
+    /// Length of a quoted field without the enclosing quotes, and whether it contains quotes. A field without
+    /// closing quote extends to the end of the row.
     fn quoted(text: &[u8]) -> (usize, bool) {
         let (mut at, mut has_quotes) = (0, false);
         loop {

@@ -1,12 +1,12 @@
-//! Captures in columns that a header names: ours, and those of other programs.
+//! Captures in CSV with a header: from cobscope and from other programs.
 //!
 //! ```text
-//! text of the program          some programs write lines of their own before the header
-//! header                       names tell which program's columns these are: `dialect.rs`
-//! row                          a frame a line, RFC 4180's quotes, no line break within them
+//! text of the program          some programs write text lines before the header
+//! header                       its names identify the program: `dialect.rs`
+//! row                          one frame per line, quotes of RFC 4180, no line break in a field
 //! ```
 //!
-//! Our own, in which every frame comes back as it was:
+//! The form of cobscope, which stores frames without loss:
 //!
 //! ```text
 //! time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data
@@ -23,11 +23,13 @@ use dialect::{Layout, Meaning};
 
 use crate::capture::Format;
 use crate::capture::text::columns::Base;
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen, first_lines};
+use crate::capture::text::line_format::{
+    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+};
 
 pub(super) use write::WRITABLE;
 
-/// Lines at the start among which the header must be.
+/// Number of lines at the start within which the header must occur.
 const DETECTING_LINES: usize = 40;
 
 pub(super) const FORMAT: Format = Format {
@@ -38,16 +40,17 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(LineParser::new(Csv::default())),
 };
 
-/// What the lines so far say of later ones.
+/// State that affects later lines.
 #[derive(Clone, Default)]
 struct Csv {
     layout: Option<Layout>,
     preface: Preface,
-    /// Name of a bus that had to be taken out of its quotes.
+    /// Buffer for a bus name whose quotes were removed.
     bus: Vec<u8>,
+    clock: row::Clock,
 }
 
-/// What stood before the header.
+/// Content of the lines before the header.
 #[derive(Clone, Default)]
 struct Preface {
     lines: usize,
@@ -56,7 +59,7 @@ struct Preface {
 }
 
 impl Preface {
-    /// Kvaser's converter: `Format of id field,HEX`.
+    /// Reads a line of Kvaser's converter: `Format of id field,HEX`.
     fn read(&mut self, line: &[u8]) {
         self.lines += 1;
         let base = match line {
@@ -71,7 +74,7 @@ impl Preface {
         }
     }
 
-    /// The layout a header gives, in the bases that stood before it.
+    /// Sets the bases stated before the header in its layout.
     fn applied(&self, mut layout: Layout) -> Layout {
         for meaning in &mut layout.columns {
             match (meaning, self.id, self.data) {
@@ -91,11 +94,11 @@ impl LineFormat for Csv {
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         let Some(layout) = &self.layout else {
             if self.preface.lines > DETECTING_LINES {
-                return Err("header: expected the names of a known program's columns".into());
+                return Err("header: expected the column names of a known program".into());
             }
             match Layout::of_header(text) {
                 Some(layout) => self.layout = Some(self.preface.applied(layout)),
@@ -103,9 +106,9 @@ impl LineFormat for Csv {
             }
             return Ok(None);
         };
-        match row::read(text, layout, &mut self.bus, assumptions) {
+        match row::read(text, layout, &mut self.bus, &mut self.clock, assumptions) {
             Ok(seen) => Ok(seen),
-            // Captures behind one another in a file have a header each.
+            // Concatenated captures in one file have one header each.
             Err(reason) => match Layout::of_header(text) {
                 Some(layout) => {
                     self.layout = Some(self.preface.applied(layout));

@@ -1,28 +1,59 @@
-//! Times and data as programs write them into fields.
+//! Times and data in the formats of known programs.
 
 use super::dialect::Stamp;
-use crate::capture::text::columns::{Base, time};
+use crate::capture::text::columns::{Base, time, time_of_day};
 use crate::frame::MAX_DATA;
 
-/// Nanoseconds of a second.
+/// One second in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// Digits of a number that are looked at: what a 128-bit integer has room for.
+/// Maximum number of digits in a number: a 128-bit integer can store them.
 const MOST_DIGITS: usize = 30;
 
-/// A time in nanoseconds.
+/// Parses a time into nanoseconds.
 pub(super) fn stamp(text: &[u8], style: Stamp) -> Option<i64> {
     match style {
         Stamp::Seconds => seconds(text),
         Stamp::Milliseconds => time(text, SECOND / 1_000),
         Stamp::Microseconds if text.contains(&b'.') => seconds(text),
         Stamp::Microseconds => seconds(text).map(|nanoseconds| nanoseconds / 1_000_000),
-        Stamp::Clock => clock(text),
+        Stamp::Clock => time_of_day(text),
+        Stamp::ZlgSystem | Stamp::ZlgAdapter => zlg(text),
     }
 }
 
-/// Seconds as Python and others print a number: `1700000000.5`, `-0.25`, `1e-05`. What is finer than a
-/// nanosecond is cut.
+/// Unit of the times of ZLG's adapters in nanoseconds (`VCI_CAN_OBJ.TimeStamp`: 0.1 ms).
+const ZLG_UNIT: i64 = 100_000;
+
+/// A field of ZLG's programs without the marks that make a spreadsheet keep it as text: `="09:15:30.250"`.
+pub(super) fn zlg_text(text: &[u8]) -> &[u8] {
+    let is_mark = |byte: &u8| matches!(byte, b'=' | b'"' | b' ' | b'\t');
+    let start = text.iter().position(|byte| !is_mark(byte)).unwrap_or(text.len());
+    let end = text.iter().rposition(|byte| !is_mark(byte)).map_or(start, |last| last + 1);
+    text.get(start..end).unwrap_or_default()
+}
+
+/// Whether a field of ZLG's programs contains a time; without one it is empty, a dash or a word.
+pub(super) fn is_zlg_time(text: &[u8]) -> bool {
+    zlg_text(text).first().is_some_and(u8::is_ascii_digit)
+}
+
+/// Parses a time of ZLG's programs.
+fn zlg(text: &[u8]) -> Option<i64> {
+    let text = zlg_text(text);
+    if let Some(digits) = text.strip_prefix(b"0x").or(text.strip_prefix(b"0X")) {
+        return Base::Hex.number(digits).map(|count| i64::from(count) * ZLG_UNIT);
+    }
+    // CANTest appends units of less than a millisecond: `15:56:04.367.0`.
+    let point = text.iter().position(|byte| *byte == b'.');
+    let second =
+        point.and_then(|point| Some(point + 1 + text.get(point + 1..)?.iter().position(|b| *b == b'.')?));
+    let text = text.get(..second.unwrap_or(text.len())).unwrap_or(text);
+    if text.contains(&b':') { time_of_day(text) } else { seconds(text) }
+}
+
+/// Parses seconds in the form of Python and others: `1700000000.5`, `-0.25`, `1e-05`. Fractions of a
+/// nanosecond are truncated.
 fn seconds(text: &[u8]) -> Option<i64> {
     let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
     let exponent_at = text.iter().position(|byte| matches!(byte, b'e' | b'E'));
@@ -54,29 +85,20 @@ fn seconds(text: &[u8]) -> Option<i64> {
     i64::try_from(if negative { -nanoseconds } else { nanoseconds }).ok()
 }
 
-/// `00:30:06.866`, hours without end.
-fn clock(text: &[u8]) -> Option<i64> {
-    let mut parts = text.splitn(3, |byte| *byte == b':');
-    let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
-    let (hours, minutes) = (number()?, number()?);
-    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
-    time(parts.next()?, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
-}
-
-/// Bytes of a frame as they are found.
+/// Data bytes of a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bytes {
-    /// The bytes; those behind `count` are 0.
+    /// The bytes; those after `count` are 0.
     pub(super) bytes: [u8; MAX_DATA],
-    /// How many.
+    /// Number of valid bytes.
     pub(super) count: usize,
 }
 
 impl Bytes {
-    /// None yet.
+    /// No bytes.
     pub(super) const NONE: Self = Self { bytes: [0; MAX_DATA], count: 0 };
 
-    /// Adds one; `None` if no frame has as many.
+    /// Appends a byte; `None` if the maximum of a frame is exceeded.
     pub(super) fn push(&mut self, byte: u8) -> Option<()> {
         *self.bytes.get_mut(self.count)? = byte;
         self.count += 1;
@@ -84,9 +106,10 @@ impl Bytes {
     }
 }
 
-/// Hex with or without blanks, 0x and brackets; `None` if it is anything else, or too long.
+/// Parses hex bytes, with or without spaces, 0x and brackets; `None` if invalid or too long.
 pub(super) fn hex(text: &[u8]) -> Option<Bytes> {
     let mut found = Bytes::NONE;
+    let text = text.strip_prefix(b"x|").unwrap_or(text);
     let text = text.strip_prefix(b"[").and_then(|text| text.strip_suffix(b"]")).unwrap_or(text);
     for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
         let word = word.strip_prefix(b"0x").unwrap_or(word);
@@ -103,7 +126,7 @@ pub(super) fn hex(text: &[u8]) -> Option<Bytes> {
     Some(found)
 }
 
-/// Decimal bytes with blanks between them.
+/// Parses decimal bytes separated by spaces.
 pub(super) fn decimal(text: &[u8]) -> Option<Bytes> {
     let mut found = Bytes::NONE;
     for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
@@ -112,7 +135,7 @@ pub(super) fn decimal(text: &[u8]) -> Option<Bytes> {
     Some(found)
 }
 
-/// Base64 of RFC 4648, padded or not.
+/// Parses Base64 of RFC 4648, with or without padding.
 pub(super) fn base64(text: &[u8]) -> Option<Bytes> {
     let padding = text.iter().rev().take_while(|byte| **byte == b'=').count();
     let text = text.get(..text.len().checked_sub(padding)?)?;
@@ -121,7 +144,7 @@ pub(super) fn base64(text: &[u8]) -> Option<Bytes> {
         let value = group.iter().try_fold(0_u32, |value, byte| Some(value << 6 | sextet(*byte)?))?;
         let [_, first, second, third] = (value << (6 * (4 - group.len()))).to_be_bytes();
         let bytes = [first, second, third];
-        // Two characters hold a byte, three hold two; one alone holds none.
+        // Two characters encode one byte, three encode two; a single character is invalid.
         for byte in bytes.get(..group.len().checked_sub(1).filter(|count| *count > 0)?)? {
             found.push(*byte)?;
         }
@@ -175,6 +198,19 @@ mod tests {
         assert_eq!(stamp(b"00:30:06.866", Stamp::Clock), Some(1_806_866_000_000));
         assert_eq!(stamp(b"1:0:0,5", Stamp::Clock), Some(3_600_500_000_000));
         assert_eq!(stamp(b"30:06.866", Stamp::Clock), None);
+        for (text, expected) in [
+            ("=\"09:15:30.250\"", Some(33_330_250_000_000)),
+            ("=\"17:54:13.761949", Some(64_453_761_949_000)),
+            ("=\"\"09:15:30.250\"\"", Some(33_330_250_000_000)),
+            ("15:56:04.367.0", Some(57_364_367_000_000)),
+            ("0x592897", Some(584_309_500_000)),
+            ("385.624895", Some(385_624_895_000)),
+            ("0x", None),
+            ("12:60", None),
+        ] {
+            assert_eq!(stamp(text.as_bytes(), Stamp::ZlgSystem), expected, "{text}");
+        }
+        assert!(!is_zlg_time("无".as_bytes()) && !is_zlg_time(b"") && is_zlg_time(b"=\"09:15:30.250\""));
     }
 
     #[test]

@@ -1,23 +1,24 @@
-//! One row: its fields, and the frame they make.
+//! Parser of one row into a frame.
 
-use super::dialect::{Coding, Layout, Meaning};
+use super::dialect::{Coding, Layout, Meaning, Stamp, decoded};
 use super::field::{Field, Fields};
-use super::number::{Bytes, base64, decimal, hex, stamp};
+use super::number::{Bytes, base64, decimal, hex, is_zlg_time, stamp};
 use crate::capture::bus_error::{ControllerState, Violation, controller, violation};
 use crate::capture::text::columns::{Base, identifier};
-use crate::capture::text::line_format::{Assumptions, Fault, ONLY_BUS, Seen};
+use crate::capture::text::day::TimesOfDay;
+use crate::capture::text::line_format::{Assumptions, Fault, ONLY_BUS, ParsedLine};
 use crate::capture::text::payload::{self, IDENTIFIER, LENGTH, by_dlc, is_fd_length};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
-const TIME: &str = "time: expected a number as this header's program writes it";
+const TIME: &str = "time: expected a number in the format of this header's program";
 const FLAG: &str = "flag: expected 0, 1, false or true";
-const DATA: &str = "data: expected as many bytes as the length says";
-const CODING: &str = "data: expected up to 64 bytes as this header's program writes them";
+const DATA: &str = "data: expected as many bytes as the length";
+const CODING: &str = "data: expected up to 64 bytes in the format of this header's program";
 const KIND: &str = "type: expected RD, TD, RR or TR and 11 or 29, EF, BA, BP, BO, ST or !";
-const SIZES: &str = "which identifiers are extended is not recorded: those above 7FF are";
-const REQUESTS: &str = "requests to send are not taken for frames";
+const SIZES: &str = "identifier type not recorded: identifiers above 7FF read as 29-bit";
+const REQUESTS: &str = "requests to send ignored";
 
-/// Bits of Kvaser's flags and what they are (canlib.h).
+/// Flags of Kvaser (canlib.h) and the corresponding flags of a frame.
 const KVASER_FLAGS: &[(u32, FrameFlags)] = &[
     (0x01, FrameFlags::REMOTE),
     (0x20, FrameFlags::ERROR),
@@ -27,12 +28,12 @@ const KVASER_FLAGS: &[(u32, FrameFlags)] = &[
     (0x4_0000, FrameFlags::ERROR_STATE),
 ];
 
-/// Of these, an extended identifier, a request to send, and frames lost before this one.
+/// Further flags of Kvaser: extended identifier, request to send, frames lost before this one.
 const KVASER_EXTENDED: u32 = 0x04;
 const KVASER_REQUEST: u32 = 0x80;
 const KVASER_OVERRUN: u32 = 0x600;
 
-/// States of the bus in Netronics' words.
+/// Bus states in Netronics' form.
 const CANDO_STATES: &[(&[u8], ControllerState)] = &[
     (b"BA", ControllerState::Active),
     (b"BP", ControllerState::Passive),
@@ -40,8 +41,77 @@ const CANDO_STATES: &[(&[u8], ControllerState)] = &[
     (b"!", ControllerState::Overrun),
 ];
 
-/// What the fields of a row hold.
+const OF_DAY: &str = "times of day without a date: times count from the midnight before the first frame";
+const ADAPTER: &str = "times of the adapter used: units of 0.1 ms, seconds or time of day";
+const BROKEN: &str = "words with invalid characters ignored: direction or frame type unknown";
+
+/// Words of ZLG's programs for directions.
+const ZLG_DIRECTIONS: &[(&str, FrameFlags)] = &[
+    ("接收", FrameFlags::RECEIVED),
+    ("发送", FrameFlags::TRANSMITTED),
+    ("receive", FrameFlags::RECEIVED),
+    ("send", FrameFlags::TRANSMITTED),
+    ("transmit", FrameFlags::TRANSMITTED),
+    ("rx", FrameFlags::RECEIVED),
+    ("tx", FrameFlags::TRANSMITTED),
+];
+
+/// Words of ZLG's programs for frame types and formats: extended, and flags.
+const ZLG_KINDS: &[(&str, Option<bool>, FrameFlags)] = &[
+    ("数据帧", None, FrameFlags(0)),
+    ("远程帧", None, FrameFlags::REMOTE),
+    ("错误帧", None, FrameFlags::ERROR),
+    ("标准帧", Some(false), FrameFlags(0)),
+    ("扩展帧", Some(true), FrameFlags(0)),
+    ("can", None, FrameFlags(0)),
+    ("canfd", None, FrameFlags::FD),
+    ("canfd加速", None, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH)),
+    ("data", None, FrameFlags(0)),
+    ("data frame", None, FrameFlags(0)),
+    ("remote", None, FrameFlags::REMOTE),
+    ("remote frame", None, FrameFlags::REMOTE),
+    ("standard", Some(false), FrameFlags(0)),
+    ("standard frame", Some(false), FrameFlags(0)),
+    ("std", Some(false), FrameFlags(0)),
+    ("extended", Some(true), FrameFlags(0)),
+    ("extended frame", Some(true), FrameFlags(0)),
+    ("ext", Some(true), FrameFlags(0)),
+];
+
+/// Clock of a capture whose rows may have times of the computer and of the adapter: one of them for all rows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Clock {
+    uses: Option<Stamp>,
+    days: TimesOfDay,
+}
+
+impl Clock {
+    /// Whether times of this form are used. The first row decides between the times of ZLG's programs.
+    fn uses(&mut self, style: Stamp, text: &[u8]) -> bool {
+        match style {
+            Stamp::ZlgSystem | Stamp::ZlgAdapter => {
+                is_zlg_time(text) && *self.uses.get_or_insert(style) == style
+            }
+            _ => !text.is_empty(),
+        }
+    }
+
+    fn time(&mut self, text: &[u8], style: Stamp, assumptions: &mut Assumptions) -> Option<i64> {
+        let time = stamp(text, style)?;
+        if style == Stamp::ZlgAdapter {
+            assumptions.report(ADAPTER);
+        }
+        let is_of_day = text.contains(&b':');
+        if is_of_day && style != Stamp::Clock {
+            assumptions.report(OF_DAY);
+        }
+        Some(if is_of_day { self.days.elapsed(time) } else { time })
+    }
+}
+
+/// Parsed fields of a row.
 struct Cells<'a> {
+    is_gbk: bool,
     time: Option<i64>,
     bus: Option<Field<'a>>,
     id: Option<u32>,
@@ -51,12 +121,12 @@ struct Cells<'a> {
     length: Option<u8>,
     bytes: Bytes,
     coding: Option<Coding>,
-    /// A frame that reports the bus.
+    /// Error frame for a bus state or bus error.
     report: Option<Frame>,
     lost: bool,
-    /// The program records which frames are FD.
+    /// Whether the program records which frames are FD frames.
     knows_fd: bool,
-    /// A request to send, a status, a remark: no frame.
+    /// Whether the row has no frame: a request to send, a status or a remark.
     is_nothing: bool,
 }
 
@@ -68,11 +138,22 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    fn take(&mut self, field: Field<'a>, meaning: Meaning) -> Result<(), Fault> {
+    fn take(
+        &mut self,
+        field: Field<'a>,
+        meaning: Meaning,
+        clock: &mut Clock,
+        assumptions: &mut Assumptions,
+    ) -> Result<(), Fault> {
         let text = field.text.trim_ascii();
         match meaning {
-            Meaning::Time(_) | Meaning::Id(_) if text.is_empty() => {}
-            Meaning::Time(style) => self.time = Some(stamp(text, style).ok_or(TIME)?),
+            Meaning::Id(_) if text.is_empty() => {}
+            Meaning::Time(style) => {
+                if clock.uses(style, text) {
+                    self.time = Some(clock.time(text, style, assumptions).ok_or(TIME)?);
+                }
+            }
+            Meaning::ZlgDirection | Meaning::ZlgKind => self.zlg_word(text, meaning, assumptions)?,
             Meaning::Bus => self.bus = Some(Field { text, ..field }),
             Meaning::Id(Base::Hex) => self.id = Some(payload::hex(text).ok_or(IDENTIFIER)?),
             Meaning::Id(base) => self.id = Some(base.number(text).ok_or(IDENTIFIER)?),
@@ -97,6 +178,43 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
+    /// Takes a direction, frame type or format of ZLG's programs. A word with invalid characters costs its
+    /// meaning, not the frame.
+    fn zlg_word(
+        &mut self,
+        text: &[u8],
+        meaning: Meaning,
+        assumptions: &mut Assumptions,
+    ) -> Result<(), Fault> {
+        let word = decoded(text, self.is_gbk).to_lowercase();
+        let is = |known: &str| word == known;
+        if word.is_empty() {
+            return Ok(());
+        }
+        if word.contains(char::REPLACEMENT_CHARACTER) {
+            assumptions.report(BROKEN);
+            return Ok(());
+        }
+        if meaning == Meaning::ZlgDirection {
+            let (_, flag) = ZLG_DIRECTIONS
+                .iter()
+                .find(|(known, _)| is(known))
+                .ok_or("direction: expected 接收, 发送, Receive or Send")?;
+            self.flags = self.flags.with(*flag);
+            return Ok(());
+        }
+        let (_, extended, flags) = ZLG_KINDS
+            .iter()
+            .find(|(known, ..)| is(known))
+            .ok_or("frame type: expected 数据帧, 远程帧, 标准帧 or 扩展帧")?;
+        self.extended = extended.or(self.extended);
+        self.flags = self.flags.with(*flags);
+        if flags.contains(FrameFlags::ERROR) {
+            self.report = Some(violation(Violation::Other, false, 0, None));
+        }
+        Ok(())
+    }
+
     fn kvaser_flags(&mut self, text: &[u8]) -> Result<(), Fault> {
         let marks = Base::Decimal.number(text).ok_or("flags: expected a decimal number")?;
         for (_, flag) in KVASER_FLAGS.iter().filter(|(bits, _)| marks & bits != 0) {
@@ -111,7 +229,7 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// `RD11`: received data frame with a base identifier.
+    /// Parses a frame type such as `RD11`, a received data frame with a base identifier.
     fn cando_kind(&mut self, text: &[u8]) -> Result<(), Fault> {
         self.report = match text {
             b"EF" => Some(violation(Violation::Other, false, 0, None)),
@@ -146,7 +264,7 @@ impl<'a> Cells<'a> {
             return Ok(());
         }
         let bytes = match coding {
-            Coding::Hex | Coding::Listed => hex(text),
+            Coding::Hex | Coding::Listed | Coding::Marked => hex(text),
             Coding::Decimal => decimal(text),
             Coding::Base64 => base64(text),
         };
@@ -154,10 +272,10 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// A field of one byte; behind the last they are empty, or hold a remark.
+    /// Parses a field with one byte; fields after the last byte are empty, or contain a remark.
     fn byte(&mut self, text: &[u8], base: Base) -> Result<(), Fault> {
         if text.starts_with(b";") {
-            // CANdo has no other place for a note: a frame to be sent, without data.
+            // CANdo stores a note as a transmitted frame without data.
             self.is_nothing |= self.bytes.count == 0 && self.flags.contains(FrameFlags::TRANSMITTED);
         } else if !text.is_empty() {
             let byte = if base == Base::Hex { payload::hex(text) } else { base.number(text) };
@@ -167,7 +285,7 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// Length and raw DLC.
+    /// Length and raw DLC of the frame.
     fn lengths(&self) -> Option<(u8, u8)> {
         let is_fd = self.flags.contains(FrameFlags::FD);
         let most = if is_fd { MAX_DATA } else { 8 };
@@ -180,10 +298,10 @@ impl<'a> Cells<'a> {
         (usize::from(length) <= most).then_some((length, raw.unwrap_or(0)))
     }
 
-    /// The frame without number, time and bus.
+    /// Builds the frame, without number, time and bus.
     fn frame(mut self) -> Result<Frame, Fault> {
         let is_error = self.flags.contains(FrameFlags::ERROR);
-        // python-can knows no more of most errors than that there was one.
+        // python-can stores most errors without details.
         let is_bare = self.coding == Some(Coding::Base64) && self.bytes.count == 0 && self.id == Some(0);
         let report = if is_error && (self.id.is_none() || is_bare) {
             Some(violation(Violation::Other, false, 0, None))
@@ -198,17 +316,17 @@ impl<'a> Cells<'a> {
         if listed_none && self.dlc.is_some_and(|dlc| dlc > 0) {
             self.flags = self.flags.with(FrameFlags::REMOTE);
         }
-        // Programs that do not record FD still record its longer frames.
+        // Programs without an FD column still record FD frames, which are longer than 8 bytes.
         let length = self.length.or(u8::try_from(self.bytes.count).ok());
         if !self.knows_fd && length.is_some_and(|length| length > 8 && is_fd_length(length)) {
             self.flags = self.flags.with(FrameFlags::FD);
         }
         let (length, raw_dlc) = self.lengths().ok_or(LENGTH)?;
         let is_remote = self.flags.contains(FrameFlags::REMOTE);
-        // Columns of a byte each may be filled up to the eighth whatever the length is.
+        // Single-byte columns and those of ZLG's programs may be filled up to the eighth byte, independent of the length.
         let fits = match self.coding {
+            Some(Coding::Marked) | None => self.bytes.count >= usize::from(length),
             Some(_) => self.bytes.count == usize::from(length),
-            None => self.bytes.count >= usize::from(length),
         };
         if !fits && !is_remote {
             return Err(DATA.into());
@@ -241,25 +359,28 @@ fn direction(text: &[u8]) -> Result<FrameFlags, Fault> {
     }
 }
 
-/// A decimal number, or none in an empty field.
+/// Parses a decimal number, or a hexadecimal one with 0x; `None` if the field is empty.
 fn number(text: &[u8]) -> Result<Option<u8>, Fault> {
     if text.is_empty() {
         return Ok(None);
     }
-    Ok(Some(Base::Decimal.byte(text).ok_or(LENGTH)?))
+    let hex = text.strip_prefix(b"0x").map(|digits| Base::Hex.byte(digits));
+    Ok(Some(hex.unwrap_or_else(|| Base::Decimal.byte(text)).ok_or(LENGTH)?))
 }
 
-/// Reads a row; `room` is for the name of its bus if that has quotes within it.
+/// Parses a row; `room` is a buffer for a bus name that contains quotes.
 pub(super) fn read<'a>(
     text: &'a [u8],
     layout: &Layout,
     room: &'a mut Vec<u8>,
+    clock: &mut Clock,
     assumptions: &mut Assumptions,
-) -> Result<Option<Seen<'a>>, Fault> {
+) -> Result<Option<ParsedLine<'a>>, Fault> {
     if layout.has_text && !text.contains(&layout.separator) {
         return Ok(None);
     }
     let mut cells = Cells {
+        is_gbk: layout.is_gbk,
         time: None,
         bus: None,
         id: None,
@@ -275,16 +396,16 @@ pub(super) fn read<'a>(
         is_nothing: false,
     };
     for (field, meaning) in Fields::new(text, layout.separator).zip(&layout.columns) {
-        cells.take(field, *meaning)?;
+        cells.take(field, *meaning, clock, assumptions)?;
         if cells.is_nothing {
             if layout.has(Meaning::KvaserFlags) {
-                assumptions.say(REQUESTS);
+                assumptions.report(REQUESTS);
             }
             return Ok(None);
         }
     }
     if cells.extended.is_none() && cells.id.is_some() {
-        assumptions.say(SIZES);
+        assumptions.report(SIZES);
     }
     let (time, bus, lost) = (cells.time, cells.bus, cells.lost);
     let frame = cells.frame()?;
@@ -296,5 +417,5 @@ pub(super) fn read<'a>(
         }
         Some(field) => field.text,
     };
-    Ok(Some(Seen { time, bus, frame, lost }))
+    Ok(Some(ParsedLine { time, bus, frame, lost }))
 }

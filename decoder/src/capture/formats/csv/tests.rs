@@ -1,4 +1,4 @@
-//! Rows of every program, read by hand from its description.
+//! Rows of all programs; expected values were derived by hand from the programs' documentation.
 
 use super::*;
 use crate::capture::testing::read;
@@ -61,8 +61,8 @@ fn python_can_writes_base64_and_lengths() {
     assert_eq!(
         items(text),
         [
-            // b"[42, 9]" is what the documentation of python-can encodes: seven bytes, not the six it says.
-            "line 2: data: expected as many bytes as the length says; found \"1483389946.197,0xdadada,1,0,0,6,WzQyLCA5XQ==\"",
+            // The documentation of python-can encodes b"[42, 9]": seven bytes, while its length is 6.
+            "line 2: data: expected as many bytes as the length; found \"1483389946.197,0xdadada,1,0,0,6,WzQyLCA5XQ==\"",
             "{1} (0.000010000) bus0 123#R4 flags=01 dlc=0",
             "{2} (2.000000000) bus0 00000088#0000000000000000 flags=02 dlc=0",
             "{3} (2.500000000) bus0 00000088#0000040200000208 flags=02 dlc=0",
@@ -84,7 +84,7 @@ fn savvycan_of_both_ages_and_generic() {
     assert_eq!(
         items(generic),
         [
-            "which identifiers are extended is not recorded: those above 7FF are",
+            "identifier type not recorded: identifiers above 7FF read as 29-bit",
             "{1} bus0 21A#FE3612 flags=00 dlc=0",
             "{2} bus0 18FEF100# flags=00 dlc=0",
         ]
@@ -142,7 +142,7 @@ fn kvaser_in_both_bases() {
         [
             "{1} (1.500000000) bus0 18FEF100#0A flags=20 dlc=0",
             "{2} (1.600000000) bus1 00000088#0000000000000000 flags=42 dlc=0",
-            "requests to send are not taken for frames",
+            "requests to send ignored",
             "line 11: frames lost",
             "{3} (1.800000000) bus1 123# flags=40 dlc=0",
             "{4} (1.900000000) bus1 123#R8 flags=41 dlc=0",
@@ -232,4 +232,73 @@ fn a_table_without_a_known_header_is_not_recognised() {
     }
     assert!((FORMAT.detect)(OURS.as_bytes()));
     assert!((FORMAT.detect)("\u{FEFF}ID,Data Bytes\r\n".as_bytes()));
+}
+
+const ZLG: &str = "序号,系统时间,时间标识,CAN通道,传输方向,ID号,帧类型,帧格式,长度,数据\r\n\
+                   00000,=\"23:59:59.900\",0x592897,ch1,接收,0x0601,数据帧,标准帧,0x08,x| 40 18 10 01 00 00 00 00 \r\n\
+                   00001,=\"00:00:00.150\",0x59289C,ch2,发送,0x00F02A81,数据帧,扩展帧,0x02,x| 03 7D FD 7C \r\n\
+                   00002,=\"00:00:00.150\",无,ch1,接收,0x0701,远程帧,标准帧,0x01,\r\n";
+
+const ZLG_ITEMS: [&str; 4] = [
+    "times of day without a date: times count from the midnight before the first frame",
+    "{1} (86399.900000000) bus0 601#4018100100000000 flags=40 dlc=0",
+    "{2} (86400.150000000) bus1 00F02A81#037D flags=20 dlc=0",
+    "{3} (86400.150000000) bus0 701#R1 flags=41 dlc=0",
+];
+
+/// Rows in the form of USB_CAN TOOL: a spreadsheet keeps `="…"` as text; the length limits the data.
+#[test]
+fn zlg_in_utf_8_and_gbk_passes_midnight() {
+    let gbk = encoding_rs::GBK.encode(ZLG).0;
+    for bytes in [ZLG.as_bytes(), &gbk, &[b"\xEF\xBB\xBF", ZLG.as_bytes()].concat()] {
+        let content = read(bytes);
+        assert_eq!(content.items, ZLG_ITEMS);
+        assert_eq!(content.buses, ["ch1", "ch2"]);
+    }
+}
+
+#[test]
+fn a_broken_character_in_gbk_costs_its_word_only() {
+    let gbk = encoding_rs::GBK.encode(ZLG).0;
+    let word = encoding_rs::GBK.encode("接收").0;
+    let at = memchr::memmem::find(&gbk, &word).unwrap();
+    let mut broken = gbk.to_vec();
+    broken[at] = 0xFF;
+    let content = read(&broken);
+    assert_eq!(content.frames.len(), 3);
+    assert_eq!(content.items[2], ZLG_ITEMS[1].replace("flags=40", "flags=00"));
+    assert!(content.items[1].starts_with("words with invalid characters"), "{:?}", content.items);
+}
+
+/// CANTest has other names and another order; CANalyst FD adds the type of bus; without the time of the computer, that
+/// of the adapter is used: 0x592897 is 5,843,095 × 0.1 ms.
+#[test]
+fn other_heads_and_clocks_of_zlg() {
+    for (text, expected) in [
+        (
+            "序号,传输方向,时间标识,名称,帧ID(靠右对齐),帧格式,帧类型,数据长度,数据(HEX)\n\
+             0,接收,15:56:04.367.0,,0x00000181,数据帧,标准帧,0x02,11 22\n",
+            "{1} (57364.367000000) bus0 181#1122 flags=40 dlc=0",
+        ),
+        (
+            "序号,系统时间,时间标识,CAN通道,ID号,帧类型,帧格式,CAN类型,长度,数据\n\
+             1,=\"17:54:13.761949,385.624895,ch1,0x27,数据帧,标准帧,CANFD,12,x| 01 02 03 04 05 06 07 08 09 0A 0B 0C\n",
+            "{1} (64453.761949000) bus0 027#0102030405060708090A0B0C flags=04 dlc=0",
+        ),
+        (
+            "序号,系统时间,时间标识,CAN通道,传输方向,ID号,帧类型,帧格式,长度,数据\n\
+             0,无,0x592897,ch1,接收,0x0601,数据帧,标准帧,1,x| 40\n",
+            "{1} (584.309500000) bus0 601#40 flags=40 dlc=0",
+        ),
+        (
+            "Index,System Time,Time Stamp,Channel,Direction,ID,Type,Format,Len,Data\n\
+             0,=\"09:15:30.250\",0x592897,ch1,Receive,0x601,Data,Standard,0x01,x| 40\n",
+            "{1} (33330.250000000) bus0 601#40 flags=40 dlc=0",
+        ),
+    ] {
+        let found = items(text);
+        assert_eq!(found.last().unwrap(), expected, "{found:?}");
+    }
+    let wrong = items(&ZLG.replace("远程帧", "奇怪"));
+    assert!(wrong.last().unwrap().starts_with("line 4: frame type: expected"), "{wrong:?}");
 }

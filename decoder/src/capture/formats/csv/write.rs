@@ -1,4 +1,4 @@
-//! Writes frames as a table for spreadsheets and scripts: RFC 4180, a line of names, a line a frame.
+//! Writer of CSV for spreadsheets and scripts: RFC 4180, a header line, one line per frame.
 //!
 //! ```text
 //! time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment
@@ -6,46 +6,44 @@
 //! 1700000000.000002000,can1,18FECA80,1,0,0,1,1,0,,9,12,0102030405060708090A0B0C,"one, two"
 //! ```
 //!
-//! time: seconds, nine digits, empty where the frame has none. id: hexadecimal, three digits or eight; of an
-//! error frame SocketCAN's class. dlc: the number in the frame, 0 to 15. length: bytes; of a remote frame those
-//! asked for. Texts are made safe: what steers terminals is escaped, what a spreadsheet would compute has an
-//! apostrophe before it.
+//! time: seconds with nine decimals, empty if the frame has no time. id: hexadecimal, three or eight digits;
+//! the SocketCAN error class of an error frame. dlc: the number in the frame, 0 to 15. length: data bytes; of
+//! a remote frame the number of bytes requested. Control characters are escaped, and an apostrophe precedes
+//! text that a spreadsheet would evaluate as a formula.
 
 use std::io::{self, Write};
 
 use crate::ascii::{push_code, push_decimal, push_nine};
-use crate::capture::text::print::{Kept, push_data, push_escaped};
-use crate::capture::{FrameWriter, Holds, Notice, WritableFormat};
+use crate::capture::text::print::{CachedText, push_data, push_escaped};
+use crate::capture::{FormatCapabilities, FrameWriter, Notice, WritableFormat};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
-/// The line of names.
+/// The header line.
 const NAMES: &[u8] = b"time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data,comment\n";
 
 const SECOND: u64 = 1_000_000_000;
 
-/// The format.
 pub(in crate::capture::formats) const WRITABLE: WritableFormat = WritableFormat {
     name: "csv",
     suffix: "csv",
     title: "CSV of frames",
-    holds: Holds { notices: false, ..Holds::ALL },
+    holds: FormatCapabilities { notices: false, ..FormatCapabilities::ALL },
     writer: |output, _| Box::new(CsvWriter::new(output)),
 };
 
-/// Writer of CSV.
 struct CsvWriter<W> {
     output: W,
     line: Vec<u8>,
-    /// Seconds, with the point behind them.
-    seconds: Kept<u64>,
-    /// Cell of a bus, between its commas.
-    bus: Kept<String>,
+    /// Seconds, with the decimal point.
+    seconds: CachedText<u64>,
+    /// Cell of a bus, with the commas around it.
+    bus: CachedText<String>,
     has_begun: bool,
 }
 
 impl<W: Write> CsvWriter<W> {
     fn new(output: W) -> Self {
-        let (seconds, bus) = (Kept::default(), Kept::default());
+        let (seconds, bus) = (CachedText::default(), CachedText::default());
         Self { output, line: Vec::with_capacity(512), seconds, bus, has_begun: false }
     }
 
@@ -88,7 +86,7 @@ impl<W: Write> CsvWriter<W> {
         push_nine(&mut self.line, fraction);
     }
 
-    /// From the identifier to the direction, with the comma behind it.
+    /// Appends the columns from the identifier to the direction, with the comma after them.
     fn kind(&mut self, frame: &Frame) {
         let is_extended = matches!(frame.id, CanId::Extended(_));
         push_code(&mut self.line, frame.id.number(), if is_extended { 8 } else { 3 });
@@ -116,7 +114,7 @@ impl<W: Write> CsvWriter<W> {
         });
     }
 
-    /// DLC, length and data, with the comma behind them.
+    /// Appends DLC, length and data, with the comma after them.
     fn payload(&mut self, frame: &Frame) {
         push_decimal(&mut self.line, frame.dlc().into());
         self.line.push(b',');
@@ -127,12 +125,12 @@ impl<W: Write> CsvWriter<W> {
     }
 }
 
-/// Appends a text as a cell.
+/// Appends text as a cell.
 fn push_cell(line: &mut Vec<u8>, text: &str) {
     if text.is_empty() {
         return;
     }
-    // Spreadsheets compute cells that begin so. Control characters are escaped below.
+    // Spreadsheets evaluate cells that begin with these characters. Control characters are escaped below.
     let is_formula = text.starts_with(['=', '+', '-', '@', '\u{FF1D}', '\u{FF0B}', '\u{FF0D}', '\u{FF20}']);
     let mut cell = Vec::with_capacity(text.len() + 1);
     if is_formula {
@@ -162,7 +160,7 @@ impl<W: Write + Send> FrameWriter for CsvWriter<W> {
         self.frame(frame, bus, comment)
     }
 
-    /// Lines are frames.
+    /// Stores nothing: all lines are frames.
     fn notice(&mut self, _notice: &Notice, _bus: &str) -> io::Result<bool> {
         Ok(false)
     }

@@ -1,19 +1,19 @@
-//! Keys of a channel's metadata, in files of this program.
+//! Metadata keys of channels in files written by cobscope.
 
-/// Who wrote a file, in files of this program.
+/// Library name in the header of files written by cobscope.
 pub(super) const LIBRARY: &str = "cobscope";
 
-/// Says that the channel is one of this program, and what for: [`FRAMES`] or [`NOTICES`].
+/// Marks a channel of cobscope; the value is its content: [`FRAMES`] or [`NOTICES`].
 pub(super) const COBSCOPE: &str = "cobscope";
 #[cfg(feature = "mcap")]
 pub(super) const FRAMES: &str = "frames";
 pub(super) const NOTICES: &str = "notices";
-/// Name of the bus.
+/// Bus name.
 pub(super) const BUS: &str = "bus";
-/// `rx` or `tx`, if it is known.
+/// `rx` or `tx`; absent if unknown.
 pub(super) const DIRECTION: &str = "direction";
-/// `1` where the bit rate was switched, where the sender was error passive.
+/// `1` if the bit rate was switched, or if the transmitter was error passive.
 pub(super) const SWITCHED: &str = "brs";
 pub(super) const PASSIVE: &str = "esi";
-/// `none` where frames have no time.
+/// `none` if the frames have no time.
 pub(super) const TIME: &str = "time";

@@ -1,4 +1,4 @@
-//! Where a CAN frame stands in a ROS message, by the definition that the file carries.
+//! Position of a CAN frame in a ROS message, from the message definition in the file.
 //!
 //! ```text
 //! std_msgs/Header header        can_msgs/Frame, ros2_socketcan_msgs/FdFrame, dataspeed_can_msgs/Frame …:
@@ -12,26 +12,27 @@
 //! ```
 //! <https://mcap.dev/spec/registry#ros2msg>, <https://mcap.dev/spec/registry#ros1msg>
 
-/// Longest definition that is looked at, in bytes.
+/// Maximum length of a definition in bytes; the rest is ignored.
 const LONGEST: usize = 64 * 1024;
 
-/// Most fields of a message, those of messages in it among them.
+/// Maximum number of fields in a message, with the fields of nested messages.
 const MOST_FIELDS: usize = 256;
 
-/// Messages within messages.
+/// Maximum nesting depth of messages.
 const DEEPEST: usize = 8;
 
-/// Lines that are looked at, again for each element of an array: empty messages in arrays in arrays end here.
+/// Maximum number of definitions expanded, counted once per array element: stops nested arrays of empty
+/// messages.
 const MOST_STEPS: usize = 4_096;
 
-/// What a field means for a frame.
+/// Meaning of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Seconds of the stamp.
+    /// Seconds of the timestamp.
     Seconds,
-    /// Nanoseconds of the stamp.
+    /// Nanoseconds of the timestamp.
     Nanoseconds,
-    /// Name of the bus.
+    /// Bus name.
     Bus,
     Id,
     Extended,
@@ -45,7 +46,7 @@ pub(super) enum Role {
     ErrorState,
 }
 
-/// What fields of these names mean, by how the messages of ROS call them.
+/// Meanings of field names, as in the messages of ROS.
 const NAMES: &[(&str, Role)] = &[
     ("header.stamp.sec", Role::Seconds),
     ("header.stamp.secs", Role::Seconds),
@@ -70,27 +71,27 @@ const NAMES: &[(&str, Role)] = &[
     ("esi", Role::ErrorState),
 ];
 
-/// How many of a field there are.
+/// Number of elements in a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Count {
-    /// One, not in an array.
+    /// One element, not an array.
     One,
-    /// So many.
+    /// Array of fixed size.
     Fixed(usize),
-    /// As many as the message says.
+    /// Array whose size is stored in the message.
     Told,
 }
 
-/// What a field is.
+/// Data type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A number of so many bytes.
+    /// A number of this size in bytes.
     Number(usize),
-    /// A text.
+    /// A string.
     Text,
 }
 
-/// One field of a message.
+/// A field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Field {
     pub(super) kind: Kind,
@@ -98,21 +99,21 @@ pub(super) struct Field {
     pub(super) role: Option<Role>,
 }
 
-/// How a frame stands in messages of one kind.
+/// Layout of the messages of a type that contains a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// In order.
+    /// All fields, in order.
     pub(super) fields: Vec<Field>,
     /// Whether the data may have more than eight bytes.
     pub(super) is_fd: bool,
 }
 
 impl Layout {
-    /// The layout that a definition says; `None` if its messages are no CAN frames, or cannot be read.
+    /// Parses a definition; `None` if it is invalid or its messages are not CAN frames.
     pub(super) fn of(definition: &[u8]) -> Option<Self> {
         let definition = std::str::from_utf8(definition.get(..LONGEST).unwrap_or(definition)).ok()?;
         let definitions = Definitions::of(definition);
-        let mut found = Found::default();
+        let mut found = MessageLayout::default();
         definitions.add(definitions.first, "", 0, &mut found)?;
         let has = |role| found.fields.iter().any(|field| field.role == Some(role));
         let is_frame = has(Role::Id) && has(Role::Data);
@@ -120,14 +121,14 @@ impl Layout {
     }
 }
 
-/// Definitions in a text: that of the message, then those of the messages in it.
+/// Definitions in a text: that of the message, then those of its nested messages.
 struct Definitions<'a> {
     first: &'a str,
     others: Vec<(&'a str, &'a str)>,
 }
 
 #[derive(Default)]
-struct Found {
+struct MessageLayout {
     fields: Vec<Field>,
     most_data: usize,
     steps: usize,
@@ -154,8 +155,8 @@ impl<'a> Definitions<'a> {
         Self { first, others: parts.filter_map(named).collect() }
     }
 
-    /// Adds the fields of a definition; `None` where one of them cannot be told.
-    fn add(&self, definition: &str, prefix: &str, depth: usize, found: &mut Found) -> Option<()> {
+    /// Adds the fields of a definition; `None` if the layout of one of them is unknown.
+    fn add(&self, definition: &str, prefix: &str, depth: usize, found: &mut MessageLayout) -> Option<()> {
         found.steps += 1;
         if depth > DEEPEST || found.steps > MOST_STEPS {
             return None;
@@ -164,7 +165,7 @@ impl<'a> Definitions<'a> {
             let line = line.split('#').next().unwrap_or_default();
             let mut words = line.split_ascii_whitespace();
             let (Some(kind), Some(name)) = (words.next(), words.next()) else { continue };
-            // `uint8 MODE=3`, `uint8 MODE = 3`: a constant takes no place.
+            // `uint8 MODE=3`, `uint8 MODE = 3`: constants occupy no space.
             if line.contains('=') && !kind.contains("<=") {
                 continue;
             }
@@ -173,7 +174,7 @@ impl<'a> Definitions<'a> {
         Some(())
     }
 
-    fn field(&self, kind: &str, name: &str, depth: usize, found: &mut Found) -> Option<()> {
+    fn field(&self, kind: &str, name: &str, depth: usize, found: &mut MessageLayout) -> Option<()> {
         let (kind, count, most) = counted(kind)?;
         let known = match kind {
             "bool" | "byte" | "char" | "int8" | "uint8" => Some(Kind::Number(1)),
@@ -192,7 +193,7 @@ impl<'a> Definitions<'a> {
             let repeats = match count {
                 Count::One => 1,
                 Count::Fixed(count) => count,
-                // Their end is not known before the message is read.
+                // The size of such an array is only known from the message.
                 Count::Told => return None,
             };
             let definition = self.find(kind)?;
@@ -202,7 +203,7 @@ impl<'a> Definitions<'a> {
             return Some(());
         };
         let role = NAMES.iter().find(|(known, _)| *known == name).map(|(_, role)| *role);
-        // Data are bytes; numbers are alone.
+        // Data must be an array of bytes; numbers must not be in an array.
         let fits = match role {
             Some(Role::Data) => kind == Kind::Number(1) && count != Count::One,
             Some(Role::Bus) => kind == Kind::Text && count == Count::One,
@@ -220,17 +221,18 @@ impl<'a> Definitions<'a> {
         Some(())
     }
 
-    /// The definition of a message: by its whole name, or by what is behind its last slash.
+    /// Finds the definition of a message by its full name, or by the part after the last slash.
     fn find(&self, kind: &str) -> Option<&'a str> {
         let last = |name: &str| name.rsplit('/').next().map(str::to_owned);
         let whole = self.others.iter().find(|(name, _)| *name == kind);
-        // Header alone is std_msgs/Header in ROS 1, and ROS 2 may write std_msgs/msg/Header.
+        // Header without a package is std_msgs/Header in ROS 1; ROS 2 may write std_msgs/msg/Header.
         let found = whole.or_else(|| self.others.iter().find(|(name, _)| last(name) == last(kind)));
         found.map(|(_, definition)| *definition)
     }
 }
 
-/// A type, how many of it, and how many at most: `uint8`, `uint8[8]`, `uint8[<=64]`, `uint8[]`, `string<=8`.
+/// Parses a type, its count and its maximum count: `uint8`, `uint8[8]`, `uint8[<=64]`, `uint8[]`,
+/// `string<=8`.
 fn counted(kind: &str) -> Option<(&str, Count, usize)> {
     let Some((kind, array)) = kind.strip_suffix(']').and_then(|kind| kind.split_once('[')) else {
         let kind = kind.split("<=").next().unwrap_or(kind);

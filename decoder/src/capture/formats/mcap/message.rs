@@ -1,50 +1,50 @@
 //! Messages of ROS: CDR (ROS 2, OMG DDS-XTypes 7.4.1) and the packed form of ROS 1.
 //!
 //! ```text
-//! CDR    0 order: 0x0000 big-endian, 0x0001 little-endian (2)   options (2)   4 fields, each on a multiple of its size
+//! CDR    0 order: 0x0000 big-endian, 0x0001 little-endian (2)  options (2)  4 fields, aligned to their size
 //! ROS 1  fields, little-endian, without gaps
 //! ```
-//! Lengths of texts and arrays are four bytes; a text of CDR ends with a NUL that is counted.
+//! Lengths of strings and arrays have four bytes; the length of a string in CDR includes its final NUL.
 
 use super::layout::{Count, Field, Kind, Layout, Role};
 use crate::capture::byte_order::ByteOrder;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
-/// Bytes of a text that are looked at.
+/// Maximum length of a string in bytes; the rest is ignored.
 const LONGEST_TEXT: usize = 64;
 
-/// SocketCAN's bits in an identifier.
+/// Flags of SocketCAN in an identifier.
 const EXTENDED: u32 = 0x8000_0000;
 const REMOTE: u32 = 0x4000_0000;
 const ERROR: u32 = 0x2000_0000;
 
-/// How fields follow one another.
+/// Encoding of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Cdr,
     Ros1,
 }
 
-/// What a message says.
+/// Content of a message.
 #[derive(Debug, PartialEq)]
-pub(super) struct Found<'a> {
-    /// Without bus, number and time.
+pub(super) struct MessageFrame<'a> {
+    /// The frame, without bus, number and time.
     pub(super) frame: Frame,
-    /// Nanoseconds of its stamp, if it has one.
+    /// Timestamp in nanoseconds, if present.
     pub(super) stamp: Option<i64>,
-    /// Name of the bus, as the message says.
+    /// Bus name in the message.
     pub(super) bus: &'a [u8],
 }
 
-/// The frame in a message.
+/// Parses the frame in a message.
 ///
 /// # Errors
-/// What is wrong with it.
+/// Description of the invalid part.
 pub(super) fn read<'a>(
     layout: &Layout,
     encoding: Encoding,
     bytes: &'a [u8],
-) -> Result<Found<'a>, &'static str> {
+) -> Result<MessageFrame<'a>, &'static str> {
     let mut fields = Fields::new(encoding, bytes)?;
     let mut values = Values::default();
     for field in &layout.fields {
@@ -53,7 +53,7 @@ pub(super) fn read<'a>(
     values.found(layout.is_fd)
 }
 
-/// Values of the fields that mean something.
+/// Values of the fields with a meaning.
 #[derive(Default)]
 struct Values<'a> {
     seconds: i64,
@@ -88,7 +88,7 @@ impl<'a> Values<'a> {
         }
     }
 
-    fn found(self, may_be_fd: bool) -> Result<Found<'a>, &'static str> {
+    fn found(self, may_be_fd: bool) -> Result<MessageFrame<'a>, &'static str> {
         let is_error = self.error || self.extended.is_none() && self.id & ERROR != 0;
         let is_remote = self.remote || self.extended.is_none() && self.id & REMOTE != 0;
         let is_fd = self.fd.unwrap_or(may_be_fd) && !is_error && !is_remote;
@@ -97,7 +97,7 @@ impl<'a> Values<'a> {
         let id = match number {
             _ if is_error || is_extended => CanId::extended(number),
             0..=0x7FF => CanId::standard(u16::try_from(number).unwrap_or(0)),
-            _ => return Err("identifier: more than 11 bits in a frame that has no more"),
+            _ => return Err("identifier: expected up to 7FF in a base frame"),
         };
         let told = self.length.unwrap_or(u8::try_from(self.data.len()).unwrap_or(u8::MAX));
         let (length, raw_dlc) = length(told, is_fd, self.data.len())?;
@@ -114,27 +114,28 @@ impl<'a> Values<'a> {
         }
         let data = self.data.get(..usize::from(length)).filter(|_| !is_remote);
         if data.is_none() && !is_remote {
-            return Err("data: fewer bytes than the length says");
+            return Err("data: fewer bytes than the length");
         }
         let mut frame = Frame::data_frame(id, data.unwrap_or_default());
         (frame.flags, frame.length, frame.raw_dlc) = (flags, length, raw_dlc);
         let stamp = self.seconds.saturating_mul(1_000_000_000).saturating_add(self.nanoseconds);
-        Ok(Found { frame, stamp: (stamp != 0).then_some(stamp), bus: self.bus })
+        Ok(MessageFrame { frame, stamp: (stamp != 0).then_some(stamp), bus: self.bus })
     }
 }
 
-/// Length in bytes, and the DLC where that says more. Of FD frames a length is told, by some a DLC.
+/// Length in bytes, and the DLC of a classic frame if above 8. The field contains a length; for FD frames
+/// some writers store the DLC.
 fn length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
     match told {
         0..=8 => Ok((told, 0)),
         9..=15 if !is_fd => Ok((8, told)),
         9..=15 if available == usize::from(fd_length(told)) => Ok((fd_length(told), 0)),
         12 | 16 | 20 | 24 | 32 | 48 | 64 if is_fd => Ok((told, 0)),
-        _ => Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 of CAN FD"),
+        _ => Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 in CAN FD"),
     }
 }
 
-/// Fields of a message, one after the other.
+/// Reads the fields of a message in order.
 struct Fields<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -147,7 +148,7 @@ impl<'a> Fields<'a> {
         let order = match (encoding, bytes) {
             (Encoding::Ros1, _) | (Encoding::Cdr, [0, 1, _, _, ..]) => ByteOrder::Little,
             (Encoding::Cdr, [0, 0, _, _, ..]) => ByteOrder::Big,
-            _ => return Err("CDR: expected 00 00 or 00 01 in front"),
+            _ => return Err("CDR: expected 00 00 or 00 01 at the start"),
         };
         let bytes = if encoding == Encoding::Cdr { bytes.get(4..).unwrap_or_default() } else { bytes };
         Ok(Self { bytes, at: 0, order, encoding })
@@ -201,7 +202,7 @@ impl<'a> Fields<'a> {
                 self.take(size.checked_mul(count)?)?;
             }
             (Kind::Text, Some(Role::Bus)) => values.bus = self.text()?,
-            // Each takes at least its length, so that no count makes this long.
+            // Each string uses at least its length field, so the data bounds the number of iterations.
             (Kind::Text, _) => (0..count).try_for_each(|_| self.text().map(|_| ()))?,
         }
         Some(())
@@ -257,7 +258,7 @@ mod tests {
         assert_eq!(length(12, true, 12), Ok((12, 0)));
         assert_eq!(
             length(10, true, 64),
-            Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 of CAN FD")
+            Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 in CAN FD")
         );
         assert!(length(65, true, 64).is_err());
         assert!(length(16, false, 64).is_err());

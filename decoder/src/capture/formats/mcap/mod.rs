@@ -1,17 +1,18 @@
-//! MCAP: recordings of topics, as Foxglove and ROS 2 use them. <https://mcap.dev/spec>
+//! MCAP: captures of topics, as used by Foxglove and ROS 2. <https://mcap.dev/spec>
 //!
 //! ```text
-//! magic │ header │ chunk: schemas, channels, messages, packed │ indexes │ chunk … │ summary │ footer │ magic
+//! magic │ header │ chunk (compressed): schemas, channels, messages │ indexes │ … │ summary │ footer │ magic
 //!
-//! topic /can/can0        can_msgs/msg/Frame           a bus's frames, as this program writes them
+//! topic /can/can0        can_msgs/msg/Frame           frames of a bus, as written by cobscope
 //! topic /can/can0/fd     ros2_socketcan_msgs/msg/FdFrame
-//! topic /log             foxglove.Log                 frames lost, links, times in which nothing came
+//! topic /log             foxglove.Log                 lost frames, link changes, quiet periods
 //! ```
-//! What has no place in a message stands in the metadata of its channel: a topic has a channel for frames received, one
-//! for frames sent, and so on. Any other file gives the frames in messages of ROS 1 and ROS 2 that have an identifier and
-//! data ([`layout`]); other topics are passed over.
+//! Data without a field in the message is stored in the metadata of the channel: a topic has one channel for
+//! received frames, one for transmitted frames, and so on. In files of other programs, messages of ROS 1 and
+//! ROS 2 that have an identifier and data are read as frames ([`layout`]); other topics are skipped.
 //!
-//! Reading is done here: the `mcap` crate panics on broken files, and its state cannot be copied. It is used for writing.
+//! The `mcap` crate is only used for writing: it panics on invalid files, and the state of its reader cannot
+//! be cloned.
 
 mod key;
 mod layout;
@@ -24,19 +25,19 @@ mod write;
 
 use record::{HEAD, Kind};
 use records::Records;
-use unpack::Unpacked;
+use unpack::ChunkRecords;
 
-use crate::capture::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, LARGEST_RECORD, Notice, Parser};
 #[cfg(feature = "mcap")]
-use crate::capture::{Holds, WritableFormat};
+use crate::capture::{FormatCapabilities, WritableFormat};
 
 #[cfg(feature = "mcap")]
 pub(crate) use write::{McapWriter, Topic};
 
-/// Begins and ends a file.
+/// Magic bytes at the start and the end of a file.
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// Bytes of a chunk as it stands in the file, at most.
+/// Maximum size of a chunk in the file, in bytes.
 const LARGEST_CHUNK: usize = 32 * 1024 * 1024;
 
 pub(super) const FORMAT: Format = Format {
@@ -52,49 +53,50 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "mcap",
     title: FORMAT.title,
-    holds: Holds { negative: false, comments: false, ..Holds::ALL },
+    holds: FormatCapabilities { negative: false, comments: false, ..FormatCapabilities::ALL },
     writer: |output, options| Box::new(McapWriter::new(output, options.packing)),
 };
 
-/// Reader of MCAP.
+/// Parser of MCAP.
 #[derive(Default)]
 struct Mcap {
     records: Records,
-    /// Bytes taken so far.
+    /// Bytes used so far.
     offset: u64,
-    /// Bytes to pass over.
+    /// Bytes left to skip.
     skip: u64,
-    chunk: Option<Open>,
+    chunk: Option<OpenChunk>,
     state: State,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum State {
-    /// Nothing was taken.
+    /// Nothing was read.
     #[default]
     Start,
     Records,
-    /// Behind the footer.
+    /// After the footer.
     Finished,
-    /// All is said.
+    /// The end was reported.
     Over,
 }
 
-/// The chunk at the front of the input, whose frames are being delivered.
+/// The chunk at the start of the input, whose frames are being emitted.
 #[derive(Default)]
-struct Open {
-    /// Bytes of its records that were dealt with.
+struct OpenChunk {
+    /// Bytes of its records already parsed.
     done: usize,
-    /// Its records, if they had to be unpacked. A copy unpacks them again: a place in a capture stays small.
+    /// The decompressed records, if the chunk is compressed. A clone decompresses them again, so that stored
+    /// positions are small.
     unpacked: Option<Vec<u8>>,
-    /// Whether its failure was told.
+    /// Whether its failure was reported.
     is_told: bool,
 }
 
 impl Clone for Mcap {
     fn clone(&self) -> Self {
         let Self { records, offset, skip, chunk, state } = self;
-        let chunk = chunk.as_ref().map(|Open { done, is_told, .. }| Open {
+        let chunk = chunk.as_ref().map(|OpenChunk { done, is_told, .. }| OpenChunk {
             done: *done,
             unpacked: None,
             is_told: *is_told,
@@ -103,36 +105,38 @@ impl Clone for Mcap {
     }
 }
 
-/// What a step of the parser did.
-enum Step {
-    /// Took so many bytes.
+/// Result of one step of the parser.
+enum ParserStep {
+    /// Number of bytes used.
     Took(usize),
-    /// Nothing: more input, or a batch with room is needed.
+    /// Nothing used: more input, or a batch with room, is needed.
     Wait,
 }
 
 impl Mcap {
-    fn step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    fn step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
         if self.skip > 0 {
             return self.pass_over(rest);
         }
         match self.state {
-            State::Start if rest.len() < MAGIC.len() && !at_end => return Step::Wait,
+            State::Start if rest.len() < MAGIC.len() && !at_end => return ParserStep::Wait,
             State::Start => {
                 self.state = State::Records;
-                return Step::Took(MAGIC.len().min(rest.len()));
+                return ParserStep::Took(MAGIC.len().min(rest.len()));
             }
             State::Records => {}
             State::Finished => return self.behind(at, rest, at_end, batch),
-            State::Over => return if rest.is_empty() { Step::Wait } else { Step::Took(rest.len()) },
+            State::Over => {
+                return if rest.is_empty() { ParserStep::Wait } else { ParserStep::Took(rest.len()) };
+            }
         }
         let Some((kind, length)) = record::head(rest) else {
-            return if at_end { self.cut(at, rest, batch) } else { Step::Wait };
+            return if at_end { self.cut(at, rest, batch) } else { ParserStep::Wait };
         };
         if let Kind::Unknown(kind) = kind {
             batch.push_unreadable(
-                Place::Offset(at),
-                format!("record of kind {kind:#04X}, which there is none of; expected 01 to 0F"),
+                CapturePlace::Offset(at),
+                format!("unknown record type {kind:#04X}; expected 01 to 0F"),
             );
         }
         let is_needed = !matches!(kind, Kind::Other | Kind::Unknown(_) | Kind::Footer);
@@ -145,11 +149,11 @@ impl Mcap {
                     self.state = State::Finished;
                 }
                 self.skip = length;
-                Step::Took(HEAD)
+                ParserStep::Took(HEAD)
             }
             _ if at_end => {
                 let taken = self.record(kind, at, contents, false, batch);
-                if let Step::Took(_) = taken {
+                if let ParserStep::Took(_) = taken {
                     let there = contents.len();
                     cut_off(
                         format!("the capture ends inside a record: {there} bytes of {length}"),
@@ -162,62 +166,69 @@ impl Mcap {
             }
             None if length > self.largest_record() => {
                 batch.push_unreadable(
-                    Place::Offset(at),
-                    format!("record of {length} bytes is too long and passed over"),
+                    CapturePlace::Offset(at),
+                    format!("record of {length} bytes too long: skipped"),
                 );
                 self.skip = length;
-                Step::Took(HEAD)
+                ParserStep::Took(HEAD)
             }
-            _ => Step::Wait,
+            _ => ParserStep::Wait,
         }
     }
 
-    #[expect(clippy::unused_self, reason = "read as a property of the reader")]
+    #[expect(clippy::unused_self, reason = "used as a property of the reader")]
     fn largest_record(&self) -> u64 {
         LARGEST_CHUNK as u64
     }
 
-    /// The end of the capture, where a record should begin: nothing, or a part of its head.
-    fn cut(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> Step {
+    /// Handles the end of the capture at the start of a record: no bytes, or an incomplete record head.
+    fn cut(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> ParserStep {
         if !rest.is_empty() {
             cut_off("the capture ends inside a record".into(), at, batch);
             self.state = State::Over;
         }
-        Step::Took(rest.len())
+        ParserStep::Took(rest.len())
     }
 
-    fn pass_over(&mut self, rest: &[u8]) -> Step {
+    fn pass_over(&mut self, rest: &[u8]) -> ParserStep {
         let count = usize::try_from(self.skip).unwrap_or(usize::MAX).min(rest.len());
         self.skip -= count as u64;
-        if count == 0 { Step::Wait } else { Step::Took(count) }
+        if count == 0 { ParserStep::Wait } else { ParserStep::Took(count) }
     }
 
-    /// Behind the footer only the magic stands.
-    fn behind(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    /// Checks that only the magic bytes follow the footer.
+    fn behind(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
         if rest.len() < MAGIC.len() && !at_end {
-            return Step::Wait;
+            return ParserStep::Wait;
         }
         self.state = State::Over;
         if !rest.starts_with(MAGIC) {
             batch.push_unreadable(
-                Place::Offset(at),
-                "behind the footer: expected the magic at the file's end".into(),
+                CapturePlace::Offset(at),
+                "after the footer: expected the magic bytes at the end of the file".into(),
             );
         }
-        Step::Took(rest.len())
+        ParserStep::Took(rest.len())
     }
 
-    /// A record that is there, or the part of it that is.
-    fn record(&mut self, kind: Kind, at: u64, contents: &[u8], is_whole: bool, batch: &mut Batch) -> Step {
-        let taken = Step::Took(HEAD.saturating_add(contents.len()));
+    /// Handles a complete record, or the available part of an incomplete one.
+    fn record(
+        &mut self,
+        kind: Kind,
+        at: u64,
+        contents: &[u8],
+        is_whole: bool,
+        batch: &mut Batch,
+    ) -> ParserStep {
+        let taken = ParserStep::Took(HEAD.saturating_add(contents.len()));
         match kind {
             Kind::Chunk => {
                 let chunk = record::chunk(contents);
                 if chunk.is_none() && is_whole {
-                    batch.push_unreadable(Place::Offset(at), "chunk: too short".into());
+                    batch.push_unreadable(CapturePlace::Offset(at), "chunk: too short".into());
                 }
                 if chunk.is_some_and(|chunk| !self.chunk(&chunk, at, is_whole, batch)) {
-                    return Step::Wait;
+                    return ParserStep::Wait;
                 }
             }
             _ if is_whole => self.records.take(kind, contents, at, batch),
@@ -226,15 +237,15 @@ impl Mcap {
         taken
     }
 
-    /// Delivers what is in a chunk; false when the batch is full before all is delivered.
+    /// Emits the frames in a chunk; `false` if the batch is full before the end.
     fn chunk(&mut self, chunk: &record::Chunk<'_>, at: u64, is_whole: bool, batch: &mut Batch) -> bool {
         let mut open = self.chunk.take().unwrap_or_default();
         let unpacked = match open.unpacked.take() {
-            Some(records) => Unpacked { records: records.into(), failure: None },
+            Some(records) => ChunkRecords { records: records.into(), failure: None },
             None => unpack::unpack(chunk.packing, chunk.packed, chunk.size),
         };
         if !std::mem::replace(&mut open.is_told, true) {
-            tell(chunk, &unpacked, at, is_whole, batch);
+            report_chunk(chunk, &unpacked, at, is_whole, batch);
         }
         let is_done = self.records.run(&unpacked.records, &mut open.done, at, batch);
         if !is_done {
@@ -261,13 +272,13 @@ impl Mcap {
                 );
             }
             State::Records | State::Start => {
-                let text = "the recording was not finished: read to where it ends";
+                let text = "the capture was not finished: read up to its end";
                 batch.notice(Notice::Assumption(text.into()));
             }
             State::Finished => {
                 batch.push_unreadable(
-                    Place::Offset(self.offset),
-                    "behind the footer: expected the magic at the file's end".into(),
+                    CapturePlace::Offset(self.offset),
+                    "after the footer: expected the magic bytes at the end of the file".into(),
                 );
             }
         }
@@ -275,17 +286,26 @@ impl Mcap {
     }
 }
 
-/// Says what is wrong with a chunk.
-fn tell(chunk: &record::Chunk<'_>, unpacked: &Unpacked<'_>, at: u64, is_whole: bool, batch: &mut Batch) {
+/// Reports a damaged chunk.
+fn report_chunk(
+    chunk: &record::Chunk<'_>,
+    unpacked: &ChunkRecords<'_>,
+    at: u64,
+    is_whole: bool,
+    batch: &mut Batch,
+) {
     if let Some(failure) = &unpacked.failure {
-        batch.push_unreadable(Place::Offset(at), format!("chunk: {failure}"));
+        batch.push_unreadable(CapturePlace::Offset(at), format!("chunk: {failure}"));
     } else if is_whole && (chunk.packed.len() as u64) < chunk.packed_size {
-        let (there, said) = (chunk.packed.len(), chunk.packed_size);
-        batch.push_unreadable(Place::Offset(at), format!("chunk: {there} bytes, expected {said}"));
+        let (found, declared) = (chunk.packed.len(), chunk.packed_size);
+        batch.push_unreadable(
+            CapturePlace::Offset(at),
+            format!("chunk: found {found} bytes; expected {declared}"),
+        );
     } else if is_whole && !checksum_fits(&unpacked.records, chunk.checksum) {
         batch.push_unreadable(
-            Place::Offset(at),
-            "chunk: its checksum is another, so its frames may be wrong".into(),
+            CapturePlace::Offset(at),
+            "chunk: checksum mismatch, its frames may be wrong".into(),
         );
     }
 }
@@ -301,7 +321,7 @@ fn checksum_fits(_records: &[u8], _checksum: u32) -> bool {
 }
 
 fn cut_off(reason: String, at: u64, batch: &mut Batch) {
-    batch.notice(Notice::CutOff { place: Place::Offset(at), reason });
+    batch.notice(Notice::CutOff { place: CapturePlace::Offset(at), reason });
 }
 
 impl Parser for Mcap {
@@ -311,8 +331,8 @@ impl Parser for Mcap {
             let rest = input.get(taken..).unwrap_or_default();
             let at = self.offset.saturating_add(taken as u64);
             match self.step(at, rest, at_end, batch) {
-                Step::Took(0) | Step::Wait => break,
-                Step::Took(count) => taken += count,
+                ParserStep::Took(0) | ParserStep::Wait => break,
+                ParserStep::Took(count) => taken += count,
             }
         }
         self.offset = self.offset.saturating_add(taken as u64);

@@ -1,7 +1,7 @@
 //! Records of MCAP: <https://mcap.dev/spec#records>.
 //!
 //! ```text
-//! record   kind (1)  length of what follows (8)  contents          numbers are little-endian
+//! record   type (1)  length of the content (8)  content            numbers are little-endian
 //! text     length (4)  UTF-8              map   length in bytes (4)  text text  text text …
 //! ```
 
@@ -11,10 +11,10 @@ use nom::multi::{length_data, many0};
 use nom::number::complete::{le_u16, le_u32, le_u64};
 use nom::{IResult, Parser};
 
-/// Bytes before a record's contents.
+/// Size of the record head in bytes.
 pub(super) const HEAD: usize = 9;
 
-/// Kinds of records that are looked at, and the last one there is.
+/// Record types that are read, and the last one in the specification.
 const HEADER: u8 = 0x01;
 const FOOTER: u8 = 0x02;
 const SCHEMA: u8 = 0x03;
@@ -24,33 +24,33 @@ const CHUNK: u8 = 0x06;
 const STATISTICS: u8 = 0x0B;
 const LAST: u8 = 0x0F;
 
-/// First of the kinds that everybody may use.
+/// First of the types for private use.
 const PRIVATE: u8 = 0x80;
 
-/// What kind a record is, as far as it matters here.
+/// Record types that the reader distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// The first record: who wrote the file.
+    /// First record: the program that wrote the file.
     Header,
-    /// The last record of a finished file.
+    /// Last record of a finished file.
     Footer,
-    /// How messages are laid out.
+    /// Layout of messages.
     Schema,
-    /// A topic.
+    /// Channel of a topic.
     Channel,
     /// A message.
     Message,
-    /// Records, packed.
+    /// Compressed records.
     Chunk,
-    /// How many messages there are.
+    /// Number of messages.
     Statistics,
-    /// Indexes, attachments, and what others made up.
+    /// Indexes, attachments and private records.
     Other,
-    /// What the specification does not have.
+    /// Type without a definition in the specification.
     Unknown(u8),
 }
 
-/// Kind and length of the record at the front of `input`; `None` if it is too short for them.
+/// Parses type and length of the record at the start of `input`; `None` if `input` is too short.
 pub(super) fn head(input: &[u8]) -> Option<(Kind, u64)> {
     let kind = match *input.first()? {
         HEADER => Kind::Header,
@@ -67,7 +67,7 @@ pub(super) fn head(input: &[u8]) -> Option<(Kind, u64)> {
     Some((kind, length))
 }
 
-/// How messages of a channel are laid out.
+/// Layout of the messages of a channel.
 pub(super) struct Schema<'a> {
     pub(super) id: u16,
     pub(super) name: &'a [u8],
@@ -75,7 +75,7 @@ pub(super) struct Schema<'a> {
     pub(super) data: &'a [u8],
 }
 
-/// A topic.
+/// Channel of a topic.
 pub(super) struct Channel<'a> {
     pub(super) id: u16,
     pub(super) schema: u16,
@@ -85,31 +85,30 @@ pub(super) struct Channel<'a> {
 }
 
 impl<'a> Channel<'a> {
-    /// What its metadata says under a key.
+    /// Value of a key in the metadata.
     pub(super) fn says(&self, key: &str) -> Option<&'a [u8]> {
         self.metadata.iter().find(|(known, _)| *known == key.as_bytes()).map(|(_, value)| *value)
     }
 }
 
-/// A message.
 pub(super) struct Message<'a> {
     pub(super) channel: u16,
-    /// Nanoseconds.
+    /// Time of recording, in nanoseconds.
     pub(super) log_time: u64,
     pub(super) data: &'a [u8],
 }
 
-/// Packed records.
+/// A chunk of records.
 pub(super) struct Chunk<'a> {
-    /// Bytes of its records, unpacked.
+    /// Size of the decompressed records in bytes.
     pub(super) size: u64,
-    /// CRC-32 of them; 0 where none was made.
+    /// CRC-32 of the decompressed records; 0 if unset.
     pub(super) checksum: u32,
-    /// How they are packed: nothing, `lz4` or `zstd`.
+    /// Compression: empty, `lz4` or `zstd`.
     pub(super) packing: &'a [u8],
-    /// Bytes they should take, packed.
+    /// Declared size of the compressed records in bytes.
     pub(super) packed_size: u64,
-    /// Those that are there.
+    /// The available compressed records.
     pub(super) packed: &'a [u8],
 }
 
@@ -117,39 +116,40 @@ fn text(input: &[u8]) -> IResult<&[u8], &[u8]> {
     length_data(le_u32).parse(input)
 }
 
-/// The library that wrote a file, as its header says; `None` if that is too short.
+/// Library that wrote the file, from a header record; `None` if the record is too short.
 pub(super) fn library(contents: &[u8]) -> Option<&[u8]> {
     let (_, (_profile, library)) = (text, text).parse(contents).ok()?;
     Some(library)
 }
 
-/// Messages of a file, as its statistics say; `None` if they are too short.
+/// Number of messages, from a statistics record; `None` if the record is too short.
 pub(super) fn messages(contents: &[u8]) -> Option<u64> {
     let (_, count) = le_u64::<_, nom::error::Error<_>>(contents).ok()?;
     Some(count)
 }
 
-/// Contents of a schema record; `None` if they are too short.
+/// Parses a schema record; `None` if it is too short.
 pub(super) fn schema(contents: &[u8]) -> Option<Schema<'_>> {
     let (_, (id, name, encoding, data)) = (le_u16, text, text, text).parse(contents).ok()?;
     Some(Schema { id, name, encoding, data })
 }
 
-/// Contents of a channel record; `None` if they are too short.
+/// Parses a channel record; `None` if it is too short.
 pub(super) fn channel(contents: &[u8]) -> Option<Channel<'_>> {
     let (_, (id, schema, topic, encoding, map)) = (le_u16, le_u16, text, text, text).parse(contents).ok()?;
     let (_, metadata) = all_consuming(many0((text, text))).parse(map).ok()?;
     Some(Channel { id, schema, topic, encoding, metadata })
 }
 
-/// Contents of a message record; `None` if they are too short.
+/// Parses a message record; `None` if it is too short.
 pub(super) fn message(contents: &[u8]) -> Option<Message<'_>> {
     let (_, (channel, _sequence, log_time, _publish_time, data)) =
         (le_u16, le_u32, le_u64, le_u64, rest::<_, nom::error::Error<_>>).parse(contents).ok()?;
     Some(Message { channel, log_time, data })
 }
 
-/// Contents of a chunk record, of which the end may be missing; `None` if they are too short for anything.
+/// Parses a chunk record whose end may be missing; `None` if it is shorter than the fields before the
+/// records.
 pub(super) fn chunk(contents: &[u8]) -> Option<Chunk<'_>> {
     let times = take::<_, _, nom::error::Error<_>>(16_usize);
     let (_, (_, size, checksum, packing, packed_size, packed)) =

@@ -1,4 +1,4 @@
-//! Schemas, channels and messages to frames.
+//! Converts schemas, channels and messages to frames.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -8,12 +8,12 @@ use super::layout::Layout;
 use super::message::{self, Encoding};
 use super::record::{self, HEAD, Kind};
 use crate::capture::remark::Remark;
-use crate::capture::{Batch, BusNames, MAX_BUS_NAME, MAX_BUSES, Notice, Place};
+use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUS_NAME, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::words::plural;
 
-/// Last parts of topics that say what goes over them, not which bus: those of ros2_socketcan and of ROS 1's
-/// socketcan_bridge. The directions are those of the host.
+/// Last parts of topic names that describe the content and not the bus, from ros2_socketcan and the ROS 1
+/// package socketcan_bridge. The directions are those of the host.
 const ENDS: &[(&[u8], Option<FrameFlags>)] = &[
     (b"from_can_bus", Some(FrameFlags::RECEIVED)),
     (b"from_can_bus_fd", Some(FrameFlags::RECEIVED)),
@@ -25,30 +25,30 @@ const ENDS: &[(&[u8], Option<FrameFlags>)] = &[
     (b"can_tx", Some(FrameFlags::TRANSMITTED)),
 ];
 
-/// What is known of the topics of a file.
+/// State of the topics of a file.
 #[derive(Clone, Default)]
 pub(super) struct Records {
     pub(super) buses: BusNames,
     layouts: Arc<HashMap<u16, Option<Arc<Layout>>>>,
     channels: Arc<HashMap<u16, Channel>>,
     frames: u64,
-    /// All messages.
+    /// Number of messages.
     messages: u64,
-    /// Those that are no CAN frames.
+    /// Number of messages without a CAN frame.
     others: u64,
     said_others: bool,
-    /// Written by this program, which knows what it put beside the frames.
+    /// Whether the file was written by cobscope, so that its metadata has a known meaning.
     is_own: bool,
 }
 
-/// What comes over a channel.
+/// Content of a channel.
 #[derive(Clone)]
 enum Channel {
-    /// Frames.
+    /// CAN frames.
     Frames(Source),
-    /// What this program knows besides frames.
+    /// Notices written by cobscope.
     Notices,
-    /// Something else.
+    /// Other content.
     Other,
 }
 
@@ -56,26 +56,26 @@ enum Channel {
 struct Source {
     layout: Arc<Layout>,
     encoding: Encoding,
-    /// Name of the bus, where the channel says it; the index once a frame came.
+    /// Bus name, if the channel states it; then the bus index, set by the first frame.
     name: Vec<u8>,
     bus: Option<BusIndex>,
     flags: FrameFlags,
     stamp: Stamp,
 }
 
-/// Which time is a frame's.
+/// Source of a frame's time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stamp {
-    /// That of the message's header, unless it is empty.
+    /// Header of the message; if it is empty, the time of recording.
     Header,
-    /// When it was logged, in nanoseconds.
+    /// Time of recording, in nanoseconds.
     Logged,
-    /// None.
+    /// The frame has no time.
     None,
 }
 
 impl Records {
-    /// A record that is no chunk.
+    /// Handles a record other than a chunk.
     pub(super) fn take(&mut self, kind: Kind, contents: &[u8], at: u64, batch: &mut Batch) {
         let known = match kind {
             Kind::Schema => record::schema(contents).map(|schema| self.schema(&schema)),
@@ -95,14 +95,12 @@ impl Records {
                 Kind::Statistics => "statistics",
                 _ => "message",
             };
-            batch.push_unreadable(
-                Place::Offset(at),
-                format!("{what}: too short, or a length in it is too large"),
-            );
+            batch.push_unreadable(CapturePlace::Offset(at), format!("{what}: shorter than its fields"));
         }
     }
 
-    /// The records of a chunk from `done` on; false when the batch is full before the last.
+    /// Handles the records of a chunk from offset `done`; `false` if the batch is full before the last
+    /// record.
     pub(super) fn run(&mut self, records: &[u8], done: &mut usize, at: u64, batch: &mut Batch) -> bool {
         while let Some(rest) = records.get(*done..).filter(|rest| !rest.is_empty()) {
             if batch.is_full() {
@@ -115,8 +113,8 @@ impl Records {
             let Some((kind, contents, end)) = head else {
                 let left = rest.len();
                 batch.push_unreadable(
-                    Place::Offset(at),
-                    format!("chunk: {left} bytes at its end are no whole record"),
+                    CapturePlace::Offset(at),
+                    format!("chunk: incomplete record of {left} bytes at its end"),
                 );
                 *done = records.len();
                 return true;
@@ -127,13 +125,13 @@ impl Records {
         true
     }
 
-    /// A chunk that is taken for something else is missed by nobody but who counted its messages.
+    /// Compares the declared number of messages: an unreadable chunk is only visible in this number.
     fn compare(&self, count: u64, at: u64, batch: &mut Batch) {
         let found = self.messages;
         if count > found {
             batch.push_unreadable(
-                Place::Offset(at),
-                format!("the recording counts {count} messages, of which {found} were found"),
+                CapturePlace::Offset(at),
+                format!("statistics: found {found} messages; expected {count}"),
             );
         }
     }
@@ -143,7 +141,7 @@ impl Records {
             b"ros2msg" | b"ros1msg" => Layout::of(schema.data).map(Arc::new),
             _ => None,
         };
-        // Whatever it is called: `dataspeed_can_msgs/msg/Frame` is one too.
+        // The name is ignored: other names such as `dataspeed_can_msgs/msg/Frame` are accepted.
         let _ = schema.name;
         Arc::make_mut(&mut self.layouts).insert(schema.id, layout);
     }
@@ -164,7 +162,7 @@ impl Records {
             }
             (None, _) => Channel::Other,
         };
-        // Files repeat their channels; which bus it is stays known.
+        // Files repeat their channels; keep the bus index of a repeated one.
         if let (Some(Channel::Frames(before)), Channel::Frames(now)) =
             (self.channels.get(&channel.id), &known)
             && before.name == now.name
@@ -182,7 +180,7 @@ impl Records {
                 let found = message::read(&source.layout, source.encoding, message.data);
                 match found {
                     Ok(found) => self.frame(message, &found, at, batch),
-                    Err(reason) => batch.push_unreadable(Place::Offset(at), reason.into()),
+                    Err(reason) => batch.push_unreadable(CapturePlace::Offset(at), reason.into()),
                 }
             }
             Some(Channel::Notices) => self.notice(message, at, batch),
@@ -190,8 +188,8 @@ impl Records {
             None => {
                 let number = message.channel;
                 batch.push_unreadable(
-                    Place::Offset(at),
-                    format!("message of channel {number}, which was not described"),
+                    CapturePlace::Offset(at),
+                    format!("message of undefined channel {number}"),
                 );
             }
         }
@@ -200,7 +198,7 @@ impl Records {
     fn frame(
         &mut self,
         message: &record::Message<'_>,
-        found: &message::Found<'_>,
+        found: &message::MessageFrame<'_>,
         at: u64,
         batch: &mut Batch,
     ) {
@@ -217,7 +215,7 @@ impl Records {
         let is_fixed = !source.name.is_empty();
         let bus = known.or_else(|| self.buses.index_of(if name.is_empty() { b"can" } else { name }));
         let Some(bus) = bus else {
-            return batch.push_unreadable(Place::Offset(at), format!("more than {MAX_BUSES} buses"));
+            return batch.push_unreadable(CapturePlace::Offset(at), format!("more than {MAX_BUSES} buses"));
         };
         if known.is_none()
             && is_fixed
@@ -233,28 +231,28 @@ impl Records {
         let value: serde_json::Value = serde_json::from_slice(message.data).unwrap_or_default();
         let text = |key: &str| value.get(key).and_then(serde_json::Value::as_str).unwrap_or_default();
         let time = Timestamp(i64::try_from(message.log_time).unwrap_or(i64::MAX));
-        // Lines for people are about nodes, too, which are no buses.
+        // Messages for people also refer to nodes, whose names are not bus names.
         let Some(remark) = Remark::parse(text("message").as_bytes()) else { return };
         let Some(bus) = self.buses.index_of(text("name").as_bytes()) else { return };
-        let place = Place::Offset(at);
+        let place = CapturePlace::Offset(at);
         batch.notice(match remark {
             Remark::Link(state, bit_rate) => Notice::Link { bus, time, state, bit_rate },
             Remark::Quiet => Notice::Quiet(time),
+            Remark::ClockSet(step) => Notice::ClockSet { bus, time, step },
             Remark::Lost(count) => Notice::LostFrames { place, bus, count },
         });
     }
 
-    /// Says at the end what was passed over.
+    /// Reports the skipped messages at the end.
     pub(super) fn summarise(&mut self, batch: &mut Batch) {
         if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
-            let text =
-                format!("{} of topics that are no CAN frames passed over", plural(self.others, "message"));
+            let text = format!("{} of topics without CAN frames skipped", plural(self.others, "message"));
             batch.notice(Notice::Assumption(text));
         }
     }
 }
 
-/// Frames as this program writes them.
+/// Source of frames written by cobscope.
 fn own_source(channel: &record::Channel<'_>, layout: Arc<Layout>, encoding: Encoding) -> Source {
     let is = |key, value: &[u8]| channel.says(key) == Some(value);
     let set = [
@@ -272,7 +270,7 @@ fn own_source(channel: &record::Channel<'_>, layout: Arc<Layout>, encoding: Enco
     Source { layout, encoding, name, bus: None, flags, stamp }
 }
 
-/// Frames of a topic of ROS: it is called after the bus.
+/// Source of frames from a topic of ROS, which is named after the bus.
 fn foreign_source(topic: &[u8], layout: Arc<Layout>, encoding: Encoding) -> Source {
     let topic = topic.strip_prefix(b"/").unwrap_or(topic);
     let end = memchr::memrchr(b'/', topic).map_or(0, |at| at + 1);

@@ -1,39 +1,39 @@
-//! Chunks: the records in them, unpacked.
+//! Decompression of chunks.
 
 use std::borrow::Cow;
 use std::io::Read;
 
-/// Bytes of a chunk's records at most. Those who write chunks make them of one to four megabytes.
+/// Maximum size of the decompressed records in bytes. Usual chunks have one to four megabytes.
 pub(super) const LARGEST: usize = 64 * 1024 * 1024;
 
-/// What could be unpacked, and why not all.
-pub(super) struct Unpacked<'a> {
+/// The decompressed records, and the reason if they are incomplete.
+pub(super) struct ChunkRecords<'a> {
     pub(super) records: Cow<'a, [u8]>,
     pub(super) failure: Option<String>,
 }
 
-/// Unpacks a chunk whose records take `size` bytes as it says.
-pub(super) fn unpack<'a>(packing: &[u8], packed: &'a [u8], size: u64) -> Unpacked<'a> {
+/// Decompresses a chunk whose records have a declared size of `size` bytes.
+pub(super) fn unpack<'a>(packing: &[u8], packed: &'a [u8], size: u64) -> ChunkRecords<'a> {
     match packing {
-        b"" => Unpacked { records: Cow::Borrowed(packed), failure: None },
+        b"" => ChunkRecords { records: Cow::Borrowed(packed), failure: None },
         b"zstd" => zstd(packed, size),
         b"lz4" => lz4(packed, size),
         unknown => {
             let known = "expected none, lz4 or zstd";
             failed(format!(
-                "chunk packed by \"{}\", {known}",
+                "chunk compression \"{}\"; {known}",
                 unknown.get(..16).unwrap_or(unknown).escape_ascii()
             ))
         }
     }
 }
 
-fn failed(reason: String) -> Unpacked<'static> {
-    Unpacked { records: Cow::Borrowed(&[]), failure: Some(reason) }
+fn failed(reason: String) -> ChunkRecords<'static> {
+    ChunkRecords { records: Cow::Borrowed(&[]), failure: Some(reason) }
 }
 
 #[cfg(feature = "zstd")]
-fn zstd(packed: &[u8], size: u64) -> Unpacked<'_> {
+fn zstd(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     match zstd::stream::read::Decoder::with_buffer(packed) {
         Ok(decoder) => read(decoder, size),
         Err(error) => failed(not_unpacked(&error)),
@@ -41,12 +41,12 @@ fn zstd(packed: &[u8], size: u64) -> Unpacked<'_> {
 }
 
 #[cfg(not(feature = "zstd"))]
-fn zstd(_packed: &[u8], _size: u64) -> Unpacked<'_> {
-    failed("chunk packed by zstd, but this build leaves out the feature `zstd`".into())
+fn zstd(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
+    failed("zstd compression: this build lacks the feature `zstd`".into())
 }
 
 #[cfg(feature = "mcap")]
-fn lz4(packed: &[u8], size: u64) -> Unpacked<'_> {
+fn lz4(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     match lz4::Decoder::new(packed) {
         Ok(decoder) => read(decoder, size),
         Err(error) => failed(not_unpacked(&error)),
@@ -54,28 +54,28 @@ fn lz4(packed: &[u8], size: u64) -> Unpacked<'_> {
 }
 
 #[cfg(not(feature = "mcap"))]
-fn lz4(_packed: &[u8], _size: u64) -> Unpacked<'_> {
-    failed("chunk packed by lz4, but this build leaves out the feature `mcap`".into())
+fn lz4(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
+    failed("lz4 compression: this build lacks the feature `mcap`".into())
 }
 
-/// Libraries speak of frames of their own, not of those of CAN.
+/// Error text in parentheses, because the libraries' messages mention frames that are not CAN frames.
 fn not_unpacked(error: &std::io::Error) -> String {
-    format!("cannot be unpacked ({error})")
+    format!("decompression failed ({error})")
 }
 
-/// Reads what there is, a piece at a time: no size is believed before its bytes are there.
-#[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "nothing is unpacked"))]
-fn read(mut source: impl Read, size: u64) -> Unpacked<'static> {
+/// Decompresses in steps: the declared size is not allocated in advance.
+#[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "no compression is supported"))]
+fn read(mut source: impl Read, size: u64) -> ChunkRecords<'static> {
     let most = usize::try_from(size).unwrap_or(usize::MAX).min(LARGEST);
     let mut records = Vec::new();
     let failure = match source.by_ref().take(most as u64).read_to_end(&mut records) {
         Err(error) => Some(not_unpacked(&error)),
         Ok(_) if (records.len() as u64) < size => {
-            Some(format!("unpacks to {} bytes, expected {size}", records.len()))
+            Some(format!("decompresses to {} bytes; expected {size}", records.len()))
         }
         Ok(_) => None,
     };
-    Unpacked { records: Cow::Owned(records), failure }
+    ChunkRecords { records: Cow::Owned(records), failure }
 }
 
 #[cfg(test)]
@@ -92,7 +92,7 @@ mod tests {
     #[cfg(feature = "zstd")]
     #[test]
     fn a_chunk_that_is_cut_gives_what_is_there_and_says_so() {
-        // Incompressible, so that its beginning unpacks without its end.
+        // Incompressible data, so that the start can be decompressed without the end.
         let bytes: Vec<u8> =
             (0..400_000_u32).map(|number| (number.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let packed = zstd::stream::encode_all(&bytes[..], 1).unwrap();
@@ -104,12 +104,15 @@ mod tests {
         assert!(cut.failure.is_some());
         let lie = unpack(b"zstd", &packed, u64::MAX);
         assert_eq!(lie.records.len(), bytes.len());
-        assert_eq!(lie.failure.unwrap(), format!("unpacks to {} bytes, expected {}", bytes.len(), u64::MAX));
+        assert_eq!(
+            lie.failure.unwrap(),
+            format!("decompresses to {} bytes; expected {}", bytes.len(), u64::MAX)
+        );
     }
 
     #[test]
     fn unknown_packings_are_named() {
         let failure = unpack(b"br\x1B", &[1], 1).failure.unwrap();
-        assert_eq!(failure, "chunk packed by \"br\\x1b\", expected none, lz4 or zstd");
+        assert_eq!(failure, "chunk compression \"br\\x1b\"; expected none, lz4 or zstd");
     }
 }

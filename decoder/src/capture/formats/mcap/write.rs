@@ -1,4 +1,4 @@
-//! Writes MCAP through the `mcap` crate.
+//! Writer of MCAP, based on the `mcap` crate.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -13,25 +13,25 @@ use crate::capture::remark::Remark;
 use crate::capture::{FrameWriter, Notice, Packing};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
-/// Bytes of a chunk before it is packed: the size other writers take.
+/// Size of a chunk before compression, in bytes: the usual size of other writers.
 const CHUNK: u64 = 1024 * 1024;
 
-/// Bytes a message takes beside its data: record, header, and its place in the index.
+/// Overhead of a message in bytes: record head, header and index entry.
 const AROUND_MESSAGE: u64 = 9 + 22 + 16;
 
-/// Bytes a chunk takes beside its messages, and its index.
+/// Overhead of a chunk in bytes, with its index.
 const AROUND_CHUNK: u64 = 256;
 
 /// Levels of `foxglove.Log`.
 const INFO: u8 = 2;
 const WARNING: u8 = 3;
 
-/// Writer of MCAP: frames, and whatever else is to stand beside them.
+/// Writer of MCAP: frames and other messages.
 pub(crate) struct McapWriter<W: Write> {
-    /// None when it could not be begun.
+    /// The file, or the error that prevented its start (`None` once returned).
     file: Result<mcap::Writer<NoSeek<W>>, Option<io::Error>>,
     sources: Vec<Source>,
-    /// Index of the source of the frame before.
+    /// Index of the source of the previous frame.
     last: usize,
     log: Option<Topic>,
     time: u64,
@@ -39,7 +39,7 @@ pub(crate) struct McapWriter<W: Write> {
     has_finished: bool,
 }
 
-/// A topic that messages are written to.
+/// A topic to which messages are written.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Topic {
     channel: u16,
@@ -49,27 +49,27 @@ pub(crate) struct Topic {
 /// A channel of frames.
 struct Source {
     bus: String,
-    kind: Sort,
+    kind: MessageTemplate,
     topic: Topic,
-    /// Its messages; what differs between two is put in its place.
+    /// Template of its messages; the fields of a frame are filled in.
     message: Vec<u8>,
 }
 
-/// What of a frame its channel says.
+/// Properties of a frame that are stored in its channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Sort {
+struct MessageTemplate {
     flags: u8,
     has_time: bool,
 }
 
-/// Flags a channel stands for; a message has the others.
+/// Flags stored in the channel; the other flags are stored in the message.
 const OF_CHANNEL: FrameFlags = FrameFlags::FD
     .with(FrameFlags::BIT_RATE_SWITCH)
     .with(FrameFlags::ERROR_STATE)
     .with(FrameFlags::TRANSMITTED)
     .with(FrameFlags::RECEIVED);
 
-impl Sort {
+impl MessageTemplate {
     fn of(frame: &Frame) -> Self {
         Self { flags: frame.flags.0 & OF_CHANNEL.0, has_time: frame.time.is_some() }
     }
@@ -80,7 +80,7 @@ impl Sort {
 }
 
 impl<W: Write> McapWriter<W> {
-    /// Begins a file. What fails is told by the first thing written.
+    /// Starts a file. An error is returned by the first write.
     pub fn new(output: W, packing: Packing) -> Self {
         let compression = match packing {
             Packing::None => None,
@@ -92,7 +92,7 @@ impl<W: Write> McapWriter<W> {
             .compression_threads(0)
             .compression_level(u32::from(packing == Packing::Zstd))
             .chunk_size(Some(CHUNK))
-            // Each chunk has a checksum of its own; a second one of the same bytes costs as much again.
+            // Each chunk has its own checksum; a second checksum of the same bytes would double the cost.
             .calculate_data_section_crc(false)
             .library(LIBRARY)
             .disable_seeking(true);
@@ -105,15 +105,15 @@ impl<W: Write> McapWriter<W> {
             Ok(file) if !self.has_finished => Ok(file),
             Ok(_) => Err(io::Error::other("the capture is finished")),
             Err(error) => {
-                Err(error.take().unwrap_or_else(|| io::Error::other("the capture could not be begun")))
+                Err(error.take().unwrap_or_else(|| io::Error::other("the capture could not be started")))
             }
         }
     }
 
-    /// A topic whose messages are JSON objects as `schema` says, a JSON Schema called `name`.
+    /// Creates a topic of JSON objects. `schema` is their JSON Schema, `name` its name.
     ///
     /// # Errors
-    /// When the output fails, or there are more than 65,535 topics.
+    /// If the output fails, or if there are more than 65,535 topics.
     pub(crate) fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<Topic> {
         self.topic(topic, name, ("jsonschema", schema), "json", &BTreeMap::new())
     }
@@ -133,11 +133,11 @@ impl<W: Write> McapWriter<W> {
         Ok(Topic { channel, sequence: 0 })
     }
 
-    /// Writes a message; the clock of the file is that of the frames. Times before its zero are written as zero, those
-    /// that are missing as the one before.
+    /// Writes a message. The file uses the clock of the frames: negative times are written as zero, missing
+    /// times as the previous time.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     pub fn message(&mut self, topic: &mut Topic, time: Option<Timestamp>, data: &[u8]) -> io::Result<()> {
         if let Some(Timestamp(time)) = time {
             self.time = u64::try_from(time).unwrap_or(0);
@@ -150,10 +150,10 @@ impl<W: Write> McapWriter<W> {
         self.file()?.write_to_known_channel(&header, data).map_err(to_io)
     }
 
-    /// Writes a line to the topic `/log`: level 1 (debug) to 5 (fatal), what it is about, and the text.
+    /// Writes a message to the topic `/log`: level 1 (debug) to 5 (fatal), name of the subject, and text.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     pub fn log(&mut self, time: Option<Timestamp>, level: u8, name: &str, message: &str) -> io::Result<()> {
         let mut topic = if let Some(topic) = self.log {
             topic
@@ -172,18 +172,18 @@ impl<W: Write> McapWriter<W> {
         written
     }
 
-    /// Writes a table of what is to be known of the file.
+    /// Writes a metadata record about the file.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     pub fn metadata(&mut self, name: &str, values: BTreeMap<String, String>) -> io::Result<()> {
         self.file()?.write_metadata(&Metadata { name: name.into(), metadata: values }).map_err(to_io)
     }
 
-    /// Puts a whole file beside the messages.
+    /// Attaches a complete file.
     ///
     /// # Errors
-    /// When the output fails.
+    /// If the output fails.
     pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) -> io::Result<()> {
         let attachment = Attachment {
             log_time: self.time,
@@ -195,9 +195,9 @@ impl<W: Write> McapWriter<W> {
         self.file()?.attach(&attachment).map_err(to_io)
     }
 
-    /// Index of the channel for frames of this sort, made if it is new.
+    /// Index of the channel for frames with these properties; created if new.
     fn source(&mut self, frame: &Frame, bus: &str) -> io::Result<usize> {
-        let kind = Sort::of(frame);
+        let kind = MessageTemplate::of(frame);
         let fits = |source: &Source| source.kind == kind && source.bus == bus;
         if self.sources.get(self.last).is_some_and(fits) {
             return Ok(self.last);
@@ -241,8 +241,8 @@ impl<W: Write> McapWriter<W> {
     }
 }
 
-/// What the channel of such frames says of them.
-fn metadata(kind: Sort, bus: &str) -> BTreeMap<String, String> {
+/// Metadata of the channel of such frames.
+fn metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> {
     let has = |flag: FrameFlags| kind.flags & flag.0 != 0;
     let said = [
         (true, key::COBSCOPE, key::FRAMES),
@@ -256,22 +256,22 @@ fn metadata(kind: Sort, bus: &str) -> BTreeMap<String, String> {
     said.iter().filter(|(says, ..)| *says).map(|(_, key, value)| ((*key).into(), (*value).into())).collect()
 }
 
-/// A message up to its identifier: little-endian CDR, room for the stamp, name of the bus.
+/// Start of a message up to the identifier: little-endian CDR, space for the timestamp, bus name.
 fn begin(bus: &str) -> Vec<u8> {
     let mut message = vec![0, 1, 0, 0];
     message.extend_from_slice(&[0; 8]);
     message.extend_from_slice(&u32::try_from(bus.len() + 1).unwrap_or(u32::MAX).to_le_bytes());
     message.extend_from_slice(bus.as_bytes());
     message.push(0);
-    // The encapsulation's four bytes do not move what is counted from behind them.
+    // Alignment counts from the end of the four-byte encapsulation header, itself a multiple of 4.
     message.resize(message.len().next_multiple_of(4), 0);
     message
 }
 
-/// Adds a frame to the beginning of its message.
+/// Completes the start of a message with a frame.
 fn put(frame: &Frame, stamp: u64, is_fd: bool, message: &mut Vec<u8>) {
     let [seconds, nanoseconds] = [stamp / 1_000_000_000, stamp % 1_000_000_000];
-    // Seconds of ROS have 32 bits.
+    // Seconds have 32 bits in ROS.
     let seconds = u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes();
     let nanoseconds = u32::try_from(nanoseconds).unwrap_or(0).to_le_bytes();
     if let Some(room) = message.get_mut(4..12) {
@@ -311,6 +311,7 @@ impl<W: Write + Send> FrameWriter for McapWriter<W> {
             Notice::LostFrames { count, .. } => (None, WARNING, Remark::Lost(count)),
             Notice::Link { time, state, bit_rate, .. } => (Some(time), INFO, Remark::Link(state, bit_rate)),
             Notice::Quiet(time) => (Some(time), INFO, Remark::Quiet),
+            Notice::ClockSet { time, step, .. } => (Some(time), INFO, Remark::ClockSet(step)),
             Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
         self.log(time, level, bus, &remark.text())?;

@@ -1,7 +1,7 @@
-//! The blocks an MDF4 capture is made of.
+//! Blocks of an MDF4 capture.
 //!
 //! ```text
-//! 0 ## and two letters   8 length with this header (8)   16 number of links (8)   24 links (8 each), then data
+//! 0 ## and two letters   8 length with header (8)   16 number of links (8)   24 links (8 each), then data
 //! ```
 //! A link is a byte offset in the capture, 0 for none. Numbers are little-endian.
 
@@ -10,26 +10,26 @@ use crate::capture::byte_order::ByteOrder::Little;
 /// Title of the format.
 pub(super) const TITLE: &str = "ASAM MDF";
 
-/// Bytes before the links.
+/// Size of the header before the links, in bytes.
 const HEADER: usize = 24;
 
-/// A block.
+/// A block of a capture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
-    /// Its two letters.
+    /// Block type: the two letters after `##`.
     pub(super) kind: [u8; 2],
     /// Byte offset in the capture.
     pub(super) at: u64,
     links: &'a [u8],
-    /// What stands behind the links.
+    /// Data after the links.
     pub(super) data: &'a [u8],
-    /// Length it says it has, and whether the capture holds that much.
+    /// Declared length in bytes, and whether the capture ends before it.
     pub(super) length: u64,
     pub(super) is_cut_off: bool,
 }
 
 impl<'a> Block<'a> {
-    /// The block at a byte offset; `None` where none can be.
+    /// Parses the block at a byte offset; `None` if there is none.
     pub(super) fn at(file: &'a [u8], at: u64) -> Option<Self> {
         let rest = file.get(usize::try_from(at).ok()?..)?;
         let [b'#', b'#', first, second] = *rest.first_chunk()? else { return None };
@@ -42,54 +42,54 @@ impl<'a> Block<'a> {
         Some(Self { kind: [first, second], at, links, data, length, is_cut_off: block.len() < whole })
     }
 
-    /// The same, if it is of this kind.
+    /// Parses the block at a byte offset; `None` if it does not have this type.
     pub(super) fn of(file: &'a [u8], at: u64, kind: [u8; 2]) -> Option<Self> {
         Self::at(file, at).filter(|block| block.kind == kind)
     }
 
-    /// A link; `None` if it has none there or it leads nowhere.
+    /// Target of a link; `None` if the block has no such link or the link is 0.
     pub(super) fn link(&self, index: usize) -> Option<u64> {
         Little.u64(self.links, index.checked_mul(8)?).filter(|link| *link != 0)
     }
 
-    /// Number of its links.
+    /// Number of links.
     pub(super) fn links(&self) -> usize {
         self.links.len() / 8
     }
 
-    /// Byte offset of its data.
+    /// Byte offset of the data in the capture.
     pub(super) fn data_at(&self) -> u64 {
         self.at.saturating_add((HEADER + self.links.len()) as u64)
     }
 
-    /// A byte of the data.
+    /// One byte of the data at an offset.
     pub(super) fn u8(&self, at: usize) -> Option<u8> {
         self.data.get(at).copied()
     }
 
-    /// Numbers in the data.
+    /// Two bytes of the data at an offset.
     pub(super) fn u16(&self, at: usize) -> Option<u16> {
         Little.u16(self.data, at)
     }
 
-    /// Four bytes of the data.
+    /// Four bytes of the data at an offset.
     pub(super) fn u32(&self, at: usize) -> Option<u32> {
         Little.u32(self.data, at)
     }
 
-    /// Eight bytes of the data.
+    /// Eight bytes of the data at an offset.
     pub(super) fn u64(&self, at: usize) -> Option<u64> {
         Little.u64(self.data, at)
     }
 }
 
-/// Whether the capture ends before a block at this byte offset does.
+/// Whether the capture ends within the block at this byte offset.
 pub(super) fn is_cut_off(file: &[u8], at: u64) -> bool {
     let rest = usize::try_from(at).ok().and_then(|at| file.get(at..)).unwrap_or_default();
     Little.u64(rest, 8).is_none_or(|length| rest.starts_with(b"##") && length > rest.len() as u64)
 }
 
-/// The text of a text block, without the zeros that end it.
+/// Text of a text block, without the zeros at its end.
 pub(super) fn text(file: &[u8], at: Option<u64>) -> Option<&[u8]> {
     let block = Block::of(file, at?, *b"TX")?;
     block.data.split(|byte| *byte == 0).next()

@@ -1,4 +1,4 @@
-//! Fields of a record, and what times are made of them.
+//! Fields of a record, and conversion of times.
 
 use super::block::Block;
 
@@ -11,16 +11,17 @@ const REAL_BIG: u8 = 5;
 const FIRST_TEXT: u8 = 6;
 const LAST_TEXT: u8 = 9;
 
-/// Kinds of channels.
+/// Channel types.
 const VARIABLE: u8 = 1;
 const VIRTUAL_MASTER: u8 = 3;
+const VIRTUAL_DATA: u8 = 6;
 
-/// Kind of conversion: a + b · x.
+/// Conversion type: a + b · x.
 const LINEAR: u8 = 1;
 
 const NANOSECONDS: f64 = 1e9;
 
-/// Where in a record a value stands, and as what.
+/// Position and data type of a value in a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Field {
     kind: u8,
@@ -28,12 +29,23 @@ pub(super) struct Field {
     bit_offset: u8,
     byte_offset: usize,
     bits: usize,
+    /// Value of virtual data, which are not in the record: offset and factor of the record number.
+    of_number: Option<(f64, f64)>,
+}
+
+/// A record, and its number in its group, from 0.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Record<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) number: u64,
 }
 
 impl Field {
-    /// What a channel block says.
-    pub(super) fn new(channel: &Block<'_>) -> Option<Self> {
+    /// Parses a channel block.
+    pub(super) fn new(file: &[u8], channel: &Block<'_>) -> Option<Self> {
+        let is_virtual = channel.u8(0)? == VIRTUAL_DATA;
         Some(Self {
+            of_number: if is_virtual { Some(of_number(file, channel)?) } else { None },
             kind: channel.u8(0)?,
             data_type: channel.u8(2)?,
             bit_offset: channel.u8(3)?,
@@ -42,17 +54,28 @@ impl Field {
         })
     }
 
-    /// Whether the value is an offset into data of variable length.
+    /// Whether the value is an offset of variable-length data.
     pub(super) fn is_variable(&self) -> bool {
         self.kind == VARIABLE
     }
 
-    /// The bytes of a field of whole bytes.
+    /// Value as an unsigned number, also of virtual data: the record number through the conversion.
+    pub(super) fn number_of(&self, record: Record<'_>) -> Option<u64> {
+        match self.of_number {
+            #[expect(clippy::cast_precision_loss, reason = "the conversion uses these types")]
+            Some((offset, factor)) => {
+                whole(offset + factor * record.number as f64).and_then(|value| u64::try_from(value).ok())
+            }
+            None => self.number(record.bytes),
+        }
+    }
+
+    /// Bytes of a field that consists of whole bytes.
     pub(super) fn bytes<'a>(&self, record: &'a [u8]) -> Option<&'a [u8]> {
         record.get(self.byte_offset..)?.get(..self.bits / 8)
     }
 
-    /// The value as an unsigned number; of a text the first byte.
+    /// Value as an unsigned number; the first byte of a text.
     pub(super) fn number(&self, record: &[u8]) -> Option<u64> {
         let bytes = record.get(self.byte_offset..)?;
         if (FIRST_TEXT..=LAST_TEXT).contains(&self.data_type) {
@@ -70,7 +93,7 @@ impl Field {
         u64::try_from(number >> self.bit_offset & mask).ok()
     }
 
-    /// The value as one of these.
+    /// Value as an integer or a real number.
     fn value(&self, record: &[u8], index: u64) -> Option<Value> {
         if self.kind == VIRTUAL_MASTER {
             return i64::try_from(index).ok().map(Value::Integer);
@@ -91,25 +114,37 @@ impl Field {
     }
 }
 
+/// Offset and factor of a linear conversion; `None` if the conversion is not linear.
+fn of_number(file: &[u8], channel: &Block<'_>) -> Option<(f64, f64)> {
+    let Some(conversion) = channel.link(4) else { return Some((0.0, 1.0)) };
+    let conversion = Block::of(file, conversion, *b"CC")?;
+    let real = |at| conversion.u64(at).map(f64::from_bits);
+    match conversion.u8(0)? {
+        0 => Some((0.0, 1.0)),
+        LINEAR => Some((real(24)?, real(32)?)),
+        _ => None,
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 enum Value {
     Integer(i64),
     Real(f64),
 }
 
-/// The time of records.
+/// Converts the time field of records.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Clock {
     field: Field,
-    /// Nanoseconds at 0, and for each step of the value.
+    /// Nanoseconds at value 0, and nanoseconds per unit of the value.
     offset: f64,
     step: f64,
 }
 
 impl Clock {
-    /// The channel of times, with its conversion; `None` for a conversion that is not linear.
+    /// Clock of a time channel with its conversion; `None` if the conversion is not linear.
     pub(super) fn new(file: &[u8], channel: &Block<'_>) -> Option<Self> {
-        let field = Field::new(channel)?;
+        let field = Field::new(file, channel)?;
         let Some(conversion) = channel.link(4) else {
             return Some(Self { field, offset: 0.0, step: NANOSECONDS });
         };
@@ -119,7 +154,7 @@ impl Clock {
             0 => Some(Self { field, offset: 0.0, step: NANOSECONDS }),
             LINEAR => {
                 let (offset, factor) = (real(24)? * NANOSECONDS, real(32)? * NANOSECONDS);
-                // A factor of 1e-9 is one nanosecond, not that and the error of 1e-9.
+                // A factor of 1e-9 means exactly one nanosecond, without the rounding error of 1e-9.
                 let whole = factor.round();
                 let step = if (factor - whole).abs() <= whole.abs() * 1e-12 { whole } else { factor };
                 Some(Self { field, offset, step })
@@ -128,21 +163,21 @@ impl Clock {
         }
     }
 
-    /// Nanoseconds from the start of the recording, of the record with this index.
+    /// Time of the record with this index, in nanoseconds since the start of the capture.
     pub(super) fn time(&self, record: &[u8], index: u64) -> Option<i64> {
         match self.field.value(record, index)? {
             Value::Integer(value) if self.offset == 0.0 && self.step.fract() == 0.0 => {
                 value.checked_mul(whole(self.step)?)
             }
-            #[expect(clippy::cast_precision_loss, reason = "its conversion is in these numbers")]
+            #[expect(clippy::cast_precision_loss, reason = "the conversion uses these types")]
             Value::Integer(value) => whole(self.offset + value as f64 * self.step),
             Value::Real(value) => whole(self.offset + value * self.step),
         }
     }
 }
 
-/// The nearest integer, if there is one.
-#[expect(clippy::cast_possible_truncation, reason = "the range is looked at")]
+/// The nearest integer; `None` if it is out of range.
+#[expect(clippy::cast_possible_truncation, reason = "the range is checked")]
 fn whole(value: f64) -> Option<i64> {
     (value.abs() < 9.2e18).then(|| value.round() as i64)
 }
@@ -152,12 +187,12 @@ mod tests {
     use super::*;
 
     fn field(data_type: u8, byte_offset: usize, bit_offset: u8, bits: usize) -> Field {
-        Field { kind: 0, data_type, bit_offset, byte_offset, bits }
+        Field { kind: 0, data_type, bit_offset, byte_offset, bits, of_number: None }
     }
 
     #[test]
     fn bits_are_taken_from_where_they_stand() {
-        // What CANedge writes: 29 bits from bit 3 on.
+        // As written by CANedge: 29 bits from bit 3.
         let record = [0, 0x0B, 0x00, 0x00, 0x80, 0xFF];
         assert_eq!(field(0, 1, 3, 29).number(&record), Some(0x1000_0001));
         assert_eq!(field(0, 1, 0, 1).number(&record), Some(1));
@@ -166,6 +201,20 @@ mod tests {
         assert_eq!(field(0, 5, 4, 5).number(&record), None, "behind the end");
         assert_eq!(field(0, usize::MAX, 0, 8).number(&record), None);
         assert_eq!(field(6, 5, 0, 16).number(&record), Some(0xFF));
+    }
+
+    /// ASAM MDF 4.1, channel type 6: the raw value is the zero-based record number.
+    #[test]
+    fn virtual_data_are_the_record_number_through_the_conversion() {
+        let value = |of_number, number| {
+            let field = Field { kind: VIRTUAL_DATA, of_number: Some(of_number), ..field(0, 0, 0, 0) };
+            field.number_of(Record { bytes: &[], number })
+        };
+        assert_eq!([0, 1, 900].map(|number| value((2.0, 0.0), number)), [Some(2); 3], "a constant bus");
+        assert_eq!([0, 1, 900].map(|number| value((0.0, 1.0), number)), [Some(0), Some(1), Some(900)]);
+        assert_eq!(value((-5.0, 1.0), 2), None);
+        assert_eq!(value((f64::NAN, 1.0), 2), None);
+        assert_eq!(value((1e300, 0.0), 2), None);
     }
 
     fn clock(data_type: u8, bits: usize, offset: f64, factor: f64) -> Clock {

@@ -1,12 +1,12 @@
-//! Frames of records, as the ASAM standard for bus logging names their fields.
+//! Frames from records with the field names of the ASAM bus logging standard.
 
-use super::field::Field;
+use super::field::{Field, Record};
 use super::group::{Frames, Kind};
 use super::records::Values;
 use crate::capture::bus_error::{Violation, violation};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
-/// Kinds of error, by their numbers.
+/// Error types, by their numbers.
 const ERRORS: &[Violation] = &[
     Violation::Other,
     Violation::Bit,
@@ -16,27 +16,27 @@ const ERRORS: &[Violation] = &[
     Violation::Acknowledgement,
 ];
 
-/// A frame, and the channel it is of if the record says so.
+/// A frame, and its channel if the record states it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found {
+pub(super) struct ChannelFrame {
     pub(super) frame: Frame,
     pub(super) channel: Option<u64>,
 }
 
-/// The frame of a record.
+/// Converts a record to a frame.
 ///
 /// # Errors
-/// When the record holds none; why.
+/// Description of the invalid part.
 pub(super) fn found(
     frames: &Frames,
     file: &[u8],
-    record: &[u8],
+    record: Record<'_>,
     values: &mut Values,
-) -> Result<Found, &'static str> {
+) -> Result<ChannelFrame, &'static str> {
     let fields = &frames.fields;
     let channel = number(fields.channel, record);
     let flags = match number(fields.direction, record) {
-        // Some write the direction as a text.
+        // Some writers store the direction as text.
         Some(1 | 0x54) => FrameFlags::TRANSMITTED,
         Some(0 | 0x52) => FrameFlags::RECEIVED,
         _ => FrameFlags::default(),
@@ -52,21 +52,21 @@ pub(super) fn found(
         }
         Kind::Overload => violation(Violation::Overload, is_sending, 0, None),
     };
-    Ok(Found { frame: Frame { flags: frame.flags.with(flags), ..frame }, channel })
+    Ok(ChannelFrame { frame: Frame { flags: frame.flags.with(flags), ..frame }, channel })
 }
 
-fn number(field: Option<Field>, record: &[u8]) -> Option<u64> {
-    field?.number(record)
+fn number(field: Option<Field>, record: Record<'_>) -> Option<u64> {
+    field?.number_of(record)
 }
 
-fn is_set(field: Option<Field>, record: &[u8]) -> bool {
+fn is_set(field: Option<Field>, record: Record<'_>) -> bool {
     number(field, record).is_some_and(|value| value != 0)
 }
 
-fn id(frames: &Frames, record: &[u8]) -> Result<CanId, &'static str> {
+fn id(frames: &Frames, record: Record<'_>) -> Result<CanId, &'static str> {
     let id = number(frames.fields.id, record).and_then(|id| u32::try_from(id).ok());
-    let id = id.ok_or("a record without an identifier")?;
-    // Where it is not said, the highest bit of the identifier says it, or its size.
+    let id = id.ok_or("identifier missing")?;
+    // Without the field, the value of the identifier decides.
     let is_extended = match number(frames.fields.extended, record) {
         Some(value) => value != 0,
         None => id > 0x7FF,
@@ -74,19 +74,24 @@ fn id(frames: &Frames, record: &[u8]) -> Result<CanId, &'static str> {
     match u16::try_from(id) {
         _ if is_extended => Ok(CanId::extended(id)),
         Ok(id @ 0..=0x7FF) => Ok(CanId::standard(id)),
-        _ => Err("an identifier of more than 11 bits in a frame that is not extended"),
+        _ => Err("identifier: expected up to 7FF in a base frame"),
     }
 }
 
-fn data(frames: &Frames, file: &[u8], record: &[u8], values: &mut Values) -> Result<Frame, &'static str> {
-    const MISSING: &str = "the data of a frame are not where they should be";
+fn data(
+    frames: &Frames,
+    file: &[u8],
+    record: Record<'_>,
+    values: &mut Values,
+) -> Result<Frame, &'static str> {
+    const MISSING: &str = "data of the frame missing";
     let fields = &frames.fields;
     let id = id(frames, record)?;
     let field = fields.data.ok_or(MISSING)?;
     let bytes = if field.is_variable() {
-        values.get(file, field.number(record).ok_or(MISSING)?).ok_or(MISSING)?
+        values.get(file, field.number_of(record).ok_or(MISSING)?).ok_or(MISSING)?
     } else {
-        field.bytes(record).ok_or(MISSING)?
+        field.bytes(record.bytes).ok_or(MISSING)?
     };
     let dlc = number(fields.dlc, record).and_then(|dlc| u8::try_from(dlc).ok()).filter(|dlc| *dlc <= 15);
     let is_fd = is_set(fields.is_fd, record);
@@ -95,7 +100,7 @@ fn data(frames: &Frames, file: &[u8], record: &[u8], values: &mut Values) -> Res
     let length = length.or(by_dlc.filter(|_| !field.is_variable())).unwrap_or(bytes.len());
     let bytes = bytes.get(..length).ok_or(MISSING)?;
     if bytes.len() > if is_fd { MAX_DATA } else { 8 } {
-        return Err("more data than the frame can have");
+        return Err("data: longer than the frame type allows");
     }
     let mut frame = Frame::data_frame(id, bytes);
     if is_fd {
@@ -109,10 +114,10 @@ fn data(frames: &Frames, file: &[u8], record: &[u8], values: &mut Values) -> Res
     Ok(frame)
 }
 
-fn remote(frames: &Frames, record: &[u8]) -> Result<Frame, &'static str> {
+fn remote(frames: &Frames, record: Record<'_>) -> Result<Frame, &'static str> {
     let id = id(frames, record)?;
     let dlc = number(frames.fields.dlc, record).or_else(|| number(frames.fields.length, record)).unwrap_or(0);
-    let dlc = u8::try_from(dlc).ok().filter(|dlc| *dlc <= 15).ok_or("a DLC of more than 15")?;
+    let dlc = u8::try_from(dlc).ok().filter(|dlc| *dlc <= 15).ok_or("DLC: expected 0 to 15")?;
     let raw_dlc = if dlc > 8 { dlc } else { 0 };
     Ok(Frame { id, flags: FrameFlags::REMOTE, length: dlc.min(8), raw_dlc, ..Frame::EMPTY })
 }

@@ -1,37 +1,40 @@
-//! The groups of a capture, and which of them hold frames.
+//! Groups of a capture, and detection of groups with frames.
 //!
 //! ```text
-//! HD ─▶ DG ─▶ DG …          links of DG: 0 next  1 first CG  2 data;  byte 0: size of a record's number
+//! HD ─▶ DG ─▶ DG …          links of DG: 0 next  1 first CG  2 data;  byte 0: size of the record number
 //!       └▶ CG ─▶ CG …       links of CG: 0 next  1 first CN  2 name
-//!          └▶ CN ─▶ CN …    links of CN: 0 next  1 first of its members  2 name  4 conversion  5 data
+//!          └▶ CN ─▶ CN …    links of CN: 0 next  1 first member  2 name  4 conversion  5 data
 //!
 //! CG   0 record number (8)  8 records (8)  16 flags (2): 1 values of variable length
-//!     24 bytes of a record (4)  28 bytes behind them that say what is valid (4)
-//! CN   0 kind (1)  1 kind of axis (1)  2 data type (1)  3 bit (1)  4 byte (4)  8 bits (4)
+//!     24 record size (4)  28 size of the validity bits after it (4)
+//! CN   0 channel type (1)  1 axis type (1)  2 data type (1)  3 bit (1)  4 byte (4)  8 bits (4)
 //! ```
-//! Records of one group stand behind one another; of several, each begins with the number of its group.
+//! Records of a single group follow each other; with several groups, each record begins with the number of
+//! its group.
 
 use std::collections::BTreeSet;
 
 use super::block::{Block, text};
 use super::field::{Clock, Field};
-use super::stream::Damage;
+use super::stream::{Damage, has_separate_validity};
 
-/// Groups, and channels of a group, that are looked at.
+/// Maximum number of groups, and of channels in a group.
 const MOST_GROUPS: usize = 65_536;
 const MOST_CHANNELS: usize = 4_096;
 
-/// Flag of a group.
+/// Flag of a group: values of variable length.
 const VARIABLE_LENGTH: u16 = 1;
+/// The master channel, here the time, is in another group (MDF 4.2).
+const REMOTE_MASTER: u16 = 1 << 3;
 
 const MASTER: u8 = 2;
 const VIRTUAL_MASTER: u8 = 3;
 const TIME: u8 = 1;
 
-/// Largest record that can be one of a frame.
+/// Maximum size of a record with a frame, in bytes.
 const LARGEST_RECORD: u64 = 64 * 1024;
 
-/// What the records of a group are.
+/// Content of a group's records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Data,
@@ -40,7 +43,7 @@ pub(super) enum Kind {
     Overload,
 }
 
-/// Beginnings of the names of channels, by the standard for bus logging.
+/// Start of channel names in the bus logging standard.
 const KINDS: &[(&[u8], Kind)] = &[
     (b"CAN_DataFrame", Kind::Data),
     (b"CAN_RemoteFrame", Kind::Remote),
@@ -48,7 +51,7 @@ const KINDS: &[(&[u8], Kind)] = &[
     (b"CAN_OverloadFrame", Kind::Overload),
 ];
 
-/// Fields of a record that are read, by the ends of their channels' names.
+/// Fields of a record that are read, by the last part of the channel name.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Fields {
     pub(super) channel: Option<Field>,
@@ -83,49 +86,49 @@ impl Fields {
     }
 }
 
-/// What a group's channels say.
+/// Description of a group of frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frames {
     pub(super) kind: Kind,
     pub(super) fields: Fields,
     pub(super) clock: Option<Clock>,
-    /// Where the values of variable length are.
+    /// Byte offset of the values of variable length.
     pub(super) values: Option<u64>,
 }
 
-/// Size of the records of a group.
+/// Record size of a group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Size {
-    /// So many bytes.
+    /// Fixed size in bytes.
     Fixed(u64),
-    /// As many as stand before them.
+    /// Variable size, stored before each record.
     Variable,
 }
 
-/// A group of records.
+/// A channel group: records of the same layout.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// Byte offset of its block.
+    /// Byte offset of the block.
     pub(super) at: u64,
     pub(super) number: u64,
     pub(super) records: u64,
     pub(super) size: Size,
     pub(super) name: Vec<u8>,
-    /// Its frames, if that is what it holds.
+    /// Description of the frames; `None` if the group contains other data.
     pub(super) frames: Option<Frames>,
 }
 
-/// Groups with common data.
+/// A data group: channel groups that share data.
 #[derive(Debug)]
 pub(super) struct DataGroup {
     pub(super) at: u64,
     pub(super) data: Option<u64>,
-    /// Bytes of the number before each record.
+    /// Size of the group number before each record, in bytes.
     pub(super) number_size: usize,
     pub(super) groups: Vec<Group>,
 }
 
-/// Reads the descriptions, and remembers where they are.
+/// Reads the group blocks and stores their offsets to detect loops.
 #[derive(Default)]
 pub(super) struct Reading {
     pub(super) seen: BTreeSet<u64>,
@@ -133,18 +136,17 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// All groups behind a link.
+    /// Reads all data groups of a linked list.
     pub(super) fn data_groups(&mut self, file: &[u8], first: Option<u64>) -> Vec<DataGroup> {
         let mut found = Vec::new();
         let mut next = first;
-        while let Some(block) = self.follow(file, next, *b"DG", "a group of data") {
+        while let Some(block) = self.follow(file, next, *b"DG", "data group") {
             let number_size = usize::from(block.u8(0).unwrap_or(0));
-            let groups = self.groups(file, block.link(1));
+            let groups = self.groups(file, block.link(1), has_separate_validity(file, block.link(2)));
             if matches!(number_size, 0 | 1 | 2 | 4 | 8) {
                 found.push(DataGroup { at: block.at, data: block.link(2), number_size, groups });
             } else {
-                let reason =
-                    format!("numbers of {number_size} bytes before records, expected 0, 1, 2, 4 or 8");
+                let reason = format!("record number size {number_size}; expected 0, 1, 2, 4 or 8");
                 self.damages.push((block.at, reason));
             }
             next = block.link(0);
@@ -162,36 +164,45 @@ impl Reading {
         let link = link?;
         let block = Block::of(file, link, kind);
         let reason = match block {
-            None => format!("no description of {what} where one should be"),
-            Some(_) if self.seen.len() >= MOST_GROUPS * 16 => format!("too many descriptions to read {what}"),
-            Some(_) if !self.seen.insert(link) => format!("a description of {what} that is there twice"),
+            None => format!("{what} block missing"),
+            Some(_) if self.seen.len() >= MOST_GROUPS * 16 => {
+                format!("{what} block skipped: more than {} blocks", MOST_GROUPS * 16)
+            }
+            Some(_) if !self.seen.insert(link) => format!("{what} block linked twice"),
             Some(_) => return block,
         };
         self.damages.push((link, reason));
         None
     }
 
-    fn groups(&mut self, file: &[u8], first: Option<u64>) -> Vec<Group> {
+    fn groups(&mut self, file: &[u8], first: Option<u64>, is_validity_separate: bool) -> Vec<Group> {
         let mut found = Vec::new();
         let mut next = first;
-        while let Some(block) = self.follow(file, next, *b"CG", "a group")
+        while let Some(block) = self.follow(file, next, *b"CG", "channel group")
             && found.len() < MOST_GROUPS
         {
             next = block.link(0);
             let numbers = (block.u64(0), block.u64(8), block.u16(16), block.u32(24), block.u32(28));
             let (Some(number), Some(records), Some(flags), Some(bytes), Some(validity)) = numbers else {
-                self.damages.push((block.at, "a description of a group that is too short".into()));
+                self.damages.push((block.at, "channel group block too short".into()));
                 continue;
             };
             let has_channels = block.link(1).is_some();
             let size = if flags & VARIABLE_LENGTH != 0 && !has_channels {
                 Size::Variable
             } else {
-                Size::Fixed(u64::from(bytes) + u64::from(validity))
+                Size::Fixed(u64::from(bytes) + u64::from(if is_validity_separate { 0 } else { validity }))
             };
+            if flags & REMOTE_MASTER != 0 {
+                let reason =
+                    "column storage: timestamps are in another group; frames of this group have none";
+                self.damages.push((block.at, reason.into()));
+            }
             if flags & VARIABLE_LENGTH != 0 && has_channels {
-                self.damages
-                    .push((block.at, "a group of values that has channels: taken for one of records".into()));
+                self.damages.push((
+                    block.at,
+                    "variable-length group has channels: read as fixed-length records".into(),
+                ));
             }
             let frames = match size {
                 Size::Fixed(1..=LARGEST_RECORD) => self.frames(file, block.link(1)),
@@ -203,27 +214,27 @@ impl Reading {
         found
     }
 
-    /// What the channels behind a link say, if they are those of frames.
+    /// Reads a list of channels; `None` if they do not describe frames.
     fn frames(&mut self, file: &[u8], first: Option<u64>) -> Option<Frames> {
         let (mut fields, mut clock, mut kind, mut values) = (Fields::default(), None, None, None);
         let mut links = vec![first];
         let mut left = MOST_CHANNELS;
         while let Some(link) = links.pop() {
-            let Some(channel) = self.follow(file, link, *b"CN", "a channel") else { continue };
+            let Some(channel) = self.follow(file, link, *b"CN", "channel") else { continue };
             left = left.checked_sub(1)?;
             links.push(channel.link(0));
-            // Members may also be of another kind of block: arrays, which no frame has.
+            // A member may also be an array block; frames contain no arrays.
             links.push(channel.link(1).filter(|link| Block::of(file, *link, *b"CN").is_some()));
             if matches!(channel.u8(0), Some(MASTER | VIRTUAL_MASTER)) && channel.u8(1) == Some(TIME) {
                 clock = Clock::new(file, &channel);
                 if clock.is_none() {
-                    let reason = "times with a conversion that is not linear: frames have none";
+                    let reason = "nonlinear time conversion: frames have no timestamps";
                     self.damages.push((channel.at, reason.into()));
                 }
             }
             let name = text(file, channel.link(2)).unwrap_or_default();
             let known = KINDS.iter().find(|(start, _)| name.starts_with(start));
-            let (Some((_, of)), Some(field)) = (known, Field::new(&channel)) else { continue };
+            let (Some((_, of)), Some(field)) = (known, Field::new(file, &channel)) else { continue };
             kind = kind.or(Some(*of));
             let end = name.rsplit(|byte| *byte == b'.').next().unwrap_or_default();
             if let Some(place) = fields.of(end) {

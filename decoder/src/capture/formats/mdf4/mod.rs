@@ -1,15 +1,15 @@
-//! MDF4: captures of loggers, as ASAM standardised them, with frames as its standard for bus logging has them.
+//! MDF4: captures of loggers in the format of ASAM, with frames as in the ASAM bus logging standard.
 //!
 //! ```text
 //! identification, 64 bytes         header            groups, channels and data, in any order
 //!  0 "MDF     " or "UnFinMF "       start, link to the first group ─▶ …
 //! 28 version (2)  60 unfinished (2)
 //! ```
-//! [`block`], [`group`] and [`stream`] show how those are built, [`field`] and [`frame`] what is made of them.
+//! Layouts: [`block`], [`group`] and [`stream`]; conversion: [`field`] and [`frame`].
 //!
-//! Links may lead anywhere, so all bytes are collected before the first is read; a place in a capture shares
-//! them with all others. Of several groups of frames the frame that is due comes first, of equal times that
-//! of the group described first, and none before an earlier one of its group.
+//! Links may lead anywhere, so the whole capture is read into memory first; all positions share this memory.
+//! Frames of several groups are merged by time. Ties are resolved by the order of the groups, and a frame
+//! never precedes an earlier one of its group.
 
 mod block;
 mod field;
@@ -23,16 +23,16 @@ mod stream;
 use std::sync::Arc;
 
 use block::{TITLE, is_cut_off};
-use frame::Found;
-use recording::{Recording, UNFINISHED};
+use frame::ChannelFrame;
+use recording::{Mdf4Capture, UNFINISHED};
 use source::Source;
 
-use crate::capture::{Batch, BusNames, CaptureError, Format, MAX_BUSES, Notice, Parser, Place};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, MAX_BUSES, Notice, Parser};
 use crate::frame::{Frame, Timestamp};
 
 const FINISHED: &[u8] = b"MDF     ";
 
-/// Largest capture that is read.
+/// Maximum size of a capture in bytes.
 const LARGEST_CAPTURE: usize = 1024 * 1024 * 1024;
 
 pub(super) const FORMAT: Format = Format {
@@ -43,10 +43,10 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(Mdf4::default()),
 };
 
-/// Reader of MDF4.
+/// Parser of MDF4.
 #[derive(Clone, Default)]
 struct Mdf4 {
-    /// All bytes so far.
+    /// All bytes received so far.
     file: Arc<Vec<u8>>,
     state: State,
     buses: BusNames,
@@ -65,7 +65,7 @@ enum State {
 struct Reading {
     start: i64,
     sources: Vec<Source>,
-    /// What is said before the first frame, the last first.
+    /// Notices emitted before the first frame, in reverse order.
     notices: Vec<Notice>,
     others: u64,
     names: Vec<Vec<u8>>,
@@ -78,7 +78,7 @@ impl Mdf4 {
                 format: TITLE,
                 offset: LARGEST_CAPTURE as u64,
                 found: "more than 1 GiB".into(),
-                expected: "less: cut the capture into parts, or convert it to BLF, which is read piece by piece",
+                expected: "at most 1 GiB: split the capture, or convert it to BLF, which is not read into memory",
             });
         }
         Arc::make_mut(&mut self.file).extend_from_slice(input);
@@ -88,25 +88,25 @@ impl Mdf4 {
 
 impl Reading {
     fn open(file: &[u8]) -> Result<Self, CaptureError> {
-        let Recording { start, is_local, sources, damages, others, names } = Recording::open(file)?;
-        let said = |(at, reason)| {
-            let place = Place::Offset(at);
+        let Mdf4Capture { start, is_local, sources, damages, others, names } = Mdf4Capture::open(file)?;
+        let notice = |(at, reason)| {
+            let place = CapturePlace::Offset(at);
             if is_cut_off(file, at) {
                 Notice::CutOff { place, reason }
             } else {
                 Notice::Unreadable { place, reason }
             }
         };
-        let mut notices: Vec<_> = damages.into_iter().map(said).collect();
+        let mut notices: Vec<_> = damages.into_iter().map(notice).collect();
         if is_local {
-            let text = "the start date carries no time zone: times read as UTC";
+            let text = "start date without time zone: times read as UTC";
             notices.insert(0, Notice::Assumption(text.into()));
         }
         notices.reverse();
         Ok(Self { start, sources, notices, others, names })
     }
 
-    /// Frames and notices until the batch is full; `false` at the end.
+    /// Emits frames and notices until the batch is full; `false` at the end.
     fn read(&mut self, file: &[u8], frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) -> bool {
         while !batch.is_full() {
             if let Some(notice) = self.notices.pop() {
@@ -117,7 +117,7 @@ impl Reading {
                 source.step(file, batch);
                 continue;
             }
-            // The first of equals.
+            // Ties: the first source.
             let due = self.sources.iter_mut().filter_map(|source| Some((source.due()?, source)));
             let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take());
             let Some((time, found)) = next else { return false };
@@ -126,26 +126,34 @@ impl Reading {
         true
     }
 
-    /// Says once what was passed over.
+    /// Reports the skipped records once.
     fn end(&self, batch: &mut Batch) {
         let others = self.sources.iter().map(Source::others).fold(self.others, u64::saturating_add);
         let names =
             self.names.iter().map(|name| String::from_utf8_lossy(name)).collect::<Vec<_>>().join(", ");
         if self.sources.is_empty() {
-            let text = format!("no group holds CAN frames by the standard for bus logging; found {names}");
+            let text = format!(
+                "no group contains CAN frames in the layout of the bus logging standard; found {names}"
+            );
             batch.notice(Notice::Assumption(text.trim_end_matches("; found ").into()));
         } else if others > 0 {
-            let text = format!("{others} records of groups without CAN frames are passed over ({names})");
+            let text = format!("{others} records of groups without CAN frames skipped ({names})");
             batch.notice(Notice::Assumption(text));
         }
     }
 }
 
-fn deliver(time: Option<Timestamp>, found: Found, frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) {
+fn deliver(
+    time: Option<Timestamp>,
+    found: ChannelFrame,
+    frames: &mut u64,
+    buses: &mut BusNames,
+    batch: &mut Batch,
+) {
     let name = found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
     let Some(bus) = buses.index_of(name.as_bytes()) else {
         let reason = format!("channel {name}: more than {MAX_BUSES} channels");
-        batch.notice(Notice::Unreadable { place: Place::Offset(0), reason });
+        batch.notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
         return;
     };
     *frames += 1;

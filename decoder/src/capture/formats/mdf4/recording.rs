@@ -1,62 +1,63 @@
-//! A whole capture: when it began, and the groups of frames in it.
+//! Structure of a capture: its start, and its groups of frames.
 
 use std::sync::Arc;
 
 use super::block::{Block, TITLE};
 use super::group::{DataGroup, Frames, Group, Reading, Size};
-use super::records::{Known, Last, Records, Values};
+use super::records::{KnownGroup, Last, Records, Values};
 use super::source::{Parts, Source};
 use super::stream::{Damage, Segment, Stream, segments};
 use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
 
-/// Bytes of the identification, behind which the header stands.
+/// Size of the identification before the header, in bytes.
 const IDENTIFICATION: u64 = 64;
 const VERSION: usize = 28;
 const FLAGS: usize = 60;
-/// First version of this kind.
+/// First supported version.
 const FIRST_VERSION: u16 = 400;
 
-/// What a program that did not end the capture says was left undone.
+/// Identification of an unfinished capture, whose flags state the missing steps.
 pub(super) const UNFINISHED: &[u8] = b"UnFinMF ";
 const RECORDS_NOT_COUNTED: u16 = 1;
 const LENGTH_NOT_SET: u16 = 4;
 
 const LOCAL_TIME: u8 = 1;
 
-/// Groups of frames that are read.
+/// Maximum number of groups of frames.
 const MOST_SOURCES: usize = 1_024;
 
-/// Names of other groups that are said.
+/// Maximum number of names of other groups in a notice.
 const SHOWN_NAMES: usize = 5;
 
-/// What a capture holds.
+/// Content of a capture.
 #[derive(Default)]
-pub(super) struct Recording {
-    /// Nanoseconds since 1970.
+pub(super) struct Mdf4Capture {
+    /// Start in nanoseconds since 1970.
     pub(super) start: i64,
-    /// Whether the start is in a time zone that is not said.
+    /// Whether the start is in an unknown time zone.
     pub(super) is_local: bool,
     pub(super) sources: Vec<Source>,
     pub(super) damages: Vec<Damage>,
-    /// Records of groups that hold no frames, as far as they are known before reading, and names of those.
+    /// Number of records in groups without frames, as far as known before reading, and the names of these
+    /// groups.
     pub(super) others: u64,
     pub(super) names: Vec<Vec<u8>>,
 }
 
-/// The data of a group of groups.
+/// A data group and the location of its data.
 struct Shared {
     group: DataGroup,
     segments: Vec<Segment>,
-    /// Blocks with values of variable length, for each group.
+    /// Blocks of variable-length values, per group.
     values: Vec<Vec<Segment>>,
 }
 
-impl Recording {
-    /// Reads all that describes the capture.
+impl Mdf4Capture {
+    /// Reads the description of the capture.
     ///
     /// # Errors
-    /// When it has no header, or is of an older version.
+    /// If the header is missing or the version is too old.
     pub(super) fn open(file: &[u8]) -> Result<Self, CaptureError> {
         let version = Little.u16(file, VERSION).unwrap_or(0);
         if version < FIRST_VERSION {
@@ -72,7 +73,7 @@ impl Recording {
                 format: TITLE,
                 offset: IDENTIFICATION,
                 found: "no header".into(),
-                expected: "a block HD",
+                expected: "an HD block",
             });
         };
         let unfinished = if file.starts_with(UNFINISHED) { Little.u16(file, FLAGS).unwrap_or(0) } else { 0 };
@@ -94,14 +95,14 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Finds the blocks of data.
+    /// Finds the data blocks of a group.
     fn shared(&mut self, file: &[u8], group: DataGroup) -> Shared {
         let holds_frames = group.groups.iter().any(|group| group.frames.is_some());
         let data = group.data.filter(|_| holds_frames);
         let segments = segments(file, data, &mut self.damages);
         let values = |group: &Group| {
             let link = group.frames.as_ref().and_then(|frames| frames.values)?;
-            // A link to another group is not one to blocks.
+            // A link to another group is not a link to data blocks.
             Block::of(file, link, *b"CG")
                 .is_none()
                 .then(|| super::stream::segments(file, Some(link), &mut self.damages))
@@ -110,20 +111,20 @@ impl Recording {
         Shared { group, segments, values }
     }
 
-    /// Makes sources of the groups that hold frames.
+    /// Creates sources for the groups of frames.
     fn add(&mut self, shared: Shared, is_counted: bool) {
         let Shared { group: data, segments, values } = shared;
         let segments: Arc<[Segment]> = segments.into();
         if data.number_size == 0 && data.groups.len() > 1 {
             self.damages.push((
                 data.at,
-                "several groups whose records have no numbers: only the first is read".into(),
+                "several channel groups without record numbers: only the first is read".into(),
             ));
         }
         let count = if data.number_size == 0 { 1 } else { data.groups.len() };
-        let mut known: Vec<Known> = data.groups.iter().take(count).map(known).collect();
+        let mut known: Vec<KnownGroup> = data.groups.iter().take(count).map(known).collect();
         known.sort_unstable_by_key(|known| known.number);
-        let known: Arc<[Known]> = known.into();
+        let known: Arc<[KnownGroup]> = known.into();
         let records =
             |wanted| Records::new(Stream::new(segments.clone()), data.number_size, known.clone(), wanted);
         let holds_frames = data.groups.iter().any(|group| group.frames.is_some());
@@ -149,7 +150,7 @@ impl Recording {
         }
     }
 
-    /// A group without frames: how much it holds is found out only if frames are in the same data.
+    /// Handles a group without frames. If frames share its data, its records are counted while reading.
     fn other(&mut self, group: &Group, is_counted_later: bool) {
         if group.size == Size::Variable {
             return;
@@ -163,12 +164,12 @@ impl Recording {
     }
 }
 
-fn known(group: &Group) -> Known {
+fn known(group: &Group) -> KnownGroup {
     let is_other = group.frames.is_none() && group.size != Size::Variable;
-    Known { number: group.number, size: group.size, is_other }
+    KnownGroup { number: group.number, size: group.size, is_other }
 }
 
-/// Where the values of variable length of a group are: in blocks, or in another group.
+/// Location of the variable-length values of a group: in blocks, or in another group.
 fn values_of(
     frames: &Frames,
     groups: &[Group],
@@ -182,7 +183,7 @@ fn values_of(
     }
 }
 
-/// The last block of data goes on to the end, if nothing else stands behind it.
+/// Extends the last data block to the end of the capture, unless a description follows it.
 fn extend_last(file: &[u8], shared: &mut [Shared], last_description: u64) {
     let all = shared
         .iter_mut()

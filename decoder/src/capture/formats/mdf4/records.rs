@@ -1,58 +1,58 @@
-//! Records of one group out of the data of several, and values of variable length.
+//! Records of one group from data shared by several groups, and values of variable length.
 
 use std::sync::Arc;
 
 use super::group::Size;
 use super::stream::{Outcome, Stream};
 
-/// Longest value that is read; a frame has 64 bytes.
+/// Maximum size of a value in bytes; a frame has at most 64.
 const LONGEST_VALUE: usize = 64 * 1024;
 
-/// How far ahead of the last value of a group the next one is looked for.
+/// Maximum distance from the last value of a group at which the next one is searched, in bytes.
 const AHEAD: u64 = 1024 * 1024;
 
-/// A group as far as passing over it needs.
+/// Data of a group that is needed to skip its records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Known {
+pub(super) struct KnownGroup {
     pub(super) number: u64,
     pub(super) size: Size,
-    /// Whether leaving out its records leaves out nothing of a frame.
+    /// Whether the group contains no part of a frame.
     pub(super) is_other: bool,
 }
 
-/// What was found.
+/// Result of reading the next record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
-    /// A record.
+    /// A complete record.
     Record,
-    /// The data end; so many bytes were left.
+    /// End of the data; number of bytes left.
     End(usize),
-    /// A block that holds less than it should is in between.
+    /// A block before the record is shorter than declared.
     Broken,
-    /// A record of a group nobody described: where the next one begins is not known.
+    /// A record of an undefined group, contains its number: the start of the next record is unknown.
     Unknown(u64),
 }
 
-/// Goes through the records of one group.
+/// Reads the records of one group.
 #[derive(Debug, Clone)]
 pub(super) struct Records {
     pub(super) stream: Stream,
-    /// Bytes of the number before each record; 0 where there is only one group.
+    /// Size of the group number before each record in bytes; 0 if there is only one group.
     number_size: usize,
-    /// In order of their numbers.
-    groups: Arc<[Known]>,
+    /// Groups, sorted by number.
+    groups: Arc<[KnownGroup]>,
     wanted: u64,
-    /// Records passed over that are no part of a frame.
+    /// Number of skipped records that are not part of a frame.
     pub(super) others: u64,
 }
 
 impl Records {
-    /// From the beginning of the data.
-    pub(super) fn new(stream: Stream, number_size: usize, groups: Arc<[Known]>, wanted: u64) -> Self {
+    /// Starts at the beginning of the data.
+    pub(super) fn new(stream: Stream, number_size: usize, groups: Arc<[KnownGroup]>, wanted: u64) -> Self {
         Self { stream, number_size, groups, wanted, others: 0 }
     }
 
-    /// Replaces the content of `bytes` by the next record.
+    /// Replaces the content of `bytes` with the next record.
     pub(super) fn next(&mut self, file: &[u8], bytes: &mut Vec<u8>) -> Next {
         loop {
             let number = match self.number(file, bytes) {
@@ -64,7 +64,7 @@ impl Records {
                 return Next::Unknown(number);
             };
             let size = match known.size {
-                // Of records without bytes there are as many as one likes.
+                // The number of empty records would be unlimited.
                 Size::Fixed(0) if self.number_size == 0 => return Next::End(0),
                 Size::Fixed(size) => size,
                 Size::Variable => match self.stream.read(file, 4, bytes) {
@@ -101,7 +101,8 @@ impl Records {
         }
     }
 
-    /// Whether records have one size, so that the next can be found behind what is missing.
+    /// Whether records have a fixed size, so that reading can continue at the next record after missing
+    /// bytes.
     pub(super) fn align(&mut self, size: u64) -> bool {
         if self.number_size > 0 || size == 0 {
             return false;
@@ -122,18 +123,18 @@ fn length(bytes: &[u8]) -> u32 {
     bytes.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
-/// Values of variable length, found by their offset. They are in the order of the records that use them.
+/// Values of variable length, accessed by offset. They have the same order as the records that use them.
 #[derive(Debug, Clone)]
 pub(super) enum Values {
-    /// There are none.
+    /// No such values.
     None,
-    /// Behind one another in blocks of their own.
+    /// Consecutive values in separate blocks.
     Blocks(Stream, Last),
-    /// Records of a group, whose offsets count what its records would take up in blocks.
+    /// Records of a group, whose offsets are those that the values would have in blocks.
     Records(Records, u64, Last),
 }
 
-/// The value looked at last, and its offset.
+/// The last value read, and its offset.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Last {
     offset: Option<u64>,
@@ -141,7 +142,7 @@ pub(super) struct Last {
 }
 
 impl Values {
-    /// The value at an offset; `None` if none begins there, or it was passed over before.
+    /// The value at an offset; `None` if no value begins there, or if reading has passed it.
     pub(super) fn get(&mut self, file: &[u8], offset: u64) -> Option<&[u8]> {
         match self {
             Self::None => None,
@@ -171,7 +172,7 @@ impl Values {
         }
     }
 
-    /// What is wrong with the blocks of their own, until somebody says it.
+    /// Takes the damage found in the blocks of values, if any.
     pub(super) fn damage(&mut self) -> Option<super::stream::Damage> {
         match self {
             Self::Blocks(stream, _) => stream.damage.take(),
@@ -180,7 +181,7 @@ impl Values {
     }
 }
 
-/// Reads the value at an offset; one that is wrong must not lead far away.
+/// Reads the value at an offset; invalid offsets must not advance the stream far.
 fn in_blocks(stream: &mut Stream, file: &[u8], offset: u64, bytes: &mut Vec<u8>) -> Option<()> {
     let ahead = offset.checked_sub(stream.position).filter(|_| offset < stream.length)?;
     whole(stream.skip(ahead))?;

@@ -1,39 +1,40 @@
-//! One group of records that are frames, read one after the other.
+//! Reads the frames of one group in order.
 
 use std::sync::Arc;
 
-use super::frame::{self, Found};
+use super::field::Record;
+use super::frame::{self, ChannelFrame};
 use super::group::{Frames, Size};
 use super::records::{Next, Records, Values};
-use crate::capture::{Batch, Notice, Place};
+use crate::capture::{Batch, CapturePlace, Notice};
 
-/// A group of frames being read.
+/// Reader of one group of frames.
 #[derive(Clone)]
 pub(super) struct Source {
     frames: Arc<Frames>,
     records: Records,
     values: Values,
     size: u64,
-    /// Records it should have, where that is said.
+    /// Declared number of records, if any.
     expected: Option<u64>,
-    /// Byte offset of its description.
+    /// Byte offset of the group's description.
     at: u64,
-    /// Whether it speaks for the data it shares with others.
+    /// Whether this source reports problems of data shared with other groups.
     is_first: bool,
     index: u64,
     /// Latest time so far.
     clock: Option<i64>,
-    /// The frame that comes next, with its time in nanoseconds from the start.
-    next: Option<(Option<i64>, Found)>,
+    /// The next frame, and its time in nanoseconds since the start.
+    next: Option<(Option<i64>, ChannelFrame)>,
     has_ended: bool,
     record: Vec<u8>,
 }
 
-/// A time in nanoseconds from the start; what has none comes first.
+/// A time in nanoseconds since the start; frames without time sort first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Due(Option<i64>);
 
-/// What a source is made of.
+/// Arguments to create a source.
 pub(super) struct Parts {
     pub(super) frames: Frames,
     pub(super) records: Records,
@@ -45,7 +46,7 @@ pub(super) struct Parts {
 }
 
 impl Source {
-    /// Before the first record.
+    /// Creates a source before its first record.
     pub(super) fn new(parts: Parts) -> Self {
         Self {
             frames: Arc::new(parts.frames),
@@ -66,24 +67,24 @@ impl Source {
         }
     }
 
-    /// Whether it must read on before anything is known of what comes next.
+    /// Whether the next record must be read before the next frame is known.
     pub(super) fn is_behind(&self) -> bool {
         self.next.is_none() && !self.has_ended
     }
 
-    /// When the next frame is due: never before one of its earlier ones.
+    /// Time at which the next frame is due; not before an earlier frame of the group.
     pub(super) fn due(&self) -> Option<Due> {
         self.next.as_ref().map(|(time, _)| Due((*time).max(self.clock)))
     }
 
-    /// The next frame, with its time.
-    pub(super) fn take(&mut self) -> Option<(Option<i64>, Found)> {
+    /// Takes the next frame and its time.
+    pub(super) fn take(&mut self) -> Option<(Option<i64>, ChannelFrame)> {
         let (time, found) = self.next.take()?;
         self.clock = self.clock.max(time);
         Some((time, found))
     }
 
-    /// Records passed over that are no part of a frame; of shared data only one source says it.
+    /// Number of skipped records that are not part of a frame; of shared data, one source returns it.
     pub(super) fn others(&self) -> u64 {
         if self.is_first { self.records.others } else { 0 }
     }
@@ -92,7 +93,7 @@ impl Source {
     pub(super) fn step(&mut self, file: &[u8], batch: &mut Batch) {
         let mut record = std::mem::take(&mut self.record);
         let next = self.records.next(file, &mut record);
-        self.say_damage(batch);
+        self.report_damage(batch);
         match next {
             Next::Record => self.record(file, &record, batch),
             Next::Broken => {
@@ -101,10 +102,7 @@ impl Source {
                 }
             }
             Next::Unknown(number) => {
-                self.say(
-                    format!("a record of group {number}, which is not described: no more is read"),
-                    batch,
-                );
+                self.report(format!("record of undefined group {number}: rest of the data skipped"), batch);
                 self.end(batch);
             }
             Next::End(left) => {
@@ -119,18 +117,19 @@ impl Source {
 
     fn record(&mut self, file: &[u8], record: &[u8], batch: &mut Batch) {
         let time = self.frames.clock.map(|clock| clock.time(record, self.index));
+        let numbered = Record { bytes: record, number: self.index };
         self.index += 1;
         let found = match time {
-            Some(None) => Err("a record whose time is none"),
-            _ => frame::found(&self.frames, file, record, &mut self.values),
+            Some(None) => Err("invalid time"),
+            _ => frame::found(&self.frames, file, numbered, &mut self.values),
         };
         if let Some((at, reason)) = self.values.damage() {
-            batch.notice(Notice::Unreadable { place: Place::Offset(at), reason });
+            batch.notice(Notice::Unreadable { place: CapturePlace::Offset(at), reason });
         }
         match found {
             Ok(found) => self.next = Some((time.flatten(), found)),
             Err(reason) => {
-                let place = Place::Offset(self.records.stream.at());
+                let place = CapturePlace::Offset(self.records.stream.at());
                 let reason = format!("record {} of its group: {reason}", self.index);
                 batch.notice(Notice::Unreadable { place, reason });
             }
@@ -140,31 +139,31 @@ impl Source {
     fn end(&mut self, batch: &mut Batch) {
         self.has_ended = true;
         if let Some(expected) = self.expected.filter(|expected| *expected != self.index) {
-            let reason = format!("a group of {expected} records, of which {} were read", self.index);
-            batch.notice(Notice::Unreadable { place: Place::Offset(self.at), reason });
+            let reason = format!("group: found {} records; expected {expected}", self.index);
+            batch.notice(Notice::Unreadable { place: CapturePlace::Offset(self.at), reason });
         }
     }
 
-    fn say_damage(&mut self, batch: &mut Batch) {
+    fn report_damage(&mut self, batch: &mut Batch) {
         let damage = self.records.stream.damage.take();
         if let Some((at, reason)) = damage.filter(|_| self.is_first) {
-            batch.notice(Notice::Unreadable { place: Place::Offset(at), reason });
+            batch.notice(Notice::Unreadable { place: CapturePlace::Offset(at), reason });
         }
     }
 
-    /// The data end inside a record, and perhaps the capture too.
+    /// Reports data that end inside a record, possibly at the end of the capture.
     fn cut(&self, file: &[u8], batch: &mut Batch) {
         let reason = "the data end inside a record".into();
         if self.is_first && self.records.stream.is_at_end(file) {
-            batch.notice(Notice::CutOff { place: Place::Offset(self.records.stream.at()), reason });
+            batch.notice(Notice::CutOff { place: CapturePlace::Offset(self.records.stream.at()), reason });
         } else {
-            self.say(reason, batch);
+            self.report(reason, batch);
         }
     }
 
-    fn say(&self, reason: String, batch: &mut Batch) {
+    fn report(&self, reason: String, batch: &mut Batch) {
         if self.is_first {
-            let place = Place::Offset(self.records.stream.at());
+            let place = CapturePlace::Offset(self.records.stream.at());
             batch.notice(Notice::Unreadable { place, reason });
         }
     }

@@ -1,54 +1,60 @@
-//! The data of a group or a channel: one block, or many behind one another, compressed or not.
+//! Data of a group or a channel: one block, or a list of blocks, compressed or not.
 //!
 //! ```text
-//! DT, SD  the bytes themselves
-//! DZ      0 kind of block (2)  2 compression (1): 0 zlib, 1 zlib of columns  4 bytes of a row (4)
-//!         8 bytes in all (8)  16 bytes compressed (8)  24 compressed bytes
-//! DL      links: 0 next list, then blocks of data        HL  links: 0 first list
+//! DT, SD  uncompressed data; DV the same from 4.2 on
+//! DZ      0 original block type (2)  4 row size (4)
+//!         2 compression (1): 0 zlib, 2 zstd, 4 LZ4 (from 4.3 on); 1, 3, 5 the same, transposed
+//!         8 uncompressed size (8)  16 compressed size (8)  24 compressed bytes
+//! DL      links: 0 next list, then data blocks           HL  links: 0 first list
+//! LD      links: 0 next list, then data blocks, then blocks of invalidation bits if bit 31 of the flags is set
+//!         0 flags (4)  4 number of data blocks (4)
 //! ```
-//! Of columns, the first bytes of all rows stand first, then the second ones; what is less than a row last.
+//! Transposed data contain the first bytes of all rows, then the second bytes, and so on; an incomplete row
+//! is last.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::block::Block;
-use crate::capture::inflate::{Inflated, inflate};
+use crate::capture::inflate::{Codec, Decompression};
 
-/// Bytes before the compressed ones.
+/// Number of bytes before the compressed data.
 const ZIP_HEADER: usize = 24;
-const ZLIB: u8 = 0;
-const ZLIB_OF_COLUMNS: u8 = 1;
+/// Compressions; an odd number means that the content is transposed.
+const CODECS: &[(u8, Codec)] = &[(0, Codec::Zlib), (2, Codec::Zstd), (4, Codec::Lz4)];
+const TRANSPOSED: u8 = 1;
+/// Flag of an LD block.
+const SEPARATE_VALIDITY: u32 = 1 << 31;
 
-/// Largest content of a compressed block that is believed; the standard allows 4 MiB.
+/// Maximum accepted content of a compressed block in bytes; the standard allows 4 MiB.
 const LARGEST_CONTENT: usize = 64 * 1024 * 1024;
 
-/// What is wrong, and where.
+/// Byte offset and description of a damage.
 pub(super) type Damage = (u64, String);
 
 /// One block of data.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Segment {
-    /// Where the block begins.
+    /// Byte offset of the block.
     pub(super) at: u64,
-    /// Where its bytes begin in the capture, and how many there are.
+    /// Byte offset and size of the stored data.
     pub(super) start: usize,
     pub(super) stored: usize,
     packing: Packing,
-    /// Bytes it holds.
+    /// Size of the content in bytes.
     length: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Packing {
     Stored,
-    Zlib,
-    /// Columns, of rows of so many bytes.
-    Columns(usize),
+    /// Compressed; transposed if the row size in bytes is above 1.
+    Packed(Codec, usize),
     Unknown(u8),
 }
 
 impl Segment {
-    /// Its bytes go on to the end of the capture, if they can.
+    /// Extends an uncompressed block to the end of the capture.
     pub(super) fn extend(&mut self, file: &[u8]) {
         if self.packing == Packing::Stored {
             self.stored = file.len().saturating_sub(self.start);
@@ -61,17 +67,17 @@ impl Segment {
         let stored = block.data.len();
         let at = block.at;
         match &block.kind {
-            b"DT" | b"SD" | b"RD" => {
+            b"DT" | b"DV" | b"SD" | b"RD" => {
                 Some(Self { at, start, stored, packing: Packing::Stored, length: stored })
             }
             b"DZ" => {
                 let row = usize::try_from(block.u32(4)?).ok()?;
                 let length = usize::try_from(block.u64(8)?).ok()?;
-                let packing = match block.u8(2)? {
-                    ZLIB => Packing::Zlib,
-                    ZLIB_OF_COLUMNS => Packing::Columns(row),
-                    other => Packing::Unknown(other),
-                };
+                let number = block.u8(2)?;
+                let codec = CODECS.iter().find(|(known, _)| *known == number & !TRANSPOSED);
+                let row = if number & TRANSPOSED == 0 { 0 } else { row };
+                let packing =
+                    codec.map_or(Packing::Unknown(number), |(_, codec)| Packing::Packed(*codec, row));
                 let stored = stored.checked_sub(ZIP_HEADER)?;
                 let start = start.checked_add(ZIP_HEADER)?;
                 (length <= LARGEST_CONTENT).then_some(Self { at, start, stored, packing, length })
@@ -84,35 +90,35 @@ impl Segment {
         let data = file.get(self.start..).unwrap_or_default();
         let data = data.get(..self.stored).unwrap_or(data);
         let mut bytes = Vec::new();
-        let row = match self.packing {
+        let (codec, row) = match self.packing {
             Packing::Unknown(number) => {
-                return (bytes, Some(format!("a block with compression {number}, expected 0 or 1 (zlib)")));
+                let known = "expected 0 to 5 (zlib, zstd, LZ4)";
+                return (bytes, Some(format!("block compression {number}; {known}")));
             }
-            Packing::Columns(row) => row,
-            Packing::Stored | Packing::Zlib => 0,
+            Packing::Packed(codec, row) => (codec, row),
+            Packing::Stored => (Codec::Zlib, 0),
         };
-        let damage = match inflate(data, &mut bytes, self.length) {
-            Inflated::Whole(_) if bytes.len() == self.length => None,
-            Inflated::Whole(_) | Inflated::TooLong => {
-                Some(format!("a compressed block that holds not the {} bytes it says", self.length))
+        let damage = match codec.decompress(data, &mut bytes, self.length) {
+            Decompression::Whole(_) if bytes.len() == self.length => None,
+            Decompression::Whole(_) | Decompression::TooLong => {
+                Some(format!("compressed block: size differs from the declared {} bytes", self.length))
             }
-            Inflated::CutOff => Some("a compressed block that ends too early".into()),
-            Inflated::Damaged => Some("a compressed block that is damaged".into()),
-            Inflated::Unavailable => {
-                let text =
-                    "a compressed block, but this build leaves out the feature `gzip`: use one with it";
-                Some(text.into())
-            }
+            Decompression::CutOff => Some("compressed block ends early".into()),
+            Decompression::Damaged => Some("compressed block damaged".into()),
+            Decompression::Unavailable => Some(format!(
+                "compressed block: this build lacks the feature `{}`; use a build with it",
+                codec.feature()
+            )),
         };
         if row > 1 {
-            // Of columns that are not whole nothing can be put together.
+            // Incomplete transposed data cannot be converted to rows.
             bytes = if damage.is_none() { rows(&bytes, row) } else { Vec::new() };
         }
         (bytes, damage)
     }
 }
 
-/// Rows of columns.
+/// Converts transposed data to rows.
 fn rows(columns: &[u8], row: usize) -> Vec<u8> {
     let count = columns.len() / row;
     if count == 0 {
@@ -128,28 +134,28 @@ fn rows(columns: &[u8], row: usize) -> Vec<u8> {
     bytes
 }
 
-/// The blocks of data behind a link, each once, in order.
+/// Data blocks of a link in order, each at most once.
 pub(super) fn segments(file: &[u8], link: Option<u64>, damages: &mut Vec<Damage>) -> Vec<Segment> {
     let mut found = Vec::new();
     let mut seen = BTreeSet::new();
     let mut next = link;
     while let Some(at) = next.take() {
         if !seen.insert(at) {
-            damages.push((at, "a list of data blocks that leads back to itself".into()));
+            damages.push((at, "loop in the list of data blocks".into()));
             break;
         }
         let Some(block) = Block::at(file, at) else {
-            damages.push((at, "no block where one with data should be".into()));
+            damages.push((at, "data block missing".into()));
             break;
         };
         match &block.kind {
             b"HL" => next = block.link(0),
-            b"DL" => {
-                for link in (1..block.links()).filter_map(|index| block.link(index)) {
+            b"DL" | b"LD" => {
+                for link in (1..=data_links(&block)).filter_map(|index| block.link(index)) {
                     if seen.insert(link) {
                         add(file, link, &mut found, damages);
                     } else {
-                        damages.push((link, "a data block that is in a list twice".into()));
+                        damages.push((link, "data block linked twice".into()));
                     }
                 }
                 next = block.link(0);
@@ -160,10 +166,23 @@ pub(super) fn segments(file: &[u8], link: Option<u64>, damages: &mut Vec<Damage>
     found
 }
 
+/// Number of links to data blocks in a list.
+fn data_links(list: &Block<'_>) -> usize {
+    let links = list.links().saturating_sub(1);
+    let stated = (list.kind == *b"LD").then(|| list.u32(4)).flatten();
+    stated.and_then(|count| usize::try_from(count).ok()).map_or(links, |count| count.min(links))
+}
+
+/// Whether the invalidation bits of records are in blocks of their own (MDF 4.2, LD block, flag bit 31).
+pub(super) fn has_separate_validity(file: &[u8], link: Option<u64>) -> bool {
+    let list = link.and_then(|at| Block::of(file, at, *b"LD"));
+    list.and_then(|list| list.u32(0)).is_some_and(|flags| flags & SEPARATE_VALIDITY != 0)
+}
+
 fn add(file: &[u8], at: u64, found: &mut Vec<Segment>, damages: &mut Vec<Damage>) {
     let block = Block::at(file, at);
     let Some((block, segment)) = block.and_then(|block| Some((block, Segment::new(file, &block)?))) else {
-        damages.push((at, "no block with data that can be read".into()));
+        damages.push((at, "invalid data block".into()));
         return;
     };
     if block.is_cut_off {
@@ -174,65 +193,74 @@ fn add(file: &[u8], at: u64, found: &mut Vec<Segment>, damages: &mut Vec<Damage>
     found.push(segment);
 }
 
-/// How reading from a stream ended.
+/// Result of reading from a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// All that was asked for is there.
+    /// All requested bytes were read.
     Whole,
-    /// The stream ends; so many bytes were left.
+    /// The stream ended; number of bytes read.
     End(usize),
-    /// A block that holds less than it should is in between.
+    /// A block shorter than declared precedes the end of the requested bytes.
     Broken,
 }
 
-/// A place in the data.
+/// A position in the data.
 #[derive(Debug, Clone)]
 pub(super) struct Stream {
     segments: Arc<[Segment]>,
     index: usize,
-    /// Bytes taken of the segment.
+    /// Bytes used of the current segment.
     taken: usize,
-    /// Bytes before this place.
+    /// Number of bytes before the position.
     pub(super) position: u64,
-    /// Bytes in all.
+    /// Total number of bytes.
     pub(super) length: u64,
-    open: Open,
-    /// Segments whose damage was said.
+    open: OpenSegment,
+    /// Number of segments whose damage was reported.
     told: usize,
-    /// What is wrong with the present segment, until somebody says it.
+    /// Damage of the current segment, until it is reported.
     pub(super) damage: Option<Damage>,
 }
 
-/// What the present segment holds, if it is compressed: made again where it is missing.
+/// Content of the current segment if it is compressed; rebuilt if missing.
 #[derive(Debug, Default)]
-struct Open(Option<Vec<u8>>);
+struct OpenSegment(Option<Vec<u8>>);
 
-impl Clone for Open {
+impl Clone for OpenSegment {
     fn clone(&self) -> Self {
         Self(None)
     }
 }
 
 impl Stream {
-    /// The beginning.
+    /// Starts at the first byte.
     pub(super) fn new(segments: Arc<[Segment]>) -> Self {
         let length = segments.iter().map(|segment| segment.length as u64).fold(0, u64::saturating_add);
-        Self { segments, index: 0, taken: 0, position: 0, length, open: Open(None), told: 0, damage: None }
+        Self {
+            segments,
+            index: 0,
+            taken: 0,
+            position: 0,
+            length,
+            open: OpenSegment(None),
+            told: 0,
+            damage: None,
+        }
     }
 
-    /// Byte offset of the block it is in, or was in last.
+    /// Byte offset of the current or last block.
     pub(super) fn at(&self) -> u64 {
         let segment = self.segments.get(self.index).or_else(|| self.segments.last());
         segment.map_or(0, |segment| segment.at)
     }
 
-    /// Whether it goes on to the end of the capture.
+    /// Whether the data extend to the end of the capture.
     pub(super) fn is_at_end(&self, file: &[u8]) -> bool {
         let last = self.segments.last();
         last.is_some_and(|last| last.start.saturating_add(last.stored) >= file.len())
     }
 
-    /// Replaces the content of `bytes` by the next `count` bytes.
+    /// Replaces the content of `bytes` with the next `count` bytes.
     pub(super) fn read(&mut self, file: &[u8], count: usize, bytes: &mut Vec<u8>) -> Outcome {
         bytes.clear();
         while bytes.len() < count {
@@ -263,7 +291,7 @@ impl Stream {
         Outcome::Whole
     }
 
-    /// Passes over `count` bytes.
+    /// Skips `count` bytes.
     pub(super) fn skip(&mut self, mut count: u64) -> Outcome {
         while count > 0 {
             let Some(segment) = self.segments.get(self.index) else { return Outcome::End(0) };
@@ -278,7 +306,7 @@ impl Stream {
         Outcome::Whole
     }
 
-    /// Goes back to an earlier place, if it is in the same block: no block is unpacked again.
+    /// Returns to an earlier position within the same block, so that no block is decompressed again.
     pub(super) fn back_to(&mut self, position: u64) {
         let back = usize::try_from(self.position.saturating_sub(position)).unwrap_or(usize::MAX);
         if back <= self.taken {

@@ -1,4 +1,4 @@
-//! Captures made here, block by block.
+//! Tests with captures built block by block.
 
 use super::*;
 use crate::capture::testing::{read, read_in_pieces};
@@ -7,10 +7,10 @@ use crate::frame::{CanId, FrameFlags};
 
 const START: u64 = 1_700_000_000_000_000_000;
 
-/// A capture being written.
-struct File(Vec<u8>);
+/// Builder of a capture.
+struct CaptureFile(Vec<u8>);
 
-impl File {
+impl CaptureFile {
     fn new(magic: &[u8; 8], version: u16, flags: u16) -> Self {
         let mut bytes = magic.to_vec();
         bytes.resize(28, b' ');
@@ -21,7 +21,7 @@ impl File {
         Self(bytes)
     }
 
-    /// Adds a block; returns where it is.
+    /// Adds a block; returns its offset.
     fn block(&mut self, kind: &[u8; 2], links: &[u64], data: &[u8]) -> u64 {
         self.0.resize(self.0.len().next_multiple_of(8), 0);
         let at = self.0.len() as u64;
@@ -52,7 +52,7 @@ impl File {
         self.block(b"HD", &[0; 6], &data)
     }
 
-    /// A channel of unsigned numbers: name, kind, axis, byte, bits.
+    /// Adds a channel of unsigned numbers: name, channel type, axis type, byte, bits.
     fn channel(&mut self, next: u64, channel: (&str, u8, u8, u32, u32), conversion: u64, data: u64) -> u64 {
         let (name, kind, axis, byte, bits) = channel;
         let name = self.text(name);
@@ -62,7 +62,7 @@ impl File {
         self.block(b"CN", &[next, 0, name, 0, conversion, data, 0, 0], &bytes)
     }
 
-    /// Channels of a frame: a millisecond in bytes 0 and 1, channel, identifier, length, and data as they come.
+    /// Adds the channels of a frame: milliseconds in bytes 0 and 1, channel, identifier, length, and data.
     fn channels(&mut self, kind: &str, is_variable: bool, values: u64) -> u64 {
         let mut conversion = vec![1, 0, 0, 0, 0, 0, 2, 0];
         conversion.extend([0.0, 0.0, 0.0, 1e-3_f64].iter().flat_map(|number| number.to_le_bytes()));
@@ -94,7 +94,7 @@ impl File {
     }
 }
 
-/// A record of 14 bytes: `id` at a millisecond, with data of `length` bytes.
+/// A record of 14 bytes: `id` at `millisecond`, with `length` data bytes.
 fn record(millisecond: u16, id: u16, length: u8) -> Vec<u8> {
     let mut record = millisecond.to_le_bytes().to_vec();
     record.push(1);
@@ -103,9 +103,9 @@ fn record(millisecond: u16, id: u16, length: u8) -> Vec<u8> {
     record
 }
 
-/// One group, one block of data.
+/// A capture with one group and one data block.
 fn sorted(kind: &str, records: &[Vec<u8>]) -> Vec<u8> {
-    let mut file = File::new(b"MDF     ", 411, 0);
+    let mut file = CaptureFile::new(b"MDF     ", 411, 0);
     let header = file.header(0);
     let channels = file.channels(kind, false, 0);
     let group = file.group(0, channels, 0, records.len() as u64, (0, 14));
@@ -130,7 +130,7 @@ fn a_frame_of_a_sorted_group() {
     let [first, second] = content.frames.as_slice() else { panic!("{content:?}") };
     assert_eq!((first.id, first.data()), (CanId::Standard(0x181), &[1, 2, 3][..]));
     assert_eq!(first.time, Some(Timestamp(1_700_000_001_500_000_000)));
-    assert_eq!(second.id, CanId::Extended(0x900), "more than 11 bits where nothing says which it is");
+    assert_eq!(second.id, CanId::Extended(0x900), "more than 11 bits without an extended flag");
     assert_eq!(content.buses, ["1"]);
     assert_eq!(notices(&capture), [""; 0]);
     assert_eq!(read_in_pieces(&capture, &[1, 100]), content);
@@ -147,26 +147,23 @@ fn remote_frames_have_no_data_and_error_frames_a_class() {
 }
 
 #[test]
-fn a_start_without_a_zone_is_said() {
+fn a_start_without_a_time_zone_is_reported() {
     let mut capture = sorted("CAN_DataFrame", &[record(1, 1, 0)]);
     capture[64 + 24 + 48 + 12] = 1;
-    assert_eq!(notices(&capture), ["the start date carries no time zone: times read as UTC"]);
+    assert_eq!(notices(&capture), ["start date without time zone: times read as UTC"]);
 }
 
 #[test]
-fn records_that_are_no_frames_are_said_one_by_one() {
+fn records_without_frames_are_reported_one_by_one() {
     let capture = sorted("CAN_DataFrame", &[record(1, 1, 0), record(2, 2, 9), record(3, 3, 1)]);
     assert_eq!(ids(&capture), [1, 3]);
-    let [said] = notices(&capture).try_into().unwrap();
-    assert!(
-        said.ends_with("record 2 of its group: the data of a frame are not where they should be"),
-        "{said}"
-    );
+    let [texts] = notices(&capture).try_into().unwrap();
+    assert!(texts.ends_with("record 2 of its group: data of the frame missing"), "{texts}");
 }
 
-/// Two groups with data of their own: frames at 1, 3, 3 and 2, 3, 0.
+/// A capture with two groups with separate data: frames at 1, 3, 3 and 2, 3, 0.
 fn two_groups() -> Vec<u8> {
-    let mut file = File::new(b"MDF     ", 410, 0);
+    let mut file = CaptureFile::new(b"MDF     ", 410, 0);
     let header = file.header(0);
     let mut next = 0;
     for (first, times) in [(20, [2, 3, 0]), (10, [1, 3, 3])] {
@@ -186,7 +183,7 @@ fn frames_of_several_groups_come_by_time_and_never_before_an_earlier_one_of_thei
 }
 
 #[test]
-fn reading_goes_on_from_any_place() {
+fn reading_resumes_from_any_position() {
     let records: Vec<_> = (0..2_000).map(|n| record(n, n % 0x700, 2)).collect();
     let capture = sorted("CAN_DataFrame", &records);
     let whole = ids(&capture);
@@ -202,14 +199,14 @@ fn reading_goes_on_from_any_place() {
         while resumed.read(&mut own).unwrap() {
             found.extend(own.frames().iter().map(|frame| frame.id.number()));
         }
-        assert_eq!(found, whole[taken..], "behind {taken} frames");
+        assert_eq!(found, whole[taken..], "after {taken} frames");
     }
     assert_eq!(taken, 2_000);
 }
 
-/// A group whose data are in blocks of values, which come as a list.
+/// A capture with a group whose data are in a list of value blocks.
 fn with_values(offsets: [u64; 3]) -> Vec<u8> {
-    let mut file = File::new(b"MDF     ", 410, 0);
+    let mut file = CaptureFile::new(b"MDF     ", 410, 0);
     let header = file.header(0);
     let first = file.block(b"SD", &[], &[2, 0, 0, 0, 0xAA, 0xBB, 3, 0]);
     let second = file.block(b"SD", &[], &[0, 0, 1, 2, 3]);
@@ -234,13 +231,13 @@ fn values_of_variable_length_in_blocks() {
     let data: Vec<&[u8]> = content.frames.iter().map(Frame::data).collect();
     assert_eq!(data, [&[0xAA, 0xBB][..], &[0xAA, 0xBB], &[1, 2, 3]]);
     for wrong in [u64::MAX, 13, 14] {
-        assert_eq!(read(&with_values([0, wrong, 6])).frames.len(), 2, "{wrong} is behind the end");
+        assert_eq!(read(&with_values([0, wrong, 6])).frames.len(), 2, "{wrong} is after the end");
     }
-    assert_eq!(notices(&with_values([6, 0, 6])).len(), 2, "values that were passed over");
+    assert_eq!(notices(&with_values([6, 0, 6])).len(), 2, "skipped values");
 }
 
 #[test]
-fn links_that_lead_nowhere_or_back_are_said() {
+fn invalid_and_circular_links_are_reported() {
     let capture = sorted("CAN_DataFrame", &[record(1, 1, 0)]);
     let data_group = capture.len() - 64;
     let with = |index: usize, link: u64| {
@@ -250,31 +247,76 @@ fn links_that_lead_nowhere_or_back_are_said() {
     };
     let back = with(0, data_group as u64);
     assert_eq!(ids(&back), [1]);
-    assert_eq!(
-        notices(&back),
-        [format!("byte {data_group}: a description of a group of data that is there twice")]
-    );
+    assert_eq!(notices(&back), [format!("byte {data_group}: data group block linked twice")]);
     for link in [7, u64::MAX, 1 << 40, 64] {
         assert_eq!(ids(&with(0, link)), [1], "{link}");
         assert_eq!(notices(&with(0, link)).len(), 1, "{link}");
         assert_eq!(ids(&with(2, link)), [] as [u32; 0], "{link}");
         assert!(notices(&with(2, link)).len() >= 2, "{link}: {:?}", notices(&with(2, link)));
     }
-    assert!(notices(&with(1, 0))[0].starts_with("no group holds CAN frames"));
+    assert!(notices(&with(1, 0))[0].starts_with("no group contains CAN frames"));
+}
+
+/// MDF 4.2: an LD block lists DV blocks, which may cut records; with flag bit 31, DI blocks hold the invalidation bytes of
+/// the records. `stated` is the number of data blocks in the list.
+fn with_list_of_values(flags: u32, stated: u32) -> Vec<u8> {
+    let mut file = CaptureFile::new(b"MDF     ", 420, 0);
+    let header = file.header(0);
+    let channels = file.channels("CAN_DataFrame", false, 0);
+    let group = file.group(0, channels, 0, 3, (0, 14));
+    // The last four bytes of the group: one invalidation byte for each record.
+    let group_at = usize::try_from(group).unwrap();
+    file.0[group_at + 24 + 6 * 8 + 28] = u8::from(flags != 0);
+    let records = [record(1, 1, 0), record(2, 2, 0), record(3, 3, 0)].concat();
+    let first = file.block(b"DV", &[], &records[..20]);
+    let second = file.block(b"DV", &[], &records[20..]);
+    let validity = file.block(b"DI", &[], &[0; 3]);
+    let data: Vec<u8> =
+        [flags, stated].iter().flat_map(|number| number.to_le_bytes()).chain([0; 16]).collect();
+    let links = if flags == 0 { vec![0, first, second] } else { vec![0, first, second, validity, 0] };
+    let list = file.block(b"LD", &links, &data);
+    let data_group = file.data_group(0, group, list, 0);
+    file.link(header, 0, data_group);
+    file.0
 }
 
 #[test]
-fn fewer_records_than_are_said_and_a_part_of_one() {
+fn lists_of_values_with_and_without_separate_invalidation_bits() {
+    for (flags, stated) in [(0, 2), (1 << 31, 2), (0, u32::MAX)] {
+        let capture = with_list_of_values(flags, stated);
+        assert_eq!(ids(&capture), [1, 2, 3], "{flags} {stated}");
+        assert_eq!(notices(&capture), [""; 0], "{flags} {stated}");
+    }
+    let fewer = with_list_of_values(0, 1);
+    assert_eq!(ids(&fewer), [1]);
+    assert_eq!(notices(&fewer).len(), 2, "{:?}", notices(&fewer));
+}
+
+#[test]
+fn column_storage_is_reported() {
+    let mut file = CaptureFile::new(b"MDF     ", 420, 0);
+    let header = file.header(0);
+    let channels = file.channels("CAN_DataFrame", false, 0);
+    let group = file.group(0, channels, 0, 1, (8, 14));
+    let data = file.block(b"DV", &[], &record(1, 1, 0));
+    let data_group = file.data_group(0, group, data, 0);
+    file.link(header, 0, data_group);
+    let texts = notices(&file.0);
+    assert!(texts[0].contains("column storage"), "{texts:?}");
+}
+
+#[test]
+fn fewer_records_than_stated_and_a_partial_one() {
     let capture = sorted("CAN_DataFrame", &[record(1, 1, 0), record(2, 2, 0)[..9].to_vec()]);
     assert_eq!(ids(&capture), [1]);
-    let said = notices(&capture);
-    assert!(said[0].ends_with("the data end inside a record"), "{said:?}");
-    assert!(said[1].ends_with("a group of 2 records, of which 1 were read"), "{said:?}");
+    let texts = notices(&capture);
+    assert!(texts[0].ends_with("the data end inside a record"), "{texts:?}");
+    assert!(texts[1].ends_with("group: found 1 records; expected 2"), "{texts:?}");
 }
 
 #[test]
-fn a_capture_that_was_not_ended_goes_on_to_the_end() {
-    let mut file = File::new(b"UnFinMF ", 411, 5);
+fn an_unfinished_capture_is_read_to_the_end() {
+    let mut file = CaptureFile::new(b"UnFinMF ", 411, 5);
     let header = file.header(0);
     let channels = file.channels("CAN_DataFrame", false, 0);
     let group = file.group(0, channels, 0, 0, (0, 14));
@@ -293,13 +335,13 @@ fn older_versions_and_captures_without_a_header_are_refused() {
         let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
         reader.read(&mut Batch::new()).unwrap_err().to_string()
     };
-    let old = open(&File::new(b"MDF     ", 330, 0).0);
+    let old = open(&CaptureFile::new(b"MDF     ", 330, 0).0);
     assert_eq!(
         old,
-        "ASAM MDF: byte 28: found version 330, expected 400 or later: convert the capture to MDF 4"
+        "ASAM MDF: byte 28: found version 330; expected 400 or later: convert the capture to MDF 4"
     );
-    let empty = open(&File::new(b"MDF     ", 411, 0).0);
-    assert_eq!(empty, "ASAM MDF: byte 64: found no header, expected a block HD");
+    let empty = open(&CaptureFile::new(b"MDF     ", 411, 0).0);
+    assert_eq!(empty, "ASAM MDF: byte 64: found no header; expected an HD block");
 }
 
 #[cfg(feature = "gzip")]
@@ -308,9 +350,10 @@ mod compressed {
 
     use super::*;
 
-    /// Three blocks of three records each, the second as columns; `damaged` has a wrong byte in one.
+    /// Three blocks of three records each, the second one transposed; `damaged` has a wrong byte in one of
+    /// them.
     fn in_blocks(damaged: Option<usize>) -> Vec<u8> {
-        let mut file = File::new(b"MDF     ", 410, 0);
+        let mut file = CaptureFile::new(b"MDF     ", 410, 0);
         let header = file.header(0);
         let mut links = vec![0];
         for block in 0..3_u16 {
@@ -350,8 +393,8 @@ mod compressed {
     fn a_damaged_block_of_columns_is_left_out_and_what_follows_is_read() {
         let capture = in_blocks(Some(1));
         assert_eq!(ids(&capture), [0, 1, 2, 6, 7, 8]);
-        let said = notices(&capture);
-        assert!(said[0].ends_with("a compressed block that is damaged"), "{said:?}");
-        assert!(said[1].ends_with("a group of 9 records, of which 6 were read"), "{said:?}");
+        let texts = notices(&capture);
+        assert!(texts[0].ends_with("compressed block damaged"), "{texts:?}");
+        assert!(texts[1].ends_with("group: found 6 records; expected 9"), "{texts:?}");
     }
 }

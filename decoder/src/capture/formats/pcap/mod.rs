@@ -1,4 +1,4 @@
-//! pcap: the classic capture of tcpdump, Wireshark and python-can.
+//! pcap: the classic capture format of tcpdump, Wireshark and python-can.
 //!
 //! ```text
 //! header, 24 bytes                              packet, 16 bytes and its data
@@ -7,24 +7,24 @@
 //! 12 accuracy (4)    16 longest packet (4)       8 bytes captured (4)
 //! 20 link type (4): upper half about checksums  12 bytes on the wire (4)
 //! ```
-//! Magic 0xA1B2C3D4 is microseconds, 0xA1B23C4D nanoseconds, either in both byte orders.
+//! Magic 0xA1B2C3D4 means microseconds, 0xA1B23C4D nanoseconds, each in both byte orders.
 //!
-//! `pcap-file` reads the header. Packets are read here: nothing of them is worth refusing a packet for
+//! `pcap-file` reads the header. Packets are parsed here, so that invalid fields do not reject a packet
 //! (a longest packet of 0, a fraction of a second or more, fewer bytes on the wire than captured).
 
 use pcap_file::pcap::{PcapHeader, PcapParseError, PcapTsResolution};
 
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::link::{Channel, Head, Link, Output, common};
-use crate::capture::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Notice, Parser, Place};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, LARGEST_RECORD, Notice, Parser};
 use crate::frame::{FrameFlags, Timestamp};
 
 const TITLE: &str = "pcap";
 const HEADER: usize = 24;
 const PACKET_HEADER: usize = 16;
-/// Bytes of a packet that the common path looks at.
+/// Number of packet bytes read by the fast path.
 const COMMON: usize = 16;
-/// Largest packet that is looked at.
+/// Maximum size of a packet in bytes.
 const LARGEST_PACKET: usize = LARGEST_RECORD - PACKET_HEADER;
 
 pub(super) const FORMAT: Format = Format {
@@ -40,20 +40,20 @@ pub(super) const FORMAT: Format = Format {
     parser: |_| Box::new(Pcap::default()),
 };
 
-/// What the header says.
+/// Properties from the file header.
 #[derive(Debug, Clone, Copy)]
 struct Header {
     order: ByteOrder,
     nanoseconds_per_tick: i64,
 }
 
-/// Reader of pcap.
+/// Parser of pcap.
 #[derive(Clone, Default)]
 struct Pcap {
     header: Option<(Header, Channel)>,
-    /// Bytes taken so far.
+    /// Bytes used so far.
     offset: u64,
-    /// Bytes still to pass over.
+    /// Bytes left to skip.
     skip: u64,
     frames: u64,
     buses: BusNames,
@@ -68,7 +68,7 @@ impl Header {
 }
 
 impl Pcap {
-    /// Common packets in a row; returns the bytes they took.
+    /// Parses consecutive common packets; returns the number of bytes used.
     #[inline]
     fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let Some((header, channel)) = &self.header else { return 0 };
@@ -95,7 +95,7 @@ impl Pcap {
         taken
     }
 
-    /// The header; returns the bytes it took.
+    /// Parses the file header; returns the number of bytes used.
     fn header(&mut self, input: &[u8], at_end: bool) -> Result<usize, CaptureError> {
         match PcapHeader::from_slice(input) {
             Ok((_, header)) => {
@@ -117,10 +117,10 @@ impl Pcap {
         }
     }
 
-    /// One packet of any kind; returns the bytes it took.
+    /// Parses one packet of any type; returns the number of bytes used.
     fn packet(&mut self, offset: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> usize {
         let Some((header, channel)) = &mut self.header else { return 0 };
-        let place = Place::Offset(offset);
+        let place = CapturePlace::Offset(offset);
         let order = header.order;
         let numbers = (order.u32(rest, 0), order.u32(rest, 4), order.u32(rest, 8), order.u32(rest, 12));
         let (Some(seconds), Some(fraction), Some(captured), Some(_)) = numbers else {
@@ -153,7 +153,7 @@ impl Pcap {
         }
         if self.skip > 0 {
             let reason = format!("the capture ends inside a packet: {} bytes are missing", self.skip);
-            batch.notice(Notice::CutOff { place: Place::Offset(self.offset), reason });
+            batch.notice(Notice::CutOff { place: CapturePlace::Offset(self.offset), reason });
         }
         if let Some(notice) = self.header.as_ref().and_then(|(_, channel)| channel.summary()) {
             batch.notice(notice);
@@ -161,8 +161,9 @@ impl Pcap {
     }
 }
 
-/// Takes the rest of a capture that ends too early, or asks for more.
-fn cut_off(rest: &[u8], whole: u64, place: Place, at_end: bool, batch: &mut Batch) -> usize {
+/// Reports a packet cut off at the end of the capture and returns its size; otherwise returns 0 to request
+/// more input.
+fn cut_off(rest: &[u8], whole: u64, place: CapturePlace, at_end: bool, batch: &mut Batch) -> usize {
     if !at_end || rest.is_empty() {
         return 0;
     }

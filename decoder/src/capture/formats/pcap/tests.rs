@@ -1,4 +1,4 @@
-//! Unit tests of the pcap reader, apart for their length.
+//! Unit tests of the pcap parser, in a separate file because of their length.
 
 #![expect(clippy::cast_possible_truncation, reason = "made-up numbers are small")]
 
@@ -98,19 +98,19 @@ fn all_kinds_of_frame() {
             "{4} (1700000003.123456000) bus0 123#3132333435363738 flags=00 dlc=15",
             "byte 156: CAN XL frame: not supported",
             "byte 185: CAN frame: found 3 of 8 data bytes",
-            "byte 212: CAN frame: found 0 bytes, expected at least 8",
+            "byte 212: CAN frame: found 0 bytes; expected at least 8",
         ]
     );
 }
 
 #[test]
-fn identifiers_in_the_writers_order_are_found_and_said_once() {
+fn identifiers_in_the_writers_order_are_detected_and_reported_once() {
     let content =
         read(&usual(&[b"\x01\x02\0\0\x01\0\0\0A", b"\x80\0\0\0\x01\0\0\0B", b"\x05\x07\0\0\x01\0\0\0C"]));
     assert_eq!(
         content.items,
         [
-            "interface \"can0\": identifiers are in little-endian order, against the standard: read so",
+            "interface \"can0\": identifiers are little-endian, contrary to the standard; read as little-endian",
             "{1} (1700000000.123456000) bus0 201#41 flags=00 dlc=0",
             "{2} (1700000001.123456000) bus0 080#42 flags=00 dlc=0",
             "{3} (1700000002.123456000) bus0 705#43 flags=00 dlc=0",
@@ -125,7 +125,10 @@ fn a_capture_of_something_else_says_so_at_its_end() {
     assert_eq!(content.buses, [] as [&str; 0]);
     let arp = b"\0\x01\0\x01\0\x06\0\0\0\0\0\0\0\0\x08\x06who has";
     let content = read(&capture(ByteOrder::Little, 0xA1B2_C3D4, 113, &[arp]));
-    assert_eq!(content.items, ["interface \"can0\": 1 packet skipped that are not CAN (protocol 0x0806)"]);
+    assert_eq!(
+        content.items,
+        ["interface \"can0\": 1 packet other than CAN skipped (first protocol 0x0806)"]
+    );
     assert_eq!(read(&usual(&[])).items, [] as [&str; 0]);
 }
 

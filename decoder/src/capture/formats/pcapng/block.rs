@@ -1,7 +1,7 @@
-//! Blocks: where one begins, how long it is, and whether the bytes are one at all.
+//! Blocks: detection, start and length.
 //!
 //! ```text
-//! block            0 type (4)       4 length of all (4)      8 body   length - 4 length again (4)
+//! block            0 type (4)       4 block length (4)       8 body   length - 4 length again (4)
 //! section header   0 0x0A0D0D0A     8 magic 0x1A2B3C4D (4): byte order of the section
 //! ```
 
@@ -14,16 +14,16 @@ use pcap_file::pcapng::blocks::{
 use crate::capture::LARGEST_RECORD;
 use crate::capture::byte_order::ByteOrder;
 
-/// Type and length of a block, which every block has.
+/// Size of the type and length fields at the start of each block, in bytes.
 pub(super) const START: usize = 8;
-/// Length without body.
+/// Size of a block without body, in bytes.
 const SHORTEST: usize = 12;
-/// Option of any block: a comment.
+/// Option code for a comment, valid in all blocks.
 pub(super) const COMMENT: u16 = 1;
 const TLS_SECRETS_BLOCK: u32 = 0x0A;
 const MAGIC: u32 = 0x1A2B_3C4D;
 
-/// What a block is for.
+/// Type of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Section,
@@ -32,13 +32,13 @@ pub(super) enum Kind {
     ObsoletePacket,
     SimplePacket,
     Statistics,
-    /// Known, but nothing of it is read.
+    /// A known type that is skipped.
     Unread,
     Unknown,
 }
 
 impl Kind {
-    /// The kind of a block that begins with `rest`; `None` if that is too short to tell.
+    /// Type of the block at the start of `rest`; `None` if `rest` is too short.
     pub(super) fn at(rest: &[u8], order: ByteOrder) -> Option<Self> {
         order.u32(rest, 0).map(Self::of)
     }
@@ -61,58 +61,58 @@ impl Kind {
     }
 }
 
-/// One block, or the beginning of one that is too long.
+/// One block, or the start of a block that is too long.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Block<'a> {
     pub(super) kind: Kind,
-    /// Byte order of its section; for a section header the one that begins.
+    /// Byte order of the section; of a section header the order that it declares.
     pub(super) order: ByteOrder,
-    /// What lies between the lengths, as far as it is at hand.
+    /// Available part of the body between the two lengths.
     pub(super) body: &'a [u8],
-    /// Length of the whole block.
+    /// Size of the complete block in bytes.
     pub(super) length: u64,
 }
 
-/// What stands at the front of some bytes.
+/// Content at the start of the input.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Found<'a> {
-    /// A whole block, both lengths equal.
+pub(super) enum BlockContent<'a> {
+    /// A complete block with two equal lengths.
     Block(Block<'a>),
-    /// The beginning of a block of more than [`LARGEST_RECORD`] bytes.
+    /// The start of a block of more than [`LARGEST_RECORD`] bytes.
     Large(Block<'a>),
-    /// More input is needed to tell.
+    /// More input is needed to decide.
     More,
-    /// No block.
+    /// Not a block; contains the reason.
     Nothing(&'static str),
 }
 
-/// Why nothing is found where the capture ends inside a block.
+/// Reason if the capture ends inside a block.
 pub(super) const CUT_OFF: &str = "the capture ends inside a block";
 
-/// What stands at the front of `rest`, in a section of the given order.
-pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> Found<'_> {
-    let more = |why| if at_end { Found::Nothing(why) } else { Found::More };
+/// Content at the start of `rest`, in a section of the given byte order.
+pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> BlockContent<'_> {
+    let more = |why| if at_end { BlockContent::Nothing(why) } else { BlockContent::More };
     let Some(kind) = Kind::at(rest, section) else {
         return more(CUT_OFF);
     };
     let order = match (kind, ByteOrder::Big.u32(rest, START)) {
         (Kind::Section, Some(MAGIC)) => ByteOrder::Big,
         (Kind::Section, Some(magic)) if magic == MAGIC.swap_bytes() => ByteOrder::Little,
-        (Kind::Section, Some(_)) => return Found::Nothing("a section header without its magic"),
+        (Kind::Section, Some(_)) => return BlockContent::Nothing("section header without magic"),
         (_, None) => return more(CUT_OFF),
         _ => section,
     };
     let length = order.u32(rest, 4).unwrap_or(0);
     let size = usize::try_from(length).unwrap_or(usize::MAX);
     if size < SHORTEST || !size.is_multiple_of(4) {
-        return Found::Nothing("a block of impossible length");
+        return BlockContent::Nothing("block of invalid length");
     }
     let body_size = size - SHORTEST;
     if size > LARGEST_RECORD {
         let Some(body) = rest.get(START..LARGEST_RECORD) else {
             return more(CUT_OFF);
         };
-        return Found::Large(Block { kind, order, body, length: u64::from(length) });
+        return BlockContent::Large(Block { kind, order, body, length: u64::from(length) });
     }
     let (Some(body), Some(again)) =
         (rest.get(START..).and_then(|body| body.get(..body_size)), order.u32(rest, START + body_size))
@@ -120,9 +120,9 @@ pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> Found<'_> {
         return more(CUT_OFF);
     };
     if again != length {
-        return Found::Nothing("a block whose two lengths differ");
+        return BlockContent::Nothing("block with two different lengths");
     }
-    Found::Block(Block { kind, order, body, length: u64::from(length) })
+    BlockContent::Block(Block { kind, order, body, length: u64::from(length) })
 }
 
 #[cfg(test)]
@@ -131,10 +131,10 @@ mod tests {
 
     fn found(rest: &[u8], at_end: bool) -> String {
         match find(rest, ByteOrder::Little, at_end) {
-            Found::Block(block) => format!("{:?} {:?} {:?}", block.kind, block.order, block.body),
-            Found::Large(block) => format!("large {:?} {}", block.kind, block.length),
-            Found::More => "more".into(),
-            Found::Nothing(why) => why.into(),
+            BlockContent::Block(block) => format!("{:?} {:?} {:?}", block.kind, block.order, block.body),
+            BlockContent::Large(block) => format!("large {:?} {}", block.kind, block.length),
+            BlockContent::More => "more".into(),
+            BlockContent::Nothing(why) => why.into(),
         }
     }
 
@@ -144,14 +144,14 @@ mod tests {
         assert_eq!(found(block, false), "Packet Little [98, 111, 100, 121]");
         assert_eq!(found(&block[..15], false), "more");
         assert_eq!(found(&block[..15], true), "the capture ends inside a block");
-        assert_eq!(found(b"\x06\0\0\0\x10\0\0\0body\x11\0\0\0", false), "a block whose two lengths differ");
+        assert_eq!(found(b"\x06\0\0\0\x10\0\0\0body\x11\0\0\0", false), "block with two different lengths");
     }
 
     #[test]
     fn lengths_no_block_can_have_are_no_block() {
         for length in [0u8, 3, 8, 11, 13] {
             let block = [6, 0, 0, 0, length, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-            assert_eq!(found(&block, false), "a block of impossible length");
+            assert_eq!(found(&block, false), "block of invalid length");
         }
     }
 
@@ -160,7 +160,7 @@ mod tests {
         let big = b"\x0A\x0D\x0D\x0A\0\0\0\x10\x1A\x2B\x3C\x4D\0\0\0\x10";
         assert_eq!(found(big, false), "Section Big [26, 43, 60, 77]");
         let none = b"\x0A\x0D\x0D\x0A\0\0\0\x10\x1A\x2B\x3C\x4E\0\0\0\x10";
-        assert_eq!(found(none, false), "a section header without its magic");
+        assert_eq!(found(none, false), "section header without magic");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! interface description   0 link type (2)  2 reserved (2)  4 longest packet (4)  8 options
-//! option                  0 code (2)  2 length (2)  4 value, filled up to a multiple of four
+//! option                  0 code (2)  2 length (2)  4 value, padded to a multiple of four
 //! ```
 
 use crate::capture::byte_order::ByteOrder;
@@ -13,23 +13,23 @@ const IF_NAME: u16 = 2;
 const IF_TSRESOL: u16 = 9;
 const IF_TSOFFSET: u16 = 14;
 
-/// One interface of the present section.
+/// One interface of the current section.
 #[derive(Debug, Clone)]
 pub(super) struct Interface {
     pub(super) channel: Channel,
     pub(super) clock: Clock,
-    /// Longest packet; 0 for no limit. Simple packets need it.
+    /// Maximum packet size in bytes; 0 means no limit. Needed by simple packets.
     pub(super) longest: u32,
-    /// Packets it lost, as far as that was said.
+    /// Number of lost packets reported so far.
     pub(super) lost: u64,
 }
 
 impl Interface {
-    /// Bytes of a description before its options.
+    /// Size of a description before its options, in bytes.
     pub(super) const SHORTEST: usize = 8;
 
-    /// The interface with this number in its section. A description that is too short still counts as
-    /// one, because packets say numbers; a broken option ends the options only.
+    /// Parses the interface with this number in its section. A description that is too short still counts,
+    /// because packets refer to interfaces by number; an invalid option ends only the options.
     pub(super) fn read(body: &[u8], order: ByteOrder, number: usize) -> Self {
         let link = Link::new(u32::from(order.u16(body, 0).unwrap_or(u16::MAX)));
         let longest = order.u32(body, 4).unwrap_or(0);
@@ -42,21 +42,22 @@ impl Interface {
                 _ => {}
             }
         }
-        // Some writers count a closing zero into the name.
+        // Some writers include a final zero in the name.
         let name = name.and_then(|name| name.split(|byte| *byte == 0).next()).filter(|name| !name.is_empty());
         let channel = Channel::new(link, order, name, number);
         let clock = Clock::new(resolution.unwrap_or(6), offset.unwrap_or(0).cast_signed());
         Self { channel, clock, longest, lost: 0 }
     }
 
-    /// What the common path needs, if it may read the packets.
+    /// Data for the fast path; `None` if the fast path must not read the packets.
     #[inline]
     pub(super) fn usual(&self) -> Option<(BusIndex, IdOrder, Clock)> {
         self.channel.usual().map(|(bus, order)| (bus, order, self.clock))
     }
 }
 
-/// Options of a block, up to the end mark, the end of the block or the first that does not fit.
+/// Iterator over the options of a block, up to the end mark, the end of the block or the first invalid
+/// option.
 pub(super) struct Options<'a> {
     rest: &'a [u8],
     order: ByteOrder,
@@ -80,29 +81,29 @@ impl<'a> Iterator for Options<'a> {
     }
 }
 
-/// How an interface counts time.
+/// Clock of an interface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Clock {
     resolution: Resolution,
-    /// Added to every time.
+    /// Nanoseconds added to each time.
     offset: i64,
 }
 
-/// What one tick is worth.
+/// Duration of a tick.
 #[derive(Debug, Clone, Copy)]
 enum Resolution {
-    /// So many nanoseconds.
+    /// Nanoseconds per tick.
     Whole(u64),
-    /// So many of them make a nanosecond; more than fit count as never.
+    /// Ticks per nanosecond; `None` if out of range, which makes all times 0.
     Part(Option<u64>),
-    /// A second is so often halved.
+    /// A tick is 2^-n seconds.
     Halved(u32),
 }
 
 const POWER_OF_TWO: u8 = 0x80;
 
 impl Clock {
-    /// From the option's value and the offset in seconds.
+    /// Creates a clock from the value of the resolution option and the offset in seconds.
     fn new(resolution: u8, offset: i64) -> Self {
         let exponent = u32::from(resolution & !POWER_OF_TWO);
         let resolution = if resolution & POWER_OF_TWO != 0 {
@@ -115,7 +116,7 @@ impl Clock {
         Self { resolution, offset: offset.saturating_mul(1_000_000_000) }
     }
 
-    /// The time of a tick, rounded down; beyond the range of [`Timestamp`] its end.
+    /// Time of a tick, rounded down and limited to the range of [`Timestamp`].
     #[inline]
     pub(super) fn time(self, high: u32, low: u32) -> Timestamp {
         let ticks = u64::from(high) << 32 | u64::from(low);

@@ -1,28 +1,29 @@
-//! pcapng: Wireshark's capture.
+//! pcapng: the capture format of Wireshark.
 //!
 //! ```text
 //! section header ─▶ interface description … ─▶ packets, statistics, others … ─▶ section header …
 //! ```
-//! [`block`] shows how a block is told from other bytes, [`interface`] and [`section`] what is in it.
+//! Detection of blocks: [`block`]; their contents: [`interface`] and [`section`].
 //!
-//! Unknown blocks are passed over. Where no block is, the next one that is plausible is searched for and
-//! the bytes between are reported.
+//! Unknown blocks are skipped. After invalid bytes, the parser searches the next plausible block and reports
+//! the bytes between.
 //!
-//! `pcap-file` knows the numbers of the blocks; the reading is done here. Its own refuses an interface,
-//! and every packet after it, for a clock finer than nanoseconds or a name that is not UTF-8; it ends at
-//! the first byte that is no block; and its state cannot be copied, which a place in a capture needs.
+//! `pcap-file` provides the block numbers only. Its reader rejects an interface and all packets after it if
+//! the clock is finer than nanoseconds or the name is not UTF-8; it stops at the first byte outside of a
+//! block; and its state cannot be cloned, as required for positions in a capture.
 
 mod block;
 mod interface;
 mod section;
 mod write;
 
-use block::{Block, Found, Kind, START};
+use block::{Block, BlockContent, Kind, START};
 use section::Section;
 
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::{
-    Batch, BusNames, CaptureError, Format, Holds, LARGEST_RECORD, Notice, Parser, Place, WritableFormat,
+    Batch, BusNames, CaptureError, CapturePlace, Format, FormatCapabilities, LARGEST_RECORD, Notice, Parser,
+    WritableFormat,
 };
 
 pub(super) const FORMAT: Format = Format {
@@ -40,56 +41,56 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "pcapng",
     title: FORMAT.title,
-    holds: Holds { untimed: false, negative: false, ..Holds::ALL },
+    holds: FormatCapabilities { untimed: false, negative: false, ..FormatCapabilities::ALL },
     writer: |output, _| Box::new(write::PcapngWriter::new(output)),
 };
 
-/// Longer blocks are taken for damage: skipping them would lose the rest of the capture.
+/// Longer blocks are treated as damage, because skipping them would lose the rest of the capture.
 const LARGEST_BLOCK: u64 = 64 * 1024 * 1024;
 
-/// Reader of pcapng.
+/// Parser of pcapng.
 #[derive(Clone, Default)]
 struct PcapNg {
     section: Section,
-    /// Bytes taken so far.
+    /// Bytes used so far.
     offset: u64,
     skip: Option<Skip>,
     garbage: Option<Garbage>,
     has_ended: bool,
 }
 
-/// A long block being passed over.
+/// A long block being skipped.
 #[derive(Debug, Clone, Copy)]
 struct Skip {
-    /// Where it begins.
+    /// Offset of the block.
     start: u64,
     length: u64,
     order: ByteOrder,
-    /// Bytes before its second length.
+    /// Bytes left before its second length.
     left: u64,
 }
 
-/// Bytes that are no block.
+/// Bytes outside of blocks.
 #[derive(Debug, Clone, Copy)]
 struct Garbage {
-    /// Where they begin.
+    /// Offset of the first of these bytes.
     start: u64,
     why: &'static str,
 }
 
-/// What a step of the parser did.
-enum Step {
-    /// Took so many bytes.
+/// Result of one step of the parser.
+enum ParserStep {
+    /// Number of bytes used.
     Took(usize),
-    /// Took none, but goes on differently.
+    /// Nothing used, but the state changed.
     Turned,
-    /// Nothing: more input is needed.
+    /// Nothing used: more input is needed.
     More,
 }
 
 impl PcapNg {
-    /// The next step in whatever is being done.
-    fn step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    /// Performs the next step of skipping, searching or parsing.
+    fn step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
         if let Some(skip) = self.skip {
             return self.pass_over(skip, rest, at_end);
         }
@@ -100,95 +101,106 @@ impl PcapNg {
             ByteOrder::Big => self.section.run::<true>(rest, batch),
             ByteOrder::Little => self.section.run::<false>(rest, batch),
         };
-        if common > 0 { Step::Took(common) } else { self.block(at, rest, at_end, batch) }
+        if common > 0 { ParserStep::Took(common) } else { self.block(at, rest, at_end, batch) }
     }
 
-    /// One block of any kind.
-    fn block(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    /// Handles one block of any type.
+    fn block(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
         if rest.is_empty() {
-            return Step::More;
+            return ParserStep::More;
         }
         let why = match block::find(rest, self.section.order, at_end) {
-            Found::More => return Step::More,
-            Found::Block(block) | Found::Large(block) if self.is_shifted(&block, rest) => {
+            BlockContent::More => return ParserStep::More,
+            BlockContent::Block(block) | BlockContent::Large(block) if self.is_shifted(&block, rest) => {
                 "bytes between blocks"
             }
-            Found::Block(block) => {
-                self.section.take(&block, Place::Offset(at), batch);
-                return Step::Took(usize::try_from(block.length).unwrap_or(usize::MAX));
+            BlockContent::Block(block) => {
+                self.section.take(&block, CapturePlace::Offset(at), batch);
+                return ParserStep::Took(usize::try_from(block.length).unwrap_or(usize::MAX));
             }
-            Found::Large(block) if block.length <= LARGEST_BLOCK && self.section.is_plausible(&block) => {
-                self.section.take(&block, Place::Offset(at), batch);
+            BlockContent::Large(block)
+                if block.length <= LARGEST_BLOCK && self.section.is_plausible(&block) =>
+            {
+                self.section.take(&block, CapturePlace::Offset(at), batch);
                 let Block { length, order, .. } = block;
                 self.skip = Some(Skip { start: at, length, order, left: length.saturating_sub(4) });
-                return Step::Turned;
+                return ParserStep::Turned;
             }
-            Found::Large(_) => "a block of impossible length",
-            Found::Nothing(why) => why,
+            BlockContent::Large(_) => "block of invalid length",
+            BlockContent::Nothing(why) => why,
         };
-        // Its first byte is taken at once, so that the search cannot come back to it.
+        // The first byte is used at once, so that the search does not find it again.
         self.garbage = Some(Garbage { start: at, why });
-        Step::Took(1)
+        ParserStep::Took(1)
     }
 
-    /// Whether an unknown block is a known one that begins some bytes later. Packets of one size make
-    /// this likely: behind one odd byte, 256 of them look like one block with both its lengths.
+    /// Whether an unknown block is a known block that begins up to three bytes later. This is likely with
+    /// packets of equal size: after one extra byte, 256 of them look like one block with both lengths.
     fn is_shifted(&self, block: &Block<'_>, rest: &[u8]) -> bool {
         let length = usize::try_from(block.length).unwrap_or(usize::MAX).min(LARGEST_RECORD);
         block.kind == Kind::Unknown
             && (1..4).any(|shift| {
                 let rest = rest.get(shift..length).unwrap_or_default();
                 match block::find(rest, self.section.order, true) {
-                    Found::Block(block) => block.kind != Kind::Unknown && self.section.is_plausible(&block),
+                    BlockContent::Block(block) => {
+                        block.kind != Kind::Unknown && self.section.is_plausible(&block)
+                    }
                     _ => false,
                 }
             })
     }
 
-    fn pass_over(&mut self, skip: Skip, rest: &[u8], at_end: bool) -> Step {
+    fn pass_over(&mut self, skip: Skip, rest: &[u8], at_end: bool) -> ParserStep {
         if rest.is_empty() {
-            return Step::More;
+            return ParserStep::More;
         }
         if skip.left > 0 {
             let count = usize::try_from(skip.left).unwrap_or(usize::MAX).min(rest.len());
             self.skip = Some(Skip { left: skip.left.saturating_sub(count as u64), ..skip });
-            return Step::Took(count);
+            return ParserStep::Took(count);
         }
         let Some(again) = skip.order.u32(rest, 0) else {
-            return if at_end { Step::Took(rest.len()) } else { Step::More };
+            return if at_end { ParserStep::Took(rest.len()) } else { ParserStep::More };
         };
         self.skip = None;
         if u64::from(again) == skip.length {
-            return Step::Took(4);
+            return ParserStep::Took(4);
         }
-        self.garbage = Some(Garbage { start: skip.start, why: "a block whose two lengths differ" });
-        Step::Turned
+        self.garbage = Some(Garbage { start: skip.start, why: "block with two different lengths" });
+        ParserStep::Turned
     }
 
-    /// Looks for the next block that can be one.
-    fn search(&mut self, garbage: Garbage, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> Step {
+    /// Searches the next plausible block.
+    fn search(
+        &mut self,
+        garbage: Garbage,
+        at: u64,
+        rest: &[u8],
+        at_end: bool,
+        batch: &mut Batch,
+    ) -> ParserStep {
         for position in 0..rest.len() {
             let candidate = rest.get(position..).unwrap_or_default();
-            // Waiting for the whole of an unknown block would hold back what is known.
+            // Waiting for a complete unknown block would delay the frames of known blocks.
             if Kind::at(candidate, self.section.order) == Some(Kind::Unknown) {
                 continue;
             }
             match block::find(candidate, self.section.order, at_end) {
-                Found::Block(block) if self.section.is_plausible(&block) => {
+                BlockContent::Block(block) if self.section.is_plausible(&block) => {
                     self.garbage = None;
-                    let (place, reason) = garbage.told(at.saturating_add(position as u64));
+                    let (place, reason) = garbage.into_notice(at.saturating_add(position as u64));
                     batch.push_unreadable(place, reason);
                 }
-                Found::More => {}
+                BlockContent::More => {}
                 _ => continue,
             }
             return match position {
-                0 if self.garbage.is_none() => Step::Turned,
-                0 => Step::More,
-                _ => Step::Took(position),
+                0 if self.garbage.is_none() => ParserStep::Turned,
+                0 => ParserStep::More,
+                _ => ParserStep::Took(position),
             };
         }
-        if rest.is_empty() { Step::More } else { Step::Took(rest.len()) }
+        if rest.is_empty() { ParserStep::More } else { ParserStep::Took(rest.len()) }
     }
 
     fn end(&mut self, batch: &mut Batch) {
@@ -197,11 +209,11 @@ impl PcapNg {
         }
         if let Some(Skip { start, length, .. }) = self.skip {
             let reason = format!("the capture ends inside a block of {length} bytes");
-            batch.notice(Notice::CutOff { place: Place::Offset(start), reason });
+            batch.notice(Notice::CutOff { place: CapturePlace::Offset(start), reason });
         }
         if let Some(garbage) = self.garbage {
-            let (place, reason) = garbage.told(self.offset);
-            // A block with a length that is wrong seems to be cut off too, until another one is found behind it.
+            let (place, reason) = garbage.into_notice(self.offset);
+            // A block with an invalid length also appears cut off, until another block is found after it.
             let is_cut = garbage.why == block::CUT_OFF;
             batch.notice(if is_cut {
                 Notice::CutOff { place, reason }
@@ -214,11 +226,11 @@ impl PcapNg {
 }
 
 impl Garbage {
-    /// Where it stands, and what is said of it.
-    fn told(self, end: u64) -> (Place, String) {
+    /// Position and text of the notice.
+    fn into_notice(self, end: u64) -> (CapturePlace, String) {
         let (why, count) = (self.why, end.saturating_sub(self.start));
         let bytes = if count == 1 { "byte" } else { "bytes" };
-        (Place::Offset(self.start), format!("{why}: {count} {bytes} passed over"))
+        (CapturePlace::Offset(self.start), format!("{why}: {count} {bytes} skipped"))
     }
 }
 
@@ -229,9 +241,9 @@ impl Parser for PcapNg {
             let rest = input.get(taken..).unwrap_or_default();
             let at = self.offset.saturating_add(taken as u64);
             match self.step(at, rest, at_end, batch) {
-                Step::Took(count) => taken += count,
-                Step::Turned => {}
-                Step::More => break,
+                ParserStep::Took(count) => taken += count,
+                ParserStep::Turned => {}
+                ParserStep::More => break,
             }
         }
         self.offset = self.offset.saturating_add(taken as u64);

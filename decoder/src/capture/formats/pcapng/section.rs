@@ -1,8 +1,8 @@
-//! One section: its interfaces, and what its blocks hold.
+//! A section: its interfaces and the contents of its blocks.
 //!
 //! ```text
 //! enhanced packet   0 interface (4)  4 time, high (4)  8 low (4)  12 captured (4)  16 on the wire (4)
-//!                  20 data, filled up to a multiple of four, then options
+//!                  20 data, padded to a multiple of four, then options
 //! obsolete packet   0 interface (2)  2 lost before it (2)  then as above
 //! simple packet     0 on the wire (4)  4 data; of the first interface, without time
 //! statistics        0 interface (4)  4 time (8)  12 options
@@ -14,16 +14,16 @@ use super::interface::{Interface, Options};
 use crate::capture::byte_order::ByteOrder;
 use crate::capture::link::{Head, Output, common};
 use crate::capture::remark::Remark;
-use crate::capture::{Batch, BusNames, Notice, Place};
+use crate::capture::{Batch, BusNames, CapturePlace, Notice};
 use crate::frame::{BusIndex, FrameFlags};
 
-/// Interfaces kept of one section; packets of further ones are unreadable.
+/// Maximum number of interfaces in a section; packets of further ones are unreadable.
 const MAX_INTERFACES: usize = 1_024;
-/// Offset of a packet's data in its block's body.
+/// Offset of the packet data in the block body.
 const DATA: usize = 20;
-/// Largest block the common path looks at: a frame of 16 bytes.
+/// Size of the largest block on the fast path, in bytes: a frame of 16 bytes.
 const COMMON: usize = 48;
-/// What such a block has besides its packet.
+/// Overhead of such a block in addition to the packet, in bytes.
 const AROUND_PACKET: u32 = 32;
 const ENHANCED_PACKET: u32 = pcap_file::pcapng::blocks::ENHANCED_PACKET_BLOCK;
 
@@ -31,10 +31,10 @@ const EPB_FLAGS: u16 = 2;
 const EPB_DROPCOUNT: u16 = 4;
 const ISB_IFDROP: u16 = 5;
 const ISB_OSDROP: u16 = 7;
-/// Value of an obsolete packet's loss counter that says nothing.
+/// Value of an obsolete packet's loss counter that means unknown.
 const LOSS_UNKNOWN: u16 = 0xFFFF;
 
-/// The present section, and what is counted over all of them.
+/// The current section, and counters over all sections.
 #[derive(Clone)]
 pub(super) struct Section {
     pub(super) order: ByteOrder,
@@ -50,13 +50,13 @@ impl Default for Section {
 }
 
 impl Section {
-    /// Common packets in a row; returns the bytes they took.
+    /// Parses consecutive common packets; returns the number of bytes used.
     #[inline]
     pub(super) fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let number =
             |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
         let mut taken = 0;
-        // What is known of the last packet's interface: mostly the next one is of the same.
+        // Data of the last packet's interface, which the next packet usually shares.
         let mut last = None;
         while let Some(window) = input.get(taken..).and_then(<[u8]>::first_chunk::<COMMON>) {
             let ([kind, total, interface, high, low, captured, _, ..], []) = window.as_chunks::<4>() else {
@@ -99,7 +99,7 @@ impl Section {
         taken
     }
 
-    /// Whether a block fits what is known: for telling blocks from garbage.
+    /// Whether a block is plausible in this section; distinguishes blocks from invalid bytes.
     pub(super) fn is_plausible(&self, block: &Block<'_>) -> bool {
         let Block { body, order, .. } = *block;
         let interface = match block.kind {
@@ -120,7 +120,7 @@ impl Section {
         captured.saturating_add(u64::from(AROUND_PACKET)) <= block.length && !is_too_large
     }
 
-    pub(super) fn take(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+    pub(super) fn take(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
         match block.kind {
             Kind::Section => {
                 self.order = block.order;
@@ -137,7 +137,7 @@ impl Section {
                 let number = block.order.u16(block.body, 0).map(u32::from);
                 if let Some(lost) = lost.filter(|lost| *lost > 0) {
                     let bus = self.bus_of(number);
-                    say_lost(u64::from(lost), bus, place, batch);
+                    report_lost(u64::from(lost), bus, place, batch);
                 }
                 self.packet(number, block, place, batch);
             }
@@ -147,7 +147,7 @@ impl Section {
         }
     }
 
-    fn interface(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+    fn interface(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
         if block.body.len() < Interface::SHORTEST {
             let reason = "interface description: too short".to_owned();
             batch.notice(Notice::Unreadable { place, reason });
@@ -157,8 +157,8 @@ impl Section {
         }
     }
 
-    /// An enhanced or obsolete packet: their bodies differ before the time only.
-    fn packet(&mut self, number: Option<u32>, block: &Block<'_>, place: Place, batch: &mut Batch) {
+    /// Handles an enhanced or obsolete packet: their bodies differ only before the time.
+    fn packet(&mut self, number: Option<u32>, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
         let Block { body, order, .. } = *block;
         let fields =
             (number, order.u32(body, 4), order.u32(body, 8), order.u32(body, 12), order.u32(body, 16));
@@ -167,7 +167,7 @@ impl Section {
             return;
         };
         let Some(interface) = self.interfaces.get_mut(number as usize) else {
-            batch.push_unreadable(place, format!("packet of interface {number}, which was not described"));
+            batch.push_unreadable(place, format!("packet of undefined interface {number}"));
             return;
         };
         if !interface.channel.may_hold_can() {
@@ -187,7 +187,7 @@ impl Section {
             (flags, lost) = packet_options(options, order);
             if lost > 0 {
                 let bus = interface.channel.own_bus(&mut self.buses).unwrap_or_default();
-                say_lost(lost, bus, place, batch);
+                report_lost(lost, bus, place, batch);
             }
         }
         let head = Head { time: Some(interface.clock.time(high, low)), flags, place };
@@ -195,9 +195,9 @@ impl Section {
         interface.channel.packet(packet, head, &mut out);
     }
 
-    fn simple_packet(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+    fn simple_packet(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
         let Some(interface) = self.interfaces.first_mut() else {
-            batch.push_unreadable(place, "packet of interface 0, which was not described".into());
+            batch.push_unreadable(place, "packet of undefined interface 0".into());
             return;
         };
         let Some(on_the_wire) = block.order.u32(block.body, 0) else {
@@ -206,15 +206,15 @@ impl Section {
         };
         let longest = if interface.longest == 0 { u32::MAX } else { interface.longest };
         let data = block.body.get(4..).unwrap_or_default();
-        // The data are filled up; how many count is not said anywhere else.
+        // The data are padded; only these fields state their length.
         let packet = data.get(..on_the_wire.min(longest) as usize).unwrap_or(data);
         let head = Head { time: None, flags: FrameFlags::default(), place };
         let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
         interface.channel.packet(packet, head, &mut out);
     }
 
-    /// Counters of losses only grow: what is new since the last time is said.
-    fn statistics(&mut self, block: &Block<'_>, place: Place, batch: &mut Batch) {
+    /// Reports new losses: loss counters of an interface are cumulative.
+    fn statistics(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
         let number = block.order.u32(block.body, 0).unwrap_or(u32::MAX);
         let Some(interface) = self.interfaces.get_mut(number as usize) else { return };
         let options = || Options::new(block.body.get(12..).unwrap_or_default(), block.order);
@@ -235,13 +235,14 @@ impl Section {
         let (Some(bus), (Some(high), Some(low))) = (interface.channel.own_bus(&mut self.buses), time) else {
             return;
         };
-        say_lost(newly, bus, place, batch);
+        report_lost(newly, bus, place, batch);
         let time = interface.clock.time(high, low);
         match comment {
             Some(Remark::Link(state, bit_rate)) => {
                 batch.notice(Notice::Link { bus, time, state, bit_rate });
             }
             Some(Remark::Quiet) => batch.notice(Notice::Quiet(time)),
+            Some(Remark::ClockSet(step)) => batch.notice(Notice::ClockSet { bus, time, step }),
             Some(Remark::Lost(count)) => batch.notice(Notice::LostFrames { place, bus, count }),
             None => {}
         }
@@ -252,7 +253,7 @@ impl Section {
         interface.and_then(|interface| interface.channel.own_bus(&mut self.buses)).unwrap_or_default()
     }
 
-    /// Says which packets of the section were no CAN.
+    /// Reports the packets of the section that are not CAN.
     pub(super) fn summarise(&self, batch: &mut Batch) {
         for notice in self.interfaces.iter().filter_map(|interface| interface.channel.summary()) {
             batch.notice(notice);
@@ -260,7 +261,7 @@ impl Section {
     }
 }
 
-/// Direction of a packet, and how many were lost before it.
+/// Direction of a packet, and number of packets lost before it.
 fn packet_options(options: &[u8], order: ByteOrder) -> (FrameFlags, u64) {
     let (mut flags, mut lost) = (FrameFlags::default(), 0u64);
     for (code, value) in Options::new(options, order) {
@@ -274,7 +275,7 @@ fn packet_options(options: &[u8], order: ByteOrder) -> (FrameFlags, u64) {
     (flags, lost)
 }
 
-fn say_lost(lost: u64, bus: BusIndex, place: Place, batch: &mut Batch) {
+fn report_lost(lost: u64, bus: BusIndex, place: CapturePlace, batch: &mut Batch) {
     if lost > 0 {
         batch.notice(Notice::LostFrames { place, bus, count: Some(lost) });
     }

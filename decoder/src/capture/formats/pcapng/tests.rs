@@ -1,4 +1,4 @@
-//! Unit tests of the pcapng reader, apart for their length.
+//! Unit tests of the pcapng parser, in a separate file because of their length.
 
 #![expect(clippy::cast_possible_truncation, reason = "made-up numbers are small")]
 
@@ -10,7 +10,7 @@ use crate::capture::testing::{read, read_in_pieces};
 const SYNC: &[u8] = b"\0\0\0\x80\0\0\0\0\0\0\0\0\0\0\0\0";
 const HEARTBEAT: &[u8] = b"\0\0\x07\x05\x01\0\0\0\x7F";
 
-/// Writes blocks of one byte order.
+/// Writes blocks in one byte order.
 #[derive(Clone)]
 struct Writer {
     order: ByteOrder,
@@ -24,7 +24,7 @@ impl Writer {
         writer
     }
 
-    /// With one CAN interface.
+    /// Section with one CAN interface.
     fn usual() -> Self {
         let mut writer = Self::new(ByteOrder::Little);
         writer.interface(227, &[]);
@@ -156,7 +156,7 @@ fn packets_of_all_three_kinds() {
 }
 
 #[test]
-fn packets_that_tell_their_interface_need_it_on_the_device_any_only() {
+fn packets_state_their_interface_only_on_the_device_any() {
     let mut writer = Writer::new(ByteOrder::Big);
     writer.interface(276, &[(2, b"any")]).interface(276, &[(2, b"can7")]).interface(276, &[]);
     let mut packet = vec![0, 0x0C, 0, 0, 0, 0, 0, 5, 1, 0x18, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0];
@@ -176,7 +176,7 @@ fn a_simple_packet_is_cut_at_the_interfaces_longest() {
 }
 
 #[test]
-fn losses_are_said_when_their_counter_grows() {
+fn losses_are_reported_when_their_counter_grows() {
     let mut writer = Writer::usual();
     writer.interface(1, &[]);
     let mut statistics = |interface: u8, code: u8, lost: u8| {
@@ -215,7 +215,7 @@ fn unknown_blocks_of_any_length_are_passed_over() {
     for length in [0, 100, LARGEST_RECORD - 12, LARGEST_RECORD - 8, 300_000, 3_000_000] {
         writer.block(0x1234, &vec![6; length]).block(4, &vec![6; length]).packet(0, 0, SYNC, &[]);
     }
-    // A comment of an interface or section may be as long.
+    // The comment of an interface or section may have the same length.
     writer.section();
     let body = [&b"\xE3\0\0\0\0\0\0\0\x02\0\x03\0can\0"[..], &vec![1; 300_000]].concat();
     writer.block(1, &body).packet(0, 0, HEARTBEAT, &[]);
@@ -229,13 +229,13 @@ fn unknown_blocks_of_any_length_are_passed_over() {
 #[test]
 fn bytes_that_are_no_block_are_passed_over_and_reported() {
     let garbage: [(&[u8], &str); 7] = [
-        (&[0; 40], "a block of impossible length: 40 bytes"),
+        (&[0; 40], "block of invalid length: 40 bytes"),
         (b"x", "bytes between blocks: 1 byte"),
         (b"xyz", "bytes between blocks: 3 bytes"),
-        (b"\x06\0\0\0\x20\0\0\0 an interrupted packet", "a block whose two lengths differ: 30 bytes"),
-        (b"\x06\0\0\0\xFC\xFF\xFF\xFF", "a block of impossible length: 8 bytes"),
-        (b"\x99\0\0\0\xFC\xFF\xFF\xFF", "a block of impossible length: 8 bytes"),
-        (b"\x0A\x0D\x0D\x0A\x1C\0\0\0bad magic", "a section header without its magic: 17 bytes"),
+        (b"\x06\0\0\0\x20\0\0\0 an interrupted packet", "block with two different lengths: 30 bytes"),
+        (b"\x06\0\0\0\xFC\xFF\xFF\xFF", "block of invalid length: 8 bytes"),
+        (b"\x99\0\0\0\xFC\xFF\xFF\xFF", "block of invalid length: 8 bytes"),
+        (b"\x0A\x0D\x0D\x0A\x1C\0\0\0bad magic", "section header without magic: 17 bytes"),
     ];
     for (garbage, expected) in garbage {
         let mut writer = Writer::usual();
@@ -244,7 +244,7 @@ fn bytes_that_are_no_block_are_passed_over_and_reported() {
             writer.packet(0, 0, HEARTBEAT, &[]);
         }
         let content = read(&writer.bytes);
-        assert_eq!(content.items[1], format!("byte 96: {expected} passed over"));
+        assert_eq!(content.items[1], format!("byte 96: {expected} skipped"));
         assert_eq!((content.frames.len(), content.items.len()), (4_001, 4_002));
     }
 }
@@ -256,7 +256,7 @@ fn a_long_block_with_the_wrong_end_is_reported_where_it_began() {
     let end = 48 + 8 + 200_000;
     writer.bytes[end] ^= 1;
     let items = writer.items();
-    assert_eq!(items[0], "byte 48: a block whose two lengths differ: 200012 bytes passed over");
+    assert_eq!(items[0], "byte 48: block with two different lengths: 200012 bytes skipped");
     assert_eq!(items.len(), 2);
 }
 
@@ -272,7 +272,7 @@ fn a_capture_that_ends_too_early_says_where() {
         let count = end - start;
         assert_eq!(
             items[1..],
-            [format!("byte 96: the capture ends inside a block: {count} {bytes} passed over")]
+            [format!("byte 96: the capture ends inside a block: {count} {bytes} skipped")]
         );
     }
     let mut writer = Writer::usual();
@@ -299,12 +299,12 @@ fn hostile_numbers_in_packets_and_interfaces() {
     assert_eq!(
         writer.items(),
         [
-            "byte 28: packet of interface 0, which was not described",
-            "byte 76: packet of interface 0, which was not described",
+            "byte 28: packet of undefined interface 0",
+            "byte 76: packet of undefined interface 0",
             "byte 92: interface description: too short",
             "{1} (0.000000000) bus0 080# flags=00 dlc=0",
-            "byte 176: packet of interface 2, which was not described",
-            "byte 224: packet of interface 4294967295, which was not described",
+            "byte 176: packet of undefined interface 2",
+            "byte 224: packet of undefined interface 4294967295",
             "byte 272: packet block: found 4 of 4294967295 captured bytes",
             "byte 308: packet block: too short",
             "byte 328: packet block: too short",
@@ -325,7 +325,7 @@ fn interfaces_beyond_the_limit_have_unreadable_packets() {
     assert_eq!(
         writer.items(),
         [
-            format!("byte {last}: packet of interface 1024, which was not described"),
+            format!("byte {last}: packet of undefined interface 1024"),
             "{1} (0.000000000) bus0 080# flags=00 dlc=0".into()
         ]
     );

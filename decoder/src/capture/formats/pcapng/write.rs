@@ -1,11 +1,12 @@
-//! Writes pcapng: an interface a bus with its name, stamps of nanoseconds, packets as SocketCAN has them.
+//! Writer of pcapng: one named interface per bus, timestamps in nanoseconds, packets in the layout of
+//! SocketCAN.
 //!
 //! ```text
 //! section header │ interface description (first frame of a bus) │ enhanced packet │ enhanced packet │ …
 //!
 //! packet, link type 227:  0 identifier and flags (big-endian)  4 length  5 FD flags  6 0  7 raw DLC  8 data
 //! ```
-//! Section 4 of draft-ietf-opsawg-pcapng; link type by tcpdump.org, CAN_SOCKETCAN.
+//! Section 4 of draft-ietf-opsawg-pcapng; link type CAN_SOCKETCAN of tcpdump.org.
 
 use std::io::{self, Write};
 
@@ -26,45 +27,45 @@ const STATISTICS: u32 = 5;
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 const CAN_SOCKETCAN: u16 = 227;
 
-/// Options: comment; name of an interface, resolution of its stamps (10^-n); flags of a packet; packets lost by the
-/// system since the interface was opened; end.
+/// Option codes: name of an interface, resolution of its timestamps (10^-n), flags of a packet, packets lost
+/// by the system since the interface was opened, end of the options.
 const NAME: u16 = 2;
 const RESOLUTION: u16 = 9;
 const PACKET_FLAGS: u16 = 2;
 const LOST: u16 = 7;
 const END: u16 = 0;
 
-/// Bytes of an option's value at most.
+/// Maximum size of an option value in bytes.
 const LONGEST_OPTION: usize = 65_535;
 
-/// Bytes a packet has before its data, and its block before the packet.
+/// Size of the packet header before the data, and of the block header before the packet, in bytes.
 const PACKET_HEADER: usize = 8;
 const BLOCK_HEADER: usize = 28;
 
-/// Bytes of a classic frame.
+/// Maximum data size of a classic frame in bytes.
 const CLASSIC: usize = 8;
 
-/// Flags of a packet: to this host, from it.
+/// Packet flags: to this host, from this host.
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
 
-/// Bits of an identifier (SocketCAN): 29 bits, remote frame, error frame.
+/// Flags of an identifier (SocketCAN): 29 bits, remote frame, error frame.
 const EXTENDED_FLAG: u32 = 0x8000_0000;
 const REMOTE_FLAG: u32 = 0x4000_0000;
 const ERROR_FLAG: u32 = 0x2000_0000;
 
-/// FD flags: bit rate switched, sender error passive, an FD frame.
+/// FD flags: bit rate switched, transmitter error passive, FD frame.
 const SWITCHED: u8 = 1;
 const PASSIVE: u8 = 2;
 const FD: u8 = 4;
 
-/// Writer of pcapng. It has no packets without time: those of frames without one have that of the packet before.
-/// Times before 1970 are written as 0: stamps have no sign.
+/// Writer of pcapng. Packets always have a time: a frame without time gets that of the packet before. Times
+/// before 1970 are written as 0 because timestamps have no sign.
 pub(super) struct PcapngWriter<W> {
     output: W,
-    /// The block being made.
+    /// The current block.
     block: Vec<u8>,
-    /// Name of each interface, and frames lost on it.
+    /// Name of each interface, and number of frames lost on it.
     buses: Vec<(String, u64)>,
     /// Interface of the last frame.
     last: usize,
@@ -78,7 +79,7 @@ impl<W: Write> PcapngWriter<W> {
         Self { output, block, buses: Vec::new(), last: 0, time: Timestamp::default(), has_begun: false }
     }
 
-    /// Begins a block; its length is known at its end.
+    /// Starts a block; `close` sets its length.
     fn open(&mut self, kind: u32) {
         self.block.clear();
         self.block.extend_from_slice([kind, 0].map(u32::to_le_bytes).as_flattened());
@@ -88,7 +89,7 @@ impl<W: Write> PcapngWriter<W> {
         self.block.extend_from_slice(bytes);
     }
 
-    /// Writes the block, which is filled up to four bytes.
+    /// Pads the block to four bytes and writes it.
     fn close(&mut self) -> io::Result<()> {
         let length = u32::try_from(self.block.len().saturating_add(4)).unwrap_or(u32::MAX).to_le_bytes();
         if let Some(place) = self.block.get_mut(4..8) {
@@ -106,7 +107,7 @@ impl<W: Write> PcapngWriter<W> {
         self.open(SECTION_HEADER);
         self.put(&BYTE_ORDER.to_le_bytes());
         self.put(&[1, 0, 0, 0]);
-        // The length of the section is not known.
+        // The length of the section is unknown.
         self.put(&u64::MAX.to_le_bytes());
         self.close()
     }
@@ -119,7 +120,7 @@ impl<W: Write> PcapngWriter<W> {
         Ok(u32::try_from(self.last).unwrap_or(u32::MAX))
     }
 
-    /// Another bus than before; a new one is described.
+    /// Selects the interface of a bus; describes it if it is new.
     fn turn_to(&mut self, bus: &str) -> io::Result<()> {
         self.begin()?;
         if let Some(known) = self.buses.iter().position(|(name, _)| name == bus) {
@@ -137,7 +138,7 @@ impl<W: Write> PcapngWriter<W> {
         self.close()
     }
 
-    /// What is known of an interface at a time: frames lost so far, and a remark.
+    /// Writes statistics of an interface: frames lost so far, and an optional remark.
     fn statistics(&mut self, bus: &str, time: Timestamp, remark: Option<Remark>) -> io::Result<()> {
         let interface = self.interface(bus)?;
         let lost = self.buses.get(self.last).map_or(0, |(_, lost)| *lost);
@@ -195,14 +196,14 @@ impl<W: Write> PcapngWriter<W> {
     }
 }
 
-/// A time in nanoseconds as the two halves of a stamp, the upper one first.
+/// Upper and lower half of a timestamp in nanoseconds.
 #[inline]
 fn halves(time: Timestamp) -> [u32; 2] {
     let [low, high]: [u32; 2] = must_cast(u64::try_from(time.0).unwrap_or(0).to_le());
     [u32::from_le(high), u32::from_le(low)]
 }
 
-/// Appends an option, padded to four bytes; a value too long for its length is cut.
+/// Appends an option, padded to four bytes; a value over the maximum size is cut.
 fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
     let value = value.get(..LONGEST_OPTION).unwrap_or(value);
     body.extend_from_slice(&code.to_le_bytes());
@@ -211,7 +212,7 @@ fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
     push_part(body, [0; 3], value.len().next_multiple_of(4) - value.len());
 }
 
-/// What stands before the data in SocketCAN's layout.
+/// Header before the data in SocketCAN's layout.
 #[inline]
 fn start_of_packet(frame: &Frame) -> [u8; PACKET_HEADER] {
     let flags = frame.flags;
@@ -254,6 +255,7 @@ impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
             }
             Notice::Link { time, state, bit_rate, .. } => (time, Some(Remark::Link(state, bit_rate))),
             Notice::Quiet(time) => (time, Some(Remark::Quiet)),
+            Notice::ClockSet { time, step, .. } => (time, Some(Remark::ClockSet(step))),
             Notice::LostFrames { count: None, .. } => (self.time, Some(Remark::Lost(None))),
             Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
@@ -281,7 +283,7 @@ mod tests {
         };
         writer.write(&Frame::EMPTY, "can0").unwrap();
         let before = writer.output.len();
-        // What lies behind the data means nothing and is not written.
+        // Bytes after the data are undefined and must not be written.
         writer.write_commented(&Frame { length: 1, ..frame }, "can0", "hé").unwrap();
         let expected = [
             &[6, 0, 0, 0, 64, 0, 0, 0, 0, 0, 0, 0][..],
@@ -299,7 +301,7 @@ mod tests {
         writer.write(&Frame::EMPTY, "can0").unwrap();
         let before = writer.output.len();
         writer.write_commented(&Frame::EMPTY, "can0", &"é".repeat(40_000)).unwrap();
-        // 65,535 is odd, so half a character has no room.
+        // 65,535 is odd, so the last two-byte character does not fit.
         assert_eq!(writer.output[before + 36..before + 40], [1, 0, 0xFE, 0xFF]);
         assert_eq!(writer.output.len() - before, 32 + 8 + 4 + 65_536 + 4);
         let read = crate::capture::testing::read(&writer.output);

@@ -1,4 +1,4 @@
-//! One line of a PEAK trace, cut into the columns its version or `$COLUMNS` names.
+//! One line of a PEAK capture, split into the columns of its version or of `$COLUMNS`.
 //!
 //! ```text
 //! N     O             T  B I        d  R L    D
@@ -8,17 +8,17 @@
 //! ```
 
 use crate::capture::bus_error::{self, ControllerState, Counters, Violation};
-use crate::capture::text::columns::{Base, Words, data, identifier, time};
+use crate::capture::text::columns::{Base, ColumnWords, data, identifier, time};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
-/// Nanoseconds of the unit of time offsets.
+/// Unit of time offsets in nanoseconds.
 const MILLISECOND: i64 = 1_000_000;
 
-/// Identifier of lines that tell the state of the bus, up to version 1.3.
+/// Identifier of lines with a bus state, up to version 1.3.
 const STATUS_ID: &[u8] = b"FFFFFFFF";
 
 /// Versions and their columns; `$COLUMNS` overrides those of 2.x. Version 1.0 has no `$FILEVERSION`.
-pub(super) const LAYOUTS: &[(&str, &[u8])] = &[
+pub(in crate::capture::formats) const LAYOUTS: &[(&str, &[u8])] = &[
     ("1.0", b"NOILD"),
     ("1.1", b"NOTILD"),
     ("1.2", b"NOBTILD"),
@@ -27,7 +27,7 @@ pub(super) const LAYOUTS: &[(&str, &[u8])] = &[
     ("2.1", b"NOTBIdRLD"),
 ];
 
-/// Types of lines that are frames. Up to 1.3 the type is the direction.
+/// Types of lines with frames. Up to 1.3 the type is the direction.
 const FRAME_TYPES: &[(&[u8], FrameFlags)] = &[
     (b"DT", FrameFlags(0)),
     (b"Rx", FrameFlags::RECEIVED),
@@ -39,11 +39,11 @@ const FRAME_TYPES: &[(&[u8], FrameFlags)] = &[
     (b"BI", FrameFlags::FD.with(FrameFlags::ERROR_STATE)),
 ];
 
-/// Kinds of error, as PEAK's drivers number them. "Other" holds checksum and acknowledgement too.
+/// Error types in the numbering of PEAK's drivers. "Other" includes CRC and acknowledgement errors.
 const VIOLATIONS: &[(u32, Violation)] =
     &[(1, Violation::Bit), (2, Violation::Form), (4, Violation::Stuff), (8, Violation::Other)];
 
-/// Bits of a status, the worst first. "Heavy" and "light" are limits of the error counters, which
+/// Status bits, the most severe first. "Heavy" and "light" are limits of the error counters, which
 /// differ between PEAK's interfaces; both are at or above the controller's warning limit.
 const STATES: &[(u32, ControllerState)] = &[
     (0x0000_0010, ControllerState::BusOff),
@@ -53,32 +53,32 @@ const STATES: &[(u32, ControllerState)] = &[
     (OVERRUN, ControllerState::Overrun),
 ];
 
-/// Status bits that say frames were lost: the controller, or the driver's queue, was read too late.
+/// Status bits for lost frames: the controller, or the driver's queue, was read too late.
 const OVERRUN: u32 = 0x0000_0042;
 
-/// What a line says.
+/// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Line<'a> {
-    /// A frame, or a report of the bus as an error frame.
+pub(in crate::capture::formats) enum Line<'a> {
+    /// A frame, or a bus report converted to an error frame.
     Frame(FrameLine<'a>),
-    /// Nothing about the bus: an event the user entered.
+    /// An event that the user entered.
     Nothing,
 }
 
-/// A frame with what its place in the capture decides left open.
+/// A frame, without the properties that depend on its position in the capture.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct FrameLine<'a> {
-    /// Nanoseconds since the start of the trace.
-    pub(super) offset: i64,
-    /// Name of the bus.
-    pub(super) bus: &'a [u8],
-    /// The frame without number, time and bus.
-    pub(super) frame: Frame,
-    /// The line says that frames were lost.
-    pub(super) lost: bool,
+pub(in crate::capture::formats) struct FrameLine<'a> {
+    /// Nanoseconds since the start of the capture.
+    pub(in crate::capture::formats) offset: i64,
+    /// Bus name.
+    pub(in crate::capture::formats) bus: &'a [u8],
+    /// The frame, without number, time and bus.
+    pub(in crate::capture::formats) frame: Frame,
+    /// Whether the line reports lost frames.
+    pub(in crate::capture::formats) lost: bool,
 }
 
-/// The columns of one line; empty where there is none.
+/// The columns of one line; missing columns are empty.
 #[derive(Debug, Default)]
 struct Columns<'a> {
     offset: &'a [u8],
@@ -88,12 +88,12 @@ struct Columns<'a> {
     direction: &'a [u8],
     length: &'a [u8],
     is_dlc: bool,
-    data: Words<'a>,
+    data: ColumnWords<'a>,
 }
 
 impl<'a> Columns<'a> {
     fn split(layout: &[u8], line: &'a [u8]) -> Self {
-        let mut words = Words::new(line);
+        let mut words = ColumnWords::new(line);
         let mut columns = Self::default();
         for column in layout {
             if *column == b'D' {
@@ -109,7 +109,7 @@ impl<'a> Columns<'a> {
                 b'd' => columns.direction = word,
                 b'l' => columns.length = word,
                 b'L' => (columns.length, columns.is_dlc) = (word, true),
-                // N numbers the lines, R is reserved.
+                // N is the line number, R is reserved.
                 _ => {}
             }
         }
@@ -117,16 +117,20 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// Reads one line that is no comment; the error says what was expected.
-pub(super) fn parse<'a>(layout: &[u8], line: &'a [u8]) -> Result<Line<'a>, &'static str> {
+/// Parses a line other than a comment; the error contains the expected content.
+pub(in crate::capture::formats) fn parse<'a>(
+    layout: &[u8],
+    line: &'a [u8],
+) -> Result<Line<'a>, &'static str> {
     let columns = Columns::split(layout, line);
-    let offset = time(columns.offset, MILLISECOND).ok_or("time offset: expected milliseconds, 12.345")?;
+    let offset =
+        time(columns.offset, MILLISECOND).ok_or("time offset: expected milliseconds, such as 12.345")?;
     let Some((frame, lost)) = content(&columns, line)? else { return Ok(Line::Nothing) };
     let bus = if columns.bus.is_empty() { b"1" } else { columns.bus };
     Ok(Line::Frame(FrameLine { offset, bus, frame, lost }))
 }
 
-/// The frame a line tells, and whether it says that frames were lost.
+/// Parses the frame of a line, and whether the line reports lost frames.
 fn content(columns: &Columns<'_>, line: &[u8]) -> Result<Option<(Frame, bool)>, &'static str> {
     let has_type = !columns.kind.is_empty();
     let words = columns.data.clone();
@@ -143,26 +147,27 @@ fn content(columns: &Columns<'_>, line: &[u8]) -> Result<Option<(Frame, bool)>, 
         _ if !has_type && columns.data.peek() == Some(b"ERROR") => old_error(columns.id, words.skip(1)),
         _ => return frame(columns).map(|frame| Some((frame, false))),
     };
-    report.map(Some).ok_or("error or status: expected its 2, 4 or 5 data bytes")
+    report.map(Some).ok_or("error or status: expected 2, 4 or 5 data bytes")
 }
 
 fn plain(frame: Frame) -> (Frame, bool) {
     (frame, false)
 }
 
-/// Up to 1.3 the identifier of an error line is the kind of error.
+/// Parses an error line up to version 1.3, whose identifier is the error type.
 fn old_error<'a>(id: &[u8], words: impl Iterator<Item = &'a [u8]>) -> Option<(Frame, bool)> {
     error(Base::Hex.number(id)?, first_bytes(words)?).map(plain)
 }
 
-/// An error frame: direction (0 = sending), place as the SJA1000 codes it, both counters.
+/// Error frame from an error type, direction (0 = transmitting), segment code of the SJA1000, and both
+/// counters.
 fn error(kind: u32, [direction, place, receive, transmit]: [u8; 4]) -> Option<Frame> {
     let (_, kind) = VIOLATIONS.iter().find(|(code, _)| *code == kind)?;
     let counters = Counters { receive, transmit }.of_error();
     Some(bus_error::violation(*kind, direction == 0, place & 0x1F, counters))
 }
 
-/// A status: four bytes, most significant first. None of the known bits means all is well again.
+/// Parses a status of four bytes, most significant first. Without a known bit the state is error active.
 fn status(bytes: [u8; 4]) -> (Frame, bool) {
     let status = u32::from_be_bytes(bytes);
     let state = STATES.iter().find(|(bits, _)| status & bits != 0);
@@ -174,15 +179,15 @@ fn first_bytes<'a, const N: usize>(words: impl Iterator<Item = &'a [u8]>) -> Opt
     data(words, N, Base::Hex)?.first_chunk().copied()
 }
 
-/// The last words of a line as bytes: lines of errors and states leave columns empty, so that only
-/// their end is where it should be.
+/// The last words of a line as bytes. Lines of errors and states leave columns empty, so only the end of the
+/// line has a fixed position.
 fn last_bytes<const N: usize>(line: &[u8]) -> Option<[u8; N]> {
-    let skipped = Words::new(line).count().checked_sub(N)?;
-    first_bytes(Words::new(line).skip(skipped))
+    let skipped = ColumnWords::new(line).count().checked_sub(N)?;
+    first_bytes(ColumnWords::new(line).skip(skipped))
 }
 
 fn frame(columns: &Columns<'_>) -> Result<Frame, &'static str> {
-    const SHORT: &str = "data: fewer bytes than the length says";
+    const SHORT: &str = "data: fewer bytes than the length";
     let mut flags = match FRAME_TYPES.iter().find(|(kind, _)| *kind == columns.kind) {
         Some((_, flags)) => *flags,
         None if columns.kind.is_empty() => FrameFlags(0),
@@ -196,18 +201,19 @@ fn frame(columns: &Columns<'_>) -> Result<Frame, &'static str> {
     if columns.data.peek() == Some(b"RTR") {
         flags = flags.with(FrameFlags::REMOTE);
     }
-    let (length, raw_dlc) = length(columns, flags).ok_or("length: expected one the frame can have")?;
+    let (length, raw_dlc) =
+        length(columns, flags).ok_or("length: expected a valid length of the frame type")?;
     let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(length) };
     let bytes = data(columns.data.clone(), count, Base::Hex).ok_or(SHORT)?;
     Ok(Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY })
 }
 
-/// Four digits are a base identifier, eight an extended one; nothing else tells them apart.
+/// Four digits are a base identifier, eight an extended one; the length is the only difference.
 fn can_id(digits: &[u8]) -> Option<CanId> {
     identifier(Base::Hex.number(digits)?, digits.len() > 4)
 }
 
-/// Length in bytes, and the DLC where it says more.
+/// Length in bytes, and the DLC of a classic frame if above 8.
 fn length(columns: &Columns<'_>, flags: FrameFlags) -> Option<(u8, u8)> {
     let number = Base::Decimal.byte(columns.length)?;
     let is_fd = flags.contains(FrameFlags::FD);

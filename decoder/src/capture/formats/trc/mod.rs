@@ -1,4 +1,4 @@
-//! PEAK-System's trace files, versions 1.0 to 1.3 and 2.x.
+//! Captures (trace files) of PEAK-System, versions 1.0 to 1.3 and 2.x.
 //!
 //! ```text
 //! ;$FILEVERSION=2.1                          from 1.1 on
@@ -8,23 +8,24 @@
 //!       1     17535.400 DT 1  00000100 Tx -  8    00 00 00 00 00 00 00 00
 //! ```
 //!
-//! The states of the bus that PEAK records in lines of their own are delivered as error frames, which is
-//! what SocketCAN makes of them.
+//! PEAK stores bus states in separate lines. They are emitted as the error frames that SocketCAN creates for
+//! them.
 
-mod line;
+pub(super) mod line;
 mod write;
 
 use line::{FrameLine, LAYOUTS, Line};
 
-use crate::capture::text::columns::{Words, windows_date};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, Seen};
+use crate::capture::text::bus_labels::BusLabels;
+use crate::capture::text::columns::{ColumnWords, windows_date};
+use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ParsedLine};
 use crate::capture::text::lines::excerpt;
-use crate::capture::{Directions, ErrorFrames, Format, Holds, WritableFormat};
+use crate::capture::{Directions, ErrorFrames, Format, FormatCapabilities, WritableFormat};
 
-/// Comment lines that a heading may have before the first frame.
+/// Maximum number of comment lines before the first frame.
 const DETECTING_LINES: usize = 200;
 
-/// Columns of a line that are looked at; version 2.1 has nine.
+/// Maximum number of columns; version 2.1 has nine.
 const MOST_COLUMNS: usize = 16;
 
 pub(super) const FORMAT: Format = Format {
@@ -39,7 +40,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     name: FORMAT.name,
     suffix: "trc",
     title: FORMAT.title,
-    holds: Holds {
+    holds: FormatCapabilities {
         resolution: write::MICROSECOND,
         untimed: false,
         backwards: false,
@@ -47,20 +48,20 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
         directions: Directions::Assumed,
         bus_names: false,
         notices: false,
-        ..Holds::ALL
+        ..FormatCapabilities::ALL
     },
     writer: |output, _| Box::new(write::TrcWriter::new(output)),
 };
 
-/// A version line, or comments and then a line of version 1.0. PEAK's LIN traces begin alike, but have
-/// a checksum column.
+/// Detects a version line, or comments followed by a line of version 1.0. PEAK's LIN captures have the same
+/// start, but a checksum column.
 fn detect(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let lines = head.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
     let (mut commented, mut versioned) = (false, false);
     for text in lines.filter(|text| !text.is_empty()) {
         if !text.starts_with(b";") {
-            let numbered = Words::new(text).next().is_some_and(|word| word.ends_with(b")"));
+            let numbered = ColumnWords::new(text).next().is_some_and(|word| word.ends_with(b")"));
             let oldest = || commented && numbered && line::parse(oldest_layout(), text).is_ok();
             return versioned || oldest();
         }
@@ -77,19 +78,20 @@ fn oldest_layout() -> &'static [u8] {
     LAYOUTS.first().map_or(b"", |(_, layout)| layout)
 }
 
-/// What PEAK traces say of later lines.
+/// State that affects later lines.
 #[derive(Clone)]
 struct Trc {
     layout: Vec<u8>,
     start: i64,
+    buses: BusLabels,
 }
 
 impl Trc {
     fn new() -> Self {
-        Self { layout: oldest_layout().to_vec(), start: 0 }
+        Self { layout: oldest_layout().to_vec(), start: 0, buses: BusLabels::default() }
     }
 
-    /// Comments are free text but for three keywords.
+    /// Handles a comment: free text, except for three keywords and the names of buses.
     fn comment(&mut self, comment: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
         if let Some(version) = comment.strip_prefix(b"$FILEVERSION=") {
             return self.version(version.trim_ascii());
@@ -98,17 +100,20 @@ impl Trc {
             let columns = columns.split(|byte| *byte == b',').take(MOST_COLUMNS);
             self.layout = columns.filter_map(|column| column.trim_ascii().first().copied()).collect();
         }
+        if let Some(label) = comment.strip_prefix(b"   Bus ") {
+            self.buses.learn(label);
+        }
         if let Some(days) = comment.strip_prefix(b"$STARTTIME=") {
             self.start = windows_date(days.trim_ascii_end())
-                .ok_or("start time: expected days since 1899-12-30, 44548.6028595139")?;
-            assumptions.say("the start time carries no time zone: times read as UTC");
+                .ok_or("start time: expected days since 1899-12-30, such as 44548.6028595139")?;
+            assumptions.report("start time without time zone: times read as UTC");
         }
         Ok(())
     }
 
     fn version(&mut self, version: &[u8]) -> Result<(), Fault> {
         let known = LAYOUTS.iter().find(|(known, _)| known.as_bytes() == version);
-        // From 2.0 on the columns are named, so that a later version can be read too.
+        // From 2.0 on the columns are named, so later versions can be read too.
         let later = || LAYOUTS.last().filter(|_| version.starts_with(b"2."));
         let Some((_, layout)) = known.or_else(later) else {
             return Err(Fault::Header {
@@ -128,7 +133,7 @@ impl LineFormat for Trc {
         &'a mut self,
         text: &'a [u8],
         assumptions: &mut Assumptions,
-    ) -> Result<Option<Seen<'a>>, Fault> {
+    ) -> Result<Option<ParsedLine<'a>>, Fault> {
         let text = text.trim_ascii();
         if let Some(comment) = text.strip_prefix(b";") {
             return self.comment(comment, assumptions).map(|()| None);
@@ -137,7 +142,8 @@ impl LineFormat for Trc {
             Line::Nothing => return Ok(None),
             Line::Frame(found) => found,
         };
-        Ok(Some(Seen { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
+        let bus = self.buses.name(bus);
+        Ok(Some(ParsedLine { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
     }
 }
 
@@ -185,7 +191,7 @@ mod tests {
         let [(0, bad), (0, lost)] = batch.notices() else { panic!("{:?}", batch.notices()) };
         assert_eq!(
             bad.to_string(),
-            "line 2: data: fewer bytes than the length says; found \"1) 1.0 Rx 0728 9 7F\""
+            "line 2: data: fewer bytes than the length; found \"1) 1.0 Rx 0728 9 7F\""
         );
         assert_eq!(lost.to_string(), "line 3: frames lost");
     }
@@ -193,7 +199,7 @@ mod tests {
     #[test]
     fn an_unknown_version_is_refused_with_its_place() {
         let error = read(";\n;$FILEVERSION=3.0\n").err().unwrap().to_string();
-        assert_eq!(error, "PEAK TRC: byte 2: found file version \"3.0\", expected 1.0, 1.1, 1.2, 1.3 or 2.x");
+        assert_eq!(error, "PEAK TRC: byte 2: found file version \"3.0\"; expected 1.0, 1.1, 1.2, 1.3 or 2.x");
     }
 
     #[test]

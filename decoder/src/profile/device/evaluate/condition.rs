@@ -1,27 +1,27 @@
-//! Operators of conditions, and the facts they need.
+//! Evaluation of conditions, and the facts it requires.
 
 use crate::profile::device::condition::{Condition, Conditions};
 use crate::profile::resolve::Number;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
-/// Age up to which the last SYNC still counts as present, in nanoseconds.
+/// Max age of the last SYNC for it to count as present, in ns.
 pub(crate) const SYNC_AGE: i64 = 1_000_000_000;
 
-/// Result of a condition, and of a gate that consists of conditions.
+/// Result of a condition, or of a gate with several conditions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GateStatus {
-    /// It lets the set point act.
+    /// The set point can take effect.
     Open,
-    /// It keeps it from acting.
+    /// The set point cannot take effect.
     Closed,
-    /// Nothing tells.
+    /// No evidence on the bus.
     Unknown,
-    /// The bus never shows it; it does not count.
+    /// Never visible on the bus; ignored.
     Invisible,
 }
 
 impl GateStatus {
-    /// The name used in all output.
+    /// Name in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Open => "open",
@@ -35,12 +35,12 @@ impl GateStatus {
         if holds { Self::Open } else { Self::Closed }
     }
 
-    /// An assumed value may let a set point act, but proves no obstacle.
+    /// An assumed value can open a gate, but not close one.
     const fn of_number(holds: bool, number: Number) -> Self {
         if number.assumed && !holds { Self::Unknown } else { Self::of(holds) }
     }
 
-    /// Status of two conditions that must both hold.
+    /// Result of two conditions that must both hold.
     pub(crate) const fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Closed, _) | (_, Self::Closed) => Self::Closed,
@@ -51,33 +51,34 @@ impl GateStatus {
     }
 }
 
-/// Facts about one node at one time. `None` is a fact that is not known with the certainty the caller demands.
+/// Facts about one node at one time; `None` if not known with the certainty that the caller requires.
 pub(crate) trait DeviceFacts: Sized {
     /// NMT state of the node.
     fn nmt_state(&self) -> Option<NmtState>;
 
-    /// Raw number an object holds.
+    /// Raw number of an object.
     fn number(&self, object: ObjectAddress) -> Option<Number>;
 
-    /// State that the machine of a channel reports.
+    /// State reported by the machine of a channel.
     fn reported_state(&self, channel: Option<u8>) -> Option<&str>;
 
-    /// Whether the control word leads that machine from its reported state to one of `states`.
+    /// Whether the control word leads the machine from its reported state to one of `states`.
     fn is_commanded(&self, channel: Option<u8>, states: &[String]) -> bool;
 
-    /// Time since the last SYNC with the node's own identifier, in nanoseconds; `None` before the first one.
+    /// Time since the last SYNC with the identifier configured in the node, in ns; `None` before the first
+    /// one.
     fn sync_age(&self) -> Option<i64>;
 
     /// Whether an error or trouble code is active.
     fn has_error(&self) -> bool;
 
-    /// Whether a running procedure takes the set points over.
+    /// Whether a running procedure takes over the set points.
     fn is_taken_over(&self) -> bool;
 
     /// Whether the message that carries the set point is overdue.
     fn is_overdue(&self) -> bool;
 
-    /// The other nodes with the same profile; `None` where only one node is looked at.
+    /// Other nodes with the same profile; `None` if only one node is evaluated.
     fn others(&self) -> Option<impl Iterator<Item = Self>>;
 
     /// Whether the node is the only CANopen node on its bus.
@@ -85,7 +86,7 @@ pub(crate) trait DeviceFacts: Sized {
 }
 
 impl Condition {
-    /// Object whose value it depends on.
+    /// Object that the condition depends on.
     pub(crate) fn object(&self) -> Option<ObjectAddress> {
         match self {
             Self::Object { object, .. } | Self::Inside { object, .. } => Some(object.object),
@@ -101,7 +102,7 @@ impl Condition {
         }
     }
 
-    /// Whether it holds for an output of the device: `Open` if it does.
+    /// Evaluates the condition for an output of the device: `Open` if it holds.
     pub(crate) fn evaluate(&self, facts: &impl DeviceFacts, channel: Option<u8>) -> GateStatus {
         match self {
             Self::Nmt(wanted) => {
@@ -127,7 +128,7 @@ impl Condition {
             Self::Sync => GateStatus::of(facts.sync_age().is_some_and(|age| age <= SYNC_AGE)),
             Self::NoError => GateStatus::of(!facts.has_error()),
             Self::NoProcedure => GateStatus::of(!facts.is_taken_over()),
-            // A PDO is judged when it arrives; for messages the session knows which ones are overdue.
+            // A PDO is evaluated when it arrives; for messages, the session tracks the overdue ones.
             Self::Younger(_) => GateStatus::of(!facts.is_overdue()),
             Self::Invisible => GateStatus::Invisible,
             Self::Other(conditions) => other(conditions, facts),
@@ -136,7 +137,7 @@ impl Condition {
     }
 }
 
-/// Whether all conditions hold for an output of the device: `Open` if there are none.
+/// Evaluates conditions that must all hold for an output of the device: `Open` if there are none.
 pub(crate) fn evaluate_all<'c>(
     conditions: impl IntoIterator<Item = &'c Condition>,
     facts: &impl DeviceFacts,
@@ -152,12 +153,12 @@ pub(crate) fn evaluate_all<'c>(
     all
 }
 
-/// A raw number reduced to the bits that count.
+/// Raw number reduced by a mask.
 pub(super) fn masked(raw: i64, mask: u64) -> i64 {
     (raw.cast_unsigned() & mask).cast_signed()
 }
 
-/// Whether one of the other nodes meets all conditions.
+/// Whether at least one other node meets all conditions.
 fn other(conditions: &Conditions, facts: &impl DeviceFacts) -> GateStatus {
     let Some(others) = facts.others() else { return GateStatus::Unknown };
     let mut any = GateStatus::Closed;
@@ -177,7 +178,7 @@ mod tests {
 
     use super::*;
 
-    /// Nothing is known of a node, apart from what a test sets.
+    /// Facts that are unknown unless a test sets them.
     #[derive(Debug, Clone, Default)]
     struct TestFacts {
         nmt_state: Option<NmtState>,
@@ -244,7 +245,7 @@ mod tests {
         condition(text).evaluate(facts, Some(1))
     }
 
-    /// Object 2000:00 with a raw number.
+    /// Facts with a raw number in object 2000:00.
     fn holding(raw: i64, assumed: bool) -> TestFacts {
         TestFacts { numbers: vec![("2000:00", raw, assumed)], ..TestFacts::default() }
     }
@@ -280,7 +281,7 @@ mod tests {
         let wanted = "object = \"2000:00\"\nmask = 0x0C\nequals = 0x08";
         assert_eq!(evaluate(wanted, &holding(0x1B, false)), Open);
         assert_eq!(evaluate(wanted, &holding(0x0C, false)), Closed);
-        // The sign is a bit too.
+        // The mask also applies to the sign bit.
         assert_eq!(evaluate("object = \"2000:00\"\nmask = 0x80\nnot = 0", &holding(-1, false)), Open);
     }
 

@@ -4,8 +4,8 @@
 //! Condition + DeviceFacts ─evaluate─▶ GateStatus        Trigger + TriggerEvent ─is_met_by─▶ bool
 //! ```
 //!
-//! The certainty a caller demands is in its facts: the session also accepts values that are only assumed, rules
-//! accept proven values only. Nothing here allocates, since rules evaluate conditions for each PDO.
+//! The caller's facts define the required certainty: the session also accepts assumed values, rules accept
+//! only proven ones. No operator allocates memory, because rules evaluate conditions for each PDO.
 
 mod condition;
 mod trigger;

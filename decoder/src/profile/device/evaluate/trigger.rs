@@ -1,13 +1,13 @@
-//! Operators of triggers, and the events they are compared with.
+//! Evaluation of triggers, and the events they are compared with.
 
 use super::condition::masked;
-use crate::profile::device::condition::{LssTrigger, SetTrigger, Trigger, Wanted};
+use crate::profile::device::condition::{ExpectedValue, LssTrigger, SetTrigger, Trigger};
 use crate::profile::layout::{Carrier, PdoName};
 use crate::profile::meaning::Meaning;
 use crate::profile::object::Numbers;
 use crate::wire::canopen::ObjectAddress;
 
-/// An event at a device, as triggers distinguish events.
+/// Event at a device, in the categories of triggers.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum TriggerEvent<'a> {
     /// A PDO is received or sent.
@@ -20,33 +20,38 @@ pub(crate) enum TriggerEvent<'a> {
     Nmt(&'a str),
     /// The machine of a channel reports a state.
     State(Option<u8>, &'a str),
-    /// SYNC with the node's own identifier.
+    /// SYNC with the identifier configured in the node.
     Sync,
     /// EMCY code.
     Emcy(u16),
     /// SPN and FMI of a trouble code.
     Dtc(u32, u8),
     /// Start of the node.
-    Boot,
+    Boot {
+        /// Whether an NMT reset caused it.
+        is_commanded: bool,
+    },
     /// Guarding request.
     Guard,
+    /// NMT state in a heartbeat or guarding response.
+    Reports(&'a str),
     /// LSS message on the node's bus.
     Lss(LssEvent<'a>),
 }
 
-/// A value of an object.
+/// New value of an object.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ValueUpdate<'a> {
     pub(crate) object: ObjectAddress,
     pub(crate) source: UpdateSource,
     /// Raw number; `None` if it is not a number or not complete.
     pub(crate) raw: Option<i64>,
-    /// Raw number known before.
+    /// Raw number before, if known.
     pub(crate) before: Option<i64>,
     /// Bytes of a transfer.
     pub(crate) bytes: &'a [u8],
     pub(crate) meaning: Option<&'a Meaning>,
-    /// Without a number before, its bits count as clear.
+    /// Whether all bits count as clear before, if the number before is unknown.
     pub(crate) is_fresh: bool,
 }
 
@@ -66,12 +71,12 @@ pub(crate) enum UpdateSource {
 }
 
 impl UpdateSource {
-    /// Whether the value is for the device.
+    /// Whether the value is sent to the device.
     pub(crate) const fn is_command(self) -> bool {
         matches!(self, Self::Written | Self::Refused | Self::Received)
     }
 
-    /// The name used in findings.
+    /// Name in findings.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Written => "written",
@@ -83,12 +88,12 @@ impl UpdateSource {
     }
 }
 
-/// An LSS message.
+/// LSS message.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LssEvent<'a> {
     pub(crate) service: &'a str,
     pub(crate) is_answer: bool,
-    /// Byte after the command specifier; `None` if the service has none that counts.
+    /// Byte after the command specifier; `None` if the service has none to compare.
     pub(crate) value: Option<u8>,
 }
 
@@ -102,19 +107,24 @@ impl<'a> From<&'a Carrier> for TriggerEvent<'a> {
 }
 
 impl Trigger {
-    /// Whether an event is what it waits for. A refused write did not take effect and does not count.
+    /// Whether the event matches. An aborted write has no effect and does not match.
     pub(crate) fn is_met_by(&self, event: &TriggerEvent<'_>) -> bool {
         self.matches(event, false)
     }
 
-    /// The same, but a refused write counts.
+    /// Like [`Self::is_met_by`], but an aborted write also matches.
     pub(crate) fn is_attempted_by(&self, event: &TriggerEvent<'_>) -> bool {
         self.matches(event, true)
     }
 
     fn matches(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
         match self {
-            Self::Write(..) | Self::Read(..) | Self::Writes(_) | Self::Set(_) | Self::Bit(..) => {
+            Self::Write(..)
+            | Self::Read(..)
+            | Self::Writes(_)
+            | Self::Set(_)
+            | Self::Shows(_)
+            | Self::Bit(..) => {
                 matches!(event, TriggerEvent::Value(update) if self.matches_update(update, attempts))
             }
             Self::Pdo(wanted) => matches!(event, TriggerEvent::Pdo(name) if name == wanted),
@@ -128,8 +138,12 @@ impl Trigger {
                 matches!(event, TriggerEvent::Dtc(spn, fmi) if wanted.is_none_or(|it| it == (*spn, *fmi)))
             }
             Self::Sync => matches!(event, TriggerEvent::Sync),
-            Self::Boot => matches!(event, TriggerEvent::Boot),
+            Self::Boot => matches!(event, TriggerEvent::Boot { .. }),
+            Self::PowerOn => matches!(event, TriggerEvent::Boot { is_commanded: false }),
             Self::Guard => matches!(event, TriggerEvent::Guard),
+            Self::Reports(wanted) => {
+                matches!(event, TriggerEvent::Reports(state) if wanted.iter().any(|it| it == state))
+            }
             Self::Lss(wanted) => matches!(event, TriggerEvent::Lss(message) if is_service(message, wanted)),
         }
     }
@@ -155,6 +169,11 @@ impl Trigger {
                     && (is_write || update.source == UpdateSource::Received)
                     && is_set(update, set)
             }
+            Self::Shows(set) => {
+                update.object == set.object.object
+                    && matches!(update.source, UpdateSource::Sent | UpdateSource::Read)
+                    && is_set(update, set)
+            }
             Self::Bit(bit, becomes) => {
                 update.object == bit.object.object
                     && !matches!(update.source, UpdateSource::Refused | UpdateSource::Read)
@@ -165,11 +184,11 @@ impl Trigger {
     }
 }
 
-fn is_wanted(update: &ValueUpdate<'_>, wanted: Option<&Wanted>) -> bool {
+fn is_wanted(update: &ValueUpdate<'_>, wanted: Option<&ExpectedValue>) -> bool {
     match wanted {
         None => true,
-        Some(Wanted::Text(text)) => text.as_bytes() == update.bytes,
-        Some(Wanted::Numbers(numbers)) => update.raw.is_some_and(|raw| numbers.contains(raw)),
+        Some(ExpectedValue::Text(text)) => text.as_bytes() == update.bytes,
+        Some(ExpectedValue::Numbers(numbers)) => update.raw.is_some_and(|raw| numbers.contains(raw)),
     }
 }
 
@@ -206,7 +225,7 @@ mod tests {
     fn is_met(text: &str, event: &TriggerEvent<'_>) -> bool {
         let trigger = trigger(text);
         let is_met = trigger.is_met_by(event);
-        // Only a refused write makes a difference between the two.
+        // The two differ only for an aborted write.
         let is_refused = matches!(event, TriggerEvent::Value(update) if update.source == Refused);
         assert!(is_refused || trigger.is_attempted_by(event) == is_met, "{text}");
         is_met
@@ -227,7 +246,7 @@ mod tests {
 
     const SOURCES: [UpdateSource; 5] = [Written, Refused, Read, Received, Sent];
 
-    /// The sources by which a trigger is met, and by which it is attempted.
+    /// Sources that meet a trigger, and sources that attempt it.
     fn sources(text: &str, before: Option<i64>, raw: i64) -> [Vec<UpdateSource>; 2] {
         let (trigger, event) = (trigger(text), |source| update(source, before, Some(raw)));
         let met = SOURCES.into_iter().filter(|source| trigger.is_met_by(&event(*source)));
@@ -243,6 +262,7 @@ mod tests {
         assert_eq!(sources(writes, None, 1), [vec![Written], vec![Written, Refused]]);
         let set = [vec![Written, Received], vec![Written, Refused, Received]];
         assert_eq!(sources("set = \"2000:00\"", None, 1), set);
+        assert_eq!(sources("shows = \"2000:00\"", None, 1), [vec![Read, Sent], vec![Read, Sent]]);
         let bit = vec![Written, Received, Sent];
         assert_eq!(sources("bit = \"2000:00/3\"\nbecomes = 1", Some(0), 8), [bit.clone(), bit]);
     }
@@ -254,6 +274,7 @@ mod tests {
             "read = \"2000:01\"",
             "writes = \"2000:01..2FFF:00\"",
             "set = \"2000:01\"",
+            "shows = \"2000:01\"",
             "bit = \"2000:01/3\"\nbecomes = 1",
         ] {
             assert_eq!(sources(text, Some(0), 8), [vec![], vec![]], "{text}");
@@ -293,7 +314,7 @@ mod tests {
         // Bits outside the mask do not count as a change.
         let masked = "changed = true\nequals = 1\nmask = 1";
         assert!(is_met(masked, Some(2), Some(3)) && !is_met(masked, Some(1), Some(3)));
-        // A value that is not a number sets the object, but to nothing that could be compared.
+        // A value other than a number sets the object, but cannot be compared.
         assert!(is_met("", None, None) && !is_met("changed = true", Some(1), None));
         assert!(!is_met("equals = 1", None, None) && !is_met("not = 1", None, None));
     }
@@ -331,6 +352,9 @@ mod tests {
     fn codes_commands_and_states_are_compared() {
         assert!(is_met("emcy = 0x8130", &TriggerEvent::Emcy(0x8130)));
         assert!(!is_met("emcy = 0x8130", &TriggerEvent::Emcy(0)));
+        let reports = "reports = [\"stopped\", \"undefined\"]";
+        assert!(is_met(reports, &TriggerEvent::Reports("undefined")));
+        assert!(!is_met(reports, &TriggerEvent::Reports("operational")));
         assert!(is_met("dtc = true", &TriggerEvent::Dtc(91, 3)));
         assert!(is_met("dtc = \"91/3\"", &TriggerEvent::Dtc(91, 3)));
         assert!(!is_met("dtc = \"91/3\"", &TriggerEvent::Dtc(91, 4)));
@@ -356,10 +380,22 @@ mod tests {
     }
 
     #[test]
+    fn a_power_on_is_a_start_without_a_command() {
+        for is_commanded in [false, true] {
+            let event = TriggerEvent::Boot { is_commanded };
+            assert!(is_met("boot = true", &event));
+            assert_eq!(is_met("boot = \"power-on\"", &event), !is_commanded);
+        }
+        for wrong in ["boot = false", "boot = \"reset\""] {
+            assert!(toml::from_str::<Trigger>(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
     fn events_without_data_meet_their_own_trigger_only() {
         let all = [
             ("sync = true", TriggerEvent::Sync),
-            ("boot = true", TriggerEvent::Boot),
+            ("boot = true", TriggerEvent::Boot { is_commanded: true }),
             ("guard = true", TriggerEvent::Guard),
         ];
         for (place, (text, _)) in all.iter().enumerate() {

@@ -1,19 +1,19 @@
-//! Numbers of events.
+//! `max-count`: number of events.
 
 use crate::event::FrameRange;
-use crate::profile::device::{Per, Stretch, TriggerEvent};
+use crate::profile::device::{CountWindow, TriggerEvent, VariableWindow};
 use crate::rules::Context;
 use crate::rules::device::case::{RuleCase, counted_object, waits_for_pdo};
-use crate::rules::device::describe::{about_first, show_event};
+use crate::rules::device::describe::{about_first, show_event, with_details};
 use crate::rules::device::progress::{FrameTime, RuleProgress};
 
-/// Most events remembered; a rule with a higher count is judged by the last ones.
+/// Maximum number of stored events; a rule with a higher count uses this number.
 const ROW_LIMIT: usize = 1024;
 
-/// SYNCs further apart have stopped, in nanoseconds.
+/// Maximum SYNC period in ns; above it, SYNC counts as stopped.
 const ALIVE: i64 = 1_000_000_000;
 
-/// At most `count` of `on` occur.
+/// `on` must occur at most `count` times.
 pub(super) fn judge_count(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -21,9 +21,9 @@ pub(super) fn judge_count(
     context: &mut Context<'_>,
 ) {
     match case.rule.per {
-        Some(Per::Stretch(Stretch::Sync)) => judge_per_sync(case, progress, event, context),
-        Some(Per::Stretch(Stretch::While)) => judge_per_while(case, progress, event, context),
-        Some(Per::Seconds(seconds)) => judge_per_seconds(case, progress, event, seconds, context),
+        Some(CountWindow::Variable(VariableWindow::Sync)) => judge_per_sync(case, progress, event, context),
+        Some(CountWindow::Variable(VariableWindow::While)) => judge_per_while(case, progress, event, context),
+        Some(CountWindow::Seconds(seconds)) => judge_per_seconds(case, progress, event, seconds, context),
         None => {}
     }
 }
@@ -52,7 +52,7 @@ fn judge_per_sync(
     }
     let count = std::mem::take(&mut progress.count);
     let before = progress.since.replace(context.now);
-    // SYNCs far apart have stopped: other rules report that.
+    // A stopped SYNC is reported by other rules.
     let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
     let was_counting = std::mem::replace(&mut progress.is_counting, true) && is_alive;
     let most = most(case);
@@ -67,7 +67,7 @@ fn judge_per_sync(
     let alarm = case.fail(event, context).about(about_first(&case.rule.on.0));
     let frames = FrameRange { first: progress.first, last };
     let alarm = alarm.frames(frames).measure(f64::from(count));
-    alarm.say(|| format!("{count} between two SYNC, at most {most}: {text}"));
+    alarm.report(|| with_details(text, &format!("count {count}, limit {most}")));
 }
 
 fn judge_per_while(
@@ -86,11 +86,14 @@ fn judge_per_while(
     let (count, most, text) = (progress.count, most(case), &case.rule.text);
     if count > most {
         let alarm = case.fail(event, context).measure(f64::from(count));
-        alarm.say(|| format!("{count} × {}, at most {most}: {text}", show_event(event)));
+        alarm.report(|| {
+            let event = show_event(event);
+            with_details(text, &format!("{event}, count {count}, limit {most}"))
+        });
     }
 }
 
-/// The counted stretch ended.
+/// Ends the counted interval.
 pub(super) fn end_stretch(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     let count = std::mem::take(&mut progress.count);
     if (1..=most(case)).contains(&count) {
@@ -126,5 +129,5 @@ fn judge_per_seconds(
     let (count, text) = (recent.len(), &case.rule.text);
     let frames = FrameRange { first: oldest.frame, last: moment.frame };
     let alarm = case.fail(event, context).frames(frames);
-    alarm.say(|| format!("{count} × within {seconds} s, at most {most}: {text}"));
+    alarm.report(|| with_details(text, &format!("count {count} in {seconds} s, limit {most}")));
 }

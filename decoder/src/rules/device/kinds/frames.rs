@@ -1,4 +1,4 @@
-//! Statements about frames and transfers as such: identifiers, modes of SDO, lengths of remote frames.
+//! Rules about frames and transfers: reserved identifiers, SDO transfer modes, lengths of remote frames.
 
 use crate::event::{Direction, Mode, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
@@ -7,17 +7,18 @@ use crate::profile::device::{DeviceRule, Shape};
 use crate::profile::{PdoDirection, little_endian};
 use crate::rules::Context;
 use crate::rules::device::case::RuleCase;
+use crate::rules::device::describe::with_details;
 use crate::wire::NodeId;
 
-/// Bit 31 of a COB-ID: the service does not exist. Bit 29: the identifier has 29 bits.
+/// COB-ID bit 31: the service does not exist. Bit 29: the identifier has 29 bits.
 const INVALID: u64 = 1 << 31;
 const EXTENDED: u64 = 1 << 29;
 
-/// SDO frames have eight bytes; 7 is no command specifier (CiA 301 §7.2.4.3).
+/// SDO frames have eight bytes; 7 is not a valid command specifier (CiA 301 §7.2.4.3).
 const SDO_BYTES: u8 = 8;
 const NO_SPECIFIER: u8 = 7;
 
-/// A data frame of no known service has the shape that belongs on the identifier.
+/// Checks the format of a data frame on a reserved identifier.
 pub(in crate::rules::device) fn judge_frame(case: &RuleCase<'_>, frame: &Frame, context: &mut Context<'_>) {
     if !is_reserved(case.rule, frame.id) || frame.flags.contains(FrameFlags::REMOTE) {
         return;
@@ -28,10 +29,10 @@ pub(in crate::rules::device) fn judge_frame(case: &RuleCase<'_>, frame: &Frame, 
         return context.pass();
     }
     let length = frame.length;
-    report_id(case, frame.id, &format!("{length} bytes that are no SDO message"), context);
+    report_id(case, frame.id, &format!("{length} bytes, not a valid SDO message"), context);
 }
 
-/// A PDO with a reserved identifier.
+/// Checks a PDO with a reserved identifier.
 pub(in crate::rules::device) fn judge_pdo_id(case: &RuleCase<'_>, pdo: &Pdo, context: &mut Context<'_>) {
     if is_reserved(case.rule, pdo.cob_id) {
         let of = case
@@ -42,7 +43,7 @@ pub(in crate::rules::device) fn judge_pdo_id(case: &RuleCase<'_>, pdo: &Pdo, con
     }
 }
 
-/// A download of a COB-ID to any node.
+/// Checks the download of a COB-ID to any node.
 pub(in crate::rules::device) fn judge_cob_id(
     case: &RuleCase<'_>,
     transfer: &SdoTransfer,
@@ -55,7 +56,7 @@ pub(in crate::rules::device) fn judge_cob_id(
         (0x1005 | 0x1012 | 0x1014, 0) | (0x1400..=0x15FF | 0x1800..=0x19FF, 1)
     );
     let value = little_endian(&transfer.data);
-    // Bit 31 of the COB-ID of SYNC and TIME is no sign of absence (CiA 301 §7.5.2.5, §7.5.2.15).
+    // In the COB-ID of SYNC and TIME, bit 31 does not disable the service (CiA 301 §7.5.2.5, §7.5.2.15).
     let exists = value & INVALID == 0 || matches!(object.index, 0x1005 | 0x1012);
     let Some(id) =
         u16::try_from(value & 0x1FFF_FFFF).ok().filter(|_| holds_id && exists && value & EXTENDED == 0)
@@ -65,7 +66,7 @@ pub(in crate::rules::device) fn judge_cob_id(
     let id = CanId::standard(id);
     if is_reserved(case.rule, id) {
         let node = case.event.and_then(|event| event.node).map_or_else(String::new, NodeId::words);
-        report_id(case, id, &format!("given to {object} of {node}"), context);
+        report_id(case, id, &format!("assigned to {object} of {node}"), context);
     }
 }
 
@@ -75,14 +76,14 @@ pub(in crate::rules::device) fn is_reserved(rule: &DeviceRule, id: CanId) -> boo
     rule.ids.is_some_and(|[first, last]| (first..=last).contains(&u32::from(number)))
 }
 
-/// Reports an identifier of the bus, since it belongs to all such devices there.
+/// Reports an identifier for the bus, since it is reserved for all such devices.
 fn report_id(case: &RuleCase<'_>, id: CanId, what: &str, context: &mut Context<'_>) {
     let Some(event) = case.event else { return };
     let text = &case.rule.text;
-    context.fail(event).node(None).about(About::Id(id)).say(|| format!("{what}: {text}"));
+    context.fail(event).node(None).about(About::Id(id)).report(|| with_details(text, what));
 }
 
-/// A transfer is expedited.
+/// A transfer must be expedited.
 pub(in crate::rules::device) fn judge_transfer(
     case: &RuleCase<'_>,
     transfer: &SdoTransfer,
@@ -101,10 +102,10 @@ pub(in crate::rules::device) fn judge_transfer(
     let Some(event) = case.event else { return };
     let text = &case.rule.text;
     let alarm = context.fail(event).node(Some(case.facts.id)).about(About::Object(object));
-    alarm.say(|| format!("{mode} transfer: {text}"));
+    alarm.report(|| with_details(text, &format!("{mode} transfer")));
 }
 
-/// A remote frame has the length of its TPDO.
+/// A remote frame must have the length of the TPDO.
 pub(in crate::rules::device) fn judge_remote_length(
     case: &RuleCase<'_>,
     pdo: &Pdo,
@@ -121,5 +122,5 @@ pub(in crate::rules::device) fn judge_remote_length(
     let Some(event) = case.event else { return };
     let (name, text) = (pdo.name, &case.rule.text);
     let alarm = context.fail(event).node(Some(case.facts.id)).about(About::Name(name.to_string().into()));
-    alarm.say(|| format!("asks for {asked} bytes, {name} has {has}: {text}"));
+    alarm.report(|| with_details(text, &format!("{asked} bytes requested, {name} has {has}")));
 }

@@ -1,6 +1,9 @@
-//! Kinds of rules: each kind of statement is judged in one of these files.
+//! Kinds of device rules; each family of kinds has its own file.
 
+pub(super) mod address;
 pub(super) mod frames;
+pub(super) mod messages;
+pub(super) mod reports;
 
 mod counts;
 mod order;
@@ -12,7 +15,7 @@ use super::progress::RuleProgress;
 use crate::profile::device::{RuleKind, TriggerEvent};
 use crate::rules::Context;
 
-/// Judges an event at a node by one rule.
+/// Runs one rule on an event at a node.
 pub(super) fn judge_event(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -24,35 +27,52 @@ pub(super) fn judge_event(
     {
         return;
     }
+    if case.rule.is_scoped() && !order::follow_scope(case, progress, event, context) {
+        return;
+    }
     match case.rule.kind {
         RuleKind::Limit => values::judge_limit(case, event, context),
         RuleKind::Forbidden | RuleKind::Permitted => values::judge_values(case, event, context),
         RuleKind::Ascending => values::judge_ascent(case, progress, event, context),
         RuleKind::Never => order::judge_never(case, event, context),
-        RuleKind::Precondition => order::judge_precondition(case, event, context),
+        RuleKind::Precondition => order::judge_precondition(case, progress, event, context),
         RuleKind::Order => order::judge_order(case, progress, event, context),
+        RuleKind::Sequence => order::judge_sequence(case, progress, event, context),
         RuleKind::MinInterval => times::judge_min_interval(case, progress, event, context),
         RuleKind::MaxInterval => times::judge_max_interval(case, progress, event, context),
         RuleKind::Follow => times::judge_follow(case, progress, event, context),
         RuleKind::MaxCount => counts::judge_count(case, progress, event, context),
-        RuleKind::ReservedId | RuleKind::Expedited | RuleKind::RemoteLength => {}
+        RuleKind::MessageLength => messages::judge_length(case, event, context),
+        RuleKind::ReservedId
+        | RuleKind::Expedited
+        | RuleKind::RemoteLength
+        | RuleKind::EmcyLength
+        | RuleKind::EmcyCode
+        | RuleKind::EmcyRegister
+        | RuleKind::AbortCode
+        | RuleKind::NodeId
+        | RuleKind::SourceAddress
+        | RuleKind::OnRequest
+        | RuleKind::Constant
+        | RuleKind::UdsServices => {}
     }
 }
 
-/// An event may begin or end a stretch in which the rule is judged.
+/// Updates `while`, which an event may start or end.
 pub(super) fn follow_while(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     let held = std::mem::replace(&mut progress.holds, case.is_due());
     match case.rule.kind {
         RuleKind::MaxInterval => times::follow_stretch(case, progress, held, context),
         RuleKind::Follow if !progress.holds => (progress.last, progress.deadline) = (None, None),
-        // An event that never occurs passes in each stretch.
+        RuleKind::Precondition if !progress.holds => progress.last = None,
+        // A forbidden event that has not occurred passes once per period of `while`.
         RuleKind::Never if progress.holds && !held => context.pass(),
         RuleKind::MaxCount if held && !progress.holds => counts::end_stretch(case, progress, context),
         _ => {}
     }
 }
 
-/// A deadline of the rule may have passed.
+/// Handles a wake-up for the deadline of the rule.
 pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     progress.wake.take_if(|wake| *wake <= context.now);
     let Some(deadline) = progress.deadline else { return };
@@ -67,7 +87,7 @@ pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, cont
     }
 }
 
-/// The capture ends.
+/// Handles the end of the capture.
 pub(super) fn on_end(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     if case.rule.kind == RuleKind::MaxInterval {
         times::judge_end(case, progress, context);

@@ -1,40 +1,120 @@
-//! Events that are forbidden, have a precondition, or need another event first.
+//! Events that are forbidden, have a precondition, or require an earlier event.
 
-use crate::profile::device::{GateStatus, TriggerEvent};
+use crate::event::FrameRange;
+use crate::profile::device::{GateStatus, RuleKind, Trigger, TriggerEvent};
 use crate::rules::Context;
 use crate::rules::device::case::RuleCase;
-use crate::rules::device::describe::{is_value_of, show_event};
-use crate::rules::device::progress::RuleProgress;
+use crate::rules::device::describe::{is_value_of, show_event, with_details};
+use crate::rules::device::progress::{FrameTime, RuleProgress};
 
-/// `on` does not happen.
+/// `on` must not occur.
 pub(super) fn judge_never(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
-    if case.on(event).is_some() && case.is_due() {
+    if case.on(event).is_some() && !is_foreign(case, event) && case.is_due() {
         let text = &case.rule.text;
-        case.fail(event, context).say(|| format!("{}: {text}", show_event(event)));
+        case.fail(event, context).report(|| with_details(text, &show_event(event)));
     }
 }
 
-/// When `on` happens, nothing of `needs` is proven to be missing.
-pub(super) fn judge_precondition(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
+/// Follows the interval in which a rule applies; returns whether the event is inside. The events that begin
+/// and end it are not.
+pub(super) fn follow_scope(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) -> bool {
+    let was_open = progress.is_prepared == Some(true);
+    let meets = |triggers: &[Trigger]| triggers.iter().any(|trigger| trigger.is_met_by(event));
+    if matches!(event, TriggerEvent::Boot { .. }) || meets(&case.rule.until.0) {
+        progress.is_prepared = Some(false);
+    } else if meets(&case.rule.since.0) {
+        progress.is_prepared = Some(true);
+        // A forbidden event that has not occurred passes once per interval.
+        if !was_open && case.rule.kind == RuleKind::Never {
+            context.pass();
+        }
+    }
+    was_open && progress.is_prepared == Some(true)
+}
+
+/// Whether a PDO belongs to another node: its identifier is only presumed to be one of this node.
+fn is_foreign(case: &RuleCase<'_>, event: &TriggerEvent<'_>) -> bool {
+    matches!(event, TriggerEvent::Pdo(_)) && case.event.is_some_and(|of| of.node != Some(case.facts.id))
+}
+
+/// When `on` occurs, none of `needs` may be proven false; with `ms`, not for this time.
+pub(super) fn judge_precondition(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
     if case.on(event).is_none() || !case.is_due() {
         return;
     }
     let (needs, channel) = (&case.rule.needs.0, case.rule.channel);
-    match case.facts.needs(case.rule, case.number) {
+    let status = case.facts.needs(case.rule, case.number);
+    if status != GateStatus::Closed {
+        progress.last = None;
+    }
+    match status {
         GateStatus::Open => context.pass(),
         GateStatus::Unknown | GateStatus::Invisible => {}
         GateStatus::Closed => {
+            let frames = match lasting(case, progress, context) {
+                Some(first) => FrameRange { first, last: case.frames.last },
+                None => return,
+            };
             let (facts, text) = (case.facts, &case.rule.text);
-            case.fail(event, context).say(|| {
+            case.fail(event, context).frames(frames).report(|| {
                 let instead = facts.unmet(needs, channel).filter(|(object, _)| !is_value_of(event, *object));
                 let instead = instead.map_or_else(String::new, |(_, instead)| format!(", {instead}"));
-                format!("{}{instead}: {text}", show_event(event))
+                with_details(text, &format!("{}{instead}", show_event(event)))
             });
         }
     }
 }
 
-/// `on` occurs only after `before`; `since` makes an earlier `before` void.
+/// First frame of the violation, if it lasts for `ms`.
+fn lasting(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &Context<'_>) -> Option<u64> {
+    if case.rule.ms.is_none() && case.rule.ms_of.is_none() {
+        return Some(case.frames.first);
+    }
+    let now = FrameTime { time: context.now, frame: case.frames.first };
+    let first = *progress.last.get_or_insert(now);
+    let lasts = context.now.saturating_sub(first.time).saturating_sub(context.granularity);
+    (context.has_time && lasts >= case.limit()?).then_some(first.frame)
+}
+
+/// The first occurrences of the steps must have the given order.
+pub(super) fn judge_sequence(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut Context<'_>,
+) {
+    if matches!(event, TriggerEvent::Boot { .. }) {
+        (progress.is_prepared, progress.done) = (Some(true), 0);
+    }
+    for (place, step) in (0..u64::BITS).zip(&case.rule.steps) {
+        if !step.0.iter().any(|trigger| trigger.is_met_by(event)) {
+            continue;
+        }
+        let (own, before) = (1 << place, progress.done);
+        progress.done |= own;
+        if progress.is_prepared != Some(true) || before & own != 0 || !case.is_due() {
+            continue;
+        }
+        if before & (u64::MAX << place) != 0 {
+            let text = &case.rule.text;
+            case.fail(event, context).report(|| with_details(text, &show_event(event)));
+        } else if before != 0 {
+            context.pass();
+        }
+    }
+}
+
+/// `on` must occur after `before`; `since` invalidates an earlier `before`.
 pub(super) fn judge_order(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -43,19 +123,25 @@ pub(super) fn judge_order(
 ) {
     if case.on(event).is_some() && case.is_due() {
         let text = &case.rule.text;
+        let is_early = progress.voided.zip(case.limit()).is_some_and(|(since, grace)| {
+            context.now.saturating_sub(since) < grace.saturating_add(context.granularity)
+        });
         match progress.is_prepared {
             Some(true) => context.pass(),
-            Some(false) => case.fail(event, context).say(|| format!("{}: {text}", show_event(event))),
+            Some(false) if is_early => {}
+            Some(false) => case.fail(event, context).report(|| with_details(text, &show_event(event))),
             None => {}
         }
     }
-    let is_start = matches!(event, TriggerEvent::Boot);
+    let is_start = matches!(event, TriggerEvent::Boot { .. });
     let since = &case.rule.since.0;
     let is_void = if since.is_empty() { is_start } else { since.iter().any(|it| it.is_met_by(event)) };
     if case.rule.before.0.iter().any(|it| it.is_met_by(event)) {
         progress.is_prepared = Some(true);
     } else if is_void {
         progress.is_prepared = Some(false);
+        // After a boot-up, nothing from the time before it is received.
+        progress.voided = (!is_start).then_some(context.now);
     } else if is_start {
         // A restart makes the order unknown.
         progress.is_prepared = None;

@@ -1,10 +1,11 @@
-//! Times between events: shortest, longest, and that of a response.
+//! Times between events: minimum, maximum and response time.
 
 use crate::event::FrameRange;
+use crate::profile::PdoDirection;
 use crate::profile::device::{Trigger, TriggerEvent};
 use crate::rules::Context;
 use crate::rules::device::case::{RuleCase, counted_object, waits_for_pdo};
-use crate::rules::device::describe::about_first;
+use crate::rules::device::describe::{about_first, with_details};
 use crate::rules::device::progress::{FrameTime, RuleProgress};
 
 fn milliseconds(nanoseconds: i64) -> f64 {
@@ -13,14 +14,30 @@ fn milliseconds(nanoseconds: i64) -> f64 {
     milliseconds
 }
 
-/// A time as text: whole milliseconds from ten on.
+/// Time as text: `1.71 ms`, `312 ms`, `12.5 s`.
 fn shown(nanoseconds: i64) -> String {
     let milliseconds = milliseconds(nanoseconds);
+    if milliseconds >= 10_000.0 {
+        let digits = usize::from(nanoseconds % 1_000_000_000 != 0);
+        return format!("{:.digits$} s", milliseconds / 1_000.0);
+    }
     let digits = if milliseconds < 10.0 && nanoseconds % 1_000_000 != 0 { 2 } else { 0 };
     format!("{milliseconds:.digits$} ms")
 }
 
-/// `on` does not occur too soon after the one before, or after `after`.
+/// Text of a rule with a measured time. The limit is added unless the text contains it.
+fn with_time(text: &str, time: &str, limit: i64) -> String {
+    let limit = shown(limit);
+    let names_limit = text.match_indices(limit.as_str()).any(|(at, _)| {
+        let before = text.get(..at).and_then(|before| before.chars().next_back());
+        before.is_none_or(|character| !character.is_ascii_digit() && character != '.')
+    });
+    let added = if names_limit { String::new() } else { format!("limit {limit}") };
+    let details: Vec<_> = [time, added.as_str()].into_iter().filter(|detail| !detail.is_empty()).collect();
+    with_details(text, &details.join(", "))
+}
+
+/// `on` must not occur too soon after the previous `on`, or after `after`.
 pub(super) fn judge_min_interval(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -59,11 +76,11 @@ fn judge_interval(
     }
     let frames = FrameRange { first: before.frame, last: case.frames.last };
     let alarm = case.fail(event, context).frames(frames).measure(-milliseconds(interval));
-    let (text, frame) = (&case.rule.text, before.frame);
-    alarm.say(|| format!("{} after {{{frame}}}, at least {}: {text}", shown(interval), shown(limit)));
+    let text = &case.rule.text;
+    alarm.report(|| with_time(text, &shown(interval), limit));
 }
 
-/// `on` does not occur too late after the one before.
+/// `on` must not occur too late after the previous one.
 pub(super) fn judge_max_interval(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -87,23 +104,55 @@ pub(super) fn judge_max_interval(
     let frames = FrameRange { first: last.frame, last: moment.frame };
     let alarm = case.fail(event, context).frames(frames).measure(milliseconds(interval));
     let text = &case.rule.text;
-    alarm.say(|| format!("{} after {{{}}}, at most {}: {text}", shown(interval), last.frame, shown(limit)));
+    alarm.report(|| with_time(text, &shown(interval), limit));
 }
 
-/// Whether the absence of these events would prove something.
-fn may_be_missed(case: &RuleCase<'_>, progress: &RuleProgress, triggers: &[Trigger]) -> bool {
+/// Reason for a lower severity.
+const DEFAULT_ID: &str = "COB-ID assumed: factory setting";
+
+/// Evidence that the absence of events is a defect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Absence {
+    /// The events are not expected, or their identifier is unknown.
+    Unknown,
+    /// The device sends the PDO itself, but its identifier is only the factory setting.
+    Assumed,
+    Proven,
+}
+
+impl Absence {
+    fn assumption(self) -> Option<&'static str> {
+        (self == Self::Assumed).then_some(DEFAULT_ID)
+    }
+}
+
+/// Evidence that the absence of these events is a defect.
+fn absence(case: &RuleCase<'_>, progress: &RuleProgress, triggers: &[Trigger]) -> Absence {
     let facts = &case.facts;
-    let is_sure = |trigger: &Trigger| match trigger {
-        Trigger::Pdo(name) => {
-            let id = facts.bus.pdo_identifier(facts.id, *name);
-            facts.is_operational() && id.is_some_and(|(_, is_told)| is_told || progress.is_counting)
+    let evidence = |trigger: &Trigger| {
+        let Trigger::Pdo(name) = trigger else { return Absence::Proven };
+        match facts.bus.pdo_identifier(facts.id, *name).filter(|_| facts.is_operational()) {
+            Some((_, is_told)) if is_told || progress.is_counting => Absence::Proven,
+            Some(_) if name.direction == PdoDirection::Transmit => Absence::Assumed,
+            _ => Absence::Unknown,
         }
-        _ => true,
     };
-    triggers.iter().all(is_sure)
+    let all: Vec<Absence> = triggers.iter().map(evidence).collect();
+    if all.contains(&Absence::Unknown) {
+        Absence::Unknown
+    } else if all.contains(&Absence::Assumed) {
+        Absence::Assumed
+    } else {
+        Absence::Proven
+    }
 }
 
-/// The wait begins and ends with `while`, and ends when the node no longer takes part.
+/// Whether the absence of these events is a defect, at least with factory settings.
+fn may_be_missed(case: &RuleCase<'_>, progress: &RuleProgress, triggers: &[Trigger]) -> bool {
+    absence(case, progress, triggers) != Absence::Unknown
+}
+
+/// The interval starts and ends with `while`, and ends when the node stops its PDOs.
 pub(super) fn follow_stretch(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -119,21 +168,26 @@ pub(super) fn follow_stretch(
         return;
     }
     let Some(last) = progress.last.take() else { return };
-    // A gap lasts up to the node's last frame before the change.
+    // The gap ends with the node's last frame before the change.
     if held && progress.is_counting {
-        report_overdue(case, last, context);
+        report_overdue(case, (last, None), context);
     }
 }
 
-/// The capture ends: events still missing, up to the node's last frame.
+/// At the end of the capture: reports events that were missing up to the node's last frame.
 pub(super) fn judge_end(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     let Some(last) = progress.last.take() else { return };
-    if case.is_due() && may_be_missed(case, progress, &case.rule.on.0) {
-        report_overdue(case, last, context);
+    let absence = absence(case, progress, &case.rule.on.0);
+    if case.is_due() && absence != Absence::Unknown {
+        report_overdue(case, (last, absence.assumption()), context);
     }
 }
 
-fn report_overdue(case: &RuleCase<'_>, last: FrameTime, context: &mut Context<'_>) {
+fn report_overdue(
+    case: &RuleCase<'_>,
+    (last, assumption): (FrameTime, Option<&'static str>),
+    context: &mut Context<'_>,
+) {
     let (Some(heard), Some(limit)) = (case.facts.own.heard, case.limit()) else { return };
     let interval = heard.saturating_sub(last.time);
     if interval.saturating_sub(context.granularity) <= limit {
@@ -142,10 +196,8 @@ fn report_overdue(case: &RuleCase<'_>, last: FrameTime, context: &mut Context<'_
     let frames = FrameRange { first: last.frame, last: case.frames.last.max(last.frame) };
     let alarm = context.fail_at(heard, Some(case.facts.id), frames).about(about_first(&case.rule.on.0));
     let text = &case.rule.text;
-    let alarm = alarm.measure(milliseconds(interval));
-    alarm.say(|| {
-        format!("missing for {} since {{{}}}, at most {}: {text}", shown(interval), last.frame, shown(limit))
-    });
+    let alarm = alarm.measure(milliseconds(interval)).assumed(assumption);
+    alarm.report(|| with_time(text, &format!("missing for {}", shown(interval)), limit));
 }
 
 /// `then` occurs in time after `on`.
@@ -161,7 +213,7 @@ pub(super) fn judge_follow(
         if progress.last.take().is_some() {
             context.pass();
         }
-    } else if matches!(event, TriggerEvent::Boot) {
+    } else if matches!(event, TriggerEvent::Boot { .. }) {
         (progress.last, progress.deadline) = (None, None);
     }
     if case.on(event).is_none() || !context.has_time || !case.is_due() {
@@ -182,14 +234,29 @@ pub(super) fn judge_missing(
     context: &mut Context<'_>,
 ) {
     let Some(on) = progress.last.take() else { return };
-    if !case.is_due() || !may_be_missed(case, progress, &case.rule.then.0) {
+    let absence = absence(case, progress, &case.rule.then.0);
+    if !case.is_due() || absence == Absence::Unknown {
         return;
     }
     let Some(limit) = case.limit() else { return };
     let frames = FrameRange { first: on.frame, last: case.frames.last.max(on.frame) };
     let alarm = context.fail_at(deadline, Some(case.facts.id), frames);
     let text = &case.rule.text;
-    alarm
-        .about(about_first(&case.rule.on.0))
-        .say(|| format!("not within {} of {{{}}}: {text}", shown(limit), on.frame));
+    let alarm = alarm.about(about_first(&case.rule.on.0)).assumed(absence.assumption());
+    alarm.report(|| with_time(text, "", limit));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_is_added_where_the_text_has_another_one() {
+        let limit = 2_000_000;
+        let text = "SYNC period below the 2 ms minimum";
+        assert_eq!(with_time(text, "1.71 ms", limit), format!("{text} (1.71 ms)"));
+        assert_eq!(with_time(text, "1.71 ms", 3_000_000), format!("{text} (1.71 ms, limit 3 ms)"));
+        assert_eq!(with_time("gap above 12 ms", "15 ms", limit), "gap above 12 ms (15 ms, limit 2 ms)");
+        assert_eq!(with_time("no reset within 60 s", "", 60_000_000_000), "no reset within 60 s");
+    }
 }

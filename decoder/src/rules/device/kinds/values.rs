@@ -1,21 +1,22 @@
-//! Values that the manual permits, and values that must rise from one object to the next.
+//! Permitted values, and values that must ascend from one object to the next.
 
 use crate::event::FrameRange;
 use crate::finding::About;
+use crate::profile::Meaning;
 use crate::profile::device::{RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
 use crate::rules::Context;
 use crate::rules::device::case::RuleCase;
-use crate::rules::device::describe::show_event;
+use crate::rules::device::describe::{show, show_event, with_details};
 use crate::rules::device::progress::RuleProgress;
 use crate::wire::canopen::ObjectAddress;
 
-/// Time after the last write of a row of objects until the row counts as complete, in nanoseconds.
+/// Time after the last write until a series of objects counts as complete, in ns.
 const WRITTEN: i64 = 1_000_000_000;
 
-/// Tolerance of limits, as a part of their span: manuals print them rounded.
+/// Tolerance of limits, relative to their span: manuals print rounded values.
 const ROUNDED: f64 = 0.001;
 
-/// The new value, if the rule is about its object.
+/// New value of an object of the rule.
 fn subject_value<'a>(case: &RuleCase<'_>, event: &TriggerEvent<'a>) -> Option<ValueUpdate<'a>> {
     match event {
         TriggerEvent::Value(value) if case.rule.subjects().any(|of| of.object == value.object) => {
@@ -25,7 +26,7 @@ fn subject_value<'a>(case: &RuleCase<'_>, event: &TriggerEvent<'a>) -> Option<Va
     }
 }
 
-/// Values are inside the limits, from any source.
+/// A value must be inside the limits, from any source.
 pub(super) fn judge_limit(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
     let Some(value) = subject_value(case, event) else { return };
     let Some(raw) = value.raw.filter(|_| case.is_due()) else { return };
@@ -35,12 +36,18 @@ pub(super) fn judge_limit(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context
     }
     #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
     let plain = raw as f64;
+    let within = case.rule.within.and_then(|of| case.scaled(of.object));
     #[expect(clippy::cast_precision_loss, reason = "limits of few digits")]
     let (number, [least, most], slack, unit) = match (case.rule.range, case.rule.limits, value.meaning) {
         (Some([least, most]), _, _) => (plain, [least as f64, most as f64], 0.0, ""),
         (None, Some(limits), Some(meaning)) if !meaning.assumed => {
             let scaled = meaning.scaled(&meaning.number(raw)).unwrap_or(plain);
             (scaled, limits, (limits[1] - limits[0]).abs() * ROUNDED, meaning.unit.as_str())
+        }
+        (None, None, Some(meaning)) if !meaning.assumed => {
+            let Some(most) = within else { return };
+            let scaled = meaning.scaled(&meaning.number(raw)).unwrap_or(plain);
+            (scaled, [-most, most], most.abs() * ROUNDED, meaning.unit.as_str())
         }
         _ => return,
     };
@@ -50,10 +57,22 @@ pub(super) fn judge_limit(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context
     }
     let (text, space) = (&case.rule.text, if unit.is_empty() { "" } else { " " });
     let alarm = case.fail(event, context).measure(beyond);
-    alarm.say(|| format!("{}, permitted {least} to {most}{space}{unit}: {text}", show_event(event)));
+    alarm.report(|| {
+        let limits = match (case.rule.range, value.meaning) {
+            (Some(range), Some(meaning)) => permitted(range, meaning),
+            _ => format!("permitted {least} to {most}{space}{unit}"),
+        };
+        with_details(text, &format!("{}, {limits}", show_event(event)))
+    });
 }
 
-/// Values to the device are permitted, or not forbidden.
+/// Raw limits in the notation of the value.
+fn permitted([least, most]: [i64; 2], meaning: &Meaning) -> String {
+    let (low, high) = (show(meaning, least), show(meaning, most));
+    if least == most { format!("expected {low}") } else { format!("permitted {low} to {high}") }
+}
+
+/// A value sent to the device must be permitted, or not forbidden.
 pub(super) fn judge_values(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
     let Some(value) = subject_value(case, event).filter(|value| value.source.is_command()) else { return };
     let Some(raw) = value.raw.filter(|_| case.is_due()) else { return };
@@ -64,10 +83,10 @@ pub(super) fn judge_values(case: &RuleCase<'_>, event: &TriggerEvent<'_>, contex
         return context.pass();
     }
     let text = &case.rule.text;
-    case.fail(event, context).say(|| format!("{}: {text}", show_event(event)));
+    case.fail(event, context).report(|| with_details(text, &show_event(event)));
 }
 
-/// Values rise: judged when `on` occurs, else some time after the last write.
+/// Values must ascend: checked when `on` occurs, else [`WRITTEN`] after the last write.
 pub(super) fn judge_ascent(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
@@ -83,43 +102,43 @@ pub(super) fn judge_ascent(
         }
     } else if case.on(event).is_some() && case.is_due() {
         match ascent(case) {
-            Ascent::Broken(object, text) => {
+            AscentCheck::Broken(object, text) => {
                 let alarm = case.fail(event, context).about(About::Object(object));
-                alarm.say(|| text);
+                alarm.report(|| text);
             }
-            Ascent::Rising => context.pass(),
-            Ascent::Unknown => {}
+            AscentCheck::Rising => context.pass(),
+            AscentCheck::Unknown => {}
         }
     }
 }
 
-/// Some time has passed since the last write.
+/// Checks a series of objects after the last write.
 pub(super) fn judge_written_row(case: &RuleCase<'_>, context: &mut Context<'_>) {
     if !case.is_due() {
         return;
     }
     match ascent(case) {
-        Ascent::Broken(object, text) => {
+        AscentCheck::Broken(object, text) => {
             let frames = FrameRange::one(case.frames.last);
             let alarm = context.fail_at(context.now, Some(case.facts.id), frames);
-            alarm.about(About::Object(object)).say(|| text);
+            alarm.about(About::Object(object)).report(|| text);
         }
-        Ascent::Rising => context.pass(),
-        Ascent::Unknown => {}
+        AscentCheck::Rising => context.pass(),
+        AscentCheck::Unknown => {}
     }
 }
 
-/// Whether values rise.
-enum Ascent {
+/// Result of an ascent check.
+enum AscentCheck {
     Rising,
-    /// The first object that does not rise, and the text of its finding.
+    /// The first object that does not ascend, and the text of the finding.
     Broken(ObjectAddress, String),
-    /// No two neighbours were seen.
+    /// No two neighbouring values are known.
     Unknown,
 }
 
-fn ascent(case: &RuleCase<'_>) -> Ascent {
-    let mut found = Ascent::Unknown;
+fn ascent(case: &RuleCase<'_>) -> AscentCheck {
+    let mut found = AscentCheck::Unknown;
     for pair in case.rule.objects.windows(2) {
         let [lower, upper] = pair else { continue };
         let (lower, upper) = (lower.object, upper.object);
@@ -127,10 +146,11 @@ fn ascent(case: &RuleCase<'_>) -> Ascent {
         let rises = if case.rule.or_equal { low <= high } else { low < high };
         if !rises {
             let facts = &case.facts;
-            let text = format!("{}, {}: {}", facts.shown(lower), facts.shown(upper), case.rule.text);
-            return Ascent::Broken(upper, text);
+            let details = format!("{}, {}", facts.shown(lower), facts.shown(upper));
+            let text = with_details(&case.rule.text, &details);
+            return AscentCheck::Broken(upper, text);
         }
-        found = Ascent::Rising;
+        found = AscentCheck::Rising;
     }
     found
 }

@@ -1,4 +1,4 @@
-//! The bus itself is disturbed or too busy.
+//! Error frames, error states of the CAN controller, and bus load.
 
 use std::sync::Arc;
 
@@ -10,42 +10,41 @@ use crate::wire::error_frame::ErrorFrame;
 
 declare_rule! {
     /// # What it checks
-    /// Error frames are more than a share of all frames, or more than so many in a second. The controller of the
-    /// recorder is error passive or bus-off. With the bit rate of the bus file: the bus is busy for more than a share of
-    /// a second. A second of error frames and nothing else asks for the bit rate. Where the recorder notes no error
-    /// frames, their absence says nothing.
+    /// Error frames exceed `errors-percent` of all frames or `errors-per-second`, or the CAN controller of
+    /// the capturing interface is error passive or bus-off. If the bus file states the bit rate, the bus load
+    /// per second is checked too. Interfaces that do not report error frames leave the rule without data.
     ///
     /// # Why it matters
-    /// A disturbed frame is sent again, so things come late; a controller that sees too many errors leaves the bus.
-    /// On a busy bus the messages of low priority wait.
+    /// A disturbed frame is sent again, which delays messages. A controller with too many errors goes
+    /// bus-off. On a busy bus, messages of low priority are delayed.
     ///
     /// # Source
     /// ISO 11898-1 §10.8 to §10.14 (error frames, error passive, bus off); linux/can/error.h
     ///
     /// # What to look at first
-    /// Termination (60 Ω between the lines), bit rate and sample point of all devices, shield and stubs, which node is
-    /// there when the errors begin.
+    /// Check termination, bit rate, shield and stubs. The termination is 60 Ω between the lines, and all
+    /// devices need the same bit rate and sample point. Note which node is connected when the errors begin.
     ///
     /// # Mutation
     /// insert error frames within a second
-    "bus-health", Error, "the bus is disturbed or too busy",
+    "bus-health", Error, "bus disturbed or overloaded",
     kinds: ["can-error"],
     word: "BUS",
     tolerances: &[
-        tolerance("errors-percent", 0.1, "%", "error frames of all frames, a warning"),
-        tolerance("errors-per-second", 10.0, "", "error frames in a second, a warning"),
-        tolerance("load-warning-percent", 60.0, "%", "of the bit rate in a second, a warning"),
-        tolerance("load-error-percent", 80.0, "%", "of the bit rate in a second, an error"),
+        tolerance("errors-percent", 0.1, "%", "share of error frames in all frames, a warning"),
+        tolerance("errors-per-second", 10.0, "", "error frames per second, a warning"),
+        tolerance("load-warning-percent", 60.0, "%", "bus load within a second, a warning"),
+        tolerance("load-error-percent", 80.0, "%", "bus load within a second, an error"),
     ],
 }
 
-/// Error frames in a second that are enough to ask for the bit rate where nothing else comes.
+/// Minimum number of error frames in a second without any other frame that suggests a wrong bit rate.
 const ONLY_ERRORS: u64 = 5;
 
-/// Frames from which on a share of them says something.
+/// Minimum number of frames for a meaningful share of error frames.
 const JUDGED: u64 = 1_000;
 
-/// Class bits and controller bits of SocketCAN.
+/// Class bits and controller bits of SocketCAN error frames.
 const CONTROLLER: u32 = 0x004;
 const BUS_OFF: u32 = 0x040;
 const RESTARTED: u32 = 0x100;
@@ -85,12 +84,13 @@ impl BusHealth {
         let (sent, received) = (error.transmit_errors, error.receive_errors);
         if error.classes & BUS_OFF != 0 {
             let alarm = context.fail(event).about(About::Name(Arc::clone(&self.off))).ongoing();
-            alarm.certain().say(|| "the recorder's controller is bus-off".to_owned());
+            alarm.certain().report(|| "CAN interface bus-off".to_owned());
         } else if is_controller && error.controller & PASSIVE != 0 {
             let alarm = context.fail(event).about(About::Name(Arc::clone(&self.passive))).ongoing();
-            alarm.certain().say(|| {
+            alarm.certain().report(|| {
                 format!(
-                    "the recorder's controller is error passive: {sent} errors sending, {received} receiving"
+                    "CAN interface error passive (transmit error counter {sent}, receive error counter {received}, \
+                     limit 127)"
                 )
             });
         }
@@ -103,12 +103,12 @@ impl BusHealth {
         if second.count >= ONLY_ERRORS && second.errors == second.count {
             let alarm =
                 context.fail_at(context.now, None, second.frames).about(about).measure(errors).certain();
-            alarm.say(|| format!("{errors} error frames in a second and nothing else: wrong bit rate?"));
+            alarm.report(|| format!("{errors} error frames/s and no other frames (wrong bit rate?)"));
         } else if errors > self.in_second {
             let alarm = context.fail_at(context.now, None, second.frames).about(about);
             let limit = self.in_second;
             let alarm = alarm.severity(Severity::Warning).measure(errors).certain();
-            alarm.say(|| format!("{errors} error frames in a second; {limit} are too many"));
+            alarm.report(|| format!("{errors} error frames/s (limit {limit}/s)"));
         } else {
             context.pass();
         }
@@ -124,7 +124,7 @@ impl BusHealth {
         if percent(second.most) <= warning {
             return context.pass();
         }
-        // Without stuff bits it is more than that: enough to tell.
+        // Without stuff bits, the real load is higher still.
         let least = percent(second.bits.unwrap_or(second.least));
         if least <= warning {
             if second.bits.is_some() {
@@ -132,12 +132,13 @@ impl BusHealth {
             }
             return;
         }
-        let severity = if least > error { Severity::Error } else { Severity::Warning };
+        let (severity, limit) =
+            if least > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
         let about = About::Name(Arc::clone(&self.busy));
         let alarm = context.fail_at(context.now, None, second.frames).about(about).severity(severity);
         let at_least = if second.bits.is_some() { "" } else { "at least " };
-        alarm.measure(least).certain().say(|| {
-            format!("{at_least}{least:.0} % of {} kbit/s in a second; {warning} % is busy", rate / 1_000)
+        alarm.measure(least).certain().report(|| {
+            format!("bus load {at_least}{least:.0} % of {} kbit/s (limit {limit} %)", rate / 1_000)
         });
     }
 }
@@ -150,7 +151,7 @@ impl Rule for BusHealth {
     }
 
     fn second(&mut self, context: &mut Context<'_>) {
-        // Of made-up stamps a second says nothing.
+        // With generated timestamps, a second is meaningless.
         if context.meter.has_varied {
             let second = context.meter.last;
             self.judge(&second, context);
@@ -171,6 +172,8 @@ impl Rule for BusHealth {
         let last = FrameRange::one(context.bus.last_frame());
         let alarm = context.fail_at(context.now, None, last).about(about).severity(Severity::Warning);
         let limit = self.share;
-        alarm.certain().say(|| format!("{errors} error frames of {frames}: {share:.2} %, over {limit} %"));
+        alarm
+            .certain()
+            .report(|| format!("{share:.2} % error frames (limit {limit} %): {errors} of {frames}"));
     }
 }

@@ -1,7 +1,7 @@
-//! Two devices have one node-ID.
+//! Two devices with the same node-ID.
 
 use crate::event::{BootCause, Event, EventKind, FrameRange};
-use crate::rules::general::facts::sure;
+use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
@@ -9,35 +9,37 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// Heartbeats of a node tell two states in turn for several times without a command; or they come in two phases
-    /// of the producer time (1017) in turn; or a node starts twice within half a second.
+    /// The heartbeat state of a node alternates between two values without an NMT command. Or its heartbeat
+    /// intervals alternate between two phases of the producer time (1017), or it boots twice within 500 ms.
     ///
     /// # Why it matters
-    /// Two devices answer the same SDO requests and obey the same commands; settings meant for one go to both.
+    /// Two devices respond to the same SDO requests and execute the same commands. Settings for one device
+    /// reach both.
     ///
     /// # Source
     /// CiA 301 §7.3.3 (node-IDs are unique), §7.2.8.3.2.2 (heartbeat)
     ///
     /// # What to look at first
-    /// Rotary switches and stored node-IDs; a spare part that still has its delivered node-ID.
+    /// Check rotary switches and stored node-IDs of all devices. A spare part may still have its factory
+    /// node-ID.
     ///
     /// # Mutation
     /// insert a second series of heartbeats with another state
-    "duplicate-node-id", Error, "two devices have one node-ID",
+    "duplicate-node-id", Error, "node-ID used by two devices",
     kinds: ["heartbeat", "nmt-command", "boot-up"],
     is_timing: true,
     word: "TWICE",
-    tolerances: &[tolerance("changes", 6.0, "", "of heartbeats in turn before it is said")],
+    tolerances: &[tolerance("changes", 6.0, "", "consecutive alternations of heartbeats before a finding")],
 }
 
-/// A device does not start twice within this time, in nanoseconds.
+/// Minimum start-up time of a device, in nanoseconds.
 const STARTING: i64 = 500_000_000;
 
-/// The last heartbeats of a node.
+/// Latest heartbeats of a node.
 #[derive(Default)]
 struct Watch {
     states: [Option<NmtState>; 2],
-    /// Changes of the state in a row, and the frame of the first.
+    /// Consecutive changes of the state, and the frame of the first one.
     changes: u32,
     first: u64,
     last: Option<i64>,
@@ -58,14 +60,14 @@ fn new(policy: &Policy) -> DuplicateNodeId {
 }
 
 impl Watch {
-    /// Whether this heartbeat goes on with two states in turn.
+    /// Whether this heartbeat continues an alternation between two states.
     fn takes_turn(&mut self, state: Option<NmtState>) -> bool {
         let [last, before] = self.states;
         self.states = [state, last];
         last.is_some() && state != last && (before.is_none() || state == before)
     }
 
-    /// Whether this heartbeat goes on with two phases in turn of a producer time.
+    /// Whether this heartbeat continues an alternation between two phases of the producer time.
     fn is_phase(&mut self, now: i64, time: Option<i64>) -> bool {
         let interval = self.last.replace(now).map_or(0, |last| now.saturating_sub(last));
         let [last, before] = self.intervals;
@@ -85,7 +87,8 @@ impl Watch {
 
 impl DuplicateNodeId {
     fn heartbeat(&mut self, event: &Event, node: NodeId, state: Option<NmtState>, context: &mut Context<'_>) {
-        let time = context.node(event).and_then(|node| sure(node, 0x1017, 0)).filter(|time| *time > 0);
+        let time =
+            context.node(event).and_then(|node| confirmed_number(node, 0x1017, 0)).filter(|time| *time > 0);
         let time = time.and_then(|time| i64::try_from(time).ok()).map(|time| time.saturating_mul(1_000_000));
         let limit = self.changes;
         let Some(watch) = self.watches.entry(node) else { return };
@@ -98,16 +101,16 @@ impl DuplicateNodeId {
         let frames = FrameRange { first: watch.first, last: event.frames.last };
         if watch.changes == limit {
             let [one, other] = watch.states.map(|state| state.map_or("unknown", NmtState::name));
-            context.fail(event).frames(frames).say(|| {
-                format!("heartbeats say {other} and {one} in turn, {limit} times, and nobody commands it")
+            context.fail(event).frames(frames).report(|| {
+                format!(
+                    "heartbeat state alternates between {other} and {one} without a command ({limit} changes)"
+                )
             });
         } else if watch.phases == limit {
             let [one, other] = watch.intervals.map(crate::rules::general::facts::milliseconds);
             let time = time.map_or(0, crate::rules::general::facts::milliseconds);
-            context.fail(event).say(|| {
-                format!(
-                    "heartbeats come {other} ms and {one} ms apart in turn: two series of {time} ms (1017)"
-                )
+            context.fail(event).report(|| {
+                format!("heartbeat intervals alternate between {other} ms and {one} ms (1017:00 = {time} ms)")
             });
         } else if watch.changes == 0 && watch.phases == 0 {
             context.pass();
@@ -125,7 +128,10 @@ impl DuplicateNodeId {
         if after < STARTING && context.has_time {
             let frames = FrameRange { first: frame, last: event.frames.last };
             let milliseconds = crate::rules::general::facts::milliseconds(after);
-            context.fail(event).frames(frames).say(|| format!("second boot-up after {milliseconds} ms"));
+            context
+                .fail(event)
+                .frames(frames)
+                .report(|| format!("second boot-up after {milliseconds} ms (min 500 ms for one device)"));
         }
     }
 }

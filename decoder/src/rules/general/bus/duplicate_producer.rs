@@ -1,50 +1,54 @@
-//! Two devices send on one identifier.
+//! Two producers on one identifier.
 
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::context::traffic::PdoSlot;
-use crate::rules::general::facts::{identifier, sure};
+use crate::rules::general::facts::{confirmed_number, identifier};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// One PDO identifier has two producers. Either two nodes are configured to send on it (18xx:01 of both, valid),
-    /// which is an error; or its frames come in two phases of one period in turn, with two contents in turn, or two
-    /// lengths, for many periods, which makes a second producer likely. Frames in a burst are one producer's.
+    /// A PDO identifier has two producers: an error if two nodes are configured to send on it (18xx:01 valid
+    /// in both). It is a warning if two intervals, together with two contents or data lengths, alternate for
+    /// `periods` periods. Bursts of one producer are exempt, and so are two equal intervals, unless the
+    /// identifier first had one constant content with the same period.
     ///
     /// # Why it matters
-    /// Two nodes that send the same identifier at the same time destroy each other's frames, error frames until
-    /// one is off the bus; before that happens consumers follow two masters in turn.
+    /// Two nodes that send the same identifier at the same time destroy each other's frames until one goes
+    /// bus-off. Before that, consumers alternate between the values of both producers.
     ///
     /// # Source
-    /// CiA 301 §7.2.2.1 (one producer a PDO), ISO 11898-1 (identifiers are unique in arbitration)
+    /// CiA 301 §7.2.2.1 (one producer per PDO), ISO 11898-1 (identifiers are unique in arbitration)
     ///
     /// # What to look at first
-    /// COB-IDs in 1800 and up of all nodes; a node-ID set twice; an identifier of the application in a PLC.
+    /// Compare the COB-IDs in 1800 and up of all nodes. Check for a duplicate node-ID and for identifiers
+    /// used by a PLC.
     ///
     /// # Mutation
     /// insert a second series of a periodic PDO, half a period later, with other data
-    "duplicate-producer", Warning, "two devices send on one identifier",
+    "duplicate-producer", Warning, "two producers on one identifier",
     kinds: ["pdo", "sdo-transfer"],
     is_timing: true,
     word: "TWICE",
     tolerances: &[
-        tolerance("periods", 20.0, "", "in turn before it is said"),
-        tolerance("longest-ms", 200.0, "ms", "of a period: slower turns may be events"),
+        tolerance("periods", 20.0, "", "consecutive alternations before a finding"),
+        tolerance("longest-ms", 200.0, "ms", "longest period checked; a slower alternation may be event-driven"),
     ],
 }
 
-/// The last PDOs of an identifier.
+/// Latest PDOs on an identifier.
 #[derive(Clone, Copy, Default)]
 struct Turns {
-    /// Content and length, the last one first.
+    /// Content and length, latest first.
     contents: [(u64, u8); 2],
-    /// Intervals, the last one first.
+    /// Intervals, latest first.
     intervals: [i64; 2],
-    /// How many in a row fit.
+    /// Usual interval while the content was constant, before the second content.
+    alone: Option<i64>,
+    /// Consecutive PDOs that fit two producers.
     count: u32,
     judged: u32,
 }
@@ -63,23 +67,29 @@ fn new(policy: &Policy) -> DuplicateProducer {
 }
 
 impl Turns {
-    /// Takes the next one; whether it goes on with two in turn.
+    /// Adds a PDO; returns whether it continues an alternation between two producers.
     #[inline]
-    fn take(&mut self, content: (u64, u8), interval: i64, longest: i64) -> bool {
+    fn take(&mut self, content: (u64, u8), interval: i64, longest: i64, usual: Option<i64>) -> bool {
         let [last, before] = self.contents;
         let [interval_last, interval_before] = self.intervals;
         self.contents = [content, last];
         self.intervals = [interval, interval_last];
-        if content == last || content != before {
+        if content == last {
+            return false;
+        }
+        if content != before {
+            self.alone = usual.filter(|_| last == before);
             return false;
         }
         let period = interval.saturating_add(interval_last);
         let shorter = interval.min(interval_last);
-        // Two phases, none of them a burst, each as it was a period ago.
+        let jitter = period.unsigned_abs() / 20;
+        // Two phases outside bursts, or a second producer in addition to a known one, at any phase; each with the same
+        // interval as one period ago.
         period <= longest
-            && shorter >= period / 10
-            && shorter < period / 5 * 2
-            && interval.abs_diff(interval_before) < period.unsigned_abs() / 20
+            && interval.abs_diff(interval_before) < jitter
+            && ((shorter >= period / 10 && shorter < period / 5 * 2)
+                || self.alone.is_some_and(|alone| alone.abs_diff(period) < jitter))
     }
 }
 
@@ -89,7 +99,8 @@ impl DuplicateProducer {
         let Some(turns) = self.turns.get_mut(slot.place) else {
             return self.turns.resize(slot.place + 1, Turns::default());
         };
-        let goes_on = turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest);
+        let goes_on =
+            turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest, slot.median);
         turns.count = if goes_on { turns.count + 1 } else { 0 };
         turns.judged += 1;
         if turns.count >= 2 * self.periods {
@@ -97,11 +108,11 @@ impl DuplicateProducer {
             turns.judged = 0;
             let [one, other] = turns.intervals.map(|interval| interval / 100_000);
             let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-            alarm.say(|| {
+            alarm.report(|| {
                 let (name, count) = (pdo.name, 2 * self.periods);
                 format!(
-                    "{name}: two series in turn, {}.{} ms and {}.{} ms apart with two contents, {count} frames long: \
-                     a second producer is likely",
+                    "{name} alternates between two contents at intervals of {}.{} ms and {}.{} ms in {count} frames \
+                     (second producer?)",
                     one / 10, one % 10, other / 10, other % 10
                 )
             });
@@ -111,7 +122,7 @@ impl DuplicateProducer {
         }
     }
 
-    /// A COB-ID was written or read.
+    /// Checks a COB-ID that was written or read.
     #[cold]
     fn configured(event: &Event, name: PdoName, cob_id: u64, context: &mut Context<'_>) {
         let Some(id) = identifier(cob_id) else { return };
@@ -119,14 +130,14 @@ impl DuplicateProducer {
             let other = node.id();
             (1..=4).find_map(|number| {
                 let pdo = PdoName { direction: PdoDirection::Transmit, number };
-                let cob_id = sure(node, pdo.communication_index(), 1)?;
+                let cob_id = confirmed_number(node, pdo.communication_index(), 1)?;
                 let is_same = identifier(cob_id) == Some(id) && Some(other) != event.node;
                 is_same.then_some((other, pdo))
             })
         });
         let Some((other, pdo)) = other else { return context.pass() };
         let alarm = context.fail(event).about(About::Id(id)).severity(Severity::Error);
-        alarm.say(|| format!("{name} has the identifier of {pdo} of {}", NodeId::words(other)));
+        alarm.report(|| format!("{name} uses the identifier of {pdo} of {}", NodeId::words(other)));
     }
 }
 

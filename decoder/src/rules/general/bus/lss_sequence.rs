@@ -1,4 +1,4 @@
-//! LSS: the order of its messages, and refused settings.
+//! Order of LSS messages, and refused LSS settings.
 
 use std::sync::Arc;
 
@@ -11,32 +11,32 @@ use crate::wire::canopen::lss::Content;
 
 declare_rule! {
     /// # What it checks
-    /// The four numbers of switch state selective come in order: vendor, product, revision, serial number. A device
-    /// does what it is told: node-ID, bit timing, store (result 0).
+    /// The four messages of switch state selective must arrive in this order: vendor, product, revision,
+    /// serial number. A device must accept node-ID, bit timing and store commands (result 0).
     ///
     /// # Why it matters
-    /// The device keeps its old node-ID or bit rate, or has the new one only until it is switched off.
+    /// The device keeps its old node-ID or bit rate, or loses the new one at power-off.
     ///
     /// # Source
     /// CiA 305 §3.9.2.1 (switch state selective), §3.9.3 (configuration)
     ///
     /// # What to look at first
-    /// The result's meaning; whether the device can store.
+    /// Look up the result code in the device manual. Check whether the device can store its configuration.
     ///
     /// # Mutation
     /// change the result of a configuration
-    "lss-sequence", Warning, "LSS out of order, or refused",
+    "lss-sequence", Warning, "LSS out of order or refused",
     kinds: ["lss"],
     word: "LSS",
 }
 
-/// First and last number of switch state selective.
+/// First and last command specifier of switch state selective.
 const VENDOR: u8 = 0x40;
 const SERIAL: u8 = 0x43;
 
 #[derive(Default)]
 struct LssSequence {
-    /// Next number of switch state selective.
+    /// Next command specifier of switch state selective.
     next: Option<u8>,
 }
 
@@ -51,22 +51,25 @@ impl Rule for LssSequence {
         match (*from_master, content) {
             (true, _) if (VENDOR..=SERIAL).contains(&command) => {
                 let wanted = self.next.replace(command + 1);
-                // A capture may begin within.
+                // A capture may begin within the sequence.
                 let Some(wanted) = wanted.or_else(|| (command == VENDOR).then_some(VENDOR)) else { return };
                 if command == wanted || command == VENDOR {
                     return context.pass();
                 }
                 let alarm = context.fail(event).about(About::Name(Arc::from("selective")));
                 let names = [command, wanted].map(|command| lss().title(command).to_owned());
-                alarm.say(|| format!("{} comes, {} is due", names[0], names[1]));
+                alarm.report(|| format!("{} received ({} expected)", names[0], names[1]));
             }
             (true, _) => self.next = None,
             (false, Content::Result { code: 0, .. }) => context.pass(),
             (false, Content::Result { code, specific }) => {
                 let alarm = context.fail(event).about(About::Name(Arc::from(lss().service(command))));
-                alarm.say(|| {
+                alarm.report(|| {
                     let text = lss().result(command, *code);
-                    format!("{}: result {code} {text} ({specific:02X}h)", lss().title(command))
+                    format!(
+                        "{} refused: result {code} {text} (specific {specific:02X}h)",
+                        lss().title(command)
+                    )
                 });
             }
             _ => {}

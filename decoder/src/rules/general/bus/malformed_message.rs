@@ -1,4 +1,4 @@
-//! Bytes that are no message of their service.
+//! Payloads that are not valid for their service.
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
@@ -8,21 +8,22 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A frame has too few bytes for the service its identifier belongs to, or a command that does not exist. A note where
-    /// the protocol of the bus is presumed only.
+    /// A frame is too short for the service of its identifier, or contains an undefined command. It is a note
+    /// if the protocol of the bus is only presumed.
     ///
     /// # Why it matters
-    /// Who receives it ignores it or reads nonsense; or the identifier is used for something else.
+    /// Receivers ignore the message or misread it. The identifier may also be in use for another purpose.
     ///
     /// # Source
-    /// The service's own clause: CiA 301 §7.2, CiA 305 §3.9, SAE J1939-21 §5.4, §5.10, J1939-73 §5.7, ISO 15765-2 §9.4
+    /// Clause of the service: CiA 301 §7.2, CiA 305 §3.9, SAE J1939-21 §5.4, §5.10, J1939-73 §5.7, ISO
+    /// 15765-2 §9.4
     ///
     /// # What to look at first
-    /// Who sends it, and whether the identifier was given to two services.
+    /// Find the device that sends this identifier. Check whether the identifier is assigned to two services.
     ///
     /// # Mutation
-    /// insert a request for a J1939 group of two bytes
-    "malformed-message", Warning, "bytes that are no message of their service",
+    /// insert a 2-byte request for a J1939 group
+    "malformed-message", Warning, "payload not valid for its service",
     kinds: ["malformed", "lss", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
     word: "BYTES",
 }
@@ -36,14 +37,14 @@ fn new(_policy: &Policy) -> MalformedMessage {
 impl Rule for MalformedMessage {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
-        // Transfers whose sizes contradict each other have a rule of their own.
+        // Contradictory transfer sizes are reported by `transport-violation`.
         if error.needed == 0 && is_transport(error.layer) {
             return;
         }
         let alarm = context.fail(event).about(About::Name(error.layer.into()));
-        alarm.say(|| match error.needed {
+        alarm.report(|| match error.needed {
             0 => (*reason).to_owned(),
-            needed => format!("{reason}: {} bytes, {needed} needed", error.available),
+            needed => format!("{reason}: {} bytes (min {needed})", error.available),
         });
     }
 }

@@ -1,4 +1,4 @@
-//! Rules about a bus as a whole: its health, who is on it, messages that are none.
+//! Rules about a bus as a whole: health, duplicate producers, invalid messages.
 
 pub(super) mod bus_health;
 pub(super) mod duplicate_node_id;

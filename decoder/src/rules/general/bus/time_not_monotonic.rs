@@ -6,16 +6,16 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// Each TIME message tells a later time than the one before, or the same.
+    /// The time in a TIME message is earlier than in the previous one.
     ///
     /// # Why it matters
-    /// Logs of devices get out of order; two producers make the clock jump to and fro.
+    /// Device logs get out of order. With two producers, the clock jumps back and forth.
     ///
     /// # Source
     /// CiA 301 §7.2.6 (time stamp object)
     ///
     /// # What to look at first
-    /// Whether somebody set the clock; two producers of TIME (bit 30 of 1012).
+    /// Check bit 30 of 1012 in all nodes. Two TIME producers, or a clock that was set, explain the jump.
     ///
     /// # Mutation
     /// swap two TIME messages
@@ -26,7 +26,7 @@ declare_rule! {
 
 #[derive(Default)]
 struct TimeNotMonotonic {
-    /// Milliseconds since 1984.
+    /// Time of the last TIME message, in milliseconds since 1984.
     last: Option<i64>,
 }
 
@@ -34,7 +34,7 @@ fn new(_policy: &Policy) -> TimeNotMonotonic {
     TimeNotMonotonic::default()
 }
 
-/// Milliseconds of a day.
+/// Milliseconds per day.
 const DAY: i64 = 86_400_000;
 
 impl Rule for TimeNotMonotonic {
@@ -46,6 +46,8 @@ impl Rule for TimeNotMonotonic {
         if back <= 0 {
             return context.pass();
         }
-        context.fail(event).say(|| format!("TIME goes back by {}.{:03} s", back / 1_000, back % 1_000));
+        context.fail(event).report(|| {
+            format!("TIME {}.{:03} s earlier than the previous message", back / 1_000, back % 1_000)
+        });
     }
 }

@@ -1,6 +1,6 @@
-//! A calibration fails, or does not end.
+//! Failed and unfinished calibrations.
 
-use crate::event::{Event, EventKind, FrameRange, ProcedureEvent};
+use crate::event::{EmcyAction, Event, EventKind, FrameRange, PROCEDURE_FAILED_EARLIER, ProcedureEvent};
 use crate::finding::{About, Severity};
 use crate::profile::device::ProcedureStatus;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -9,50 +9,68 @@ use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// A calibration ends with an error, was not begun because another one runs, is stopped (a note), or shows no end
-    /// within a multiple of the time its manual gives. What a status number says is what the manual says of it.
+    /// A calibration fails, is stopped (a note), is interrupted by a restart, does not start because another one
+    /// is running, or does not end within `times` × the nominal time. Only its status object proves the result,
+    /// whenever it is read; a result that is never read is a note. An error status without a calibration in the
+    /// capture is an earlier failure (a warning).
     ///
     /// # Why it matters
-    /// The device goes on with the old values, or with defaults of its own.
+    /// The device continues with the old values, or with its default values.
     ///
     /// # Source
     /// Calibrations and their status codes: the device's manual.
     ///
     /// # What to look at first
-    /// The preconditions the manual names: motor, actuators, temperature. Without an end: whether the controller reads
-    /// the status at all.
+    /// Check the preconditions of the calibration in the manual. Examples are motor, actuators and
+    /// temperature. If the calibration does not end, check whether the controller reads the status.
     ///
     /// # Mutation
-    /// answer the upload of a calibration's status with an error code
-    "calibration", Error, "a calibration fails or does not end",
-    kinds: ["procedure", "boot-up"],
+    /// respond to the upload of a calibration's status with an error code
+    "calibration", Error, "calibration failed or unfinished",
+    kinds: ["procedure", "boot-up", "emcy"],
     word: "CALIB",
-    tolerances: &[tolerance("times", 2.0, "", "nominal times within which it ends, a warning")],
+    tolerances: &[tolerance("times", 2.0, "", "maximum duration as a multiple of the nominal time, a warning")],
 }
 
-/// KIND word of the procedures that are calibrations.
+/// KIND word of calibration procedures.
 const CALIBRATION: &str = "CALIB";
 
-/// Calibrations that run at once on a bus; further ones are judged by their end only.
+/// Maximum number of calibrations in progress per bus; further ones have no time limit.
 const RUNNING_LIMIT: usize = 256;
 
-struct Running {
+struct RunningCalibration {
     node: NodeId,
     name: String,
+    began: i64,
     due: i64,
     nominal: f64,
     frame: u64,
     number: u64,
+    /// Text of its end with an unknown result; None while it runs.
+    unread: Option<String>,
 }
 
 struct Calibration {
     times: f64,
-    running: Vec<Running>,
+    running: Vec<RunningCalibration>,
     begun: u64,
 }
 
 fn new(policy: &Policy) -> Calibration {
     Calibration { times: policy.tolerance(&DECLARATION, "times"), running: Vec::new(), begun: 0 }
+}
+
+/// Duration in ns of a time in s.
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
+const fn span(seconds: f64) -> i64 {
+    (seconds * 1e9) as i64
+}
+
+/// Duration in ns as text.
+fn after(time: i64) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a time to read")]
+    let seconds = time as f64 / 1e9;
+    format!(" after {seconds:.1} s")
 }
 
 impl Calibration {
@@ -61,28 +79,55 @@ impl Calibration {
         if is(ProcedureStatus::Running) {
             return self.started(event, node, told, context);
         }
+        if is(ProcedureStatus::Ended) {
+            return self.ended(node, told, context);
+        }
         self.running.retain(|running| running.node != node || running.name != told.procedure);
         let about = About::Name(told.procedure.as_str().into());
         context.close(Some(node), about.clone());
-        let (severity, what) = if is(ProcedureStatus::Error) {
+        let (severity, what) = if told.step == PROCEDURE_FAILED_EARLIER {
+            (Severity::Warning, "failed before this capture")
+        } else if is(ProcedureStatus::Error) {
             (Severity::Error, "failed")
         } else if is(ProcedureStatus::Busy) {
-            (Severity::Error, "not begun")
+            (Severity::Error, "not started")
         } else if is(ProcedureStatus::Stopped) {
             (Severity::Note, "stopped")
         } else {
             return context.pass();
         };
         let alarm = context.fail(event).about(about).severity(severity);
-        alarm.say(|| {
-            let after = told.duration.map_or_else(String::new, |time| {
-                #[expect(clippy::cast_precision_loss, reason = "a time to read")]
-                let seconds = time as f64 / 1e9;
-                format!(" after {seconds:.1} s")
-            });
+        alarm.report(|| {
+            let after = told.duration.map_or_else(String::new, after);
             let why = if told.text.is_empty() { String::new() } else { format!(": {}", told.text) };
             format!("{} {what}{after}{why}", told.procedure)
         });
+    }
+
+    /// Waits for the status of a calibration that ended with an unknown result, at least its nominal time.
+    fn ended(&mut self, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
+        context.close(Some(node), About::Name(told.procedure.as_str().into()));
+        let found =
+            self.running.iter_mut().find(|running| running.node == node && running.name == told.procedure);
+        let Some(running) = found else { return };
+        self.begun += 1;
+        running.number = self.begun;
+        running.due = running.due.max(context.now.saturating_add(span(running.nominal)));
+        let after = told.duration.map_or_else(String::new, after);
+        running.unread = Some(format!("{} ended{after}; {}", told.procedure, told.text));
+        context.wake_at(running.due, running.number);
+    }
+
+    /// Reports calibrations that a restart interrupted.
+    fn restarted(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+        let is_interrupted = |it: &RunningCalibration| it.node == node && it.unread.is_none();
+        for running in self.running.iter().filter(|it| is_interrupted(it)) {
+            let about = About::Name(running.name.as_str().into());
+            let time = context.now.saturating_sub(running.began);
+            let alarm = context.fail(event).about(about).severity(Severity::Warning);
+            alarm.report(|| format!("{} interrupted by a restart{}", running.name, after(time)));
+        }
+        self.running.retain(|it| !is_interrupted(it));
     }
 
     fn started(&mut self, event: &Event, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
@@ -93,12 +138,13 @@ impl Calibration {
             return;
         }
         self.running.retain(|running| running.node != node || running.name != told.procedure);
-        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let time = (nominal * self.times * 1e9) as i64;
-        let due = context.now.saturating_add(time);
+        let time = span(nominal * self.times);
+        let began = context.now;
+        let due = began.saturating_add(time);
         self.begun += 1;
         let (name, frame, number) = (told.procedure.clone(), event.frames.last, self.begun);
-        self.running.push(Running { node, name, due, nominal, frame, number });
+        let unread = None;
+        self.running.push(RunningCalibration { node, name, began, due, nominal, frame, number, unread });
         context.wake_at(due, number);
     }
 }
@@ -110,19 +156,26 @@ impl Rule for Calibration {
             EventKind::Procedure(told) if told.word.as_deref() == Some(CALIBRATION) => {
                 self.procedure(event, node, told, context);
             }
-            EventKind::BootUp { .. } => self.running.retain(|running| running.node != node),
+            EventKind::BootUp { .. } => self.restarted(event, node, context),
+            EventKind::Emcy(emergency) if emergency.action == EmcyAction::Ready => {
+                self.restarted(event, node, context);
+            }
             _ => {}
         }
     }
 
     fn wake(&mut self, token: u64, context: &mut Context<'_>) {
         let Some(running) = self.running.iter().find(|running| running.number == token) else { return };
+        let since = context.timestamp_of(running.began);
         let alarm = context.fail_at(running.due, Some(running.node), FrameRange::one(running.frame));
-        let alarm =
-            alarm.about(About::Name(running.name.as_str().into())).severity(Severity::Warning).ongoing();
-        alarm.say(|| {
+        let severity = if running.unread.is_some() { Severity::Note } else { Severity::Warning };
+        let alarm = alarm.about(About::Name(running.name.as_str().into())).severity(severity).since(since);
+        alarm.report(|| {
+            if let Some(text) = &running.unread {
+                return text.clone();
+            }
             let (name, nominal, limit) = (&running.name, running.nominal, running.nominal * self.times);
-            format!("{name} shows no end within {limit:.0} s, it takes about {nominal:.0} s")
+            format!("{name} without end (limit {limit:.0} s, nominal {nominal:.0} s)")
         });
     }
 }

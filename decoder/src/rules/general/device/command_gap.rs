@@ -1,4 +1,4 @@
-//! A stream of commands pauses.
+//! Gaps in cyclic commands.
 
 use std::collections::HashMap;
 
@@ -15,52 +15,57 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// A J1939 command comes later than the device's manual permits, or nearly so; an RPDO that came regularly
-    /// pauses for several of its usual intervals, or for good. Just a note while the NMT master itself stops, resets
-    /// or configures that node, or the node is not operational.
+    /// The interval of a J1939 command approaches or exceeds the limit in the device manual, or a cyclic RPDO
+    /// pauses for several of its usual intervals. It is a note while the NMT master stops, resets or
+    /// configures the node, or while the node is not operational. A stream that ends with such an action, or
+    /// with a procedure of the node, is not missing.
     ///
     /// # Why it matters
-    /// Devices that watch their commands block their outputs; others go on with the last command.
+    /// Devices that monitor their commands block their outputs. Others continue with the last command.
     ///
     /// # Source
-    /// Time of a message: the device's manual. An RPDO that is sent cyclically: its own median interval.
+    /// Time limit of a message: device manual. A cyclic RPDO: its median interval.
     ///
     /// # What to look at first
-    /// Cycle time and load of the controller in that moment; whether everything it sends pauses (`cobscope stats`).
+    /// Check cycle time and load of the controller. Check whether all of its messages pause (`cobscope
+    /// stats`).
     ///
     /// # Mutation
     /// drop ten cyclic RPDOs in a row
-    "command-gap", Error, "a stream of commands pauses",
-    kinds: ["rpdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer"],
+    "command-gap", Error, "gap in cyclic commands",
+    kinds: ["rpdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer", "procedure"],
     is_timing: true,
     word: "GAP",
     tolerances: &[
-        tolerance("warning-percent", 60.0, "%", "of the time a device's manual gives, a warning; beyond it an error"),
-        tolerance("median-times", 3.0, "", "usual intervals of an RPDO, a warning"),
-        tolerance("least-ms", 10.0, "ms", "of an RPDO's gap: below it recorders are as likely to blame"),
+        tolerance("warning-percent", 60.0, "%", "of the limit in the device manual, a warning; beyond the limit an error"),
+        tolerance("median-times", 3.0, "", "multiple of the usual interval of an RPDO, a warning"),
+        tolerance("least-ms", 10.0, "ms", "minimum gap of an RPDO; shorter gaps may come from the capturing interface"),
     ],
 }
 
-/// Intervals in a row near the median that make an RPDO a cyclic one.
+/// Minimum number of consecutive intervals near the median for a cyclic RPDO.
 const REGULAR: u32 = 15;
 
-/// The master's own doing explains a gap that begins so much later, in nanoseconds.
+/// Time after an action of the master in which it explains a gap, in nanoseconds.
 const BEFORE: i64 = 1_000_000_000;
 
-/// J1939 messages looked up; further ones are judged by their gaps only.
+/// Last step of a procedure.
+const FINISHED: &str = "finished";
+
+/// Maximum number of J1939 identifiers; further ones are only checked by `message-gap` events.
 const AWAITED_LIMIT: usize = 4096;
 
-/// An RPDO by its place in [`crate::rules::Traffic`].
+/// Stream of one RPDO, stored by its index in [`crate::rules::Traffic`].
 #[derive(Default)]
-struct Stream {
-    /// What and whose it is, once it was regular.
+struct RpdoStream {
+    /// Node, identifier and name, once the stream was cyclic.
     of: Option<(NodeId, CanId, String)>,
-    /// Intervals in a row near the median.
+    /// Consecutive intervals near the median.
     regular: u32,
 }
 
-/// A J1939 message a device may wait for.
-struct Awaited {
+/// J1939 message that a device may monitor.
+struct MonitoredMessage {
     of: Option<(NodeId, i64)>,
     last: Option<(i64, u64)>,
 }
@@ -69,9 +74,9 @@ struct CommandGap {
     warning: f64,
     times: f64,
     least: i64,
-    streams: BySlot<Stream>,
-    awaited: HashMap<CanId, Awaited, FixedState>,
-    /// When the master last did something to a node, or to all.
+    streams: BySlot<RpdoStream>,
+    awaited: HashMap<CanId, MonitoredMessage, FixedState>,
+    /// Time of the latest action of the master on a node, or on all nodes.
     busy: NodeMap<i64>,
     all_busy: Option<i64>,
 }
@@ -95,7 +100,7 @@ impl CommandGap {
         let (Some(interval), Some(median)) = (slot.interval, slot.median) else { return };
         let Some(stream) = self.streams.of(slot) else { return };
         if interval <= median.saturating_mul(2) {
-            // A burst is no cycle.
+            // A burst is not a cycle.
             let is_near = interval >= median / 2;
             stream.regular = if is_near { stream.regular.saturating_add(1) } else { 0 };
             if stream.regular >= REGULAR {
@@ -112,7 +117,7 @@ impl CommandGap {
         }
     }
 
-    /// From which length on an interval is a gap.
+    /// Minimum length of a gap, in nanoseconds.
     fn limit(&self, median: i64) -> i64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "a time to compare")]
         let limit = (median as f64 * self.times) as i64;
@@ -135,18 +140,23 @@ impl CommandGap {
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail(event).node(Some(*node)).measure(interval as f64).severity(severity);
         let alarm = alarm.about(About::Name(name.as_str().into())).frames(slot.between());
-        alarm.say(|| {
+        alarm.report(|| {
             let [interval, limit, median] = [interval, limit, median].map(milliseconds);
-            format!("{name} after {interval} > {limit} (usual {median})")
+            format!("{name} interval {interval} > {limit} (usual {median})")
         });
     }
 
-    /// A gap that begins at `from` is what the master wants while it is busy with the node.
+    /// Severity of a gap that began at `from`: a note if the master was acting on the node.
     fn severity(&self, node: NodeId, from: i64, context: &Context<'_>) -> Severity {
-        let times = self.all_busy.into_iter().chain(self.busy.get(node).copied());
-        let is_wanted = times.max().is_some_and(|time| time >= from.saturating_sub(BEFORE));
+        let is_wanted = self.is_wanted(node, from);
         let is_off = context.confirmed_state(node).is_some_and(|state| state != NmtState::Operational);
         if is_wanted || is_off { Severity::Note } else { Severity::Warning }
+    }
+
+    /// Whether the master acted on the node, or a procedure of the node ended, at or after `from`.
+    fn is_wanted(&self, node: NodeId, from: i64) -> bool {
+        let times = self.all_busy.into_iter().chain(self.busy.get(node).copied());
+        times.max().is_some_and(|time| time >= from.saturating_sub(BEFORE))
     }
 
     fn message(&mut self, event: &Event, message: &J1939Message, context: &mut Context<'_>) {
@@ -155,7 +165,7 @@ impl CommandGap {
         }
         let entry = self.awaited.entry(message.can_id);
         let awaited =
-            entry.or_insert_with(|| Awaited { of: context.bus.awaited(message.can_id), last: None });
+            entry.or_insert_with(|| MonitoredMessage { of: context.bus.awaited(message.can_id), last: None });
         let Some((node, limit)) = awaited.of else { return };
         let (now, frame) = (context.now, event.frames.last);
         let Some((last, before)) = awaited.last.replace((now, frame)) else { return };
@@ -165,15 +175,19 @@ impl CommandGap {
         if share <= self.warning {
             return context.pass();
         }
-        // Beyond the limit it is told as a gap.
+        if context.is_across_hole(before) {
+            return;
+        }
+        // A `message-gap` event reports longer intervals.
         if share <= 1.0 {
             let frames = FrameRange { first: before, last: frame };
             let alarm = context.fail(event).node(Some(node)).severity(Severity::Warning).frames(frames);
             let alarm = alarm.about(About::Pgn(message.id.pgn.number())).measure(share);
-            alarm.say(|| {
+            alarm.report(|| {
                 let name = message.name.as_deref().unwrap_or("message");
-                let [interval, limit] = [interval, limit].map(milliseconds);
-                format!("{name} after {interval}, {limit} are permitted")
+                let ([interval, limit], percent) =
+                    ([interval, limit].map(milliseconds), self.warning * 100.0);
+                format!("{name} interval {interval} > {percent:.0} % of the limit {limit}")
             });
         }
     }
@@ -182,12 +196,12 @@ impl CommandGap {
         #[expect(clippy::cast_precision_loss, reason = "times to compare")]
         let share = gap.gap as f64 / gap.limit.max(1) as f64;
         let alarm = context.fail(event).about(About::Pgn(gap.pgn.number())).measure(share);
-        alarm.say(|| {
+        alarm.report(|| {
             let [length, limit] = [gap.gap, gap.limit].map(milliseconds);
             let usual =
                 gap.usual.map_or_else(String::new, |(usual, _)| format!(" (usual {})", milliseconds(usual)));
-            let missing = if gap.came_again { "" } else { ", missing until the end" };
-            format!("{}: {length} > {limit}{usual}{missing}", gap.message)
+            let missing = if gap.came_again { "" } else { " and missing until the end of the capture" };
+            format!("{} interval {length} > {limit}{usual}{missing}", gap.message)
         });
     }
 
@@ -219,6 +233,11 @@ impl Rule for CommandGap {
             }
             EventKind::MessageGap(gap) => Self::message_gap(event, gap, context),
             EventKind::SdoTransfer(transfer) => self.transfer(event, transfer, context.now),
+            EventKind::Procedure(procedure) if procedure.step == FINISHED => {
+                if let Some(time) = event.node.and_then(|node| self.busy.entry(node)) {
+                    *time = context.now;
+                }
+            }
             EventKind::NmtCommand { service: NmtService::Start, .. } => {}
             EventKind::NmtCommand { target: 0, .. } => self.all_busy = Some(context.now),
             EventKind::NmtCommand { target, .. } => {
@@ -238,16 +257,17 @@ impl Rule for CommandGap {
                 continue;
             };
             let (last, frame, gap) = (slot.last, slot.frames.0, context.now.saturating_sub(slot.last));
-            if gap <= self.limit(median) {
+            if gap <= self.limit(median) || self.is_wanted(*node, last) {
                 continue;
             }
             let severity = self.severity(*node, last, context);
+            let (since, limit) = (context.timestamp_of(last), self.limit(median));
             #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
             let alarm = context.fail_at(context.now, Some(*node), FrameRange::one(frame)).measure(gap as f64);
-            let alarm = alarm.about(About::Name(name.as_str().into())).severity(severity);
-            alarm.say(|| {
-                let [gap, median] = [gap, median].map(milliseconds);
-                format!("{name} missing for {gap} until the end (usual {median})")
+            let alarm = alarm.about(About::Name(name.as_str().into())).severity(severity).since(since);
+            alarm.report(|| {
+                let [limit, median] = [limit, median].map(milliseconds);
+                format!("{name} missing (limit {limit}, usual {median})")
             });
         }
     }

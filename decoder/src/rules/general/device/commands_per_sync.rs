@@ -1,4 +1,4 @@
-//! Several commands come between two SYNCs, of which one acts.
+//! Several RPDOs per SYNC interval, of which only the last one is effective.
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
@@ -11,36 +11,36 @@ use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// More than one RPDO of one identifier comes between two SYNCs, and the device's manual says that this RPDO waits
-    /// for SYNC: only the last one acts.
+    /// More than `note-count` RPDOs of one identifier are sent between two SYNCs, although the RPDO takes
+    /// effect at SYNC according to the device manual. Only the last one is effective.
     ///
     /// # Why it matters
-    /// The others are lost; a device may take it for an overflow.
+    /// The other commands are lost. A device may also report an overflow.
     ///
     /// # Source
-    /// Which RPDO waits for SYNC: the device's manual; CiA 301 §7.2.2.2 (synchronous PDOs)
+    /// RPDOs that take effect at SYNC: device manual; CiA 301 §7.2.2.2 (synchronous PDOs)
     ///
     /// # What to look at first
-    /// Whether the controller sends SYNC and commands in the same cycle.
+    /// Send SYNC and commands in the same controller cycle.
     ///
     /// # Mutation
     /// send the RPDO three times between two SYNCs
-    "commands-per-sync", Warning, "several commands come between two SYNCs, of which one acts",
+    "commands-per-sync", Warning, "several RPDOs in one SYNC interval",
     kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
     word: "SYNC",
     tolerances: &[
-        tolerance("note-count", 1.0, "", "RPDOs of one identifier between two SYNCs, more are a note"),
-        tolerance("warning-count", 2.0, "", "RPDOs of one identifier between two SYNCs, more are a warning"),
+        tolerance("note-count", 1.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a note"),
+        tolerance("warning-count", 2.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a warning"),
     ],
 }
 
-/// SYNCs further apart than this have stopped: then other rules say so, in nanoseconds.
+/// Maximum SYNC interval, in nanoseconds; other rules report a SYNC that has stopped.
 const ALIVE: i64 = 1_000_000_000;
 
-/// An RPDO by its place in [`crate::rules::Traffic`].
+/// One RPDO, stored by its index in [`crate::rules::Traffic`].
 #[derive(Default)]
 struct Commands {
-    /// Whether it waits for SYNC, once that was looked up.
+    /// The RPDO takes effect at SYNC; `None` before the look-up.
     waits: Option<bool>,
     of: Option<(NodeId, PdoName)>,
     count: u32,
@@ -51,10 +51,10 @@ struct CommandsPerSync {
     note: f64,
     warning: f64,
     commands: BySlot<Commands>,
-    /// Places of those that wait.
+    /// Indices of the RPDOs that take effect at SYNC.
     waiting: Vec<usize>,
     last: Option<i64>,
-    /// Whether any device has an RPDO that waits for SYNC.
+    /// At least one device has an RPDO that takes effect at SYNC.
     may_wait: bool,
 }
 
@@ -106,10 +106,13 @@ impl CommandsPerSync {
                 context.pass();
                 continue;
             }
+            let most = self.note;
             let severity = if f64::from(count) > self.warning { Severity::Warning } else { Severity::Note };
             let alarm = context.fail(event).node(Some(node)).about(About::Name(name.to_string().into()));
             let alarm = alarm.severity(severity).measure(f64::from(count)).frames(frames);
-            alarm.say(|| format!("{name} {count} times between two SYNCs; the last one acts"));
+            alarm.report(|| {
+                format!("{count} {name} in one SYNC interval (max {most}, only the last is effective)")
+            });
         }
     }
 
@@ -119,7 +122,7 @@ impl CommandsPerSync {
     }
 }
 
-/// Whether any device has an RPDO that waits for SYNC.
+/// Whether any device has an RPDO that takes effect at SYNC.
 fn may_wait(bus: &Bus) -> bool {
     let waits = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
     bus.nodes().any(waits)
@@ -149,7 +152,7 @@ impl Rule for CommandsPerSync {
         match &event.kind {
             EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
             EventKind::Sync { .. } => self.sync(event, context),
-            // Another device, other PDOs.
+            // Another device may have other PDOs.
             EventKind::NodeIdentified(_) => {
                 self.forget();
                 self.may_wait = may_wait(context.bus);

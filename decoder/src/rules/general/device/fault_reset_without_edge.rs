@@ -1,4 +1,4 @@
-//! A controller holds the reset bit of a fault instead of raising it.
+//! Fault reset bits that are held instead of toggled.
 
 use super::machines::{about, edges_out, machine};
 use crate::event::{DeviceState, EmcyAction, Event, EventKind, Pdo};
@@ -10,45 +10,45 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A device reports a fault that only a rising bit of the control word leaves, and that bit stays set in message
-    /// after message: it never rises. A bit that rose in vain counts again once all errors are gone.
+    /// A device reports a fault that only a rising edge of a control word bit resets, and that bit stays set.
+    /// After an edge without success, the check restarts when all errors are cleared.
     ///
     /// # Why it matters
-    /// The fault stays for ever, however often the reset is sent, and it looks like a broken device.
+    /// The fault is never reset, and the device seems to be defective.
     ///
     /// # Source
-    /// State machine of the device's manual; for fluid power CiA 408: the reset bit acts by its edge.
+    /// State machine in the device manual; for fluid power CiA 408: the reset bit is edge-triggered.
     ///
     /// # What to look at first
-    /// What the controller sends as control word: first without the bit, then with it.
+    /// Send the control word without the reset bit, then with it.
     ///
     /// # Mutation
-    /// send the control word with the reset bit from before the fault on
-    "fault-reset-without-edge", Warning, "the reset bit is held, so the fault is never reset",
+    /// send the control word with the reset bit set, starting before the fault
+    "fault-reset-without-edge", Warning, "fault reset bit held without an edge",
     kinds: ["rpdo", "device-state", "emcy", "boot-up"],
     word: "STUCK",
     tolerances: &[
-        tolerance("messages", 3.0, "", "control words in a row with the bit set"),
-        tolerance("time-ms", 300.0, "ms", "for which it is set"),
+        tolerance("messages", 3.0, "", "consecutive control words with the bit set"),
+        tolerance("time-ms", 300.0, "ms", "for which the bit is set"),
     ],
 }
 
-/// Faults remembered of a node: one a channel.
+/// Maximum number of faults per node; each channel has at most one.
 const FAULT_LIMIT: usize = 16;
 
-/// A fault that waits for its reset.
+/// Fault that has not been reset.
 struct Fault {
     channel: Option<u8>,
     state: String,
     leave: Option<String>,
     control: ObjectAddress,
-    /// Bits that must rise.
+    /// Bits that need a rising edge.
     edges: u64,
-    /// All of them are set since then.
+    /// Time since all of these bits are set.
     since: Option<i64>,
     first_frame: u64,
     count: u64,
-    /// They were clear in this fault, and rose or will.
+    /// The bits were cleared during this fault, so an edge follows.
     has_edge: bool,
     is_told: bool,
 }
@@ -57,7 +57,7 @@ struct FaultResetWithoutEdge {
     messages: f64,
     time: i64,
     faults: NodeMap<Vec<Fault>>,
-    /// Faults of all nodes: with none a PDO costs nothing.
+    /// Number of faults of all nodes; without a fault, PDOs are skipped.
     count: usize,
 }
 
@@ -78,7 +78,7 @@ impl FaultResetWithoutEdge {
             let fault = faults.swap_remove(place);
             self.count = self.count.saturating_sub(1);
             if fault.is_told {
-                fault.tell(event, context);
+                fault.report_held_bits(event, context);
                 context.close(Some(node), about(fault.channel));
             } else if fault.has_edge {
                 context.pass();
@@ -118,7 +118,7 @@ impl FaultResetWithoutEdge {
                 || context.has_time && context.now.saturating_sub(since) >= self.time;
             if is_held {
                 fault.is_told = true;
-                fault.tell(event, context);
+                fault.report_held_bits(event, context);
             }
         }
     }
@@ -136,7 +136,7 @@ impl FaultResetWithoutEdge {
 impl Fault {
     fn take(&mut self, control: u64, frame: u64, now: i64) {
         if control & self.edges != self.edges {
-            // From here on the bits can rise.
+            // A rising edge is possible from here on.
             (self.since, self.count, self.has_edge) = (None, 0, true);
             return;
         }
@@ -146,14 +146,19 @@ impl Fault {
         self.count += 1;
     }
 
-    fn tell(&self, event: &Event, context: &mut Context<'_>) {
-        let (count, state, bits) = (self.count, &self.state, self.edges);
+    fn report_held_bits(&self, event: &Event, context: &mut Context<'_>) {
+        let (count, state) = (self.count, &self.state);
+        let since = self.since.and_then(|time| context.timestamp_of(time));
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).about(about(self.channel)).measure(count as f64).ongoing();
-        alarm.say(|| {
+        let alarm = context.fail(event).about(about(self.channel)).measure(count as f64).since(since);
+        alarm.report(|| {
             let how = self.leave.as_deref().map_or_else(String::new, |leave| format!(": {leave}"));
+            let bits = match self.edges.count_ones() {
+                1 => format!("bit {}", self.edges.trailing_zeros()),
+                _ => format!("bits {:02X}h", self.edges),
+            };
             let first = self.first_frame;
-            format!("{state}: control with bit {bits:02X} set × {count} since {{{first}}}, it must rise{how}")
+            format!("fault reset ({bits}) held at 1 in {state} since {{{first}}} (needs a 0→1 edge{how})")
         });
     }
 }

@@ -1,4 +1,4 @@
-//! A mode of operation is written and does not change.
+//! Writes of a mode of operation without effect.
 
 use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::{About, Severity};
@@ -9,21 +9,22 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A download of an object that selects a mode of operation is refused by the device, or accepted although by
-    /// its manual such a write has no effect.
+    /// A device refuses a download that selects a mode of operation, or accepts it although the write has no
+    /// effect according to its manual.
     ///
     /// # Why it matters
-    /// The controller scales and sends for a mode the device is not in: a number means something else.
+    /// The controller scales its values for an inactive mode, so numbers have another meaning.
     ///
     /// # Source
-    /// Which object selects a mode, and when it may be written: the device's manual.
+    /// Object for the mode, and states in which it may be written: device manual.
     ///
     /// # What to look at first
-    /// The state the device was in: many take another mode only while they are not active.
+    /// Check the device state before the write of the mode. Many devices change the mode only while they are
+    /// not active.
     ///
     /// # Mutation
-    /// answer the download of a mode with an abort
-    "mode-change-refused-or-ignored", Error, "a mode of operation is written and does not change",
+    /// respond to the download of a mode with an abort
+    "mode-change-refused-or-ignored", Error, "mode change refused or ignored",
     kinds: ["sdo-transfer"],
     word: "MODE",
 }
@@ -54,8 +55,8 @@ impl Rule for ModeChange {
             (Outcome::Aborted, _) => refused(event, transfer, object, &format!("{shown}{state}"), context),
             (Outcome::Complete, true) => {
                 let alarm = context.fail(event).about(About::Object(object)).severity(Severity::Warning);
-                alarm.say(|| {
-                    format!("{shown} accepted without effect: this device takes no mode by this object")
+                alarm.report(|| {
+                    format!("{shown} accepted without effect (the object does not select a mode)")
                 });
             }
             (Outcome::Complete, false) => context.pass(),
@@ -73,7 +74,7 @@ fn refused(
 ) {
     let Some(abort) = transfer.abort.filter(|abort| !abort.by_client) else { return };
     let device = context.node(event).map(|node| node.device().clone());
-    context.fail(event).about(About::Object(object)).say(|| {
+    context.fail(event).about(About::Object(object)).report(|| {
         let own = device.as_ref().and_then(|device| device.abort(abort.code, Some(object)));
         let text = own.map_or_else(|| abort_codes().text(abort.code).to_owned(), |own| own.text.clone());
         format!("{what} refused: {:08X} {text}", abort.code)

@@ -1,10 +1,13 @@
-//! A measured value does not follow its set point.
+//! Measured values that do not follow their set point.
 
 use std::sync::Arc;
 
-use crate::event::{Effective, Event, EventKind, FrameRange, ModeChange, Pdo, SetPoint};
+use super::followed_messages::FollowedMessages;
+use crate::event::{Effective, Event, EventKind, FrameRange, J1939Message, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
-use crate::profile::{Carrier, Cut, Layout, Meaning, integer};
+use crate::frame::CanId;
+use crate::profile::{IntegerPosition, Layout, Meaning, integer};
+use crate::rules::general::facts::is_sent_on_change;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::wire::NodeId;
@@ -12,40 +15,43 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A measured value stays away from the set point that the device's profile pairs with it, by more than a share of
-    /// full scale, while that set point acts, and does not come nearer. Nothing is judged in open-loop modes, where
-    /// calibrations or ramps run, where a condition of the set point is not known, and where another set point of
-    /// the same output is followed, or is not measured: that one may limit.
+    /// A measured value deviates from the effective set point that the profile pairs with it by more than
+    /// `percent` of full scale, and does not approach it. Open-loop modes, calibrations, ramps and set points
+    /// with unknown conditions are exempt, and so are states of the device in which the profile excludes it, such
+    /// as float, hand operation and emergency stop. So is an output with another set point that is followed or not
+    /// measured, because that one may limit the value. A measured value counts until its TPDO is missing for
+    /// three of its usual intervals; a TPDO that is sent on change only keeps its value.
     ///
     /// # Why it matters
-    /// The machine does not do what is commanded: something sticks, leaks, or is limited by another controller.
+    /// The machine does not follow its commands. Something sticks, leaks, or is limited by another
+    /// controller.
     ///
     /// # Source
-    /// Pairs of set point and measured value: the device's manual.
+    /// Pairs of set point and measured value: device manual.
     ///
     /// # What to look at first
-    /// Pressure and flow that are there at all, limits of other controllers, the sensor of the measured value.
+    /// Check pressure, flow and the sensor of the measured value. Check the limits of other controllers.
     ///
     /// # Mutation
     /// set the measured value in a TPDO to 0
-    "not-following", Warning, "a measured value does not follow its set point",
-    kinds: ["tpdo", "set-point", "boot-up", "mode"],
+    "not-following", Warning, "measured value not following its set point",
+    kinds: ["tpdo", "set-point", "boot-up", "mode", "j1939-message"],
     is_timing: true,
     word: "FOLLOW",
     tolerances: &[
-        tolerance("percent", 10.0, "%", "of full scale between set point and measured value"),
-        tolerance("valve-ms", 500.0, "ms", "for which a valve (CiA 408) may be off"),
-        tolerance("pump-ms", 1_500.0, "ms", "for which any other device may be off"),
+        tolerance("percent", 10.0, "%", "of full scale, permitted deviation from the set point"),
+        tolerance("valve-ms", 500.0, "ms", "permitted duration of a deviation for a valve (CiA 408)"),
+        tolerance("pump-ms", 1_500.0, "ms", "permitted duration of a deviation for other devices"),
     ],
 }
 
-/// Pairs remembered on a bus; further ones are not judged.
+/// Maximum number of pairs per bus; further ones are not checked.
 const PAIR_LIMIT: usize = 1024;
 
-/// What comes nearer by this part of the tolerance is on its way.
+/// Share of the tolerance by which a value must approach its set point to count as following.
 const NEARER: f64 = 0.2;
 
-/// A set point and what follows it.
+/// Set point and its measured value.
 struct Pair {
     node: NodeId,
     set_point: ObjectAddress,
@@ -56,22 +62,26 @@ struct Pair {
     target: Option<f64>,
     actual: Option<f64>,
     full_scale: Option<f64>,
-    /// Off since then, by so much at first.
+    /// The commanded state, or the reported one, excludes that the value follows.
+    is_exempt: [bool; 2],
+    /// Start of the deviation, and its initial size.
     since: Option<(i64, f64)>,
     frame: u64,
+    /// Identifier of the PDO with the measured value.
+    source: Option<CanId>,
     is_told: bool,
-    /// A wake is asked for.
+    /// A wake-up is scheduled.
     is_queued: bool,
 }
 
-/// Fields of a layout that follow a set point.
+/// Fields of a layout that are paired with a set point.
 #[derive(Default)]
-struct Paired {
+struct PairedFields {
     layout: Option<Arc<Layout>>,
     node: Option<NodeId>,
-    /// Their places, those of the pairs they belong to, and where their numbers lie.
-    fields: Vec<(usize, usize, Option<Cut>)>,
-    /// Which pairs there were when it was looked at last.
+    /// Index of the field, index of its pair, and position of its raw number.
+    fields: Vec<(usize, usize, Option<IntegerPosition>)>,
+    /// Generation of the pairs at the last look-up.
     generation: u64,
 }
 
@@ -80,10 +90,11 @@ struct NotFollowing {
     valve: i64,
     pump: i64,
     pairs: Vec<Pair>,
-    paired: BySlot<Paired>,
-    /// Counts up with the pairs: a payload that stays as it is is looked at once more.
+    paired: BySlot<PairedFields>,
+    messages: FollowedMessages,
+    /// Number of changes of `pairs`; after a change, unchanged payloads are checked once more.
     generation: u64,
-    /// Outputs whose mode closes no loop; without a channel the whole device.
+    /// Outputs in an open-loop mode; without a channel, the whole device.
     open_loop: Vec<(NodeId, Option<u8>)>,
 }
 
@@ -94,6 +105,7 @@ fn new(policy: &Policy) -> NotFollowing {
         pump: policy.nanoseconds(&DECLARATION, "pump-ms"),
         pairs: Vec::new(),
         paired: BySlot::default(),
+        messages: FollowedMessages::default(),
         generation: 0,
         open_loop: Vec::new(),
     }
@@ -101,8 +113,8 @@ fn new(policy: &Policy) -> NotFollowing {
 
 impl NotFollowing {
     fn set_point(&mut self, event: &Event, id: NodeId, told: &SetPoint, context: &mut Context<'_>) {
-        let (Carrier::Pdo(_), Some(node)) = (&told.carrier, context.node(event)) else { return };
-        // A state that follows the control word shows that the contents of the PDOs are as assumed.
+        let Some(node) = context.node(event) else { return };
+        // A state that follows the control word confirms the assumed contents of the PDOs.
         let is_sure = !told.assumed || node.device_states().next().is_some();
         let acts = told.effective == Effective::Yes && is_sure && !self.is_open_loop(id, told.channel);
         let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == told.object);
@@ -120,8 +132,10 @@ impl NotFollowing {
                     target: None,
                     actual: None,
                     full_scale: None,
+                    is_exempt: [false; 2],
                     since: None,
                     frame: 0,
+                    source: None,
                     is_told: false,
                     is_queued: false,
                 });
@@ -133,12 +147,12 @@ impl NotFollowing {
         let share = self.share;
         let Some(pair) = self.pairs.get_mut(place) else { return };
         pair.target = told.to.number.filter(|_| acts);
-        // What was measured before belongs to another set point.
+        // The previous deviation belongs to another set point.
         pair.since = None;
         pair.judge(place, share, event.frames.last, context);
     }
 
-    /// A mode that says by the profile whether the loop is closed; others say nothing of it.
+    /// Updates the open-loop outputs after a mode change, if the profile defines open-loop modes.
     fn mode(&mut self, event: &Event, id: NodeId, mode: &ModeChange, context: &Context<'_>) {
         let Some(node) = context.node(event) else { return };
         let entry = node.device().dictionary.find(mode.object).and_then(|found| found.entry);
@@ -155,6 +169,29 @@ impl NotFollowing {
     fn is_open_loop(&self, id: NodeId, channel: Option<u8>) -> bool {
         let is_of = |of: &(NodeId, Option<u8>)| of.0 == id && (of.1.is_none() || of.1 == channel);
         self.open_loop.iter().any(is_of)
+    }
+
+    /// Handles a J1939 message that commands a device or reports its measured values.
+    #[cold]
+    fn message(&mut self, event: &Event, message: &J1939Message, context: &mut Context<'_>) {
+        let Some(fields) = self.messages.of(message, context.bus) else { return };
+        let Some(node) = fields.node else { return };
+        let is_open_loop = fields.is_open_loop(message);
+        for (place, pair) in self.pairs.iter_mut().enumerate().filter(|(_, pair)| pair.node == node) {
+            let [commanded, reported] = &mut pair.is_exempt;
+            *(if fields.is_command { commanded } else { reported }) = is_open_loop;
+            let measured = fields.measured.iter().find(|(_, of)| *of == pair.set_point);
+            let field = measured.and_then(|(field, _)| message.layout.as_ref()?.fields.get(*field));
+            if let Some((field, raw)) = field.and_then(|it| Some((it, it.extract(message.payload())?)))
+                && let Some(meaning) = &field.meaning
+            {
+                pair.actual = meaning.scaled(&field.value(raw));
+                if pair.full_scale.is_none() {
+                    pair.learn(meaning);
+                }
+            }
+            pair.judge(place, self.share, event.frames.last, context);
+        }
     }
 
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
@@ -182,6 +219,7 @@ impl NotFollowing {
             };
             let (Some(meaning), Some(raw)) = (&field.meaning, raw) else { continue };
             pair.actual = meaning.scaled(&field.value(raw));
+            pair.source = Some(pdo.cob_id);
             if pair.full_scale.is_none() {
                 pair.learn(meaning);
             }
@@ -190,22 +228,22 @@ impl NotFollowing {
     }
 }
 
-impl Paired {
+impl PairedFields {
     #[cold]
     fn learn(&mut self, layout: &Arc<Layout>, node: NodeId, pairs: &[Pair]) {
         let fields = layout.fields.iter().enumerate().filter_map(|(place, field)| {
             let of = field.meaning.as_deref()?.of?;
             let pair = pairs.iter().position(|pair| pair.node == node && pair.set_point == of)?;
-            Some((place, pair, Cut::of(field)))
+            Some((place, pair, IntegerPosition::of(field)))
         });
         self.fields = fields.collect();
         (self.layout, self.node) = (Some(Arc::clone(layout)), Some(node));
     }
 }
 
-/// The largest quantity of a measured value.
+/// Largest value of a measured quantity.
 fn full_scale(meaning: &Meaning) -> Option<f64> {
-    let scale = meaning.scale?;
+    let scale = meaning.scale.filter(|scale| !scale.is_reciprocal)?;
     if let Some((_, value)) = scale.full_scale {
         return Some(value);
     }
@@ -214,8 +252,8 @@ fn full_scale(meaning: &Meaning) -> Option<f64> {
     }
     let [least, most] = meaning.range?;
     #[expect(clippy::cast_precision_loss, reason = "a range of a few digits")]
-    let raw = least.unsigned_abs().max(most.unsigned_abs()) as f64;
-    Some(raw * scale.factor.abs())
+    let ends = [least, most].map(|raw| (raw as f64 * scale.factor + scale.offset).abs());
+    Some(ends[0].max(ends[1]))
 }
 
 impl Pair {
@@ -226,8 +264,11 @@ impl Pair {
         self.unit.clone_from(&meaning.unit);
     }
 
-    /// How far it is off, and how far it may be.
+    /// Deviation and its limit.
     fn off(&self, share: f64) -> Option<(f64, f64)> {
+        if self.is_exempt != [false; 2] {
+            return None;
+        }
         Some(((self.actual? - self.target?).abs(), self.full_scale? * share))
     }
 
@@ -247,6 +288,14 @@ impl Pair {
         }
     }
 
+    /// Whether the TPDO with the measured value ended. One that is sent on change only keeps its value.
+    #[cold]
+    fn is_source_lost(&self, context: &Context<'_>) -> bool {
+        let slot = self.source.and_then(|id| context.traffic.of(id));
+        let Some((slot, usual)) = slot.and_then(|slot| Some((slot, slot.median?))) else { return false };
+        slot.has_ended(usual, context.now) && !is_sent_on_change(slot, context)
+    }
+
     fn follows(&mut self, context: &mut Context<'_>) {
         self.since = None;
         if std::mem::take(&mut self.is_told) {
@@ -264,10 +313,14 @@ impl Rule for NotFollowing {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Pdo(pdo), _) if !self.pairs.is_empty() => self.pdo(event, pdo, context),
+            (EventKind::J1939Message(message), _) if !self.pairs.is_empty() => {
+                self.message(event, message, context);
+            }
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
                 for pair in self.pairs.iter_mut().filter(|pair| pair.node == node) {
                     (pair.target, pair.actual, pair.full_scale) = (None, None, None);
+                    pair.is_exempt = [false; 2];
                     pair.follows(context);
                 }
                 self.generation += 1;
@@ -281,12 +334,21 @@ impl Rule for NotFollowing {
         let Some(place) = usize::try_from(token).ok() else { return };
         let Some(pair) = self.pairs.get_mut(place) else { return };
         pair.is_queued = false;
-        let Some(pair) = self.pairs.get(place).filter(|pair| !pair.is_told) else { return };
         let Some((since, _)) = pair.since else { return };
+        if pair.is_source_lost(context) {
+            // A measured value whose source ended is unknown.
+            pair.actual = None;
+            return pair.follows(context);
+        }
+        if pair.is_told {
+            pair.is_queued = true;
+            return context.wake_at(context.now.saturating_add(pair.time), token);
+        }
+        let Some(pair) = self.pairs.get(place) else { return };
         let due = since.saturating_add(pair.time);
         let limits = self.pairs.iter().any(|other| {
             let is_same = (other.node, other.channel) == (pair.node, pair.channel);
-            // What is not measured may limit too.
+            // A set point without a measured value may also limit.
             is_same && other.target.is_some() && other.off(self.share).is_none_or(|(off, most)| off <= most)
         });
         if due > context.now || limits {
@@ -297,20 +359,23 @@ impl Rule for NotFollowing {
             }
             return;
         }
-        let (Some((off, _)), Some(target), Some(actual)) = (pair.off(self.share), pair.target, pair.actual)
+        let (Some((off, most)), Some(target), Some(actual)) =
+            (pair.off(self.share), pair.target, pair.actual)
         else {
             return;
         };
+        let began = context.timestamp_of(since);
         let alarm = context.fail_at(context.now, Some(pair.node), FrameRange::one(pair.frame));
-        let alarm = alarm.about(About::Object(pair.set_point)).measure(off).ongoing();
-        alarm.say(|| {
-            let (name, unit, time) = (&pair.name, &pair.unit, pair.time / 1_000_000);
+        let alarm = alarm.about(About::Object(pair.set_point)).measure(off).since(began);
+        alarm.report(|| {
+            let (name, unit) = (&pair.name, &pair.unit);
             format!(
-                "{name} {actual:.1} {unit}, set point {target:.1} {unit}, for {time} ms and not coming nearer"
+                "{name} {actual:.1} {unit}, set point {target:.1} {unit} (max deviation {most:.1} {unit})"
             )
         });
         if let Some(pair) = self.pairs.get_mut(place) {
-            pair.is_told = true;
+            (pair.is_told, pair.is_queued) = (true, true);
+            context.wake_at(context.now.saturating_add(pair.time), token);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A set point does not act.
+//! Set points without effect.
 
 use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, SetPoint};
 use crate::finding::{About, Severity};
@@ -11,43 +11,45 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 
 declare_rule! {
     /// # What it checks
-    /// A set point other than 0 is sent while a condition of the device for it to act is not met, and that for
-    /// longer than it takes to bring the device there. Conditions the bus does not show do not count, and nothing is
-    /// judged while a calibration runs.
+    /// A set point other than 0 is sent while one of its conditions is not met for longer than `time-ms`.
+    /// Conditions that are not visible on the bus, and calibrations in progress, are exempt. The finding ends
+    /// with the stream of a periodic RPDO or of a message with a time limit; a set point that is sent on
+    /// change only stays in force.
     ///
     /// # Why it matters
-    /// The controller commands a movement that does not come; when the condition is met later, it comes at once.
+    /// The controller commands a movement that does not take place. It may start suddenly when the condition
+    /// is met later.
     ///
     /// # Source
-    /// The conditions are those of the device's manual: state, command source, SYNC, running procedures.
+    /// Conditions: device manual (state, command source, SYNC, running procedures).
     ///
     /// # What to look at first
-    /// The condition that is named, and how it is met (`cobscope why --node N --at T` lists all of them).
+    /// Restore the named condition. `cobscope why --node N --at T` lists all conditions.
     ///
     /// # Mutation
     /// clear the enable bit of the control word while the set point stays
-    "setpoint-not-effective", Warning, "a set point is sent and does not act",
+    "setpoint-not-effective", Warning, "set point without effect",
     kinds: ["set-point", "procedure", "boot-up"],
     is_timing: true,
     word: "SETPT",
-    tolerances: &[tolerance("time-ms", 500.0, "ms", "for which a set point may be without effect")],
+    tolerances: &[tolerance("time-ms", 500.0, "ms", "permitted duration without effect")],
 }
 
-/// Set points remembered on a bus; further ones are not judged.
+/// Maximum number of set points per bus; further ones are not checked.
 const POINT_LIMIT: usize = 4096;
 
 /// Last step of a procedure.
 const FINISHED: &str = "finished";
 
-/// What is known of one set point.
+/// State of one set point.
 struct Point {
     node: NodeId,
     object: ObjectAddress,
     carrier: Carrier,
-    /// Without effect since then.
+    /// Start of the time without effect.
     since: Option<i64>,
     is_told: bool,
-    /// Rests on an assumption.
+    /// The value depends on an assumption.
     assumed: bool,
     text: String,
     frames: FrameRange,
@@ -104,7 +106,7 @@ impl SetpointNotEffective {
 }
 
 impl SetpointNotEffective {
-    /// The device is its controller's again: what is without effect now has its time from here on.
+    /// Restarts the time limit of all set points of a node after a procedure.
     fn begin_anew(&mut self, node: NodeId, context: &mut Context<'_>) {
         for (place, point) in self.points.iter_mut().enumerate().filter(|(_, point)| point.node == node) {
             if let Some(since) = &mut point.since {
@@ -116,7 +118,7 @@ impl SetpointNotEffective {
 }
 
 impl Point {
-    /// It acts, is 0, or nothing is sure.
+    /// The set point is effective, 0 or unknown.
     fn acts(&mut self, context: &mut Context<'_>) {
         self.since = None;
         if std::mem::take(&mut self.is_told) {
@@ -124,8 +126,8 @@ impl Point {
         }
     }
 
-    /// The time it may be without effect is over.
-    fn judge(&self, context: &mut Context<'_>, time: i64) -> bool {
+    /// Reports the set point if a condition is still not met.
+    fn judge(&self, context: &mut Context<'_>) -> bool {
         let gates = context.bus.gates(self.node);
         let node = context.bus.node(self.node);
         let is_sure = |gate: &&GateState| {
@@ -137,26 +139,41 @@ impl Point {
             return false;
         }
         let Some(gate) = gates.iter().find(is_sure) else { return false };
-        // A state that follows the control word shows that the contents of the PDOs are as assumed.
+        // A state that follows the control word confirms the assumed contents of the PDOs.
         let is_shown = node.is_some_and(|node| node.device_states().next().is_some());
         let severity = if self.assumed && !is_shown { Severity::Note } else { Severity::Warning };
+        let since = self.since.and_then(|time| context.timestamp_of(time));
         let alarm = context.fail_at(context.now, Some(self.node), self.frames);
-        let alarm = alarm.about(About::Object(self.object)).severity(severity).ongoing();
-        alarm.say(|| {
-            let milliseconds = time / 1_000_000;
+        let alarm = alarm.about(About::Object(self.object)).severity(severity).since(since);
+        alarm.report(|| {
             let detail = if gate.detail.is_empty() { String::new() } else { format!(" ({})", gate.detail) };
-            format!("{} without effect for {milliseconds} ms: needs {}{detail}", self.text, gate.gate)
+            format!("{} without effect: gate {} closed{detail}", self.text, gate.gate)
         });
         true
     }
 }
 
-/// Whether a procedure that takes its time has the outputs: nobody expects set points to act.
+/// Whether the periodic stream that carries the set point ended.
+fn has_ended(point: &Point, context: &Context<'_>) -> bool {
+    let name = match &point.carrier {
+        Carrier::Pdo(name) => name,
+        Carrier::Message(name) => {
+            return context.bus.node(point.node).is_some_and(|node| node.is_overdue(name));
+        }
+    };
+    let slots = context.traffic.slots().iter();
+    let carrying = slots.filter(|slot| context.bus.pdo_on(slot.id) == Some((*name, point.node)));
+    carrying.max_by_key(|slot| slot.last).is_some_and(|slot| {
+        slot.period_since(i64::MIN).is_some_and(|period| slot.has_ended(period, context.now))
+    })
+}
+
+/// Whether a procedure such as a calibration controls the outputs, so that set points have no effect.
 fn is_calibrated(node: &Node) -> bool {
     node.procedures().any(|procedure| procedure.takes_over && procedure.seconds.is_some())
 }
 
-/// Whether a gate is closed by an NMT state that only a command tells.
+/// Whether a gate is closed because of an NMT state that is only presumed from a command.
 fn rests_on_command(node: &Node, gate: &GateState) -> bool {
     node.nmt().is_some_and(|nmt| {
         nmt.certainty == Certainty::Presumed
@@ -186,15 +203,21 @@ impl Rule for SetpointNotEffective {
         let time = self.time;
         let point = usize::try_from(token).ok().and_then(|place| self.points.get_mut(place));
         let Some(point) = point else { return };
-        let Some(since) = point.since.filter(|_| !point.is_told) else { return };
+        let Some(since) = point.since else { return };
+        if has_ended(point, context) {
+            // If the stream returns, the time limit starts again.
+            point.acts(context);
+            point.since = Some(context.now);
+            return context.wake_at(context.now.saturating_add(time), token);
+        }
         let due = since.saturating_add(time);
-        // A new time without effect began meanwhile, and brought a wake of its own.
+        // A later time without effect has its own wake-up.
         if due > context.now {
             return;
         }
-        point.is_told = point.judge(context, time);
         if !point.is_told {
-            context.wake_at(context.now.saturating_add(time), token);
+            point.is_told = point.judge(context);
         }
+        context.wake_at(context.now.saturating_add(time), token);
     }
 }

@@ -1,7 +1,9 @@
-//! A device leaves its active state although it is still commanded.
+//! Devices that leave their active state although it is still commanded.
 
-use super::machines::{about, machine, stays};
-use crate::event::{BootCause, DeviceCause, DeviceState, Direction, Event, EventKind, SdoTransfer};
+use super::machines::{about, is_control, machine, stays};
+use crate::event::{
+    BootCause, DeviceCause, DeviceState, DtcAction, EmcyAction, Event, EventKind, FrameRange,
+};
 use crate::finding::Severity;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
@@ -10,32 +12,46 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// A device reports that it left the state in which set points act, while the control word as sent last still
-    /// commands that state and the NMT master neither stopped nor reset it. What the bus tells of the cause is
-    /// said; where it tells nothing, the cause is "not on the bus". An error where the new state is a fault.
+    /// A device reports that it left its active state although the last control word still commands it, and
+    /// the NMT master neither stopped nor reset it. The finding states the cause visible on the bus, also one
+    /// reported up to 100 ms later, else "not on the bus". It is an error if the new state is a fault.
     ///
     /// # Why it matters
-    /// The outputs went off in the middle of a movement, and the controller did not want it.
+    /// The outputs are switched off in the middle of a movement, without a command of the controller.
     ///
     /// # Source
-    /// State machine of the device's manual; for fluid power CiA 408.
+    /// State machine in the device manual; for fluid power CiA 408.
     ///
     /// # What to look at first
-    /// The cause; if it is not on the bus: the hardware enable, the maker's tool, supply of the outputs.
+    /// Check the named cause, else hardware enable and supply. A tool of the manufacturer may also control
+    /// the device.
     ///
     /// # Mutation
     /// set the status word of an active device to fault
-    "state-lost", Error, "a device leaves its active state although it is still commanded",
-    kinds: ["device-state", "nmt-command", "boot-up", "sdo-transfer"],
+    "state-lost", Error, "device left its active state",
+    kinds: ["device-state", "nmt-command", "boot-up", "sdo-transfer", "emcy", "dtc"],
     word: "STATE",
 }
 
-/// An NMT command explains states for so long, in nanoseconds.
+/// Time after an NMT command in which it explains a state change, in nanoseconds.
 const WINDOW: i64 = 2_000_000_000;
+
+/// Time in ns in which a later EMCY, DTC or boot sign is the cause: the TPDO may precede it.
+const CAUSE_DELAY: i64 = 100_000_000;
+
+/// A change of state without a cause on the bus so far.
+struct Unexplained {
+    node: NodeId,
+    state: DeviceState,
+    control: u64,
+    time: i64,
+    frame: u64,
+}
 
 #[derive(Default)]
 struct StateLost {
-    /// When the master stopped or reset a node last, or wrote its control word by SDO.
+    unexplained: Vec<Unexplained>,
+    /// Time of the latest NMT command or control word by SDO, per node.
     commanded: NodeMap<i64>,
     all_commanded: Option<i64>,
 }
@@ -56,12 +72,13 @@ impl StateLost {
         of_all.chain(self.commanded.get(node).copied()).any(|time| now.saturating_sub(time) <= WINDOW)
     }
 
-    fn state(&self, event: &Event, node: NodeId, state: &DeviceState, context: &mut Context<'_>) {
+    fn state(&mut self, event: &Event, node: NodeId, state: &DeviceState, context: &mut Context<'_>) {
         let Some((place, machine)) = context.node(event).and_then(|node| machine(node, state)) else {
             return;
         };
         let is_active = |name: &str| machine.states.iter().any(|known| known.active && known.name == name);
         if is_active(&state.to) {
+            self.report_all(context, |known| known.node == node && known.state.channel == state.channel);
             return context.close(Some(node), about(state.channel));
         }
         let Some(from) = state.from.as_deref().filter(|from| is_active(from)) else { return };
@@ -70,34 +87,50 @@ impl StateLost {
         {
             return context.pass();
         }
-        // Without a control word nobody on the bus commands it.
+        // Without a control word, the bus does not command the state.
         let control = context.node(event).and_then(|node| node.control_word(place));
         let Some(control) = control else { return };
         if !stays(machine, from, control) {
             return context.pass();
         }
-        let severity = if state.fault { Severity::Error } else { Severity::Warning };
-        let alarm = context.fail(event).about(about(state.channel)).severity(severity).ongoing();
-        alarm.say(|| {
-            let to = &state.to;
-            format!("{from} → {to} while control {control:02X} commands {from}, cause {}", cause(state))
-        });
+        let (time, frame) = (context.now, event.frames.last);
+        self.unexplained.push(Unexplained { node, state: state.clone(), control, time, frame });
+        if state.cause == DeviceCause::NotOnTheBus && context.has_time {
+            context.wake_at(time.saturating_add(CAUSE_DELAY), 0);
+        } else {
+            self.report_all(context, |known| known.node == node && known.frame == frame);
+        }
     }
-}
 
-/// Whether a transfer writes a control word.
-fn is_control(event: &Event, transfer: &SdoTransfer, context: &Context<'_>) -> bool {
-    transfer.direction == Some(Direction::Download)
-        && context.node(event).is_some_and(|node| {
-            let mut machines = node.device().machines.iter();
-            machines.any(|machine| transfer.object == Some(machine.control.object.object))
-        })
+    /// An event that explains changes of the node shortly before it.
+    fn on_cause(&mut self, event: &Event, cause: (DeviceCause, Option<u16>), context: &mut Context<'_>) {
+        let Some(node) = event.node else { return };
+        for known in self.unexplained.iter_mut().filter(|known| known.node == node) {
+            (known.state.cause, known.state.emcy) = cause;
+            known.state.cause_frame = event.frames.last;
+        }
+        self.report_all(context, |known| known.node == node);
+    }
+
+    fn report_all(&mut self, context: &mut Context<'_>, is_due: impl Fn(&Unexplained) -> bool) {
+        for known in self.unexplained.extract_if(.., |known| is_due(known)) {
+            let Unexplained { node, state, control, time, frame } = known;
+            let severity = if state.fault { Severity::Error } else { Severity::Warning };
+            let alarm = context.fail_at(time, Some(node), FrameRange::one(frame));
+            let alarm = alarm.about(about(state.channel)).severity(severity).ongoing();
+            alarm.report(|| {
+                let (from, to) = (state.from.as_deref().unwrap_or_default(), &state.to);
+                let cause = cause(&state);
+                format!("{from} → {to} although control word {control:02X} commands {from} (cause: {cause})")
+            });
+        }
+    }
 }
 
 fn cause(state: &DeviceState) -> String {
     let frame = state.cause_frame;
     match (state.cause, state.emcy) {
-        (DeviceCause::NotOnTheBus, _) => "not on the bus (hardware enable?)".to_owned(),
+        (DeviceCause::NotOnTheBus, _) => "not on the bus, hardware enable?".to_owned(),
         (_, Some(code)) => format!("EMCY {code:04X} {{{frame}}}"),
         (cause, None) => format!("{} {{{frame}}}", cause.name()),
     }
@@ -113,11 +146,30 @@ impl Rule for StateLost {
             (EventKind::BootUp { cause: BootCause::Commanded { .. }, .. }, Some(node)) => {
                 self.note(node, context.now);
             }
-            // A control word by SDO is not the one sent last in a PDO.
+            (EventKind::BootUp { .. }, _) => self.on_cause(event, (DeviceCause::BootUp, None), context),
+            (EventKind::Emcy(emergency), _) if emergency.boot.is_some() => {
+                self.on_cause(event, (DeviceCause::BootUp, None), context);
+            }
+            (EventKind::Emcy(emergency), _) if emergency.action == EmcyAction::Raised => {
+                self.on_cause(event, (DeviceCause::Emcy, emergency.code), context);
+            }
+            (EventKind::Dtc(dtc), _) if dtc.action == DtcAction::Raised => {
+                self.on_cause(event, (DeviceCause::Dtc, None), context);
+            }
+            // A control word by SDO overrides the last one in a PDO.
             (EventKind::SdoTransfer(transfer), Some(node)) if is_control(event, transfer, context) => {
                 self.note(node, context.now);
             }
             _ => {}
         }
+    }
+
+    fn wake(&mut self, _token: u64, context: &mut Context<'_>) {
+        let now = context.now;
+        self.report_all(context, |known| now >= known.time.saturating_add(CAUSE_DELAY));
+    }
+
+    fn finish(&mut self, context: &mut Context<'_>) {
+        self.report_all(context, |_| true);
     }
 }

@@ -1,4 +1,4 @@
-//! The error history.
+//! Error history (1003) against the EMCY messages of a node.
 
 use crate::event::{Direction, EmcyAction, Event, EventKind};
 use crate::finding::About;
@@ -9,21 +9,22 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// The newest entry of the error history (1003:01) has the code of the last EMCY with an error, in either byte
-    /// order.
+    /// The newest entry of the error history (1003:01) must contain the code of the last EMCY with an error.
+    /// Both byte orders are accepted.
     ///
     /// # Why it matters
-    /// The history is what a service tool reads when nobody recorded the bus.
+    /// Service tools read the error history when no capture of the bus exists.
     ///
     /// # Source
     /// CiA 301 §7.5.2.4 (1003: the newest at sub-index 1)
     ///
     /// # What to look at first
-    /// Whether the device writes the history newest first, and whether an EMCY was inhibited (1015).
+    /// Check whether the device stores the newest error in 1003:01. An EMCY may also have been inhibited
+    /// (1015).
     ///
     /// # Mutation
-    /// change the value in the answer to an upload of 1003:01
-    "emcy-history", Note, "the error history does not have the last EMCY",
+    /// change the value in the response to an upload of 1003:01
+    "emcy-history", Note, "error history without the last EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
     cases: &["5.3", "5.6"],
     shows: &["5.6"],
@@ -69,7 +70,11 @@ impl Rule for EmcyHistory {
                             return context.pass();
                         }
                         let alarm = context.fail(event).about(About::Object(ObjectAddress::new(0x1003, 1)));
-                        alarm.say(|| format!("has {read:04X}; the last EMCY {{{frame}}} was {code:04X}"));
+                        alarm.report(|| {
+                            format!(
+                                "newest entry {read:04X} differs from the last EMCY {code:04X} {{{frame}}}"
+                            )
+                        });
                     }
                     _ => {}
                 }

@@ -1,4 +1,4 @@
-//! An EMCY that should have come.
+//! Missing EMCY after a short RPDO.
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
@@ -10,20 +10,21 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// An operational node that gets an RPDO shorter than its mapping reports 8210. It may have reported it already.
+    /// An operational node must report 8210 within `error-ms` after an RPDO that is shorter than its mapping.
+    /// No further EMCY is required while 8210 is active.
     ///
     /// # Why it matters
-    /// Without it nobody notices that the set points do not arrive.
+    /// Without the EMCY, lost set points remain unnoticed.
     ///
     /// # Source
     /// CiA 301 §7.2.2.3, table 26 (8210)
     ///
     /// # What to look at first
-    /// Whether the device has EMCY at all (1014), and whether 8210 is active since an earlier PDO.
+    /// Check whether the device supports EMCY (1014). Check whether 8210 is active since an earlier PDO.
     ///
     /// # Mutation
     /// cut the last byte of an RPDO
-    "emcy-missing", Note, "an EMCY that should have come did not",
+    "emcy-missing", Note, "missing EMCY after a short RPDO",
     kinds: ["rpdo", "emcy", "boot-up"],
     cases: &["5.4", "7.6", "7.106", "7.107"],
     is_on: false,
@@ -36,7 +37,7 @@ const LENGTH_ERROR: u16 = 0x8210;
 
 #[derive(Clone, Copy, Default)]
 struct Watch {
-    /// Frame of the PDO, and when its time is over.
+    /// Frame of the PDO, and end of the waiting time.
     waiting: Option<(u64, i64)>,
     is_reported: bool,
 }
@@ -91,7 +92,8 @@ impl Rule for EmcyMissing {
         let Some(node) = NodeId::all().find(|node| node.place() as u64 == token) else { return };
         let Some(watch) = self.watches.get_mut(node) else { return };
         let Some((frame, due)) = watch.waiting.take_if(|(_, due)| *due <= context.now) else { return };
+        let limit = self.limit / 1_000_000;
         let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).about(About::Code(LENGTH_ERROR));
-        alarm.say(|| format!("no EMCY 8210 for the RPDO {{{frame}}} that was too short"));
+        alarm.report(|| format!("no EMCY 8210 within {limit} ms after the short RPDO {{{frame}}}"));
     }
 }

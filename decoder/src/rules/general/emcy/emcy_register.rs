@@ -1,4 +1,4 @@
-//! The error register.
+//! Error register (1001) against the EMCY messages of a node.
 
 use crate::event::{Direction, Emergency, Event, EventKind};
 use crate::finding::{About, Severity};
@@ -10,26 +10,27 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// The error register (1001) reads as the last EMCY of the node told it. With `generic-bit = 1` also that bit 0
-    /// is set in each EMCY with an error, which many devices do not do.
+    /// The error register (1001) must read the same as in the last EMCY of the node. With `generic-bit = 1`,
+    /// bit 0 must also be set in each EMCY with an error; many devices do not set it.
     ///
     /// # Why it matters
-    /// Who polls the register sees another state of the device than who listens to its EMCY messages.
+    /// A master that polls the register sees another device state than a consumer of its EMCY messages.
     ///
     /// # Source
     /// CiA 301 §7.5.2.2 (1001), §7.2.7.1 (emergency object)
     ///
     /// # What to look at first
-    /// Errors for which the device sends no EMCY; the inhibit time of EMCY (1015).
+    /// Check for errors that the device reports without EMCY. The inhibit time of EMCY (1015) can also
+    /// suppress one.
     ///
     /// # Mutation
-    /// change the value in the answer to an upload of 1001
-    "emcy-register", Warning, "the error register is not what the last EMCY said",
+    /// change the value in the response to an upload of 1001
+    "emcy-register", Warning, "error register differs from the last EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
     cases: &["5.2", "5.5"],
     shows: &["5.2"],
     word: "EMCY",
-    tolerances: &[tolerance("generic-bit", 0.0, "", "1: bit 0 must be set with an error")],
+    tolerances: &[tolerance("generic-bit", 0.0, "", "1: bit 0 must be set in each EMCY with an error")],
 }
 
 const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);
@@ -55,17 +56,17 @@ impl EmcyRegister {
         let (Some(register), Some(code)) = (emergency.register, emergency.code) else { return };
         if self.wants_generic && code != 0 && register & 1 == 0 {
             let alarm = context.fail(event).about(About::Code(code)).severity(Severity::Note);
-            alarm.say(|| format!("EMCY {code:04X} with register {register:02X}h: bit 0 is clear"));
+            alarm.report(|| format!("EMCY {code:04X} with error register {register:02X}h (bit 0 clear)"));
         }
     }
 
     fn read(&self, event: &Event, node: NodeId, read: u64, context: &mut Context<'_>) {
-        let Some((told, frame)) = self.last.get(node).copied().flatten() else { return };
-        if u64::from(told) == read {
+        let Some((reported, frame)) = self.last.get(node).copied().flatten() else { return };
+        if u64::from(reported) == read {
             return context.pass();
         }
         let alarm = context.fail(event).about(About::Object(REGISTER));
-        alarm.say(|| format!("reads as {read:02X}h; the last EMCY {{{frame}}} said {told:02X}h"));
+        alarm.report(|| format!("read as {read:02X}h, but {reported:02X}h in the last EMCY {{{frame}}}"));
     }
 }
 

@@ -1,4 +1,4 @@
-//! An error that is reported again and again.
+//! Repeated EMCY messages for one active error.
 
 use crate::event::{EmcyAction, Event, EventKind};
 use crate::finding::About;
@@ -7,25 +7,25 @@ use crate::rules::{Context, NodeMap, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// An EMCY comes once an error: not again with the same code and the same bytes while nothing was cleared.
+    /// A node sends an EMCY with the same code and bytes again although no error was cleared since.
     ///
     /// # Why it matters
-    /// Repetitions load the bus, with the highest priority behind SYNC, just when something is wrong.
+    /// Repeated EMCY messages load the bus at a priority just below SYNC, at the moment of an error.
     ///
     /// # Source
-    /// CiA 301 §7.2.7.1 (transmitted once an error event)
+    /// CiA 301 §7.2.7.1 (transmitted once per error event)
     ///
     /// # What to look at first
-    /// An error that comes and goes without 0000; the inhibit time of EMCY (1015).
+    /// Check whether the error disappears without EMCY 0000. Check the inhibit time of EMCY (1015).
     ///
     /// # Mutation
     /// duplicate an EMCY
-    "emcy-repeated", Note, "an error is reported again while it is active",
+    "emcy-repeated", Note, "EMCY repeated while the error is active",
     kinds: ["emcy", "boot-up"],
     word: "EMCY",
 }
 
-/// Errors of a node that are remembered.
+/// Maximum number of active errors per node.
 const ACTIVE_LIMIT: usize = 64;
 
 #[derive(Default)]
@@ -58,6 +58,6 @@ impl Rule for EmcyRepeated {
             return context.pass();
         };
         let alarm = context.fail(event).about(About::Code(code));
-        alarm.say(|| format!("EMCY {code:04X} again as in {{{frame}}}, with no 0000 between"));
+        alarm.report(|| format!("EMCY {code:04X} repeated without EMCY 0000 since {{{frame}}}"));
     }
 }

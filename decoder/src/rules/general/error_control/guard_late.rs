@@ -1,8 +1,8 @@
-//! The master's guarding is late.
+//! Late or missing guarding requests of the master.
 
 use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::general::facts::sure_of;
+use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
@@ -12,22 +12,25 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// The requests of the guarding master are further apart than most of the node's life time, guard time (100C) ×
-    /// life time factor (100D), or than all of it. Where the life time was not seen, only an EMCY with which the node
-    /// itself reports the end of its life time counts.
+    /// The interval between guarding requests exceeds `warning-percent` or `error-percent` of the life time
+    /// of the node, which is guard time (100C) × life time factor (100D). Life guarding starts with the
+    /// first request. If 100C and 100D were neither written nor read, the factory settings of the device
+    /// profile are assumed, with a lower severity: only after one interval within them, and until the node
+    /// tolerates a longer one without its EMCY. If the life time is unknown, only the EMCY of the node about
+    /// its expired life time counts.
     ///
     /// # Why it matters
-    /// A node whose life time ends takes the master for gone: it goes to a safe state, in the middle of the work.
+    /// When its life time expires, a node assumes that the master is lost and enters its safe state.
     ///
     /// # Source
     /// CiA 301 §7.2.8.3.2.1 (node guarding, life guarding), §7.5.2.11 (100C), §7.5.2.12 (100D)
     ///
     /// # What to look at first
-    /// Cycle time and load of the master in that moment; whether its commands pause too.
+    /// Check cycle time and load of the master. Check whether its commands pause at the same time.
     ///
     /// # Mutation
     /// drop guarding requests for longer than the life time
-    "guard-late", Error, "the master's guarding requests are late",
+    "guard-late", Error, "guarding request late or missing",
     kinds: ["guard-request", "emcy", "boot-up", "nmt-command"],
     is_timing: true,
     word: "GUARD",
@@ -41,10 +44,13 @@ const GUARD_TIME: ObjectAddress = ObjectAddress::new(0x100C, 0);
 const LIFE_TIME_FACTOR: ObjectAddress = ObjectAddress::new(0x100D, 0);
 const HEARTBEAT_CONSUMER: ObjectAddress = ObjectAddress::new(0x1016, 1);
 
-/// Code of life guarding, and of the heartbeat consumer (CiA 301 table 26).
+/// EMCY code for life guarding and heartbeat errors (CiA 301 table 26).
 const LIFE_GUARD: u16 = 0x8130;
 
-/// A digit of the stamps is no delay.
+/// Reason for a lower severity.
+const ASSUMED: &str = "life time assumed: factory setting of 100C and 100D";
+
+/// Rounding error of timestamps, in nanoseconds.
 const SLACK: i64 = 1_000_000;
 
 #[derive(Default)]
@@ -53,6 +59,35 @@ struct Guarded {
     last: Option<(i64, u64)>,
     is_told: bool,
     is_queued: bool,
+    /// An interval was within the life time, so the period of the master fits an assumed one.
+    has_fit: bool,
+    /// The node reported an expired life time after the last request.
+    has_expired: bool,
+    /// The node tolerated a longer interval than the factory settings permit.
+    is_default_refuted: bool,
+}
+
+impl Guarded {
+    /// Whether the life time is known well enough for a verdict.
+    fn judges(&self, life: LifeTime) -> bool {
+        !life.is_assumed || (self.has_fit && !self.is_default_refuted)
+    }
+}
+
+/// Life time of a node.
+#[derive(Clone, Copy)]
+struct LifeTime {
+    /// Guard time in milliseconds.
+    time: u16,
+    factor: u8,
+    /// At least one of the two is a factory setting.
+    is_assumed: bool,
+}
+
+impl LifeTime {
+    fn assumption(self) -> Option<&'static str> {
+        self.is_assumed.then_some(ASSUMED)
+    }
 }
 
 struct GuardLate {
@@ -66,16 +101,17 @@ fn new(policy: &Policy) -> GuardLate {
     GuardLate { warning: share("warning-percent"), error: share("error-percent"), nodes: NodeMap::default() }
 }
 
-/// Guard time and factor of a node that has both.
-fn life_time(node: Option<&Node>) -> Option<(u16, u8)> {
+/// Life time from guard time and life time factor; `None` unless both are set.
+fn life_time(node: Option<&Node>) -> Option<LifeTime> {
     let node = node?;
-    let time = u16::try_from(sure_of(node, GUARD_TIME)?).ok()?;
-    let factor = u8::try_from(sure_of(node, LIFE_TIME_FACTOR)?).ok()?;
-    (time > 0 && factor > 0).then_some((time, factor))
+    let (time, factor) = (value_or_default(node, GUARD_TIME)?, value_or_default(node, LIFE_TIME_FACTOR)?);
+    let is_assumed = time.is_default || factor.is_default;
+    let (time, factor) = (u16::try_from(time.value).ok()?, u8::try_from(factor.value).ok()?);
+    (time > 0 && factor > 0).then_some(LifeTime { time, factor, is_assumed })
 }
 
-/// A share of the life time in nanoseconds.
-fn part((time, factor): (u16, u8), share: f64) -> i64 {
+/// Share of the life time, in nanoseconds.
+fn part(LifeTime { time, factor, .. }: LifeTime, share: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "at most 65,535 ms × 255, or saturates")]
     let nanoseconds = (f64::from(time) * f64::from(factor) * share * 1e6) as i64;
     nanoseconds
@@ -87,28 +123,51 @@ impl GuardLate {
         let life = life_time(context.node(event));
         let Some(guarded) = self.nodes.entry(node) else { return };
         let before = guarded.last.replace((context.now, event.frames.last));
-        let was_told = std::mem::take(&mut guarded.is_told);
-        let Some(life) = life else { return };
-        if !std::mem::replace(&mut guarded.is_queued, true) {
+        if let (Some(life), false) = (life, guarded.is_queued) {
+            guarded.is_queued = true;
             context.wake_at(context.now.saturating_add(part(life, self.error) + SLACK), u64::from(number));
         }
-        let Some((last, frame)) = before else { return };
-        let gap = context.now.saturating_sub(last);
-        if gap <= part(life, self.warning) + SLACK {
-            return context.pass();
+        let was_told = std::mem::take(&mut guarded.is_told);
+        if let (Some(life), Some(before)) =
+            (life, before.filter(|(_, frame)| !context.is_across_hole(*frame)))
+        {
+            self.interval(event, node, (life, before), context);
         }
-        let is_over = gap > part(life, self.error) + SLACK;
-        let severity = if is_over { Severity::Error } else { Severity::Warning };
-        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).severity(severity).measure(gap as f64);
-        let frames = FrameRange { first: frame, last: event.frames.last };
-        alarm.frames(frames).say(|| said(gap, life, if is_over { ">" } else { "of" }));
         if was_told {
             context.close(Some(node), About::Whole);
         }
     }
 
-    /// The node says that its life time ended.
+    /// Judges the interval from the request `before` (time and frame) to the one of the event.
+    fn interval(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        (life, (last, frame)): (LifeTime, (i64, u64)),
+        context: &mut Context<'_>,
+    ) {
+        let Some(guarded) = self.nodes.get_mut(node) else { return };
+        let gap = context.now.saturating_sub(last);
+        let is_over = gap > part(life, self.error) + SLACK;
+        let is_judged = guarded.judges(life);
+        let has_expired = std::mem::take(&mut guarded.has_expired);
+        guarded.has_fit |= !is_over;
+        guarded.is_default_refuted |= life.is_assumed && is_over && !has_expired;
+        if gap <= part(life, self.warning) + SLACK {
+            return context.pass();
+        }
+        if !is_judged {
+            return;
+        }
+        let (severity, share) =
+            if is_over { (Severity::Error, self.error) } else { (Severity::Warning, self.warning) };
+        let frames = FrameRange { first: frame, last: event.frames.last };
+        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
+        let alarm = context.fail(event).severity(severity).measure(gap as f64);
+        alarm.frames(frames).assumed(life.assumption()).report(|| interval_text(gap, life, share));
+    }
+
+    /// Checks for an EMCY that reports an expired life time.
     fn emergency(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
         let (EmcyAction::Raised, Some(code), Some(known)) =
             (emergency.action, emergency.code, context.node(event))
@@ -120,21 +179,31 @@ impl GuardLate {
         if own != Some(code) && !is_plain {
             return;
         }
-        let Some(guarded) = self.nodes.get_mut(node).filter(|guarded| !guarded.is_told) else { return };
+        let life = life_time(Some(known));
+        let Some(guarded) = self.nodes.get_mut(node) else { return };
+        guarded.has_expired = true;
+        // The EMCY confirms a finding that depends on an assumed life time.
+        if guarded.is_told && life.is_some_and(|life| !life.is_assumed) {
+            return;
+        }
         let Some((last, frame)) = guarded.last else { return };
         let gap = context.now.saturating_sub(last);
         let frames = FrameRange { first: frame, last: event.frames.last };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).measure(gap as f64).frames(frames);
-        alarm.say(|| {
+        let alarm = context.fail(event).measure(gap as f64).frames(frames).reported_by_device();
+        alarm.report(|| {
             let milliseconds = gap / 1_000_000;
-            format!("the node's life time ended, EMCY {code:04X}: last request {milliseconds} ms before")
+            let life = life.map_or_else(String::new, |LifeTime { time, factor, is_assumed }| {
+                format!(" ({time} ms × {factor}{})", if is_assumed { ", factory setting" } else { "" })
+            });
+            format!("life guarding expired: no guarding request for {milliseconds} ms{life}, EMCY {code:04X}")
         });
     }
 
     fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
         if let Some(guarded) = self.nodes.get_mut(node) {
             guarded.last = None;
+            guarded.has_expired = false;
             if std::mem::take(&mut guarded.is_told) {
                 context.close(Some(node), About::Whole);
             }
@@ -142,9 +211,11 @@ impl GuardLate {
     }
 }
 
-fn said(gap: i64, (time, factor): (u16, u8), than: &str) -> String {
-    let (milliseconds, life) = (gap / 1_000_000, u32::from(time) * u32::from(factor));
-    format!("master silent for {milliseconds} ms {than} {life} ms ({time} ms × {factor})")
+/// `guarding interval 450 ms > 400 ms (80 % of the life time 250 ms × 2)`
+fn interval_text(gap: i64, life: LifeTime, share: f64) -> String {
+    let LifeTime { time, factor, .. } = life;
+    let (gap, limit, percent) = (gap / 1_000_000, part(life, share) / 1_000_000, share * 100.0);
+    format!("guarding interval {gap} ms > {limit} ms ({percent:.0} % of the life time {time} ms × {factor})")
 }
 
 impl Rule for GuardLate {
@@ -152,7 +223,7 @@ impl Rule for GuardLate {
         match (&event.kind, event.node) {
             (EventKind::GuardRequest, Some(node)) if !event.presumed => self.request(event, node, context),
             (EventKind::Emcy(emergency), Some(node)) => self.emergency(event, node, emergency, context),
-            // Life guarding begins anew with the first request behind a start.
+            // After a restart, life guarding starts with the first request.
             (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
             (
                 EventKind::NmtCommand {
@@ -183,11 +254,19 @@ impl Rule for GuardLate {
             guarded.is_queued = true;
             return context.wake_at(due, token);
         }
+        if !guarded.judges(life) {
+            return;
+        }
         guarded.is_told = true;
-        // How long it was in the end the next request tells.
+        // The next request determines the final interval.
         let gap = part(life, self.error);
+        let since = context.timestamp_of(last);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).measure(gap as f64).ongoing();
-        alarm.say(|| said(gap, life, "and more, life time"));
+        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).measure(gap as f64);
+        alarm.since(since).assumed(life.assumption()).report(|| {
+            let LifeTime { time, factor, .. } = life;
+            let limit = u32::from(time) * u32::from(factor);
+            format!("guarding requests missing (life time {limit} ms = {time} ms × {factor})")
+        });
     }
 }

@@ -1,4 +1,4 @@
-//! Guarding requests without an answer.
+//! Guarding requests without a response.
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::rules::rule::declare_rule;
@@ -8,38 +8,38 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// A node that answers guarding leaves requests without an answer until it answers again or counts as lost. A node
-    /// that never answered since its start, or sends heartbeats, does not guard; requests within 20 ms of each other
-    /// may be those of two masters.
+    /// A guarded node does not respond to one or more guarding requests before it responds again or is lost.
+    /// Nodes that have not responded since their start, or that send heartbeats, are exempt. So are requests
+    /// within 20 ms, which may come from two masters.
     ///
     /// # Why it matters
-    /// The master takes the node for lost after a few of them, and the machine stops.
+    /// After a few missed responses, the master treats the node as lost and stops the machine.
     ///
     /// # Source
     /// CiA 301 §7.2.8.3.2.1 (node guarding)
     ///
     /// # What to look at first
-    /// Load of the bus and of the node in that moment; whether the recording lost frames.
+    /// Check the load of the bus and of the node. Check the capture for lost frames.
     ///
     /// # Mutation
-    /// drop an answer to guarding
-    "guard-no-answer", Warning, "a guarding request is not answered",
-    kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link"],
+    /// drop a guarding response
+    "guard-no-answer", Warning, "guarding request without response",
+    kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link", "bus-silent"],
     cases: &["7.2", "7.4", "7.203"],
     shows: &["7.2"],
     word: "GUARD",
 }
 
-/// Two requests within this time are no two rounds of one master, in nanoseconds.
+/// Minimum interval between two requests of one master, in nanoseconds.
 const TOGETHER: i64 = 20_000_000;
 
 #[derive(Default)]
 struct Guarded {
-    /// It answers guarding.
+    /// The node responds to guarding requests.
     answers: bool,
-    /// Time and frame of the request that waits.
+    /// Time and frame of the open request.
     open: Option<(i64, u64)>,
-    /// Requests without an answer in a row, from the first to the last of them.
+    /// Consecutive requests without a response; `frames` has the first and the last of them.
     missed: u64,
     frames: FrameRange,
 }
@@ -68,23 +68,23 @@ impl Guarded {
         self.open = Some((now, frame));
     }
 
-    /// Tells what was missed so far.
-    fn tell(&mut self, event: &Event, context: &mut Context<'_>) {
+    /// Reports the requests without a response.
+    fn report_missed(&mut self, event: &Event, context: &mut Context<'_>) {
         let (missed, frames) = (std::mem::take(&mut self.missed), self.frames);
         if missed == 0 {
             return;
         }
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail(event).frames(frames).measure(missed as f64);
-        alarm.say(|| said(missed, frames));
+        alarm.report(|| missed_text(missed, frames));
     }
 }
 
-fn said(missed: u64, frames: FrameRange) -> String {
+fn missed_text(missed: u64, frames: FrameRange) -> String {
     match missed {
-        1 => format!("request {{{}}} not answered", frames.first),
+        1 => format!("guarding request {{{}}} without response", frames.first),
         _ => format!(
-            "{missed} requests in a row not answered, from {{{}}} to {{{}}}",
+            "{missed} consecutive guarding requests without response {{{}-{}}}",
             frames.first, frames.last
         ),
     }
@@ -107,8 +107,10 @@ impl Rule for GuardNoAnswer {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match event.kind {
             EventKind::NmtCommand { service, target, .. } => return self.reset(service, target),
-            // What was lost may have been answers.
-            EventKind::LostFrames { .. } | EventKind::Link { .. } => return self.nodes = NodeMap::default(),
+            // The lost frames may include responses.
+            EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. } => {
+                return self.nodes = NodeMap::default();
+            }
             _ => {}
         }
         let Some(node) = event.node else { return };
@@ -125,11 +127,11 @@ impl Rule for GuardNoAnswer {
                 if guarded.open.take().is_some() && guarded.missed == 0 {
                     context.pass();
                 }
-                guarded.tell(event, context);
+                guarded.report_missed(event, context);
             }
             EventKind::NodeLost(silence) if silence.monitored_by == "guarding" => {
                 if let Some(mut guarded) = self.nodes.remove(node) {
-                    guarded.tell(event, context);
+                    guarded.report_missed(event, context);
                 }
             }
             EventKind::BootUp { .. } | EventKind::Heartbeat { .. } => {
@@ -144,7 +146,7 @@ impl Rule for GuardNoAnswer {
             let (missed, frames) = (guarded.missed, guarded.frames);
             #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
             let alarm = context.fail_at(context.now, Some(node), frames).measure(missed as f64);
-            alarm.say(|| said(missed, frames));
+            alarm.report(|| missed_text(missed, frames));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Toggle bits of guarding.
+//! Toggle bit of guarding responses.
 
 use crate::event::{Event, EventKind};
 use crate::rules::rule::declare_rule;
@@ -6,22 +6,22 @@ use crate::rules::{Context, NodeSet, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// The toggle bit of a node's answers to guarding alternates. Heartbeats that happen to come behind a request
-    /// are none, and answers between which heartbeats come are not judged: one may have been taken for the other.
+    /// The toggle bit of the guarding responses of a node must alternate. Responses with heartbeats between
+    /// them are exempt, because a heartbeat after a request looks like a response.
     ///
     /// # Why it matters
-    /// It is how the master knows that an answer is a new one: else a controller that repeats its last frame passes
-    /// for a node that works.
+    /// The toggle bit shows the master that a response is new. Without it, a stuck controller that repeats
+    /// its last frame looks like a working node.
     ///
     /// # Source
     /// CiA 301 §7.2.8.3.2.1 (node guarding)
     ///
     /// # What to look at first
-    /// Whether answers are missing in the recording; whether two masters guard the node.
+    /// Check whether responses are missing in the capture. Check whether two masters guard the node.
     ///
     /// # Mutation
-    /// flip bit 7 of an answer to guarding
-    "guard-toggle", Warning, "the toggle bit of guarding does not alternate",
+    /// flip bit 7 of a guarding response
+    "guard-toggle", Warning, "guarding toggle bit not alternating",
     kinds: ["guard-reply", "heartbeat", "boot-up"],
     cases: &["7.3", "7.203"],
     shows: &["7.3"],
@@ -30,11 +30,11 @@ declare_rule! {
 
 #[derive(Default)]
 struct GuardToggle {
-    /// Nodes that toggled: they answer guarding.
+    /// Nodes that set the toggle bit, and therefore respond to guarding.
     toggling: NodeSet,
     /// Nodes that send heartbeats.
     beating: NodeSet,
-    /// Nodes that sent one since their last answer.
+    /// Nodes with a heartbeat since their last response.
     between: NodeSet,
 }
 
@@ -65,9 +65,7 @@ impl Rule for GuardToggle {
                     context.pass();
                 } else if is_guarded {
                     let toggle = u8::from(*toggle);
-                    context
-                        .fail(event)
-                        .say(|| format!("toggle bit {toggle} again in the answer to guarding"));
+                    context.fail(event).report(|| format!("guarding response repeats toggle bit {toggle}"));
                 }
             }
             _ => {}

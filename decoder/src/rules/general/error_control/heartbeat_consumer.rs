@@ -1,8 +1,8 @@
-//! Heartbeat consumers and their producers.
+//! Heartbeat consumer times against the producer times.
 
 use crate::event::{Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
-use crate::rules::general::facts::sure;
+use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
@@ -11,31 +11,31 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A consumer's time (1016) is longer than the producer time (1017) of the node it watches; and a consumer that
-    /// reports 8130 does so while one of the producers it watches is late. Only what was written or read counts.
+    /// A consumer time (1016) must be longer than the producer time (1017) of the monitored node. A consumer
+    /// must not report 8130 unless a monitored producer is late. Only values that were written or read count.
     ///
     /// # Why it matters
-    /// A consumer time that is too short stops the machine again and again for nothing.
+    /// A consumer time that is too short stops the machine repeatedly without a reason.
     ///
     /// # Source
     /// CiA 301 §7.5.2.18 (1016), §7.2.8.2.2 (heartbeat consumer)
     ///
     /// # What to look at first
-    /// 1016 of the consumer against 1017 of the producer: half as long again is usual.
+    /// Set the consumer time (1016) to at least 1.5 × 1017.
     ///
     /// # Mutation
     /// change the time written to 1016:01
-    "heartbeat-consumer", Warning, "a heartbeat consumer does not fit its producer",
+    "heartbeat-consumer", Warning, "heartbeat consumer and producer time mismatch",
     kinds: ["heartbeat", "emcy", "sdo-transfer", "boot-up"],
     cases: &["7.104", "7.105", "7.106", "7.107"],
     is_timing: true,
     word: "BEAT",
 }
 
-/// Entries of 1016 that are looked at.
+/// Maximum number of entries of 1016.
 const ENTRIES: u8 = 127;
 
-/// Producers kept of all consumers.
+/// Maximum number of monitored producers of all consumers.
 const CONTRACT_LIMIT: usize = 1024;
 
 /// Heartbeat error (CiA 301 table 26).
@@ -51,7 +51,7 @@ struct Contract {
 #[derive(Default)]
 struct HeartbeatConsumer {
     contracts: Vec<Contract>,
-    /// Consumers that changed and have to be looked at again.
+    /// Consumers with a changed list.
     changed: Vec<NodeId>,
     beats: NodeMap<i64>,
 }
@@ -61,12 +61,13 @@ fn new(_policy: &Policy) -> HeartbeatConsumer {
 }
 
 impl HeartbeatConsumer {
-    /// Reads the lists of consumers anew: a transfer is told before its value is known.
+    /// Reads the changed consumer lists. This is deferred because the event of a transfer precedes the new
+    /// value.
     fn refresh(&mut self, context: &Context<'_>) {
         for consumer in std::mem::take(&mut self.changed) {
             self.contracts.retain(|contract| contract.consumer != consumer);
             let Some(node) = context.bus.node(consumer) else { continue };
-            let entries = (1..=ENTRIES).filter_map(|sub| Some((sub, sure(node, 0x1016, sub)?)));
+            let entries = (1..=ENTRIES).filter_map(|sub| Some((sub, confirmed_number(node, 0x1016, sub)?)));
             for (sub, entry) in entries {
                 let id = u8::try_from(entry >> 16 & 0x7F).unwrap_or(0);
                 let time = i64::try_from(entry & 0xFFFF).unwrap_or(0).saturating_mul(1_000_000);
@@ -82,7 +83,9 @@ impl HeartbeatConsumer {
         if let Some(last) = self.beats.entry(producer) {
             *last = context.now;
         }
-        let Some(period) = sure(node, 0x1017, 0).and_then(|time| i64::try_from(time).ok()) else { return };
+        let Some(period) = confirmed_number(node, 0x1017, 0).and_then(|time| i64::try_from(time).ok()) else {
+            return;
+        };
         let period = period.saturating_mul(1_000_000);
         for contract in self.contracts.iter().filter(|contract| contract.producer == producer) {
             if period < contract.time {
@@ -92,19 +95,24 @@ impl HeartbeatConsumer {
             let object = ObjectAddress::new(0x1016, contract.sub);
             let (period, time) = (period / 1_000_000, contract.time / 1_000_000);
             let alarm = context.fail(event).node(Some(contract.consumer)).about(About::Object(object));
-            alarm.say(|| {
-                format!("expects {} every {time} ms, which sends every {period} ms", producer.words())
+            alarm.report(|| {
+                format!(
+                    "consumer time {time} ms ≤ {period} ms producer time of {} (1017:00)",
+                    producer.words()
+                )
             });
         }
     }
 
-    /// The consumer says that a producer is late.
+    /// Checks an EMCY 8130 against the heartbeats of the monitored producers.
     fn complained(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
-        let count =
-            sure(node, 0x1016, 0).and_then(|count| u8::try_from(count).ok()).filter(|count| *count > 0);
+        let count = confirmed_number(node, 0x1016, 0)
+            .and_then(|count| u8::try_from(count).ok())
+            .filter(|count| *count > 0);
         let Some(count) = count else { return };
-        let is_guarded = sure(node, 0x100C, 0) != Some(0) && sure(node, 0x100D, 0) != Some(0);
-        if is_guarded || (1..=count).any(|sub| sure(node, 0x1016, sub).is_none()) {
+        let is_guarded =
+            confirmed_number(node, 0x100C, 0) != Some(0) && confirmed_number(node, 0x100D, 0) != Some(0);
+        if is_guarded || (1..=count).any(|sub| confirmed_number(node, 0x1016, sub).is_none()) {
             return;
         }
         let mut own = self.contracts.iter().filter(|contract| contract.consumer == node.id()).peekable();
@@ -119,11 +127,11 @@ impl HeartbeatConsumer {
             return context.pass();
         }
         let alarm = context.fail(event).about(About::Code(HEARTBEAT_ERROR));
-        alarm.say(|| "reports 8130, but each producer it watches was heard in time".to_owned());
+        alarm.report(|| "EMCY 8130 although all monitored heartbeats arrived in time".to_owned());
     }
 }
 
-/// Whether a transfer tells an entry of the consumer list.
+/// Whether a transfer contains an entry of the consumer list.
 fn is_list(transfer: &SdoTransfer) -> bool {
     transfer.outcome == Outcome::Complete && transfer.object.is_some_and(|object| object.index == 0x1016)
 }

@@ -1,50 +1,53 @@
-//! Heartbeats against their producer time.
+//! Heartbeats against the producer time.
 
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, SdoTransfer};
 use crate::finding::About;
-use crate::rules::general::facts::sure;
+use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// The average of a node's heartbeats over ten seconds is its producer time (1017, written or read); with 0 there
-    /// are none; their byte is a state. Single late ones are told by `node-lost`.
+    /// The average heartbeat period of a node over 10 s must equal its producer time (1017, written or read).
+    /// With 1017 = 0 the node must not send heartbeats, and the state in a heartbeat must be defined.
+    /// `node-lost` reports single late heartbeats.
     ///
     /// # Why it matters
-    /// Consumers are set by this time: one that runs slow makes false alarms, one that runs fast hides a loss.
+    /// Consumers are configured for this period. Slow heartbeats cause false alarms, and fast ones hide a
+    /// loss.
     ///
     /// # Source
     /// CiA 301 §7.2.8.3.2.2 (heartbeat), §7.5.2.20 (1017)
     ///
     /// # What to look at first
-    /// The steps in which the device can set the time; how busy it is; a second device with this node-ID.
+    /// Compare 1017 with the steps that the device supports. Check the load of the node, and look for a
+    /// second device with this node-ID.
     ///
     /// # Mutation
     /// drop every fifth heartbeat
-    "heartbeat-period", Warning, "heartbeats do not come at their time",
-    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "sdo-transfer"],
+    "heartbeat-period", Warning, "wrong heartbeat period or NMT state",
+    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "bus-silent", "sdo-transfer"],
     cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
     shows: &["7.102"],
     is_timing: true,
     word: "BEAT",
-    tolerances: &[tolerance("warning-percent", 10.0, "%", "the average may be off")],
+    tolerances: &[tolerance("warning-percent", 10.0, "%", "permitted deviation of the average")],
 }
 
-/// Time over which the average is taken, in nanoseconds.
+/// Duration of the average, in nanoseconds.
 const WINDOW: i64 = 10_000_000_000;
 
-/// Heartbeats after the time was set to 0 that may still have been queued.
+/// Maximum number of queued heartbeats after the time was set to 0.
 const QUEUED: u32 = 2;
 
 #[derive(Default)]
 struct Watch {
     began: Option<i64>,
     beats: i64,
-    /// Heartbeats since the time is 0.
+    /// Number of heartbeats since the time was set to 0.
     surplus: u32,
 }
 
@@ -62,13 +65,13 @@ fn new(policy: &Policy) -> HeartbeatPeriod {
 
 impl HeartbeatPeriod {
     fn beat(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
-        let time = context.node(event).and_then(|node| sure(node, 0x1017, 0));
+        let time = context.node(event).and_then(|node| confirmed_number(node, 0x1017, 0));
         let Some(watch) = self.watches.entry(node) else { return };
         let Some(time) = time else { return };
         if time == 0 {
             watch.surplus += 1;
             if watch.surplus > QUEUED {
-                context.fail(event).say(|| "heartbeat although 1017 = 0".to_owned());
+                context.fail(event).report(|| "heartbeat although 1017:00 = 0".to_owned());
             }
             return;
         }
@@ -89,15 +92,16 @@ impl HeartbeatPeriod {
         watch.began = Some(context.now);
         watch.beats = 0;
         let off = (average / expected - 1.0).abs();
-        // One digit of the stamps is no deviation; a beat more or less in the window neither.
+        // Tolerates the rounding of timestamps, and one heartbeat more or less per window.
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let slack = self.share + 1.0 / beats as f64;
         if off <= slack || (average - expected).abs() < 1.0 {
             return context.pass();
         }
         let alarm = context.fail(event).measure(off);
-        alarm.say(|| {
-            format!("{average:.1} ms on average over {beats} heartbeats; 1017 says {expected:.0} ms")
+        alarm.report(|| {
+            let percent = slack * 100.0;
+            format!("average heartbeat period {average:.1} ms (1017:00: {expected:.0} ms ± {percent:.0} %)")
         });
     }
 }
@@ -111,7 +115,7 @@ impl Rule for HeartbeatPeriod {
         match (&event.kind, event.node) {
             (EventKind::Heartbeat { state: None, code }, Some(_)) => {
                 let alarm = context.fail(event).about(About::Name(Arc::from("state")));
-                alarm.say(|| format!("heartbeat with {code:02X}h, which is no state"));
+                alarm.report(|| format!("undefined NMT state {code:02X}h in heartbeat"));
             }
             (EventKind::Heartbeat { .. }, Some(node)) => self.beat(event, node, context),
             (EventKind::SdoTransfer(transfer), Some(node)) if is_time(transfer) => {
@@ -120,7 +124,9 @@ impl Rule for HeartbeatPeriod {
             (EventKind::BootUp { .. } | EventKind::NodeLost(_), Some(node)) => {
                 self.watches.remove(node);
             }
-            (EventKind::LostFrames { .. } | EventKind::Link { .. }, _) => self.watches = NodeMap::default(),
+            (EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. }, _) => {
+                self.watches = NodeMap::default();
+            }
             _ => {}
         }
     }

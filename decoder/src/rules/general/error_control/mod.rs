@@ -1,4 +1,4 @@
-//! Rules about heartbeat and guarding.
+//! Rules about NMT error control: heartbeat and guarding.
 
 pub(super) mod guard_late;
 pub(super) mod guard_no_answer;

@@ -1,7 +1,8 @@
-//! A monitored node is silent.
+//! Late or missing heartbeats and guarding responses of a node.
 
 use crate::event::{Event, EventKind, FrameRange, Silence};
 use crate::finding::{About, Severity};
+use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
 use crate::wire::NodeId;
@@ -9,30 +10,31 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 
 declare_rule! {
     /// # What it checks
-    /// A node that sends a heartbeat comes later than its producer time (1017) allows, or does not come at all; a
-    /// guarded node leaves the requests of its life time (100C × 100D) unanswered. Where 1017 was not seen, the
-    /// longest of its usual intervals counts. One finding a silence, with its beginning and end.
+    /// The heartbeat of a node is later than its producer time (1017) allows, or a guarded node does not
+    /// respond for its life time (100C × 100D). If 1017 is unknown, the longest usual interval applies. There
+    /// is one finding per silence, with its duration.
     ///
     /// # Why it matters
-    /// The node has no supply, was restarted, is off the bus, or so busy that it cannot be relied on.
+    /// The node has no supply, has restarted, is off the bus, or is overloaded.
     ///
     /// # Source
     /// CiA 301 §7.2.8.2.2 (node guarding, heartbeat), §7.5.2.12, §7.5.2.20
     ///
     /// # What to look at first
-    /// Its last EMCY and state, whether other nodes are silent too (cable, supply), error frames before it.
+    /// Check supply, cable and load of the node. Check its last EMCY and state, whether other nodes are
+    /// silent too, and the error frames before.
     ///
     /// # Mutation
-    /// drop all frames of a node from the middle on
-    "node-lost", Error, "a monitored node is silent",
+    /// drop all frames of a node in the second half
+    "node-lost", Error, "monitored node late or silent",
     kinds: ["heartbeat", "node-lost", "node-back", "boot-up", "nmt-command"],
     cases: &["7.102"],
     shows: &["7.102"],
     is_timing: true,
     word: "LOST",
     tolerances: &[
-        tolerance("warning-percent", 150.0, "%", "of the heartbeat's time, a warning"),
-        tolerance("error-percent", 200.0, "%", "of the heartbeat's time, an error; a lost node is one in any case"),
+        tolerance("warning-percent", 150.0, "%", "of the producer time, a warning"),
+        tolerance("error-percent", 200.0, "%", "of the producer time, an error; a lost node is always an error"),
     ],
 }
 
@@ -58,19 +60,23 @@ impl NodeLost {
         let now = context.now;
         let Some(last) = self.last.entry(node) else { return };
         let (before, frame) = std::mem::replace(last, (now, event.frames.last));
-        // How long a lost node was silent its return tells.
-        if self.lost.remove(node) {
+        // The end of a silence is not a late heartbeat; the `node-back` event has its duration.
+        if self.lost.remove(node) || context.is_across_hole(frame) {
             return;
         }
         let producer = context.node(event).and_then(|node| node.store().number(PRODUCER_TIME));
         let Some(time) = producer.filter(|time| frame != 0 && *time != 0) else { return };
         #[expect(clippy::cast_precision_loss, reason = "milliseconds of a heartbeat")]
         let (interval, expected) = (now.saturating_sub(before) as f64 / 1e6, time as f64);
-        // One digit of the stamps is no delay.
+        // Tolerates the rounding of timestamps.
         if interval <= expected * self.warning + 1.0 {
             return context.pass();
         }
-        let severity = if interval > expected * self.error { Severity::Error } else { Severity::Warning };
+        let (severity, share) = if interval > expected * self.error {
+            (Severity::Error, self.error)
+        } else {
+            (Severity::Warning, self.warning)
+        };
         let frames = FrameRange { first: frame, last: event.frames.last };
         context
             .fail(event)
@@ -79,22 +85,30 @@ impl NodeLost {
             .word("LATE")
             .measure(interval / expected)
             .frames(frames)
-            .say(|| format!("heartbeat after {interval:.0} ms; 1017:00 says {expected:.0} ms"));
+            .report(|| {
+                let limit = expected * share;
+                format!("heartbeat interval {interval:.0} ms > {limit:.0} ms ({share} × 1017:00)")
+            });
     }
 
     fn lost(&self, event: &Event, silence: &Silence, context: &mut Context<'_>) {
-        // It may go on with other messages.
+        // The node may still send other messages.
         let heartbeat = event.node.and_then(|node| self.last.get(node)).map(|(_, frame)| *frame);
         let heartbeat = heartbeat.filter(|frame| (1..silence.last_frame).contains(frame));
         let heartbeat = heartbeat.filter(|_| silence.monitored_by == "heartbeat");
-        let state = silence.last_state.map_or_else(String::new, |state| format!(", was {}", state.name()));
-        let code = silence.last_emcy.map_or_else(String::new, |code| format!(", last EMCY {code:04X}"));
-        context.fail(event).ongoing().say(|| {
-            let (by, last) = (silence.monitored_by, silence.last_frame);
-            match heartbeat {
-                Some(frame) => format!("no {by} since {{{frame}}}, though it sent {{{last}}}{state}{code}"),
-                None => format!("silent since {{{last}}} ({by}){state}{code}"),
-            }
+        let since = event.time.map(|time| Timestamp(time.0.saturating_sub(silence.gap)));
+        context.fail(event).since(since).report(|| {
+            let last = silence.last_frame;
+            let by = if silence.monitored_by == "guarding" { "guarding response" } else { "heartbeat" };
+            let details = [
+                heartbeat.map(|_| format!("last frame {{{last}}}")),
+                silence.last_state.map(|state| format!("last state {}", state.name())),
+                silence.last_emcy.map(|code| format!("last EMCY {code:04X}")),
+            ];
+            let details: Vec<String> = details.into_iter().flatten().collect();
+            let details =
+                if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) };
+            format!("no {by} after {{{}}}{details}", heartbeat.unwrap_or(last))
         });
     }
 }
@@ -114,7 +128,7 @@ impl Rule for NodeLost {
                 self.lost(event, silence, context);
             }
             EventKind::NodeBack(_) => context.close(Some(node), About::Whole),
-            // A restart begins anew; how long a reset takes is judged elsewhere.
+            // A restart starts a new series; other rules check the duration of a reset.
             EventKind::BootUp { .. } | EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
                 self.last.remove(node);
             }

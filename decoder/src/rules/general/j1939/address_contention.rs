@@ -1,4 +1,4 @@
-//! Two J1939 devices want one address, or one goes on sending from an address that is not its own any more.
+//! Contention for an address, and messages from an address that the device has lost.
 
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind};
 use crate::finding::{About, Severity};
@@ -9,42 +9,42 @@ use crate::wire::j1939::Name;
 
 declare_rule! {
     /// # What it checks
-    /// Two NAMEs claim one address: the lower NAME has it. A note where the other one may choose another address, as
-    /// that is how such devices find theirs. A device that lost or left its address goes on sending from it: an error.
-    /// CAN does not tell who sends, so this is judged only while nobody else may send from the address.
+    /// Two NAMEs claim one address, which goes to the lower NAME. It is a note if the other device may choose
+    /// another address. A device that still sends from a lost address is an error, reported only while no
+    /// other device may use the address.
     ///
     /// # Why it matters
-    /// The device that loses is not there, or at an address where nobody looks for it; two that send from one address
+    /// The device that loses is absent, or uses an unexpected address. Two devices that send from one address
     /// are mistaken for each other.
     ///
     /// # Source
     /// SAE J1939-81 §4.2.2.1 (claim, 250 ms before sending), §4.2.2.3, §4.5 (initialization)
     ///
     /// # What to look at first
-    /// The address settings of both devices (NAMEs in the text), and which of them was added or replaced last.
+    /// Compare the address settings of both devices. Check which device was added or replaced last.
     ///
     /// # Mutation
     /// insert the claim of a lower NAME for an address in use
-    "address-contention", Error, "two devices want one address",
+    "address-contention", Error, "address claimed by two devices",
     kinds: ["address-claim", "j1939-message"],
     word: "CLAIM",
-    tolerances: &[tolerance("grace-ms", 20.0, "ms", "in which messages that were queued may still come")],
+    tolerances: &[tolerance("grace-ms", 20.0, "ms", "after the loss of the address, in which queued messages are permitted")],
 }
 
-/// Who claims one of these addresses waits before it sends; below and above it need not (J1939-81 §4.5).
+/// Addresses whose claimant must wait before it sends (J1939-81 §4.5).
 const WAITS: std::ops::RangeInclusive<u8> = 128..=247;
 
-/// Nanoseconds it waits.
+/// Waiting time after such a claim, in nanoseconds.
 const WAIT: i64 = 250_000_000;
 
-/// Nanoseconds for which messages from an address nobody has are put down to the one that left it.
+/// Time for which messages from a vacated address are attributed to its last owner, in nanoseconds.
 const LEFT: i64 = 5_000_000_000;
 
-/// Addresses watched at once.
+/// Maximum number of vacated addresses.
 const WATCH_LIMIT: usize = 64;
 
-/// An address that a device is not to send from any more.
-struct Left {
+/// Address that a device must no longer use.
+struct VacatedAddress {
     address: u8,
     name: Name,
     frame: u64,
@@ -54,7 +54,7 @@ struct Left {
 
 struct AddressContention {
     grace: i64,
-    left: Vec<Left>,
+    left: Vec<VacatedAddress>,
 }
 
 fn new(policy: &Policy) -> AddressContention {
@@ -66,7 +66,13 @@ impl AddressContention {
         self.left.retain(|left| left.address != address);
         if context.has_time && self.left.len() < WATCH_LIMIT {
             let (frame, since) = (event.frames.last, context.now);
-            self.left.push(Left { address, name, frame, since, until: since.saturating_add(lasts) });
+            self.left.push(VacatedAddress {
+                address,
+                name,
+                frame,
+                since,
+                until: since.saturating_add(lasts),
+            });
         }
     }
 
@@ -96,11 +102,11 @@ impl AddressContention {
         let may_choose = loser.fields().arbitrary_address_capable;
         let severity = if may_choose { Severity::Note } else { Severity::Warning };
         let alarm = context.fail(event).severity(severity);
-        alarm.say(|| {
+        alarm.report(|| {
             let address = claim.source;
-            let then = if may_choose { "may choose another one" } else { "has no other one" };
+            let then = if may_choose { "may claim another address" } else { "no other address" };
             format!(
-                "{address:02X} is claimed by NAME {:016X} and NAME {:016X}, which loses it and {then}",
+                "address {address:02X} claimed by NAME {:016X} (wins) and NAME {:016X} (loses, {then})",
                 winner.0, loser.0
             )
         });
@@ -118,11 +124,12 @@ impl AddressContention {
             return;
         }
         let (name, frame) = (left.name, left.frame);
-        let alarm = context.fail(event).about(About::Name("goes on sending".into()));
-        alarm.say(|| {
-            let milliseconds = late / 1_000_000;
+        let alarm = context.fail(event).about(About::Name("still sending".into()));
+        alarm.report(|| {
+            let [milliseconds, limit] = [late, self.grace].map(|time| time / 1_000_000);
             format!(
-                "sends from {source:02X} {milliseconds} ms after NAME {:016X} lost or left it {{{frame}}}",
+                "message from {source:02X} {milliseconds} ms after NAME {:016X} lost or left the address {{{frame}}} \
+                 (limit {limit} ms)",
                 name.0
             )
         });

@@ -1,4 +1,4 @@
-//! A J1939 device finds no address.
+//! Failed address claims.
 
 use crate::event::{ClaimAction, Event, EventKind};
 use crate::finding::About;
@@ -7,33 +7,33 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A device says that it cannot claim an address: its claim comes from address 254. One finding a NAME, until it
-    /// claims an address.
+    /// A device reports that it cannot claim an address (claim from address 254). There is one finding per
+    /// NAME, open until the device claims an address.
     ///
     /// # Why it matters
-    /// Without an address it may send nothing else: the function it has is missing on the bus.
+    /// Without an address, the device must not send other messages, so its function is missing on the bus.
     ///
     /// # Source
     /// SAE J1939-81 §4.2.2.3 (cannot claim)
     ///
     /// # What to look at first
-    /// Which device has the address it wanted, whether both are configured alike, whether it may choose another one
-    /// (arbitrary address capable).
+    /// Find the device that uses the address. Check whether both have the same configuration, and whether the
+    /// device is arbitrary address capable.
     ///
     /// # Mutation
     /// insert a claim from address 254
-    "cannot-claim", Error, "a device finds no address",
+    "cannot-claim", Error, "address claim failed",
     kinds: ["address-claim"],
     word: "CLAIM",
 }
 
 #[derive(Default)]
 struct CannotClaim {
-    /// NAMEs without address; further ones are told and never closed.
+    /// NAMEs without an address; the findings of further ones stay open.
     without: Vec<u64>,
 }
 
-/// NAMEs remembered.
+/// Maximum number of NAMEs without an address.
 const NAME_LIMIT: usize = 256;
 
 fn new(_policy: &Policy) -> CannotClaim {
@@ -53,11 +53,12 @@ impl Rule for CannotClaim {
                 if self.without.len() < NAME_LIMIT && !self.without.contains(&name) {
                     self.without.push(name);
                 }
-                let before = claim.from.map_or_else(String::new, |from| format!(", it had {from:02X}"));
+                let before = claim.from.map_or_else(String::new, |from| format!("previously {from:02X}, "));
                 let may_choose = claim.name.fields().arbitrary_address_capable;
-                let may = if may_choose { "may choose one" } else { "may not choose another one" };
+                let may =
+                    if may_choose { "arbitrary address capable" } else { "not arbitrary address capable" };
                 let alarm = context.fail(event).about(about(name)).ongoing();
-                alarm.say(|| format!("cannot claim an address{before}; it {may}"));
+                alarm.report(|| format!("address claim failed ({before}{may})"));
             }
             ClaimAction::Claimed | ClaimAction::Confirmed => {
                 context.pass();

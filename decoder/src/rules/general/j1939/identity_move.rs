@@ -1,4 +1,4 @@
-//! A device is somewhere else than before, or not where it says.
+//! Unexpected or incomplete changes of a node-ID or address.
 
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange};
 use crate::finding::About;
@@ -7,34 +7,36 @@ use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::lss::Content;
-use crate::wire::j1939::Pgn;
+use crate::wire::j1939::{Name, Pgn};
 
 declare_rule! {
     /// # What it checks
-    /// A node-ID set by LSS is in use and was not stored. After a change of its node-ID a node still sends or takes PDOs
-    /// on identifiers that belong to the old one. A J1939 device moves to another address without having been told to.
-    /// A J1939 device that comes onto the bus sends messages before it claims its address; a capture that begins while
-    /// it is running does not count.
+    /// A node-ID set by LSS is not stored, or a node still uses PDO identifiers of its old node-ID. A J1939
+    /// device changes its address without a command, or sends messages before it claims its address. Devices
+    /// that were already running at the start of the capture are exempt. So is a device that lost its address
+    /// to a lower NAME, or could not claim one: it must claim another address.
     ///
     /// # Why it matters
-    /// After the next power-on the device is where nobody expects it; the next device with the old number sends on the
-    /// same identifiers; masters go on talking to the old address.
+    /// After the next power-on, the device has an unexpected node-ID or address. Another device with the old
+    /// node-ID uses the same identifiers. Masters still send to the old address.
     ///
     /// # Source
-    /// CiA 305 §3.9.3 (store configuration); CiA 301 §7.3.5 (predefined connection set); SAE J1939-81 §4.2.2, §4.5
+    /// CiA 305 §3.9.3 (store configuration); CiA 301 §7.3.5 (predefined connection set); SAE J1939-81 §4.2.2,
+    /// §4.4.3 (loss of an address), §4.5
     ///
     /// # What to look at first
-    /// For CANopen 1400:01 to 1803:01 of the node, and whether the LSS master stores; for J1939 the claims before.
+    /// Check the preceding LSS commands or address claims. For CANopen, check 1400:01 to 1803:01 of the node,
+    /// and whether the LSS master stores the node-ID.
     ///
     /// # Mutation
-    /// move a device to another address by a claim nobody told it to make
-    "identity-move", Warning, "a device is at another number than before",
+    /// move a device to another address by a claim that was not commanded
+    "identity-move", Warning, "unexpected node-ID or address change",
     kinds: ["lss", "node-id-change", "pdo", "address-claim", "j1939-request", "j1939-message"],
     word: "IDENT",
     tolerances: &[
-        tolerance("store-ms", 10_000.0, "ms", "from the use of a node-ID to its storing"),
-        tolerance("settled-ms", 2_000.0, "ms", "from the beginning of the capture, in which devices may have been running"),
-        tolerance("before-ms", 1_000.0, "ms", "before its claim, in which a device sent its first message"),
+        tolerance("store-ms", 10_000.0, "ms", "from the use of a node-ID to its storage"),
+        tolerance("settled-ms", 2_000.0, "ms", "after the start of the capture, in which devices may have been running"),
+        tolerance("before-ms", 1_000.0, "ms", "maximum time from the first message to the address claim"),
     ],
 }
 
@@ -42,12 +44,15 @@ declare_rule! {
 const CONFIGURE: u8 = 0x11;
 const STORE: u8 = 0x17;
 
-/// Nanoseconds within which a claim is the answer to a request for it.
+/// Time within which a claim is a response to a request, in nanoseconds.
 const ANSWER: i64 = 1_250_000_000;
 
-/// A node-ID that LSS brought.
+/// Devices without their address that are stored; the oldest is dropped first.
+const DISPLACED_LIMIT: usize = 64;
+
+/// State of a node-ID that was configured by LSS.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Configured {
+enum ConfiguredNodeId {
     Accepted,
     Stored,
 }
@@ -56,17 +61,19 @@ struct IdentityMove {
     store: i64,
     settled: i64,
     before: i64,
-    configured: Option<Configured>,
-    /// Nodes that use a node-ID of LSS which was not stored yet, and the frame of the change.
+    configured: Option<ConfiguredNodeId>,
+    /// Nodes with an unstored node-ID from LSS, and the frame of the change.
     unstored: NodeMap<u64>,
-    /// Node-IDs before, of nodes that changed theirs.
+    /// Previous node-IDs of nodes that changed their node-ID.
     moved: NodeMap<u8>,
     has_moved: bool,
     began: i64,
-    /// Last request for claims.
+    /// Time of the latest request for address claims.
     asked: Option<i64>,
-    /// First message of an address: time and frame.
+    /// Time and frame of the first message per address.
     first: NodeMap<(i64, u64)>,
+    /// Devices that lost their address and have not claimed another one.
+    displaced: Vec<Name>,
 }
 
 fn new(policy: &Policy) -> IdentityMove {
@@ -82,17 +89,18 @@ fn new(policy: &Policy) -> IdentityMove {
         began: 0,
         asked: None,
         first: NodeMap::default(),
+        displaced: Vec::new(),
     }
 }
 
 impl IdentityMove {
-    /// The slave says that it did as it was told.
+    /// Records a command that the LSS slave confirmed.
     fn lss_done(&mut self, command: u8) {
         match command {
-            CONFIGURE => self.configured = Some(Configured::Accepted),
+            CONFIGURE => self.configured = Some(ConfiguredNodeId::Accepted),
             STORE => {
-                self.configured = self.configured.map(|_| Configured::Stored);
-                // Which node it was is not always known: none is blamed.
+                self.configured = self.configured.map(|_| ConfiguredNodeId::Stored);
+                // The node is not always identifiable, so all nodes are cleared.
                 self.unstored = NodeMap::default();
             }
             _ => {}
@@ -109,8 +117,8 @@ impl IdentityMove {
             return;
         }
         match self.configured.take() {
-            Some(Configured::Stored) => context.pass(),
-            Some(Configured::Accepted) => {
+            Some(ConfiguredNodeId::Stored) => context.pass(),
+            Some(ConfiguredNodeId::Accepted) => {
                 if let Some(slot) = self.unstored.entry(node) {
                     *slot = event.frames.last;
                     context.wake_at(context.now.saturating_add(self.store), u64::from(node.number()));
@@ -120,7 +128,7 @@ impl IdentityMove {
         }
     }
 
-    /// A PDO of a node that changed its node-ID.
+    /// Checks a PDO of a node that changed its node-ID.
     #[cold]
     fn pdo(&self, event: &Event, id: CanId, context: &mut Context<'_>) {
         let Some((node, from)) = event.node.and_then(|node| Some((node, *self.moved.get(node)?))) else {
@@ -132,32 +140,62 @@ impl IdentityMove {
             context.pass();
         } else if low == u16::from(from) {
             let alarm = context.fail(event).about(About::Id(id));
-            alarm.say(|| format!("PDO on {id}, which belongs to its old node-ID {from}"));
+            alarm.report(|| format!("PDO on {id} of the old node-ID {from}"));
         }
     }
 
     fn claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut Context<'_>) {
-        if claim.action != ClaimAction::Claimed {
-            return;
+        match claim.action {
+            ClaimAction::Claimed => {}
+            ClaimAction::Confirmed => return,
+            ClaimAction::Lost | ClaimAction::CannotClaim => return self.displace(claim.name),
         }
         let to = claim.source;
+        let was_displaced = self.recover(claim.name);
+        if let Some(from) = claim.from {
+            // Later messages from the old address belong to another device.
+            self.first.remove(NodeId::J1939(from));
+        }
+        if let Some(contention) = claim.contention {
+            // The messages before the claim belong to the device that lost the address.
+            self.displace(contention.other);
+            self.first.remove(NodeId::J1939(to));
+        }
+        if was_displaced || claim.contention.is_some() && claim.from.is_none() {
+            return context.pass();
+        }
         if let Some(from) = claim.from {
             if claim.commanded != 0 {
                 return context.pass();
             }
             let alarm = context.fail(event);
-            return alarm.say(|| {
-                format!("NAME {:016X} moved from {from:02X} to {to:02X}, and nobody told it to", claim.name.0)
+            return alarm.report(|| {
+                format!("NAME {:016X} moved from {from:02X} to {to:02X} without a command", claim.name.0)
             });
         }
         self.first_claim(event, context);
+    }
+
+    /// Stores a device that has to claim another address (J1939-81 §4.4.3).
+    fn displace(&mut self, name: Name) {
+        self.recover(name);
+        if self.displaced.len() >= DISPLACED_LIMIT {
+            self.displaced.remove(0);
+        }
+        self.displaced.push(name);
+    }
+
+    /// Removes a device from those without an address; returns whether it was among them.
+    fn recover(&mut self, name: Name) -> bool {
+        let known = self.displaced.iter().position(|displaced| *displaced == name);
+        known.map(|place| self.displaced.remove(place)).is_some()
     }
 
     fn first_claim(&self, event: &Event, context: &mut Context<'_>) {
         let now = context.now;
         let Some(node) = event.node else { return };
         let Some((sent, frame)) = self.first.get(node).copied() else { return context.pass() };
-        // Asked for its claim, a device that has been running for long answers.
+        // A device that has been running for long responds to a request for its claim.
         let is_answer = self.asked.is_some_and(|asked| now.saturating_sub(asked) < ANSWER);
         let was_running =
             sent.saturating_sub(self.began) < self.settled || now.saturating_sub(sent) > self.before;
@@ -166,9 +204,9 @@ impl IdentityMove {
         }
         let frames = FrameRange { first: frame, last: event.frames.last };
         let alarm = context.fail(event).frames(frames).about(About::Name("before its claim".into()));
-        alarm.say(|| {
+        alarm.report(|| {
             let early = now.saturating_sub(sent) / 1_000_000;
-            format!("sent {early} ms before it claimed its address {{{frame}}}")
+            format!("message {{{frame}}} {early} ms before the address claim")
         });
     }
 }
@@ -213,8 +251,8 @@ impl Rule for IdentityMove {
         let Some(frame) = self.unstored.remove(node) else { return };
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(frame));
         let seconds = self.store / 1_000_000_000;
-        alarm.say(|| {
-            format!("node-ID {number} was set by LSS and not stored within {seconds} s: gone after power-on")
+        alarm.report(|| {
+            format!("node-ID {number} set by LSS but not stored within {seconds} s (lost at power-off)")
         });
     }
 }

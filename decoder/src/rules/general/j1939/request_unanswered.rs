@@ -1,4 +1,4 @@
-//! A J1939 device does not answer a request.
+//! J1939 requests without a response.
 
 use std::collections::VecDeque;
 
@@ -11,37 +11,36 @@ use crate::wire::j1939::{ALL, NO_ADDRESS, Pgn};
 
 declare_rule! {
     /// # What it checks
-    /// A device that was heard before is asked for a group, alone and by its address, and neither sends the group, in one
-    /// frame or several, nor acknowledges or refuses it in time. Requests to all, and to addresses nobody was heard at,
-    /// are not judged: nobody has to answer them.
+    /// A known device neither sends the requested group, in one frame or several, nor acknowledges or refuses
+    /// it in time. Requests to all, and to unknown addresses, are exempt.
     ///
     /// # Why it matters
-    /// Who asks waits, and goes on without the value; a device that answers nothing may be stuck.
+    /// The requesting device waits and continues without the value. The requested device may be stuck.
     ///
     /// # Source
-    /// SAE J1939-21 §5.4.2 (a request to one address is answered), §5.12.3 (1,250 ms)
+    /// SAE J1939-21 §5.4.2 (response to a request to a specific address), §5.12.3 (1,250 ms)
     ///
     /// # What to look at first
-    /// Whether the device sends anything else at that time, and whether it has the group at all: then it should refuse
-    /// by a NACK.
+    /// Check whether the device sends anything at that time. A device that does not support the group must
+    /// send a NACK.
     ///
     /// # Mutation
-    /// drop the refusal of a device
-    "request-unanswered", Warning, "a request to a J1939 device has no answer",
-    kinds: ["j1939-request", "j1939-message", "j1939-transfer", "acknowledgement", "address-claim"],
+    /// drop the NACK of a device
+    "request-unanswered", Warning, "J1939 request without response",
+    kinds: ["j1939-request", "j1939-message", "j1939-transfer", "acknowledgement", "address-claim", "bus-silent"],
     is_timing: true,
     word: "REQ",
-    tolerances: &[tolerance("answer-ms", 1_250.0, "ms", "to the answer")],
+    tolerances: &[tolerance("answer-ms", 1_250.0, "ms", "to the response")],
 }
 
-/// Requests that wait at once; the oldest is given up for a new one.
+/// Maximum number of open requests; the oldest one is evicted.
 const OPEN_LIMIT: usize = 64;
 
-/// A request that waits for its answer.
-struct Asked {
+/// Request without a response so far.
+struct PendingRequest {
     token: u64,
     pgn: Pgn,
-    /// Who asks, and who is asked.
+    /// Requesting address, and requested address.
     source: u8,
     of: u8,
     frame: u64,
@@ -49,8 +48,8 @@ struct Asked {
 
 struct RequestUnanswered {
     answer: i64,
-    open: VecDeque<Asked>,
-    /// Requests so far.
+    open: VecDeque<PendingRequest>,
+    /// Number of requests so far; the token of the latest one.
     count: u64,
 }
 
@@ -73,11 +72,11 @@ impl RequestUnanswered {
         }
         self.count += 1;
         let (token, source, frame) = (self.count, request.source, event.frames.last);
-        self.open.push_back(Asked { token, pgn: request.pgn, source, of, frame });
+        self.open.push_back(PendingRequest { token, pgn: request.pgn, source, of, frame });
         context.wake_at(context.now.saturating_add(self.answer), token);
     }
 
-    /// An address sent something of a group.
+    /// Closes the requests for a group from an address.
     fn answered(&mut self, by: u8, pgn: Pgn, context: &mut Context<'_>) {
         self.open.retain(|asked| {
             let is_it = (asked.of, asked.pgn) == (by, pgn);
@@ -105,6 +104,8 @@ impl Rule for RequestUnanswered {
                     self.answered(transfer.source, pgn, context);
                 }
             }
+            // The response may be missing in the capture.
+            EventKind::BusSilent { .. } => self.open.clear(),
             EventKind::AddressClaim(claim) => self.answered(claim.source, Pgn::ADDRESS_CLAIMED, context),
             _ => {}
         }
@@ -113,16 +114,16 @@ impl Rule for RequestUnanswered {
     fn wake(&mut self, token: u64, context: &mut Context<'_>) {
         let Some(place) = self.open.iter().position(|asked| asked.token == token) else { return };
         let Some(asked) = self.open.remove(place) else { return };
-        // The answer is on its way in several packets.
+        // The response is being transferred in several packets.
         if context.bus.is_transferring(asked.of, asked.pgn) {
             return context.pass();
         }
         let node = NodeId::J1939(asked.of);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(asked.frame));
         let milliseconds = self.answer / 1_000_000;
-        let Asked { source, pgn, frame, .. } = asked;
-        alarm
-            .about(About::Pgn(pgn.number()))
-            .say(|| format!("no answer to the request of {source:02X} {{{frame}}} within {milliseconds} ms"));
+        let PendingRequest { source, pgn, frame, .. } = asked;
+        alarm.about(About::Pgn(pgn.number())).report(|| {
+            format!("no response within {milliseconds} ms to the request {{{frame}}} of {source:02X}")
+        });
     }
 }

@@ -1,52 +1,52 @@
-//! A J1939 device sends an error instead of a value.
+//! Error indicators instead of values in J1939 messages.
 
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, J1939Message};
 use crate::finding::{About, Severity};
-use crate::profile::{Field, Value};
+use crate::profile::{Field, IndicatorCoding, Value};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// A parameter takes a code of the error range (FE, FE00 to FEFF, for two bits 10). It needs a database or profile
-    /// that describes the message. One finding a parameter, until a value comes again. Not available (FF) is none: most
-    /// devices fill with it what they do not have.
+    /// A parameter of a message in a database or profile has the value of the error indicator (FE, FE00 to
+    /// FEFF, 10 for two bits). There is one finding per parameter, open until the next valid value. Not
+    /// available (FF) is exempt.
     ///
     /// # Why it matters
-    /// The device has a sensor or function for the value and it fails; who controls by the value has none.
+    /// A sensor or function of the device has failed. Controllers that depend on the value have no input.
     ///
     /// # Source
     /// SAE J1939-71 §5.1.4, tables 1 and 2 (ranges of the codes)
     ///
     /// # What to look at first
-    /// DM1 of the device in that moment; the sensor and its cable.
+    /// Check the sensor and its cable. Look at DM1 of the device at that time.
     ///
     /// # Mutation
     /// set a parameter to FE
-    "spn-not-available", Note, "a parameter has no value: error",
+    "spn-not-available", Note, "error indicator instead of a value",
     kinds: ["j1939-message"],
     word: "SPN",
 }
 
-/// Parameters in error at once.
+/// Maximum number of parameters with an error.
 const BAD_LIMIT: usize = 1024;
 
-/// A parameter in error: its device, its group, its place in the layout.
-type Bad = (NodeId, u32, usize);
+/// Parameter with an error: device, group, index in the layout.
+type ParameterKey = (NodeId, u32, usize);
 
 #[derive(Default)]
 struct SpnNotAvailable {
-    bad: Vec<Bad>,
+    bad: Vec<ParameterKey>,
 }
 
 fn new(_policy: &Policy) -> SpnNotAvailable {
     SpnNotAvailable::default()
 }
 
-/// What a parameter is called.
+/// Name of a parameter.
 fn name(field: &Field) -> Arc<str> {
     let id = field.id.to_string();
     let name = field.meaning.as_deref().map_or("", |meaning| meaning.name.as_str());
@@ -64,10 +64,12 @@ impl SpnNotAvailable {
         let mut judged = false;
         for (place, field) in layout.fields.iter().enumerate() {
             let indicators = field.meaning.as_deref().and_then(|meaning| meaning.indicators);
+            // NMEA 2000 does not state that its code is an error of the sensor.
+            let indicators = indicators.filter(|it| it.coding == IndicatorCoding::J1939);
             let (Some(indicators), Some(raw)) = (indicators, field.extract(message.payload())) else {
                 continue;
             };
-            // A multiplexed one may be another parameter now.
+            // A multiplexed field may contain another parameter.
             if field.present.is_some() || !matches!(field.value(raw), Value::Unsigned(_)) {
                 continue;
             }
@@ -78,9 +80,7 @@ impl SpnNotAvailable {
                     self.bad.push((node, pgn, place));
                     let about = About::Name(name(field));
                     let alarm = context.fail(event).about(about).severity(Severity::Note).ongoing();
-                    alarm.say(|| {
-                        format!("sends {raw:X}, error, instead of a value in group {}", message.id.pgn)
-                    });
+                    alarm.report(|| format!("error indicator {raw:X} in PGN {}", message.id.pgn));
                 }
                 (Some("error"), _) | (_, None) => {}
                 (_, Some(known)) => {
@@ -97,7 +97,7 @@ impl SpnNotAvailable {
 
 impl Rule for SpnNotAvailable {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // What repeats itself was looked at when it came first.
+        // Repeated messages were checked at their first occurrence.
         if let (EventKind::J1939Message(message), Some(node), false) =
             (&event.kind, event.node, event.routine)
         {

@@ -1,4 +1,4 @@
-//! A J1939 transfer of several packets goes wrong.
+//! Errors in J1939 multi-packet transfers.
 
 use crate::event::{
     Event, EventKind, Irregularity, IrregularityKind, J1939Transfer, Outcome, Protocol, TransportAbort,
@@ -9,42 +9,44 @@ use crate::profile;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::j1939::Pgn;
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
-    /// Transfers by broadcast (BAM), connection (RTS/CTS) and the extended protocol: they end by a time-out (T1 to T4) or
-    /// an abort, packets are missing or out of order, sizes contradict each other, an answer comes later than Tr or Th,
-    /// packets of a broadcast come too fast or too slowly. What the capture may have cut off at its beginning or end is
-    /// not judged, nor a missing answer where no frame of the receiver was seen at all.
+    /// A transfer by broadcast (BAM), connection (RTS/CTS) or the extended protocol times out (T1 to T4), is
+    /// aborted, or has missing, misplaced or contradictory packets. Responses later than Tr or Th, and wrong
+    /// packet spacing of a broadcast, are reported too. So are fast packets of NMEA 2000 with missing or repeated
+    /// frames. Transfers cut off by the capture, and receivers
+    /// without any frame, are exempt.
     ///
     /// # Why it matters
-    /// The message is lost, or arrives late; displays and service tools show old values.
+    /// The message is lost or late. Displays and service tools show old values.
     ///
     /// # Source
-    /// SAE J1939-21 §5.10.2.4 (time-outs), §5.10.2.5 and §5.10.3 (broadcast, connection); ISO 11783-3 §5.11 (extended
-    /// protocol; broadcasts with 10 ms between packets)
+    /// SAE J1939-21 §5.10.2.4 (time-outs), §5.10.2.5 and §5.10.3 (broadcast, connection); ISO 11783-3 §5.11
+    /// (extended protocol; broadcasts with 10 ms between packets)
     ///
     /// # What to look at first
-    /// Who was silent, the sender or the receiver; the load of the bus, as packets have a low priority; a second transfer
-    /// of the same two devices at the time.
+    /// Check whether the sender or the receiver stopped. Check the load of the bus, because packets have a
+    /// low priority, and look for a second transfer between the same devices.
     ///
     /// # Mutation
     /// drop a packet of a broadcast
-    "transport-violation", Error, "a transfer of several packets goes wrong",
+    "transport-violation", Error, "error in a multi-packet transfer",
     kinds: ["j1939-transfer", "transport-irregularity", "malformed"],
     word: "TP",
     tolerances: &[
-        tolerance("broadcast-note-ms", 50.0, "ms", "between packets of a broadcast, less is a note"),
-        tolerance("broadcast-least-ms", 10.0, "ms", "between packets of a broadcast, less is a warning"),
-        tolerance("broadcast-most-ms", 200.0, "ms", "between packets of a broadcast, more is a warning"),
-        tolerance("grace-ms", 2_000.0, "ms", "from the beginning of the capture, in which transfers may have begun before it"),
+        tolerance("broadcast-note-ms", 50.0, "ms", "minimum broadcast packet spacing, else a note"),
+        tolerance("broadcast-least-ms", 10.0, "ms", "minimum broadcast packet spacing, else a warning"),
+        tolerance("broadcast-most-ms", 200.0, "ms", "maximum broadcast packet spacing, else a warning"),
+        tolerance("grace-ms", 2_000.0, "ms", "after the start of the capture, in which transfers may have begun earlier"),
     ],
 }
 
-/// A stamp may be a millisecond early or late.
+/// Rounding error of timestamps, in nanoseconds.
 const STAMP: i64 = 1_000_000;
 
-/// Reasons of an abort that say nothing bad: busy with another transfer (J1939-21 §5.10.3.4).
+/// Abort reasons that are not an error: busy with another transfer (J1939-21 §5.10.3.4).
 const BUSY: [u8; 2] = [1, 2];
 
 struct TransportViolation {
@@ -75,6 +77,9 @@ impl TransportViolation {
         if transfer.cut_start {
             return;
         }
+        if transfer.mode == Some(TransportMode::FastPacket) {
+            return Self::fast_packet(event, transfer, context);
+        }
         match transfer.outcome {
             Outcome::Complete => self.spacing(event, transfer, context),
             Outcome::Timeout => Self::timed_out(event, transfer, context),
@@ -87,20 +92,37 @@ impl TransportViolation {
                 let missing = transfer.missing;
                 let alarm = context.fail(event).about(about(transfer.pgn));
                 let of = transfer.packets.map_or_else(String::new, |packets| format!(" of {packets}"));
-                alarm.say(|| format!("packets missing: {missing}{of}"));
+                alarm.report(|| format!("{missing}{of} packets missing"));
             }
             Outcome::Superseded => {
                 let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Warning);
                 let seen = transfer.size;
-                alarm.say(|| format!("given up after {seen} bytes: the sender began another one"));
+                alarm.report(|| format!("cancelled after {seen} bytes: sender started another transfer"));
             }
             Outcome::Unfinished => {}
         }
     }
 
+    fn fast_packet(event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
+        match transfer.outcome {
+            Outcome::Complete => context.pass(),
+            Outcome::Unfinished => {}
+            _ => {
+                let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Note);
+                let (missing, repeated) = (transfer.missing, transfer.repeated);
+                let of = transfer.packets.map_or_else(String::new, |frames| format!(" of {frames}"));
+                alarm.report(|| match (missing, repeated) {
+                    (0, 0) => "fast packet incomplete: frames out of order or too short".to_owned(),
+                    (0, _) => format!("fast packet incomplete: {} repeated", plural(repeated, "frame")),
+                    _ => format!("fast packet incomplete: {missing}{of} frames missing"),
+                });
+            }
+        }
+    }
+
     fn timed_out(event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
         let packets = u64::from(transfer.packets.unwrap_or(0));
-        // Not a frame of the receiver: it may be missing in the capture alone.
+        // Without any frame of the receiver, the capture may lack its frames.
         let is_one_sided = transfer.mode != Some(TransportMode::Broadcast)
             && transfer.size > 0
             && transfer.frame_count <= 1 + packets;
@@ -110,12 +132,14 @@ impl TransportViolation {
         let timer = transfer.timer.map_or("time-out", |timer| timer.name());
         let (missing, destination) = (transfer.missing, transfer.destination);
         let alarm = context.fail(event).about(about(transfer.pgn));
-        alarm.say(|| match (transfer.size, missing) {
+        alarm.report(|| match (transfer.size, missing) {
             (0, _) if transfer.mode != Some(TransportMode::Broadcast) => {
-                format!("{destination:02X} does not answer: {timer} passed before the first packet")
+                format!("no response from {destination:02X} before the first packet ({timer} expired)")
             }
-            (_, 0) => format!("all packets came and {destination:02X} does not acknowledge: {timer} passed"),
-            _ => format!("{timer} passed, packets missing: {missing}"),
+            (_, 0) => {
+                format!("no acknowledgement from {destination:02X} after the last packet ({timer} expired)")
+            }
+            _ => format!("{missing} packets missing ({timer} expired)"),
         });
     }
 
@@ -124,14 +148,14 @@ impl TransportViolation {
         let severity = if BUSY.contains(&abort.reason) { Severity::Note } else { Severity::Warning };
         let by = if abort.by_sender { transfer.source } else { transfer.destination };
         let alarm = context.fail(event).about(about(transfer.pgn)).severity(severity);
-        alarm.say(|| {
+        alarm.report(|| {
             let text =
                 profile::transport_aborts().find(reason).map_or("unknown reason", |code| code.text.as_str());
-            format!("aborted by {by:02X}, reason {reason}: {text}")
+            format!("aborted by {by:02X} (reason {reason}: {text})")
         });
     }
 
-    /// Times between the packets of a broadcast.
+    /// Checks the packet spacing of a broadcast.
     fn spacing(&self, event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
         let Some((shortest, longest)) = transfer.spacing else { return context.pass() };
         let milliseconds = |time: i64| time / 1_000_000;
@@ -140,13 +164,13 @@ impl TransportViolation {
         let (short, long) = (milliseconds(shortest), milliseconds(longest));
         if longest > self.most + STAMP {
             let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Warning);
-            return alarm.say(|| format!("{long} ms between packets of a broadcast; {most} ms is the most"));
+            return alarm.report(|| format!("broadcast packet spacing {long} ms > {most} ms"));
         }
         if shortest + STAMP < self.note {
             let severity = if shortest + STAMP < self.least { Severity::Warning } else { Severity::Note };
             let alarm = context.fail(event).about(about(transfer.pgn)).severity(severity);
-            return alarm.say(|| {
-                format!("{short} ms between packets of a broadcast; {note} ms is the least, {least} ms in ISO 11783")
+            return alarm.report(|| {
+                format!("broadcast packet spacing {short} ms < {note} ms ({least} ms in ISO 11783)")
             });
         }
         context.pass();
@@ -155,7 +179,7 @@ impl TransportViolation {
     fn irregular(&self, event: &Event, odd: &Irregularity, context: &mut Context<'_>) {
         let is_early = context.now.saturating_sub(self.began) < self.grace;
         let severity = match odd.what {
-            // What a gap comes to the end of the transfer tells.
+            // The outcome of the transfer includes the gap.
             IrregularityKind::Gap => return,
             IrregularityKind::Unexpected if is_early => return,
             IrregularityKind::Unexpected => Severity::Warning,
@@ -165,16 +189,16 @@ impl TransportViolation {
         };
         let message = odd.message;
         let alarm = context.fail(event).about(about(odd.pgn)).severity(severity);
-        alarm.say(|| match (odd.what, odd.packet, odd.expected, odd.timer.zip(odd.delay)) {
-            (IrregularityKind::Duplicate, Some(packet), ..) => format!("packet {packet} came twice"),
+        alarm.report(|| match (odd.what, odd.packet, odd.expected, odd.timer.zip(odd.delay)) {
+            (IrregularityKind::Duplicate, Some(packet), ..) => format!("packet {packet} received twice"),
             (IrregularityKind::Retransmission, _, Some(from), _) => {
-                format!("packets are asked for again from {from} on")
+                format!("packets requested again from {from} on")
             }
             (IrregularityKind::Late, .., Some((timer, delay))) => {
-                format!("{message} after {} ms, later than {}", delay / 1_000_000, timer.name())
+                format!("{message} after {} ms ({} expired)", delay / 1_000_000, timer.name())
             }
-            (IrregularityKind::Retransmission, ..) => format!("{message} again"),
-            _ => format!("{message} that no transfer explains"),
+            (IrregularityKind::Retransmission, ..) => format!("{message} repeated"),
+            _ => format!("{message} without an open transfer"),
         });
     }
 }
@@ -185,14 +209,18 @@ impl Rule for TransportViolation {
     }
 
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
         match &event.kind {
             EventKind::J1939Transfer(transfer) => self.transfer(event, transfer, context),
             EventKind::TransportIrregularity(odd) if event.protocol == Protocol::J1939 => {
                 self.irregular(event, odd, context);
             }
-            // Its bytes are enough, and contradict the protocol or each other.
+            // The frame is long enough, but contradicts the protocol or itself.
             EventKind::Malformed { error, reason } if error.needed == 0 && is_transport(error.layer) => {
-                context.fail(event).severity(Severity::Warning).say(|| (*reason).to_owned());
+                context.fail(event).severity(Severity::Warning).report(|| (*reason).to_owned());
             }
             _ => {}
         }

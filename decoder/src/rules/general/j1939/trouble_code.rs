@@ -1,4 +1,4 @@
-//! A J1939 device reports a fault.
+//! Faults that a J1939 device reports in DM1.
 
 use std::fmt::Write as _;
 
@@ -12,28 +12,28 @@ use crate::wire::j1939::Pgn;
 
 declare_rule! {
     /// # What it checks
-    /// A device lists a trouble code (SPN and FMI) in DM1. One finding a code, until DM1 comes without it or the device
-    /// clears it; one that a more urgent fault may hide goes on.
+    /// A device lists a trouble code (SPN and FMI) in DM1. There is one finding per code, open until DM1
+    /// omits the code or the device clears it. A code that a more urgent fault may hide stays open.
     ///
     /// # Why it matters
-    /// The device itself says that something is wrong.
+    /// The device itself reports a fault.
     ///
     /// # Source
-    /// SAE J1939-73 §5.7.1 (DM1); codes by the device's manual.
+    /// SAE J1939-73 §5.7.1 (DM1); codes: manual of the device.
     ///
     /// # What to look at first
-    /// What SPN and FMI mean by the manual, and what changed just before (`cobscope why`).
+    /// Look up SPN and FMI in the device manual. `cobscope why` shows the events before the fault.
     ///
     /// # Mutation
     /// replace a DM1 without faults by one with a fault
-    "trouble-code", Warning, "a device reports a fault in DM1",
+    "trouble-code", Warning, "fault reported in DM1",
     kinds: ["dtc", "j1939-message"],
     word: "DTC",
 }
 
 #[derive(Default)]
 struct TroubleCode {
-    /// A DM1 of theirs was seen.
+    /// Nodes with at least one DM1.
     seen: NodeSet,
 }
 
@@ -41,7 +41,7 @@ fn new(_policy: &Policy) -> TroubleCode {
     TroubleCode::default()
 }
 
-/// What the code means.
+/// Description of the fault.
 fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
     let own = record::device(event, context.bus).dtc(dtc.spn, dtc.fmi);
     let parameter = context.bus.parameter(dtc.spn).map_or(String::new(), |known| format!("{}: ", known.name));
@@ -52,7 +52,7 @@ fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
         (None, None) => format!("fault in DM1: {parameter}SPN {} FMI {}", dtc.spn, dtc.fmi),
     };
     if !dtc.lamps.is_empty() {
-        let _ = write!(text, "; lamps {}", dtc.lamps.join(" "));
+        let _ = write!(text, " (lamps {})", dtc.lamps.join(" "));
     }
     text
 }
@@ -62,7 +62,7 @@ impl Rule for TroubleCode {
         match &event.kind {
             EventKind::J1939Message(message) if message.id.pgn == Pgn::DM1 => {
                 let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
-                // What this DM1 lists comes as events behind it; the one before had no fault.
+                // Faults in this DM1 are reported by later events; the previous DM1 listed none.
                 if !self.seen.insert(id) && node.active_dtcs().next().is_none() {
                     context.pass();
                 }
@@ -72,7 +72,7 @@ impl Rule for TroubleCode {
                 match dtc.action {
                     DtcAction::Raised | DtcAction::Recurred => {
                         let text = words(dtc, event, context);
-                        context.fail(event).about(about).ongoing().say(|| text);
+                        context.fail(event).about(about).ongoing().report(|| text);
                     }
                     DtcAction::NoLongerReported if dtc.may_be_hidden => {}
                     DtcAction::NoLongerReported | DtcAction::Cleared => context.close(event.node, about),

@@ -1,4 +1,4 @@
-//! A node does not say that it started.
+//! No boot-up message after an NMT reset.
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::Severity;
@@ -11,34 +11,37 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// After an NMT reset a node that was heard before sends its boot-up message, or what its manual promises
-    /// instead, in time, unless one with another node-ID starts in its place. A note where nothing tells that it has one: no boot-up was seen, no device is known.
+    /// After an NMT reset, a known node must send its boot-up message, or the boot sign that its manual
+    /// states, within `error-ms`. A boot-up under another node-ID also counts, and so does an EMCY with an
+    /// error from a device whose boot sign is an empty EMCY. It is a note for an unknown
+    /// device without an earlier boot-up.
     ///
     /// # Why it matters
-    /// The master waits for it before it configures the node; a node that does not come back is out of service.
+    /// The master waits for the boot-up before it configures the node. A node that does not return is out of
+    /// service.
     ///
     /// # Source
     /// CiA 301 §7.3.2.2.1 (boot-up after initialisation), §7.2.8.3.3
     ///
     /// # What to look at first
-    /// Whether the node is heard again at all; how long it takes to start.
+    /// Check whether the node sends anything after the reset. Compare its start-up time with the limit.
     ///
     /// # Mutation
-    /// drop the boot-up message behind a reset
-    "boot-up-missing", Warning, "a node does not say that it started",
+    /// drop the boot-up message after a reset
+    "boot-up-missing", Warning, "no boot-up after an NMT reset",
     kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
     cases: &["9.1", "10.1"],
     shows: &["10.1"],
     word: "BOOT",
-    tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the reset to the boot-up message")],
+    tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the NMT reset to the boot-up")],
 }
 
-/// A node that was silent for longer before the reset may not be there.
+/// Maximum silence before the reset, in nanoseconds; a node that was silent for longer may be absent.
 const HEARD: i64 = 10_000_000_000;
 
 struct BootUpMissing {
     limit: i64,
-    /// Frame of the reset, and when its time is over.
+    /// Frame of the reset, and end of the waiting time.
     waiting: NodeMap<(u64, i64)>,
     booted: NodeSet,
 }
@@ -68,15 +71,25 @@ impl BootUpMissing {
         }
     }
 
+    /// Whether the node was reset, and its EMCY shows an error in place of the ready message.
+    fn is_started_with_error(&self, node: NodeId, context: &Context<'_>) -> bool {
+        self.waiting.get(node).is_some() && reports_its_start_by_emcy(node, context)
+    }
+
     fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
         if self.booted.insert(node) && self.waiting.get(node).is_none() {
-            // One that was reset may have another node-ID now.
+            // The node that was reset may use another node-ID now.
             self.waiting = NodeMap::default();
         }
         if self.waiting.remove(node).is_some() {
             context.pass();
         }
     }
+}
+
+/// Whether the device reports its start by EMCY: by an empty one, or by an error.
+fn reports_its_start_by_emcy(node: NodeId, context: &Context<'_>) -> bool {
+    context.bus.node(node).is_some_and(|node| node.device().nmt.boot == Boot::ReadyTelegram)
 }
 
 impl Rule for BootUpMissing {
@@ -95,7 +108,9 @@ impl Rule for BootUpMissing {
             (EventKind::NodeIdChange { from: Some(from), .. }, _) => {
                 self.waiting.remove(NodeId::Canopen(*from));
             }
-            (EventKind::Emcy(emergency), Some(node)) if emergency.boot.is_some() => {
+            (EventKind::Emcy(emergency), Some(node))
+                if emergency.boot.is_some() || self.is_started_with_error(node, context) =>
+            {
                 self.booted(node, context);
             }
             _ => {}
@@ -113,7 +128,9 @@ impl Rule for BootUpMissing {
         let severity =
             if is_known || self.booted.contains(node) { Severity::Warning } else { Severity::Note };
         let limit = self.limit / 1_000_000;
+        let has_emcy = reports_its_start_by_emcy(node, context);
         let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).severity(severity);
-        alarm.say(|| format!("no boot-up within {limit} ms of the reset {{{frame}}}"));
+        let sign = if has_emcy { "ready message or EMCY" } else { "boot-up" };
+        alarm.report(|| format!("no {sign} within {limit} ms after the NMT reset {{{frame}}}"));
     }
 }

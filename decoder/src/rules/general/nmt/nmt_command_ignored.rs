@@ -1,4 +1,4 @@
-//! A node does not take the state it is commanded to.
+//! NMT commands that a node does not execute.
 
 use std::sync::Arc;
 
@@ -13,26 +13,26 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// What a node says of its state by heartbeat or guarding after an NMT command is, at the second time and a
-    /// second later, what was commanded. States that the device does not have by its manual are not judged, nor what
-    /// it does once it obeyed.
+    /// After an NMT command, two heartbeats or guarding responses must not report another state than the
+    /// commanded one once `error-ms` have passed. States that the device does not support, and changes after
+    /// the state was reached, are exempt.
     ///
     /// # Why it matters
-    /// NMT commands are not confirmed: the master believes that the node runs, or that it is still.
+    /// NMT commands are not confirmed. The master assumes that the node runs or is stopped.
     ///
     /// # Source
     /// CiA 301 §7.2.8.2.1, §7.3.2.2 (state machine)
     ///
     /// # What to look at first
-    /// Errors that keep the node from it (EMCY); whether the command was meant for another node-ID.
+    /// Check the EMCY messages of the node. Check whether the command was meant for another node-ID.
     ///
     /// # Mutation
-    /// drop nothing, insert a command to stop while heartbeats go on as operational
-    "nmt-command-ignored", Warning, "a node does not take the state it is commanded to",
+    /// drop nothing, insert a stop command while heartbeats still report operational
+    "nmt-command-ignored", Warning, "NMT command without effect on the node",
     kinds: ["nmt-command", "nmt-state", "heartbeat", "guard-reply", "boot-up"],
     cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
     word: "NMT",
-    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command until the node says the state")],
+    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command to the report of the state")],
 }
 
 struct Command {
@@ -40,7 +40,7 @@ struct Command {
     to: NmtState,
     at: i64,
     frame: u64,
-    /// Times the node said another state.
+    /// Number of reports of another state.
     other: u32,
 }
 
@@ -66,7 +66,7 @@ impl NmtCommandIgnored {
         let obeyed = &known.device().nmt.commands;
         let is_obeyed = obeyed.is_empty() || obeyed.iter().any(|name| name == service.name());
         let Some(command) = self.commands.entry(node) else { return };
-        // A reset is told by the boot-up.
+        // A reset is confirmed by the boot-up.
         *command = (is_obeyed && to != NmtState::Initialising).then_some(Command {
             service,
             to,
@@ -76,7 +76,7 @@ impl NmtCommandIgnored {
         });
     }
 
-    fn told(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
         let Some(known) = self.commands.get_mut(node) else { return };
         let Some(command) = known else { return };
         if state == command.to {
@@ -91,9 +91,14 @@ impl NmtCommandIgnored {
         let (service, frame) = (command.service.name(), command.frame);
         *known = None;
         let frames = FrameRange { first: frame, last: event.frames.last };
-        let after = after / 1_000_000;
+        let (after, limit) = (after / 1_000_000, self.limit / 1_000_000);
         let alarm = context.fail(event).about(About::Name(Arc::from(service))).frames(frames);
-        alarm.say(|| format!("still {} {after} ms after the command {{{frame}}}", state.name()));
+        alarm.report(|| {
+            format!(
+                "NMT state still {} {after} ms after the command {{{frame}}} (limit {limit} ms)",
+                state.name()
+            )
+        });
     }
 }
 
@@ -114,9 +119,9 @@ impl Rule for NmtCommandIgnored {
                 | EventKind::GuardReply { state: Some(state), .. },
                 Some(node),
             ) => {
-                self.told(event, node, *state, context);
+                self.on_state(event, node, *state, context);
             }
-            // A PDO shows that it obeyed, whatever it does then.
+            // A PDO confirms that the command was executed.
             (EventKind::NmtState(change), Some(node)) if change.cause == StateCause::Pdo => {
                 if let Some(known) = self.commands.get_mut(node) {
                     known.take_if(|command| command.to == change.to);

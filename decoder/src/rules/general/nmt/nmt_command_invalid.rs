@@ -1,4 +1,4 @@
-//! NMT commands that are none.
+//! Undefined NMT commands.
 
 use crate::event::{Event, EventKind};
 use crate::rules::rule::declare_rule;
@@ -7,20 +7,21 @@ use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
     /// # What it checks
-    /// An NMT command is one of the five, to a node-ID up to 127. Its length is told by `malformed-message`.
+    /// An NMT command must be one of the five defined commands, for a node-ID up to 127. `malformed-message`
+    /// checks its length.
     ///
     /// # Why it matters
-    /// Nodes ignore it, or each does something else: the master believes that the machine obeys.
+    /// Nodes ignore the command or react differently, while the master assumes that all nodes execute it.
     ///
     /// # Source
     /// CiA 301 §7.2.8.3.1 (NMT node control)
     ///
     /// # What to look at first
-    /// What of the application sends on identifier 000.
+    /// Find the program that sends on identifier 000.
     ///
     /// # Mutation
     /// insert a command with specifier 3
-    "nmt-command-invalid", Warning, "an NMT command is none",
+    "nmt-command-invalid", Warning, "undefined NMT command",
     kinds: ["nmt-command"],
     word: "NMT",
 }
@@ -35,10 +36,10 @@ impl Rule for NmtCommandInvalid {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::NmtCommand { service: NmtService::Unknown(code), .. } => {
-                context.fail(event).say(|| format!("command {code:02X}h is none of the five"));
+                context.fail(event).report(|| format!("undefined NMT command {code:02X}h"));
             }
             EventKind::NmtCommand { target, .. } if *target > 127 => {
-                context.fail(event).say(|| format!("command to node {target}; node-IDs go up to 127"));
+                context.fail(event).report(|| format!("NMT command to node-ID {target} (max 127)"));
             }
             EventKind::NmtCommand { .. } => context.pass(),
             _ => {}

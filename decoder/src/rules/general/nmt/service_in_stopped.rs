@@ -1,4 +1,4 @@
-//! A stopped node uses services it must not use.
+//! Services used in NMT state stopped.
 
 use std::sync::Arc;
 
@@ -11,25 +11,26 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// A node that says it is stopped, or was told to stop a while ago, answers no SDO request; an EMCY of it is a
-    /// note. PDOs are judged by `pdo-outside-operational`.
+    /// A node that reports stopped, or received the stop command more than `command-ms` ago, must not respond
+    /// to SDO requests. An EMCY in this state is a note. `pdo-outside-operational` checks PDOs.
     ///
     /// # Why it matters
-    /// Stopped is the state in which a node is to be still: a master that finds it talking cannot rely on it.
+    /// A stopped node must not communicate except for NMT and error control. The master cannot rely on a node
+    /// that does.
     ///
     /// # Source
     /// CiA 301 §7.3.2.2.5, table 38 (services by NMT state)
     ///
     /// # What to look at first
-    /// Whether the node has the state stopped at all, by its manual.
+    /// Check in the manual whether the device supports state stopped.
     ///
     /// # Mutation
-    /// insert a command that stops a node while it answers SDO requests
-    "service-in-stopped", Warning, "a stopped node answers SDO requests",
+    /// insert a command that stops a node while it responds to SDO requests
+    "service-in-stopped", Warning, "SDO or EMCY in NMT state stopped",
     kinds: ["sdo-transfer", "emcy"],
     cases: &["9.4", "10.4"],
     word: "NMT",
-    tolerances: &[tolerance("command-ms", 100.0, "ms", "from the command, in which it may still answer")],
+    tolerances: &[tolerance("command-ms", 100.0, "ms", "after the command, in which responses are permitted")],
 }
 
 struct ServiceInStopped {
@@ -41,7 +42,7 @@ fn new(policy: &Policy) -> ServiceInStopped {
 }
 
 impl ServiceInStopped {
-    /// Whether the node is surely to be still.
+    /// Whether the node must be stopped by now.
     fn is_stopped(&self, event: &Event, context: &Context<'_>) -> bool {
         let Some(node) = context.node(event) else { return false };
         let Some(status) = node.nmt().filter(|status| status.state == NmtState::Stopped) else {
@@ -67,14 +68,14 @@ impl Rule for ServiceInStopped {
                 if !is_answered {
                     return context.pass();
                 }
-                let object = transfer.object.map_or_else(String::new, |object| format!(" of {object}"));
+                let object = transfer.object.map_or_else(String::new, |object| format!(" for {object}"));
                 let alarm = context.fail(event).about(About::Name(Arc::from("SDO")));
-                alarm.say(|| format!("SDO request{object} answered in state stopped"));
+                alarm.report(|| format!("SDO response{object} in NMT state stopped"));
             }
             EventKind::Emcy(_) if self.is_stopped(event, context) => {
                 let alarm =
                     context.fail(event).about(About::Name(Arc::from("EMCY"))).severity(Severity::Note);
-                alarm.say(|| "EMCY sent in state stopped".to_owned());
+                alarm.report(|| "EMCY in NMT state stopped".to_owned());
             }
             _ => {}
         }

@@ -1,4 +1,4 @@
-//! A node sends before it says that it started.
+//! Traffic between an NMT reset and the boot-up.
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::profile::device::Boot;
@@ -10,28 +10,29 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// Between an NMT reset and its boot-up message a node sends nothing but what was still queued.
+    /// Between an NMT reset and its boot-up message, a node must not send anything except queued frames.
     ///
     /// # Why it matters
-    /// The node did not obey, or its application runs before the node is configured.
+    /// The node did not execute the reset, or its application runs before the node is configured.
     ///
     /// # Source
     /// CiA 301 §7.3.2.2.1 (initialisation ends with the boot-up message)
     ///
     /// # What to look at first
-    /// How long after the reset; whether its boot-up comes at all.
+    /// Check whether the node sends a boot-up message at all. Compare the delay after the reset with its
+    /// start-up time.
     ///
     /// # Mutation
     /// insert a heartbeat between a reset and the boot-up
-    "traffic-before-boot", Note, "a node sends before its boot-up message",
+    "traffic-before-boot", Note, "traffic before the boot-up",
     kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
     word: "BOOT",
-    tolerances: &[tolerance("queued-ms", 100.0, "ms", "from the reset, in which queued frames still come")],
+    tolerances: &[tolerance("queued-ms", 100.0, "ms", "after the reset, in which queued frames are permitted")],
 }
 
 struct TrafficBeforeBoot {
     queued: i64,
-    /// Time and frame of the reset.
+    /// Time and frame of the latest reset.
     resets: NodeMap<(i64, u64)>,
     starting: NodeSet,
 }
@@ -63,11 +64,11 @@ impl TrafficBeforeBoot {
         }
         self.starting.remove(node);
         let frames = FrameRange { first: frame, last: event.frames.last };
-        let after = after / 1_000_000;
+        let (after, limit) = (after / 1_000_000, self.queued / 1_000_000);
         context
             .fail(event)
             .frames(frames)
-            .say(|| format!("{what} {after} ms after the reset, before any boot-up"));
+            .report(|| format!("{what} {after} ms after the NMT reset without a boot-up (limit {limit} ms)"));
     }
 
     fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
@@ -104,7 +105,7 @@ impl Rule for TrafficBeforeBoot {
             EventKind::Emcy(_) if self.starting.contains(node) => self.sent(event, node, "EMCY", context),
             EventKind::Heartbeat { .. } => self.sent(event, node, "heartbeat", context),
             EventKind::GuardReply { .. } if self.starting.contains(node) => {
-                self.sent(event, node, "guarding reply", context);
+                self.sent(event, node, "guarding response", context);
             }
             _ => {}
         }

@@ -1,68 +1,90 @@
-//! A node starts without having been told to.
+//! Node restarts without an NMT reset.
 
-use crate::event::{BootCause, Event, EventKind};
+use crate::event::{BootCause, Certainty, Event, EventKind};
 use crate::finding::Severity;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeSet, Policy, Rule};
+use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// A boot sign (boot-up message, empty EMCY message, or what else the device's manual names) comes without
-    /// an NMT reset to the node, or to all, since its last frame.
+    /// A boot sign occurs although no NMT reset was sent to the node, or to all nodes, since its last frame.
+    /// Boot signs are the boot-up message, an empty EMCY, or another sign in the device manual. It is a note
+    /// if the whole machine seems to be switched on. The first boot sign of a node within `grace-ms` passes,
+    /// unless the node was operational before. The first frame of a node is judged by `late-start`.
     ///
     /// # Why it matters
-    /// Supply, watchdog or firmware restarted the device: settings that were not stored are gone, outputs were off.
+    /// Supply, watchdog or firmware restarted the device. Settings that were not stored are lost, and outputs
+    /// were off.
     ///
     /// # Source
     /// CiA 301 §7.3.2.1 (boot-up), §7.2.8.2 (NMT). A power-on is never visible, so it is presumed.
     ///
     /// # What to look at first
-    /// The supply of the node in that moment, other nodes that restarted together, the last EMCY before.
+    /// Check the supply of the node at that time. Look for other nodes that restarted together, and for the
+    /// last EMCY.
     ///
     /// # Mutation
     /// insert a boot-up of an operational node
-    "unexpected-boot", Warning, "a node restarted and nobody told it to",
-    kinds: ["boot-up", "emcy"],
+    "unexpected-boot", Warning, "node restarted without an NMT reset",
+    kinds: ["boot-up", "emcy", "nmt-state"],
     cases: &["9.1"],
     word: "BOOT",
     tolerances: &[tolerance(
-        "grace-ms", 10_000.0, "ms", "from the beginning of the capture, in which a node's first boot sign is expected",
+        "grace-ms", 10_000.0, "ms", "after the start of the capture, in which the first boot sign of a node is expected",
     )],
 }
 
 struct UnexpectedBoot {
     grace: i64,
-    began: Option<i64>,
+    began: i64,
+    /// Nodes without grace: booted or operational in the capture.
     seen: NodeSet,
 }
 
 fn new(policy: &Policy) -> UnexpectedBoot {
     let grace = policy.nanoseconds(&DECLARATION, "grace-ms");
-    UnexpectedBoot { grace, began: None, seen: NodeSet::default() }
+    UnexpectedBoot { grace, began: 0, seen: NodeSet::default() }
+}
+
+/// Cause of the restart that an event shows.
+pub(super) fn boot_cause(event: &Event) -> Option<BootCause> {
+    match &event.kind {
+        EventKind::BootUp { cause, .. } => Some(*cause),
+        EventKind::Emcy(emergency) => emergency.boot,
+        _ => None,
+    }
+}
+
+/// Whether the event is the first frame of its node.
+pub(super) fn is_first_frame(event: &Event, context: &Context<'_>) -> bool {
+    context.node(event).is_some_and(|node| node.first_seen() == event.frames.first)
 }
 
 impl Rule for UnexpectedBoot {
+    fn begin(&mut self, context: &mut Context<'_>) {
+        self.began = context.now;
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let began = *self.began.get_or_insert(context.now);
-        let cause = match &event.kind {
-            EventKind::BootUp { cause, .. } => *cause,
-            EventKind::Emcy(emergency) => match emergency.boot {
-                Some(cause) => cause,
-                None => return,
-            },
-            _ => return,
-        };
         let Some(node) = event.node else { return };
+        if let EventKind::NmtState(change) = &event.kind
+            && (change.to, change.certainty) == (NmtState::Operational, Certainty::Confirmed)
+        {
+            self.seen.insert(node);
+        }
+        let Some(cause) = boot_cause(event) else { return };
         let is_first = self.seen.insert(node);
         let BootCause::PresumedPowerOn { sign } = cause else { return context.pass() };
-        if is_first && context.now.saturating_sub(began) < self.grace {
+        let is_graced = is_first && context.now.saturating_sub(self.began) < self.grace;
+        if is_graced || is_first_frame(event, context) {
             return context.pass();
         }
-        // A machine that is switched on starts its nodes together: worth knowing, no defect of this one.
+        // Nodes that start together indicate a power-on of the machine, which is not a defect of this node.
         let severity = if sign.is_some() { Severity::Note } else { Severity::Warning };
-        context.fail(event).severity(severity).say(|| {
-            let sign = sign.map_or_else(String::new, |sign| format!(", {}", sign.words()));
-            format!("restarted without an NMT reset: power-on or a restart of its own{sign}")
+        context.fail(event).severity(severity).report(|| {
+            let sign = sign.map_or_else(String::new, |sign| format!("; {}", sign.words()));
+            format!("unexpected boot-up: power cycle or self-reset (no NMT reset before{sign})")
         });
     }
 }

@@ -1,29 +1,29 @@
-//! Access by SDO against the dictionary.
+//! SDO access against the access type in the object dictionary.
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::object::Access;
-use crate::rules::general::facts::about;
-use crate::rules::general::sdo::sdo_situation::{access, is_told, situations};
+use crate::rules::general::facts::{about, source_name};
+use crate::rules::general::sdo::sdo_situation::{access, is_described, situations};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A device takes a write to an object that its dictionary (EDS or profile) calls read-only, gives the value of
-    /// a write-only one, or refuses with "read-only", "write-only" or "does not exist" what its dictionary has.
+    /// A device accepts a write to a read-only object, or a read of a write-only object. Or it refuses access
+    /// that its dictionary (EDS or profile) permits, with "read-only", "write-only" or "does not exist".
     ///
     /// # Why it matters
-    /// Device and dictionary are not of the same version: tools that go by the EDS configure something else.
+    /// Device and dictionary have different versions, so tools that use the EDS write a wrong configuration.
     ///
     /// # Source
     /// CiA 306-1 §4.6.3 (AccessType), CiA 301 §7.4.2
     ///
     /// # What to look at first
-    /// Firmware version (100A) against the EDS's file version.
+    /// Compare the firmware version (100A) with the EDS version.
     ///
     /// # Mutation
     /// turn the abort of a write to a read-only object into a confirmation
-    "access-type", Warning, "a device permits other access than its dictionary",
+    "access-type", Warning, "object access differs from the dictionary",
     kinds: ["sdo-transfer"],
     cases: &[
         "2.2", "2.3", "2.4", "2.5", "2.6", "3.1", "3.2", "4.1", "4.3", "4.4", "4.5", "4.7", "4.9", "7.1", "7.5",
@@ -38,7 +38,7 @@ fn new(_policy: &Policy) -> AccessType {
     AccessType
 }
 
-/// What is wrong with an access that ended.
+/// Violation by a completed or refused access.
 fn wrong(
     transfer: &SdoTransfer,
     access: Access,
@@ -50,12 +50,13 @@ fn wrong(
         Direction::Download => matches!(access, Access::Rw | Access::Wo),
     };
     match (transfer.outcome, transfer.abort) {
-        (Outcome::Complete, _) if !may && direction == Direction::Download => Some("written"),
-        (Outcome::Complete, _) if !may => Some("read"),
+        (Outcome::Complete, _) if !may && direction == Direction::Download => Some("write accepted"),
+        (Outcome::Complete, _) if !may => Some("read accepted"),
         (Outcome::Aborted, Some(Abort { code, by_client: false })) if may && is_free => match code {
             0x0601_0001 => Some("refused as write-only"),
             0x0601_0002 => Some("refused as read-only"),
-            0x0602_0000 | 0x0609_0011 => Some("refused as not there"),
+            0x0602_0000 => Some("missing"),
+            0x0609_0011 => Some("sub-index missing"),
             _ => None,
         },
         _ => None,
@@ -76,13 +77,22 @@ impl Rule for AccessType {
         if !is_over {
             return;
         }
-        // PDO parameters are refused by the state of the PDO, others by what was asked.
+        // A refusal may depend on the state of the PDO, or on another error in the request.
         let is_free = !(0x1400..=0x1BFF).contains(&object.index)
             && (transfer.outcome == Outcome::Complete || situations(transfer, node).is_empty());
-        let source =
-            if is_told(node.device(), object) { node.device().default_origin(object) } else { "CiA 301" };
         let Some(what) = wrong(transfer, access, direction, is_free) else { return context.pass() };
+        let device = node.device();
         let alarm = context.fail(event).about(about(transfer));
-        alarm.say(|| format!("{what}, though it is {} by {source}", access.name()));
+        alarm.report(|| {
+            let code = transfer.abort.map_or_else(String::new, |abort| format!("{:08X}, ", abort.code));
+            let (access, source) = if is_described(device, object) {
+                (access.name(), source_name(device.default_origin(object)))
+            } else if object.sub <= 1 {
+                ("mandatory", "CiA 301".to_owned())
+            } else {
+                (access.name(), "CiA 301".to_owned())
+            };
+            format!("{what} ({code}{access} in {source})")
+        });
     }
 }

@@ -1,9 +1,9 @@
-//! Identifiers in use against the objects that set them.
+//! Identifiers in use against the COB-ID objects.
 
 use crate::event::{Direction, Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
-use crate::rules::general::facts::{about, identifier, number, sure};
+use crate::rules::general::facts::{about, confirmed_number, identifier, number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
@@ -11,21 +11,21 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// The identifiers of the first SDO server (1200:01, 1200:02) are those it is just asked on; an EMCY comes on the
-    /// identifier that 1014 says, and none while 1014 says that there is none.
+    /// The first SDO server must use the identifiers in 1200:01 and 1200:02. EMCY must use the identifier in
+    /// 1014, and must not be sent while 1014 is marked invalid.
     ///
     /// # Why it matters
-    /// Who configures itself by these objects listens on another identifier.
+    /// A tool that reads these objects uses wrong identifiers.
     ///
     /// # Source
     /// CiA 301 §7.5.2.16 (1014), §7.5.2.33 (1200), §7.3.3 (predefined connection set)
     ///
     /// # What to look at first
-    /// Whether the node-ID was changed and the objects stayed; a second device on the identifier.
+    /// Check whether the node-ID changed after configuration. Check for a second device on the identifier.
     ///
     /// # Mutation
-    /// change the identifier in the answer to an upload of 1200:01
-    "cob-id-mismatch", Warning, "a service uses another identifier than its object says",
+    /// change the identifier in the response to an upload of 1200:01
+    "cob-id-mismatch", Warning, "service on another identifier than configured",
     kinds: ["sdo-transfer", "emcy", "node-id-change"],
     cases: &["2.12", "5.1", "6.1", "7.4"],
     word: "COBID",
@@ -35,7 +35,7 @@ const EMCY_ID: ObjectAddress = ObjectAddress::new(0x1014, 0);
 
 #[derive(Default)]
 struct CobIdMismatch {
-    /// Frame in which a node took another node-ID: what was read before need not hold.
+    /// Frame of the latest node-ID change; values read earlier may be outdated.
     moved: NodeMap<u64>,
 }
 
@@ -55,14 +55,14 @@ impl CobIdMismatch {
         if identifier(cob_id) == Some(used) {
             return context.pass();
         }
-        // Another channel of the same server may be the one that is used.
+        // Otherwise another SDO channel of the same server is in use.
         let predefined = event.node.and_then(NodeId::canopen).is_some_and(|node| {
             let offset = if used == transfer.request { 0x600 } else { 0x580 };
             used == CanId::standard(offset + u16::from(node))
         });
         if predefined {
             let alarm = context.fail(event).about(about(transfer));
-            alarm.say(|| format!("says {cob_id:X}h, the server is asked and answers with {used} in use"));
+            alarm.report(|| format!("{cob_id:X}h, but the server uses {used}"));
         }
     }
 
@@ -70,7 +70,7 @@ impl CobIdMismatch {
         let Some(node) = context.node(event) else { return };
         let is_old = |frame: u64| self.moved.get(node.id()).is_some_and(|moved| frame < *moved);
         let known = node.store().seen(EMCY_ID).filter(|entry| !is_old(entry.origin.frame));
-        let Some(cob_id) = known.and_then(|_| sure(node, EMCY_ID.index, EMCY_ID.sub)) else {
+        let Some(cob_id) = known.and_then(|_| confirmed_number(node, EMCY_ID.index, EMCY_ID.sub)) else {
             let default = CanId::standard(0x80 + u16::from(node.id().number()));
             if used == default {
                 context.pass();
@@ -81,7 +81,7 @@ impl CobIdMismatch {
             return context.pass();
         }
         let alarm = context.fail(event).about(About::Id(used));
-        alarm.say(|| format!("EMCY on {used}; 1014 says {cob_id:X}h"));
+        alarm.report(|| format!("EMCY on {used} (1014:00 = {cob_id:X}h)"));
     }
 }
 

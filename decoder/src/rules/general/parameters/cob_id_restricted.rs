@@ -1,4 +1,4 @@
-//! A service is put on an identifier that belongs to another one.
+//! Restricted identifiers in COB-ID objects.
 
 use crate::event::{Direction, Event, EventKind, Outcome};
 use crate::rules::general::facts::{about, is_restricted_write, number};
@@ -7,22 +7,23 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A device takes an identifier for SYNC, TIME, EMCY, a PDO or an SDO client that CiA 301 keeps for NMT, SDO,
-    /// error control and others (000–07F, 101–180, 581–5FF, 601–67F, 6E0–6FF, 701–7FF), or has such a one set.
+    /// A device accepts, or has, a restricted identifier for SYNC, TIME, EMCY, a PDO or an SDO client. CiA
+    /// 301 restricts 000–07F, 101–180, 581–5FF, 601–67F, 6E0–6FF and 701–7FF to NMT, SDO, error control and
+    /// other services.
     ///
     /// # Why it matters
-    /// Its messages are taken for those of another service: a PDO on an SDO identifier confirms writes that nobody
-    /// took.
+    /// Other nodes interpret its messages as another service. A PDO on an SDO identifier can confirm writes
+    /// that no server executed.
     ///
     /// # Source
     /// CiA 301 §7.3.5, table 40 (restricted CAN-IDs)
     ///
     /// # What to look at first
-    /// The identifier that the master's configuration writes, and its node-ID offset.
+    /// Check the COB-ID that the master writes, and its node-ID offset.
     ///
     /// # Mutation
     /// change an identifier written to 1800:01
-    "cob-id-restricted", Warning, "an identifier that belongs to another service is used",
+    "cob-id-restricted", Warning, "restricted identifier in use",
     kinds: ["sdo-transfer"],
     cases: &["8.10"],
     shows: &["8.10"],
@@ -53,8 +54,8 @@ impl Rule for CobIdRestricted {
         if !is_restricted_write(object, cob_id) {
             return context.pass();
         }
-        let verb = if transfer.direction == Some(Direction::Download) { "accepted" } else { "set" };
+        let verb = if transfer.direction == Some(Direction::Download) { "accepted" } else { "in use" };
         let alarm = context.fail(event).about(about(transfer));
-        alarm.say(|| format!("identifier {:03X} {verb}, which CiA 301 keeps for others", cob_id & 0x7FF));
+        alarm.report(|| format!("restricted identifier {:03X} {verb} (CiA 301 table 40)", cob_id & 0x7FF));
     }
 }

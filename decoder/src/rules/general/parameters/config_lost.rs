@@ -1,4 +1,4 @@
-//! A node restarts, loses settings, and is started without them.
+//! Settings that a restart erased and that were not rewritten before the start.
 
 use crate::event::{BootCause, Event, EventKind, FrameRange, Outcome, SdoTransfer};
 use crate::finding::Severity;
@@ -11,42 +11,42 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 
 declare_rule! {
     /// # What it checks
-    /// Settings written in this capture to objects that the device keeps in RAM only, or keeps on command only
-    /// (1010), are gone with a restart of the node, and it becomes operational before they were written again. A
-    /// warning where the master itself commanded the restart.
+    /// Settings in RAM, or in objects that are stored on command only (1010), were written in this capture
+    /// and lost by a restart. The node becomes operational before they are rewritten. It is a warning if the
+    /// master commanded the restart.
     ///
     /// # Why it matters
-    /// The node works with other settings than the controller believes, or says nothing at all.
+    /// The node works with other settings than the controller assumes, or does not send at all.
     ///
     /// # Source
-    /// What a device keeps: its manual. CiA 301 §7.3.2.2 (initialisation), §7.5.2.13 (1010).
+    /// Storage of each object: manual of the device. CiA 301 §7.3.2.2 (initialisation), §7.5.2.13 (1010).
     ///
     /// # What to look at first
-    /// Whether the controller repeats its configuration at each boot-up; why the node restarted.
+    /// Let the controller write its configuration at each boot-up. Find the cause of the restart.
     ///
     /// # Mutation
-    /// insert a boot-up and a start behind the configuration
-    "config-lost", Error, "settings are lost with a restart and not written again before the start",
+    /// insert a boot-up and a start after the configuration
+    "config-lost", Error, "settings lost at restart and not rewritten",
     kinds: ["sdo-transfer", "object-change", "boot-up", "emcy", "nmt-command", "nmt-state"],
     word: "LOST",
 }
 
-/// Settings remembered of a node.
+/// Maximum number of settings per node.
 const SETTING_LIMIT: usize = 1024;
 
-/// Objects named in a line.
+/// Maximum number of objects listed in the finding.
 const NAMED: usize = 6;
 
-/// Where the area ends that reset communication sets back (CiA 301 §7.3.2.2.2).
+/// End of the objects that a communication reset affects (CiA 301 §7.3.2.2.2).
 const COMMUNICATION_END: u16 = 0x2000;
 
 #[derive(Default)]
 struct Settings {
     written: Vec<ObjectAddress>,
     lost: Vec<ObjectAddress>,
-    /// Frame of the last start, and whether it was commanded.
+    /// Frame of the latest boot-up, and whether it was commanded.
     boot: Option<(u64, bool)>,
-    /// The last reset was one of the communication only.
+    /// The latest reset was a communication reset.
     communication_only: bool,
 }
 
@@ -67,7 +67,7 @@ impl ConfigLost {
         }
         let meaning = context.node(event).and_then(|node| node.meaning(object));
         let role = meaning.and_then(|meaning| meaning.role);
-        // What is commanded now is no setting.
+        // Commands and measured values are not settings.
         if matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual)) {
             return;
         }
@@ -87,7 +87,7 @@ impl ConfigLost {
 
     fn fell_back(&mut self, node: NodeId, object: ObjectAddress) {
         let Some(settings) = self.nodes.get_mut(node) else { return };
-        // That a reset of the communication takes others with it is no more than likely.
+        // For other objects, the effect of a communication reset is only presumed.
         let is_sure = !settings.communication_only || object.index < COMMUNICATION_END;
         if is_sure && settings.written.contains(&object) && !settings.lost.contains(&object) {
             settings.lost.push(object);
@@ -126,15 +126,12 @@ impl ConfigLost {
         let severity = if is_commanded { Severity::Warning } else { Severity::Error };
         let frames = FrameRange { first: boot, last: event.frames.last };
         let alarm = context.fail(event).severity(severity).frames(frames);
-        alarm.say(|| {
+        alarm.report(|| {
             let named: Vec<_> = lost.iter().take(NAMED).map(ToString::to_string).collect();
             let more = if lost.len() > NAMED { ", …" } else { "" };
             let what = if lost.len() == 1 { "setting" } else { "settings" };
             let named = named.join(", ");
-            format!(
-                "{} {what} lost with the restart {{{boot}}}, not written again: {named}{more}",
-                lost.len()
-            )
+            format!("{} {what} lost at restart {{{boot}}} and not rewritten ({named}{more})", lost.len())
         });
     }
 }

@@ -1,4 +1,4 @@
-//! A stored object is written over and over.
+//! Frequent writes to objects in non-volatile memory.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -14,37 +14,37 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// An object that the device puts into non-volatile memory with each write is written again and again. Control
-    /// words and set points (6040, 6300, 6380 of each channel) are no settings and do not count.
+    /// An object that the device stores at each write is written too often (`minute-writes`, `hour-writes`).
+    /// Control words and set points (6040, 6300, 6380 of each channel) are exempt.
     ///
     /// # Why it matters
-    /// Such memory bears a limited number of writes: a cyclic write wears it out within days.
+    /// Non-volatile memory endures a limited number of writes. Cyclic writes wear it out within days.
     ///
     /// # Source
-    /// Which objects are stored by each write: the device's manual.
+    /// Objects that are stored at each write: manual of the device.
     ///
     /// # What to look at first
-    /// The part of the controller's program that writes it: it should write once, or only what has changed.
+    /// Write the object once, or only on change.
     ///
     /// # Mutation
     /// repeat the download of a stored object ten times
-    "eeprom-wear", Error, "an object in non-volatile memory is written over and over",
+    "eeprom-wear", Error, "frequent writes to non-volatile memory",
     kinds: ["sdo-transfer"],
     is_timing: true,
     word: "EEPROM",
     tolerances: &[
-        tolerance("minute-writes", 5.0, "", "writes within 60 s, more are an error"),
-        tolerance("hour-writes", 20.0, "", "writes within an hour, more are a warning"),
+        tolerance("minute-writes", 5.0, "", "maximum writes within 60 s, else an error"),
+        tolerance("hour-writes", 20.0, "", "maximum writes within 1 h, else a warning"),
     ],
 }
 
 const MINUTE: i64 = 60_000_000_000;
 const HOUR: i64 = 60 * MINUTE;
 
-/// Writes remembered of an object: no tolerance counts more.
+/// Maximum number of writes per object; upper limit of the tolerances.
 const WRITE_LIMIT: usize = 256;
 
-/// Objects remembered on a bus; further ones are not judged.
+/// Maximum number of objects per bus; further ones are not checked.
 const OBJECT_LIMIT: usize = 4096;
 
 struct EepromWear {
@@ -85,17 +85,17 @@ impl EepromWear {
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = if is_error { minute as f64 * 60.0 } else { hour as f64 };
         let alarm = context.fail(event).about(About::Object(object)).severity(severity).measure(measure);
-        alarm.say(|| {
+        alarm.report(|| {
             if is_error {
-                format!("written {minute} times within 60 s; each write goes to non-volatile memory")
+                format!("{minute} writes to non-volatile memory in 60 s (limit {})", self.in_a_minute)
             } else {
-                format!("written {hour} times within an hour; each write goes to non-volatile memory")
+                format!("{hour} writes to non-volatile memory in 1 h (limit {})", self.in_an_hour)
             }
         });
     }
 }
 
-/// Whether the device stores an object with each write, and it is a setting.
+/// Whether the object is a setting that the device stores at each write.
 fn is_stored(event: &Event, object: ObjectAddress, context: &Context<'_>) -> bool {
     let Some(node) = context.node(event) else { return false };
     let entry = node.device().dictionary.find(object).and_then(|found| found.entry);

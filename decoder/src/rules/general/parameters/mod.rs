@@ -1,10 +1,11 @@
-//! Rules about objects: access, values, storing, identifiers in them.
+//! Rules about objects: access, values, storage, COB-IDs.
 
 pub(super) mod access_type;
 pub(super) mod cob_id_mismatch;
 pub(super) mod cob_id_restricted;
 pub(super) mod config_lost;
 pub(super) mod eeprom_wear;
+pub(super) mod identity_mismatch;
 pub(super) mod object_default;
 pub(super) mod parameter_locked;
 pub(super) mod read_back;

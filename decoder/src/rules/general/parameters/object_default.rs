@@ -1,11 +1,11 @@
-//! Values behind a restart that are not the ones the dictionary gives.
+//! Values after a restart against the defaults in the dictionary.
 
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
-use crate::profile::object::{Access, Given};
+use crate::profile::object::{Access, DefaultValue};
 use crate::profile::{DataType, Entry, Value, integer, word};
-use crate::rules::general::facts::about;
-use crate::rules::general::sdo::sdo_situation::is_told;
+use crate::rules::general::facts::{about, source_name};
+use crate::rules::general::sdo::sdo_situation::is_described;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
@@ -14,50 +14,48 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// Defaults were restored (1011, "load") and the node restarted, and a communication object reads as something
-    /// else than the default of its EDS or profile. Where nothing was restored a device may have stored anything, so
-    /// values that equal the default count as right and others are not judged. Not judged either: what was written
-    /// since the restart, what was saved since (1010), what the device itself changes, and read-only objects apart
-    /// from communication objects and numbers of entries.
+    /// After a restore (1011, "load") and a restart, a communication object differs from the default in its
+    /// EDS or profile. Without a restore, there is no finding. Objects that were written or saved since, that
+    /// the device itself changes, and most read-only objects are exempt.
     ///
     /// # Why it matters
-    /// A device that is exchanged starts with other settings than its file promises: identifiers, times and mappings
-    /// do not fit the controller's.
+    /// A replacement device starts with other settings than its device file states. Identifiers, times and
+    /// mappings do not match the controller.
     ///
     /// # Source
     /// CiA 301 §7.5.2.14 (1011), CiA 306-1 §4.6.3 (DefaultValue)
     ///
     /// # What to look at first
-    /// Firmware version against the EDS's file version; whether the node-ID is part of the default ($NODEID).
+    /// Compare firmware version and EDS version. Check whether the default depends on the node-ID ($NODEID).
     ///
     /// # Mutation
-    /// change a value read behind a restore and a restart
-    "object-default", Warning, "a restored value is not the dictionary's default",
+    /// change a value read after a restore and a restart
+    "object-default", Warning, "restored value differs from the default",
     kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
     cases: &["4.2", "4.8", "8.4", "8.8"],
     word: "DEFLT",
 }
 
 #[derive(Default)]
-struct Started {
-    /// It restarted in this capture.
+struct StartState {
+    /// The node has restarted in this capture.
     has_restarted: bool,
-    /// Sub-index of 1011 that waits for a restart.
+    /// Sub-index of 1011 of a restore that takes effect at the next restart.
     loading: Option<u8>,
-    /// Defaults hold by this sub-index of 1011.
+    /// Sub-index of 1011 of the restore that is in effect.
     restored: Option<u8>,
-    /// Something was saved, so the next restart brings that.
+    /// Parameters were saved, so the next restart restores the saved values.
     is_saved: bool,
-    /// Objects with another value than the default, written since the restore; whether since the restart, too. A
-    /// device that stores by itself has them still.
+    /// Objects with non-default values written since the restore, and whether also since the restart. A
+    /// device that stores values by itself keeps them.
     written: Vec<(ObjectAddress, bool)>,
-    /// There were more.
+    /// More objects were written than `written` can contain.
     is_full: bool,
 }
 
 #[derive(Default)]
 struct ObjectDefault {
-    nodes: NodeMap<Started>,
+    nodes: NodeMap<StartState>,
     resets: Resets,
 }
 
@@ -65,8 +63,8 @@ fn new(_policy: &Policy) -> ObjectDefault {
     ObjectDefault::default()
 }
 
-/// Objects each device or firmware has its own way with: status register, names and versions, node-ID, abilities to
-/// store, time stamp, revision and serial number, domains and programs.
+/// Objects that depend on the individual device or firmware: status register, names, versions, node-ID,
+/// storage capabilities, time stamp, revision and serial number, domains and programs.
 const fn is_own(object: ObjectAddress) -> bool {
     match object.index {
         0x1002 | 0x1008..=0x100B | 0x1010 | 0x1011 | 0x1013 | 0x1020..=0x1026 | 0x1F50..=0x1FFF => true,
@@ -75,23 +73,23 @@ const fn is_own(object: ObjectAddress) -> bool {
     }
 }
 
-/// Whether the dictionary's default of an object is a promise.
+/// Whether the dictionary default applies to an object after a restore.
 fn is_judged(node: &Node, object: ObjectAddress) -> bool {
     let found = node.device().dictionary.find(object);
     let Some((found, entry)) = found.and_then(|found| Some((found, found.entry?))) else { return false };
     let is_count = object.sub == 0 && found.object.is_record;
     let is_set = matches!(entry.access, Some(Access::Rw | Access::Const));
     let is_compared = is_count || is_set || matches!(object.index, 0x1000..=0x101F);
-    is_compared && !matches!(object.index, 0x1001 | 0x1003) && is_told(node.device(), object)
+    is_compared && !matches!(object.index, 0x1001 | 0x1003) && is_described(node.device(), object)
 }
 
-/// Whether data is the default; `None` where there is none, or it cannot be compared.
+/// Whether data equals the default; `None` without a default or if they cannot be compared.
 fn is_default(node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
     let entry = node.device().dictionary.find(object)?.entry?;
     equals(entry, node.id().number(), &node.meaning(object)?.decode(data))
 }
 
-/// Whether a value is what an entry gives as delivered, on the node with this number.
+/// Whether a value equals the default of an entry for this node-ID.
 fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
     let Value::Real(read) = *value else {
         let wanted = entry.default_number(Some(node))?;
@@ -102,9 +100,9 @@ fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
     };
     #[expect(clippy::cast_precision_loss, reason = "a default written as a whole number")]
     let wanted = match entry.default.as_ref()? {
-        Given::Real(wanted) => *wanted,
-        Given::Number(wanted) => *wanted as f64,
-        Given::Text(_) => return None,
+        DefaultValue::Real(wanted) => *wanted,
+        DefaultValue::Number(wanted) => *wanted as f64,
+        DefaultValue::Text(_) => return None,
     };
     #[expect(clippy::cast_possible_truncation, reason = "a REAL32 has no more digits than that")]
     let [short_read, short_wanted] = [read as f32, wanted as f32];
@@ -112,13 +110,13 @@ fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
     Some(read.to_bits() == wanted.to_bits() || is_short && short_read.to_bits() == short_wanted.to_bits())
 }
 
-/// A value and the default, for people.
+/// Value and default for display.
 fn shown(node: &Node, object: ObjectAddress, data: &[u8]) -> (String, String) {
     let Some(meaning) = node.meaning(object) else { return (String::new(), String::new()) };
     let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
     let number = entry.and_then(|entry| entry.default_number(Some(node.id().number())));
     let real = match entry.and_then(|entry| entry.default.as_ref()) {
-        Some(Given::Real(real)) => real.to_string(),
+        Some(DefaultValue::Real(real)) => real.to_string(),
         _ => String::new(),
     };
     let wanted = number.map_or(real, |number| meaning.show(&meaning.number(number)));
@@ -130,7 +128,7 @@ impl ObjectDefault {
         let is_partial = self.resets.is_partial(node, cause);
         let Some(started) = self.nodes.entry(node) else { return };
         let loaded = started.loading.take();
-        *started = Started {
+        *started = StartState {
             has_restarted: true,
             restored: loaded.or(started.restored).filter(|_| !started.is_saved),
             is_saved: started.is_saved && loaded.is_none(),
@@ -155,17 +153,17 @@ impl ObjectDefault {
             if is_right {
                 return context.pass();
             }
-            let by = node.device().default_origin(object);
+            let by = source_name(node.device().default_origin(object));
             let alarm = context.fail(event).about(about(transfer));
-            alarm.say(|| {
+            alarm.report(|| {
                 let (read, wanted) = shown(node, object, &transfer.data);
-                format!("reads as {read} behind restore and restart; default by {by}: {wanted}")
+                format!("{read} after restore and restart (default {wanted}, {by})")
             });
         }
     }
 }
 
-impl Started {
+impl StartState {
     fn wrote(&mut self, node: &Node, object: ObjectAddress, data: &[u8]) {
         match (object.index, object.sub) {
             (0x1010, 1..) => {
@@ -190,14 +188,14 @@ impl Started {
         }
     }
 
-    /// Whether a value read is the default; `None` where it need not be.
+    /// Whether a read value equals the default; `None` if there is no verdict.
     fn judge(&self, node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
         let written = self.written.iter().find(|(known, _)| *known == object).map(|(_, is_since)| *is_since);
         if !self.has_restarted || self.is_full || written == Some(true) || !is_judged(node, object) {
             return None;
         }
         let is_right = is_default(node, object, data)?;
-        // Of other areas nobody knows what the device itself changes, or PDOs.
+        // In other areas, the device or a PDO may change values at any time.
         let is_restored = self.restored.is_some_and(|sub| covers(sub, object.index));
         let is_promised =
             is_restored && object.index < COMMUNICATION_END && !is_own(object) && written.is_none();

@@ -1,4 +1,4 @@
-//! A value read is not the one that was written.
+//! Read values against the written values.
 
 use crate::event::{Direction, Event, EventKind};
 use crate::profile::little_endian;
@@ -9,22 +9,22 @@ use crate::session::OriginKind;
 
 declare_rule! {
     /// # What it checks
-    /// A communication object (1000–1FFF) that was written and confirmed reads as another value, without a restart
-    /// or another write between. Objects that are commands (1003, 1010, 1011, 1023 to 1026, 1F50 and up) are not
-    /// judged, nor the bits of a COB-ID that are the device's own.
+    /// A communication object (1000–1FFF) reads back differently after a confirmed write, without a restart
+    /// or another write in between. Command objects (1003, 1010, 1011, 1023 to 1026, 1F50 and up) and the
+    /// flags of a COB-ID are exempt.
     ///
     /// # Why it matters
-    /// The device confirmed a setting that it does not have.
+    /// The device has confirmed a setting without applying it.
     ///
     /// # Source
     /// CiA 301 §7.2.4.1 (a confirmed download has taken place)
     ///
     /// # What to look at first
-    /// Whether the device rounds the value to its steps, and who else writes it.
+    /// Check whether the device rounds the value. Check whether another client writes it.
     ///
     /// # Mutation
-    /// change the value in the answer to an upload
-    "read-back", Warning, "a value reads as another one than was written",
+    /// change the value in the response to an upload
+    "read-back", Warning, "read-back differs from the written value",
     kinds: ["sdo-transfer"],
     cases: &["2.2", "3.4", "4.9", "7.5"],
     word: "SDO",
@@ -36,7 +36,7 @@ fn new(_policy: &Policy) -> ReadBack {
     ReadBack
 }
 
-/// Bits of a COB-ID a device may set by itself: whether it permits remote frames, what it does not use.
+/// Flags of a COB-ID that the device may set, such as the remote frame bit.
 const fn own_bits(index: u16) -> u64 {
     match index {
         0x1005 | 0x1012 | 0x1014 | 0x1200..=0x15FF | 0x1800..=0x19FF => 0xC000_0000,
@@ -64,6 +64,8 @@ impl Rule for ReadBack {
         }
         let frame = entry.origin.frame;
         let alarm = context.fail(event).about(about(transfer));
-        alarm.say(|| format!("reads as {read:X}h, but {written:X}h was written and confirmed {{{frame}}}"));
+        alarm.report(|| {
+            format!("read-back {read:X}h differs from the written value {written:X}h {{{frame}}}")
+        });
     }
 }

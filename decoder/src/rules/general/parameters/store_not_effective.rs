@@ -1,10 +1,10 @@
-//! Saved parameters that are not there after a restart.
+//! Saved parameters after a restart.
 
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::little_endian;
-use crate::rules::general::facts::{about, sure};
+use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::NodeId;
@@ -12,57 +12,57 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A setting was written, saved (1010) and confirmed, and reads as something else after a restart. Or one that was
-    /// written and not saved is still there, though the device says that it stores on command only (1010): a note.
-    /// Settings are communication objects, and those of which the device's profile says that a store command keeps
-    /// them. What was written again since, and what a restart did not concern, is not judged.
+    /// A setting that was written and saved (1010) has another value after a restart. An unsaved setting that
+    /// is still present, although the device stores on command only, is a note. Settings are communication
+    /// objects and objects that the profile marks as saved, unless rewritten since or not affected by the
+    /// restart.
     ///
     /// # Why it matters
-    /// The device runs with other settings than were commissioned, from the next power-on.
+    /// From the next power-on, the device works with other settings than commissioned.
     ///
     /// # Source
-    /// CiA 301 §7.5.2.13 (1010), §7.3.2.2.2 (what a reset brings)
+    /// CiA 301 §7.5.2.13 (1010), §7.3.2.2.2 (effect of a reset)
     ///
     /// # What to look at first
-    /// Whether the node was reset or switched off before its memory was written; which objects the sub-index of 1010
-    /// covers by the manual.
+    /// Wait for the end of saving before power-off or reset. Check in the manual which objects the sub-index
+    /// of 1010 covers.
     ///
     /// # Mutation
-    /// change a value read behind save and restart
-    "store-not-effective", Warning, "a saved setting is not there after a restart",
+    /// change a value read after save and restart
+    "store-not-effective", Warning, "saved setting not effective after restart",
     kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
     cases: &["2.29", "2.30", "6.8", "6.10", "8.2", "8.4", "8.6", "8.8", "8.9", "9.1"],
     word: "STORE",
 }
 
-/// Longest value that is compared.
+/// Maximum size of compared values, in bytes.
 const LONGEST: usize = 8;
 
-/// A setting that was written.
+/// Setting that was written.
 #[derive(Clone)]
 struct Setting {
     object: ObjectAddress,
     value: u64,
-    /// Frame that confirmed it, or the save that covers it.
+    /// Frame that confirmed the write, or the save that covers it.
     frame: u64,
-    /// Value surely known before, where it was another one.
+    /// Confirmed earlier value, if it differs.
     before: Option<u64>,
     is_saved: bool,
 }
 
 #[derive(Default)]
-struct Stored {
-    /// Written since the last restart, or saved.
+struct StoredSettings {
+    /// Settings written since the last restart, and saved settings.
     settings: Vec<Setting>,
-    /// What the last restart brings, until it was read or written.
+    /// Settings expected after the last restart, until they are read or written.
     expected: Vec<Setting>,
-    /// It says that it stores on command only.
+    /// The device stores on command only (1010).
     on_command: bool,
 }
 
 #[derive(Default)]
 struct StoreNotEffective {
-    nodes: NodeMap<Stored>,
+    nodes: NodeMap<StoredSettings>,
     resets: Resets,
 }
 
@@ -70,7 +70,7 @@ fn new(_policy: &Policy) -> StoreNotEffective {
     StoreNotEffective::default()
 }
 
-/// Whether what is written there is a setting, and no command, count or state.
+/// Whether an object is a setting rather than a command, count or state.
 fn is_setting(object: ObjectAddress, transfer: &SdoTransfer) -> bool {
     match object.index {
         0x1001..=0x1003 | 0x1010 | 0x1011 | 0x1013 | 0x1023..=0x1026 | 0x1F50..=0x1FFF => false,
@@ -79,7 +79,7 @@ fn is_setting(object: ObjectAddress, transfer: &SdoTransfer) -> bool {
     }
 }
 
-/// Bits of a COB-ID a device may set by itself.
+/// Flags of a COB-ID that the device may set.
 const fn own_bits(index: u16) -> u64 {
     match index {
         0x1005 | 0x1012 | 0x1014 | 0x1200..=0x15FF | 0x1800..=0x19FF => 0xC000_0000,
@@ -87,7 +87,7 @@ const fn own_bits(index: u16) -> u64 {
     }
 }
 
-impl Stored {
+impl StoredSettings {
     fn wrote(&mut self, object: ObjectAddress, transfer: &SdoTransfer, frame: u64) {
         self.expected.retain(|setting| setting.object != object);
         match (object.index, object.sub) {
@@ -98,7 +98,7 @@ impl Stored {
                 }
                 return;
             }
-            // Which of them a restore leaves, or what another signature does, the maker knows.
+            // The effect of a restore or of another signature on single objects is unknown.
             (0x1010 | 0x1011, 1..) => {
                 self.settings.clear();
                 self.expected.clear();
@@ -137,7 +137,8 @@ impl StoreNotEffective {
         let Setting { value, frame, before, is_saved, .. } = stored.expected.swap_remove(place);
         let found = little_endian(&transfer.data);
         let is_there = (found ^ value) & !own_bits(object.index) == 0;
-        // Another write may have made it void: a new mode its own mapping. Which do the device's profile says.
+        // Another write may have reset the object, such as a new mode and its mapping; the profile defines
+        // this.
         let is_void = context.node(event).is_none_or(|node| {
             node.store().seen(object).is_none_or(|entry| entry.stale && node.assigned().is_some())
         });
@@ -146,14 +147,12 @@ impl StoreNotEffective {
             (true, false) if is_void => {}
             (true, false) => {
                 let alarm = context.fail(event).about(about(transfer));
-                alarm.say(|| {
-                    format!("reads as {found:X}h after the restart, but {value:X}h was saved {{{frame}}}")
-                });
+                alarm.report(|| format!("{found:X}h after the restart, but {value:X}h saved {{{frame}}}"));
             }
             (false, true) if stored.on_command && before.is_some() => {
                 let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);
-                alarm.say(|| {
-                    format!("{value:X}h, written {{{frame}}} and not saved, is there after the restart")
+                alarm.report(|| {
+                    format!("unsaved value {value:X}h {{{frame}}} still present after the restart")
                 });
             }
             (false, true) => {}
@@ -163,12 +162,12 @@ impl StoreNotEffective {
     fn booted(&mut self, event: &Event, id: NodeId, cause: BootCause, context: &Context<'_>) {
         let is_partial = self.resets.is_partial(id, cause);
         let Some(stored) = self.nodes.get_mut(id) else { return };
-        // Bit 0 of 1010:01: on command; bit 1: by itself. The restart itself makes nothing of it stale.
+        // 1010:01 bit 0: on command; bit 1: autonomously. The value remains valid after the restart.
         let says = context.node(event).and_then(|node| {
             let entry = node.store().seen(ObjectAddress::new(0x1010, 1))?;
             (entry.value.len() <= LONGEST && entry.value != b"save").then(|| little_endian(&entry.value))
         });
-        let says = says.or_else(|| context.node(event).and_then(|node| sure(node, 0x1010, 1)));
+        let says = says.or_else(|| context.node(event).and_then(|node| confirmed_number(node, 0x1010, 1)));
         stored.booted(is_partial, says.is_some_and(|says| says & 3 == 1));
     }
 }

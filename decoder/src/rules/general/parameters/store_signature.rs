@@ -1,8 +1,8 @@
-//! Signatures written to store and restore parameters.
+//! Signatures of store and restore commands.
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::profile::device::{DeviceRule, RuleKind};
-use crate::rules::general::facts::{about, sure};
+use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
@@ -10,36 +10,37 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// Something other than "save" is written to 1010, or other than "load" to 1011, and the device accepts it; or it
-    /// refuses the right signature though it says that it stores on command (bit 0 of the same sub-index) and gives
-    /// no cause: its state, local control, hardware, memory. Groups of the maker (sub-index 4 on) and devices whose
-    /// profile has a rule of its own for this are not judged.
+    /// A device accepts another signature than "save" in 1010 or "load" in 1011, or refuses the right one
+    /// although bit 0 of the sub-index permits it. Refusals because of device state, local control, hardware
+    /// or memory are exempt. So are manufacturer groups (sub-index 4 and up), and devices with their own
+    /// rule.
     ///
     /// # Why it matters
-    /// The signature is what keeps parameters from being stored or restored by mistake; a right one that is refused
-    /// leaves the device without its settings at the next start.
+    /// The signature prevents an accidental store or restore. If the right signature is refused, the device
+    /// has lost its settings at the next start.
     ///
     /// # Source
     /// CiA 301 §7.5.2.13 (1010), §7.5.2.14 (1011)
     ///
     /// # What to look at first
-    /// The byte order of the signature in the master: "save" is 73 61 76 65 on the bus, "load" 6C 6F 61 64.
+    /// Check the byte order of the signature in the master. On the bus, "save" is 73 61 76 65 and "load" is
+    /// 6C 6F 61 64.
     ///
     /// # Mutation
     /// change a letter of an accepted "save"
-    "store-signature", Warning, "a wrong signature is accepted, or the right one refused",
+    "store-signature", Warning, "wrong handling of the store signature",
     kinds: ["sdo-transfer"],
     cases: &["6.10", "8.1", "8.3", "8.5", "8.7"],
     word: "STORE",
 }
 
-/// Codes that say why now is not the time: memory, hardware, local control, state of the device.
+/// Abort codes for a temporary reason: memory, hardware, local control, device state.
 const CAUSES: [u32; 4] = [0x0504_0005, 0x0606_0000, 0x0800_0021, 0x0800_0022];
 
-/// Bit 0 of what 1010 and 1011 read as: the device does it on command.
+/// Bit 0 of 1010 and 1011: the device stores or restores on command.
 const ON_COMMAND: u64 = 1;
 
-/// Groups of the standard end here; devices have signatures of their own for those of the maker.
+/// Last sub-index of the standard groups; manufacturer groups may have their own signatures.
 const LAST: u8 = 3;
 
 struct StoreSignature;
@@ -48,7 +49,7 @@ fn new(_policy: &Policy) -> StoreSignature {
     StoreSignature
 }
 
-/// Whether a rule of the device itself says which signatures it takes.
+/// Whether a rule of the device profile defines the signatures of this object.
 fn is_device_s(node: Option<&Node>, object: ObjectAddress) -> bool {
     let Some(node) = node.filter(|node| node.assigned().is_some()) else { return false };
     let names = |rule: &DeviceRule| {
@@ -57,7 +58,7 @@ fn is_device_s(node: Option<&Node>, object: ObjectAddress) -> bool {
     node.device().rules.iter().any(|rule| matches!(rule.kind, RuleKind::Permitted) && names(rule))
 }
 
-/// The signature that a write should carry.
+/// Required signature of a write.
 fn wanted(transfer: &SdoTransfer) -> Option<&'static [u8; 4]> {
     let object = transfer.object.filter(|object| (1..=LAST).contains(&object.sub))?;
     let is_whole = !transfer.truncated && !transfer.cut_start && !transfer.data.is_empty();
@@ -80,19 +81,22 @@ impl Rule for StoreSignature {
             (Outcome::Complete, _) if is_right => context.pass(),
             (Outcome::Complete, _) => {
                 let alarm = context.fail(event).about(about(transfer));
-                alarm.say(|| {
+                alarm.report(|| {
                     let (written, wanted) = (transfer.data.escape_ascii(), wanted.escape_ascii());
-                    format!("\"{written}\" accepted instead of \"{wanted}\"")
+                    format!("signature \"{written}\" accepted (expected \"{wanted}\")")
                 });
             }
             (Outcome::Aborted, Some(Abort { by_client: false, .. })) if !is_right => context.pass(),
             (Outcome::Aborted, Some(Abort { by_client: false, code })) if !CAUSES.contains(&code) => {
-                let says = context.node(event).and_then(|node| sure(node, object.index, object.sub));
+                let says =
+                    context.node(event).and_then(|node| confirmed_number(node, object.index, object.sub));
                 if says.is_some_and(|says| says & ON_COMMAND != 0) {
                     let alarm = context.fail(event).about(about(transfer));
-                    alarm.say(|| {
+                    alarm.report(|| {
                         let wanted = wanted.escape_ascii();
-                        format!("\"{wanted}\" refused with {code:08X}, though bit 0 of {object} is set")
+                        format!(
+                            "signature \"{wanted}\" refused ({code:08X}) although bit 0 of {object} is set"
+                        )
                     });
                 }
             }

@@ -1,17 +1,17 @@
-//! What stores and restores parameters: shared by the rules that judge its outcome.
+//! Store and restore commands, and their effect at a restart.
 
 use crate::event::{BootCause, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 
-/// Where communication objects end: reset communication starts these anew, and no others (CiA 301 §7.3.2.2.2).
+/// End of the communication objects. A communication reset affects only these (CiA 301 §7.3.2.2.2).
 pub(super) const COMMUNICATION_END: u16 = 0x2000;
 
-/// Objects remembered of a node; a node with more of them is not judged.
+/// Maximum number of objects per node; a node with more objects is not checked.
 pub(super) const OBJECT_LIMIT: usize = 1024;
 
-/// Whether a sub-index of 1010 or 1011 means an object. What those of the maker mean is not known.
+/// Whether a sub-index of 1010 or 1011 covers an object; manufacturer sub-indices are unknown.
 pub(super) fn covers(sub: u8, index: u16) -> bool {
     match sub {
         1 => index >= 0x1000,
@@ -21,26 +21,26 @@ pub(super) fn covers(sub: u8, index: u16) -> bool {
     }
 }
 
-/// A download that was confirmed from its first frame on.
+/// Object of a completely captured, confirmed download.
 pub(super) fn written(transfer: &SdoTransfer) -> Option<ObjectAddress> {
     let is_whole = transfer.outcome == Outcome::Complete && !transfer.cut_start && !transfer.truncated;
     transfer.object.filter(|_| is_whole && transfer.direction == Some(Direction::Download))
 }
 
-/// An upload that was answered, with its data whole.
+/// Object of a completely captured upload.
 pub(super) fn read(transfer: &SdoTransfer) -> Option<ObjectAddress> {
     let is_whole = transfer.outcome == Outcome::Complete && !transfer.cut_start && !transfer.truncated;
     transfer.object.filter(|_| is_whole && transfer.direction == Some(Direction::Upload))
 }
 
-/// The last reset of each node was one of the communication only.
+/// Nodes whose latest reset was a communication reset.
 #[derive(Default)]
 pub(super) struct Resets {
     communication_only: crate::rules::NodeSet,
 }
 
 impl Resets {
-    /// Takes in a command.
+    /// Records an NMT command.
     pub(super) fn command(&mut self, service: NmtService, target: u8) {
         let is_partial = match service {
             NmtService::ResetCommunication => true,
@@ -57,13 +57,13 @@ impl Resets {
         }
     }
 
-    /// Whether a start concerns communication objects only; the command is used up.
+    /// Whether a boot-up affects communication objects only. Clears the recorded command.
     pub(super) fn is_partial(&mut self, node: NodeId, cause: BootCause) -> bool {
         self.communication_only.remove(node) && matches!(cause, BootCause::Commanded { .. })
     }
 }
 
-/// How a node started, where an event tells it.
+/// Cause of the boot-up that an event reports.
 pub(super) fn boot(event: &Event) -> Option<BootCause> {
     match &event.kind {
         EventKind::BootUp { cause, .. } => Some(*cause),

@@ -1,42 +1,43 @@
-//! Settings are changed and not stored.
+//! Changed settings without a store command.
 
 use crate::event::{Direction, Event, EventKind, Outcome};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
-    /// Objects that the device keeps on command only were written, and no store command (1010) that covers them
-    /// follows until the capture ends. Off unless it is asked for: a controller that writes its configuration at each
+    /// Objects that the device stores on command only were written, and no store command (1010) that covers
+    /// them follows. The rule is off by default, because a controller that writes its configuration at each
     /// start need not store it.
     ///
     /// # Why it matters
-    /// What was set at commissioning is gone with the next power-off.
+    /// The commissioned settings are lost at the next power-off.
     ///
     /// # Source
-    /// What a store command keeps: the device's manual; CiA 301 §7.5.2.13 (1010)
+    /// Objects of a store command: manual of the device; CiA 301 §7.5.2.13 (1010)
     ///
     /// # What to look at first
-    /// Whether the settings are meant to stay; then write "save" to the sub-index of 1010 that covers them.
+    /// Write "save" to 1010 if the settings must persist. Use the sub-index of 1010 that covers the objects.
     ///
     /// # Mutation
     /// drop the download of 1010
-    "unsaved-change", Warning, "settings are changed and not stored",
+    "unsaved-change", Warning, "changed settings not stored",
     kinds: ["sdo-transfer"],
     is_on: false,
     word: "SAVE",
 }
 
-/// Objects remembered of a node.
+/// Maximum number of objects per node.
 const OBJECT_LIMIT: usize = 1024;
 
-/// Objects named in a line.
+/// Maximum number of objects listed in the finding.
 const NAMED: usize = 6;
 
 #[derive(Default)]
 struct UnsavedChange {
-    /// Objects written, each with its frame.
+    /// Written objects, each with its frame.
     written: NodeMap<Vec<(ObjectAddress, u64)>>,
 }
 
@@ -72,11 +73,12 @@ impl Rule for UnsavedChange {
             };
             unsaved.sort_unstable();
             let alarm = context.fail_at(context.now, Some(id), crate::event::FrameRange { first, last });
-            alarm.say(|| {
+            alarm.report(|| {
                 let named: Vec<_> =
                     unsaved.iter().take(NAMED).map(|(object, _)| object.to_string()).collect();
                 let more = if unsaved.len() > NAMED { ", …" } else { "" };
-                format!("{} objects written and not stored (1010): {}{more}", unsaved.len(), named.join(", "))
+                let objects = plural(unsaved.len() as u64, "object");
+                format!("{objects} written but not stored with 1010 ({}{more})", named.join(", "))
             });
         }
     }

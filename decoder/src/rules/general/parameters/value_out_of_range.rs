@@ -1,54 +1,53 @@
-//! A value lies outside what the manual permits.
+//! Values outside the range that the manual permits.
 
 use std::sync::Arc;
 
 use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
 use crate::finding::About;
-use crate::profile::{Cut, Field, Layout, Meaning, SignalId, Value};
+use crate::profile::{Field, IntegerPosition, Layout, Meaning, SignalId, Value};
 use crate::rules::rule::declare_rule;
 use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::Node;
 
 declare_rule! {
     /// # What it checks
-    /// A value written by SDO and accepted, or sent in a PDO, lies outside the range the device's manual gives. Values
-    /// in PDOs are looked at when the payload changes. What rests on an assumption (a mapping, a scale or a mode that
-    /// was not seen) is not judged.
+    /// A value accepted by SDO or sent in a PDO is outside the range in the device manual. PDO values are
+    /// checked when the payload changes. Values that depend on an assumed mapping, scale or mode are exempt.
     ///
     /// # Why it matters
-    /// Devices clip such values, ignore them, or report an error later: none of it is what was meant.
+    /// Devices clip such values, ignore them or report an error later.
     ///
     /// # Source
-    /// Ranges of the device's manual, or of its device file.
+    /// Ranges: device manual or device file.
     ///
     /// # What to look at first
-    /// Scale and byte order of the value in the controller; which mode the device is in.
+    /// Check scale and byte order of the value in the controller. Check the mode of the device.
     ///
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
-    "value-out-of-range", Warning, "a value lies outside what the manual permits",
+    "value-out-of-range", Warning, "value outside the permitted range",
     kinds: ["pdo-mapped-changed", "sdo-transfer"],
     word: "RANGE",
 }
 
-/// Fields of a layout that have a range.
+/// Fields of a layout with a range.
 #[derive(Default)]
-struct Checked {
+struct RangedFields {
     layout: Option<Arc<Layout>>,
     fields: Vec<Range>,
 }
 
-/// A field with a range.
+/// Field with a range.
 struct Range {
-    /// Its place in the layout.
+    /// Index of the field in the layout.
     field: usize,
-    /// Where its number lies, and between which numbers nothing is wrong.
-    inside: Option<(Cut, [i64; 2])>,
+    /// Position of the raw number, and its permitted range.
+    inside: Option<(IntegerPosition, [i64; 2])>,
 }
 
 #[derive(Default)]
 struct ValueOutOfRange {
-    checked: BySlot<Checked>,
+    checked: BySlot<RangedFields>,
 }
 
 fn new(_policy: &Policy) -> ValueOutOfRange {
@@ -77,7 +76,7 @@ impl ValueOutOfRange {
             let value = field.value(raw);
             if meaning.is_outside(&value) {
                 is_right = false;
-                tell(event, meaning, &value, &pdo.name.to_string(), context);
+                report_value(event, meaning, &value, &pdo.name.to_string(), context);
             }
         }
         if is_right {
@@ -89,10 +88,10 @@ impl ValueOutOfRange {
 impl Range {
     fn new(place: usize, field: &Field) -> Self {
         let inside = field.meaning.as_deref().and_then(Meaning::inside);
-        Self { field: place, inside: Cut::of(field).zip(inside) }
+        Self { field: place, inside: IntegerPosition::of(field).zip(inside) }
     }
 
-    /// Whether the number in a payload surely is inside.
+    /// Whether the raw number in a payload is within the range; false if unknown.
     #[inline]
     fn has(&self, word: u64, length: usize) -> bool {
         self.inside.is_some_and(|(cut, [least, most])| {
@@ -101,22 +100,22 @@ impl Range {
     }
 }
 
-impl Checked {
+impl RangedFields {
     #[cold]
     fn learn(&mut self, layout: &Arc<Layout>, node: Option<&Node>) {
         let fields = layout.fields.iter().enumerate().filter(|(_, field)| {
             !layout.assumed
                 && matches!(field.id, SignalId::Object(_))
-                && field.meaning.as_deref().is_some_and(|meaning| is_sure(meaning, node))
+                && field.meaning.as_deref().is_some_and(|meaning| has_confirmed_range(meaning, node))
         });
         self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
         self.layout = Some(Arc::clone(layout));
     }
 }
 
-/// Whether it has a range that rests on nothing assumed: a range of raw numbers holds under any scale, but not
-/// in any mode.
-fn is_sure(meaning: &Meaning, node: Option<&Node>) -> bool {
+/// Whether a field has a range without assumptions. A raw range is independent of the scale, but not of the
+/// mode.
+fn has_confirmed_range(meaning: &Meaning, node: Option<&Node>) -> bool {
     if !meaning.assumed || !has_range(meaning) {
         return has_range(meaning);
     }
@@ -135,27 +134,28 @@ fn written(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
         return;
     };
     let node = context.node(event);
-    let meaning = transfer.meaning.as_ref().filter(|meaning| is_sure(meaning, node) && !transfer.truncated);
+    let meaning =
+        transfer.meaning.as_ref().filter(|meaning| has_confirmed_range(meaning, node) && !transfer.truncated);
     let Some(meaning) = meaning else { return };
     let value = meaning.decode(&transfer.data);
     if meaning.is_outside(&value) {
-        tell(event, meaning, &value, "SDO", context);
+        report_value(event, meaning, &value, "SDO", context);
     } else {
         context.pass();
     }
 }
 
 #[cold]
-fn tell(event: &Event, meaning: &Meaning, value: &Value, by: &str, context: &mut Context<'_>) {
+fn report_value(event: &Event, meaning: &Meaning, value: &Value, by: &str, context: &mut Context<'_>) {
     let alarm = context.fail(event).about(About::Object(meaning.object));
-    alarm.say(|| {
+    alarm.report(|| {
         let permitted = match (meaning.range, meaning.limits) {
             (_, Some([least, most])) => format!("{least} to {most} {}", meaning.unit),
             (Some([least, most]), None) => format!("{least} to {most} raw"),
             (None, None) => String::new(),
         };
-        let (name, shown, permitted) = (&meaning.name, meaning.show(value), permitted.trim_end());
-        format!("{name} {shown} (raw {value}) by {by}, permitted {permitted}")
+        let (shown, permitted) = (meaning.show(value), permitted.trim_end());
+        format!("{shown} by {by} out of range {permitted} (raw {value})")
     });
 }
 

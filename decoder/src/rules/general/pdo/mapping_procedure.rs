@@ -1,8 +1,9 @@
-//! A PDO is mapped anew in another order than CiA 301 lays down.
+//! PDO remapping in another order than CiA 301 requires.
 
-use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{DeviceCause, DeviceState, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
-use crate::profile::PdoName;
+use crate::profile::{PdoDirection, PdoName};
+use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
 use crate::session::Node;
@@ -11,45 +12,74 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A PDO is mapped anew by writing its mapping parameter while the PDO is valid, or entries of it while their
-    /// number (sub-index 0) is not 0, and the device accepts that. The order is: bit 31 of the COB-ID set, number of
-    /// entries 0, entries, number of entries, bit 31 clear. A device that refuses a step out of this order is right;
-    /// the refused download is told elsewhere. States that were not seen are not judged.
+    /// A device accepts a write to the mapping of a valid PDO, or to an entry while the number of entries
+    /// (sub-index 0) is not 0. The required order is: set bit 31 of the COB-ID, write 0 entries, the entries
+    /// and their number, clear bit 31. A PDO is valid by a transfer of its COB-ID, a value in the bus file, a
+    /// frame of the TPDO since the boot sign, a control word in the RPDO that the device followed, or (lower
+    /// severity) its default in the profile. Steps that the device refuses, and unknown states, are exempt.
     ///
     /// # Why it matters
-    /// Between two such writes PDOs are sent with half of the old and half of the new contents.
+    /// Between two such writes, PDOs contain a mixture of the old and the new mapping.
     ///
     /// # Source
-    /// CiA 301 §7.5.2.36, §7.5.2.38 (PDO mapping parameter). It lays the order down for who configures; that a device
-    /// has to refuse another one it does not say, so the finding is that both sides got on without it.
+    /// CiA 301 §7.5.2.36, §7.5.2.38 (PDO mapping parameter). The order is required of the configuring device.
+    /// A refusal of other orders is not required, so the finding concerns both sides.
     ///
     /// # What to look at first
-    /// The order of downloads in the master's configuration, or the order its EDS tool wrote.
+    /// Check the order of downloads in the configuration of the master. The EDS tool may have written it.
     ///
     /// # Mutation
     /// drop the download that sets bit 31 of the COB-ID
-    "mapping-procedure", Warning, "a PDO is mapped anew in the wrong order",
-    kinds: ["sdo-transfer", "boot-up"],
+    "mapping-procedure", Warning, "PDO remapped in the wrong order",
+    kinds: ["sdo-transfer", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
     cases: &["3.22", "3.23", "3.24"],
     word: "MAP",
 }
 
-/// Bit 31 of a PDO's COB-ID: it does not exist (CiA 301 §7.5.2.35).
+/// Bit 31 of the COB-ID of a PDO: the PDO does not exist (CiA 301 §7.5.2.35).
 const INVALID: u64 = 1 << 31;
 
-/// PDOs remembered of a node; further ones are not judged.
+/// Maximum number of PDOs per node; further ones are not checked.
 const PDO_LIMIT: usize = 1024;
 
-/// What is sure of a PDO.
-struct Known {
+/// Reason for a lower severity if only the profile states that the PDO is valid.
+const ASSUMED: &str = "COB-ID assumed to be the default of the profile";
+
+/// Reason why the rule judged nothing, in reports of the coverage.
+const UNKNOWN: &str = "no mapping was written while it was known whether the PDO was valid";
+
+/// Confirmed state of a PDO.
+struct KnownMapping {
     name: PdoName,
     is_valid: Option<bool>,
     entries: Option<u64>,
+    /// Frame of the RPDO whose control word the device followed.
+    followed: Option<u64>,
+    /// A write of the COB-ID had no response, or may be missing in the capture.
+    is_unclear: bool,
+}
+
+/// Evidence that a PDO is valid.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Evidence {
+    Setting,
+    /// A frame of the TPDO.
+    Sent(u64),
+    /// A frame of the RPDO that the device followed.
+    Followed(u64),
+    Default,
 }
 
 #[derive(Default)]
 struct MappingProcedure {
-    nodes: NodeMap<Vec<Known>>,
+    nodes: NodeMap<Vec<KnownMapping>>,
+    /// Frame of the last boot sign.
+    boots: NodeMap<u64>,
+    /// Frame after the last hole, in which a PDO may have been configured.
+    hole: u64,
+    has_judged: bool,
+    /// A mapping was written, but the state of its PDO was unknown.
+    is_unknown: bool,
 }
 
 fn new(_policy: &Policy) -> MappingProcedure {
@@ -57,12 +87,14 @@ fn new(_policy: &Policy) -> MappingProcedure {
 }
 
 impl MappingProcedure {
-    fn known(&mut self, node: NodeId, name: PdoName) -> Option<&mut Known> {
+    fn known(&mut self, node: NodeId, name: PdoName) -> Option<&mut KnownMapping> {
+        let boot = self.boots.get(node).copied().unwrap_or(0);
         let all = self.nodes.entry(node)?;
         let place = match all.iter().position(|known| known.name == name) {
             Some(place) => place,
             None if all.len() < PDO_LIMIT => {
-                all.push(Known { name, is_valid: None, entries: None });
+                let is_unclear = self.hole > boot;
+                all.push(KnownMapping { name, is_valid: None, entries: None, followed: None, is_unclear });
                 all.len() - 1
             }
             None => return None,
@@ -73,24 +105,35 @@ impl MappingProcedure {
     fn transfer(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
         let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return };
         let Some((name, is_mapping)) = parameter(object) else { return };
+        let boot = self.boots.get(node).copied().unwrap_or(0);
         let Some(known) = self.known(node, name) else { return };
-        let is_download = direction == Direction::Download;
-        if is_mapping && is_download {
-            known.judge(event, object, transfer.outcome, context);
+        if is_mapping && direction == Direction::Download {
+            let valid = known.validity(node, boot, context);
+            let has_judged = known.judge(event, (object, transfer.outcome), valid, context);
+            self.has_judged |= has_judged;
+            self.is_unknown |= !has_judged;
         }
+        let Some(known) = self.known(node, name) else { return };
         if transfer.outcome != Outcome::Complete {
+            // Without a response it is unknown whether the device took the value.
+            if direction == Direction::Download && transfer.outcome != Outcome::Aborted {
+                known.is_unclear |= !is_mapping && object.sub == 1;
+                known.entries = known.entries.filter(|_| !is_mapping);
+            }
             return;
         }
         let value = number(context.node(event), object, &transfer.data);
         match (is_mapping, object.sub) {
             (true, 0) => known.entries = value,
-            (false, 1) => known.is_valid = value.map(|id| id & INVALID == 0),
+            (false, 1) => {
+                (known.is_valid, known.is_unclear) = (value.map(|id| id & INVALID == 0), false);
+            }
             _ => {}
         }
     }
 }
 
-/// The PDO a communication or mapping parameter is of, and whether it is a mapping parameter.
+/// PDO of a communication or mapping parameter, and whether it is a mapping parameter.
 fn parameter(object: ObjectAddress) -> Option<(PdoName, bool)> {
     let is_mapping = object.index & 0x0200 != 0;
     let name = match object.index {
@@ -100,50 +143,145 @@ fn parameter(object: ObjectAddress) -> Option<(PdoName, bool)> {
     name.map(|name| (name, is_mapping))
 }
 
-/// The number that was transferred, without the padding of a transfer that does not tell its size.
+/// Transferred value without the padding of a transfer that has no size indicator.
 fn number(node: Option<&Node>, object: ObjectAddress, data: &[u8]) -> Option<u64> {
     let value = node?.meaning(object)?.decode(data);
     crate::profile::word(&value)
 }
 
-impl Known {
-    fn judge(&self, event: &Event, object: ObjectAddress, outcome: Outcome, context: &mut Context<'_>) {
-        let (name, is_entry) = (self.name, object.sub != 0);
-        let (wrong, case) = match (self.is_valid, self.entries, is_entry) {
-            (Some(true), ..) => (Some("while the PDO is valid"), "3.24"),
+impl KnownMapping {
+    /// Whether the PDO is valid, and the evidence; `None` if unknown.
+    fn validity(&self, id: NodeId, boot: u64, context: &Context<'_>) -> Option<(bool, Evidence)> {
+        if self.is_unclear {
+            return None;
+        }
+        if let Some(is_valid) = self.is_valid {
+            return Some((is_valid, Evidence::Setting));
+        }
+        let node = context.bus.node(id)?;
+        let cob_id = value_or_default(node, ObjectAddress::new(self.name.communication_index(), 1));
+        if let Some(setting) = cob_id.filter(|setting| !setting.is_default) {
+            return Some((setting.value & INVALID == 0, Evidence::Setting));
+        }
+        if let Some(frame) = self.last_frame(id, context).filter(|frame| *frame > boot) {
+            return Some((true, Evidence::Sent(frame)));
+        }
+        if let Some(frame) = self.followed {
+            return Some((true, Evidence::Followed(frame)));
+        }
+        cob_id.map(|setting| (setting.value & INVALID == 0, Evidence::Default))
+    }
+
+    /// Last frame of a TPDO; frames of an RPDO prove only its producer.
+    fn last_frame(&self, node: NodeId, context: &Context<'_>) -> Option<u64> {
+        if self.name.direction != PdoDirection::Transmit {
+            return None;
+        }
+        let sent = context.traffic.slots().iter().filter(|slot| slot.count > 0);
+        let mut own = sent.filter(|slot| context.bus.pdo_on(slot.id) == Some((self.name, node)));
+        own.next().map(|slot| slot.frames.0)
+    }
+
+    /// Judges a write to the mapping; returns whether the state of the PDO was known.
+    fn judge(
+        &self,
+        event: &Event,
+        (object, outcome): (ObjectAddress, Outcome),
+        valid: Option<(bool, Evidence)>,
+        context: &mut Context<'_>,
+    ) -> bool {
+        let is_entry = object.sub != 0;
+        let (wrong, case) = match (valid, self.entries, is_entry) {
+            (Some((true, _)), ..) => (Some("while the PDO is valid"), "3.24"),
             (_, Some(1..), true) => (Some("while entries are in use"), "3.23"),
-            // What is not known cannot be right either.
-            (None, ..) | (_, None, true) => return,
+            // No verdict for an unknown state.
+            (None, ..) | (_, None, true) => return false,
             _ => (None, "3.22"),
         };
         match (wrong, outcome) {
             (Some(wrong), Outcome::Complete) => {
                 context.fail_case(case);
-                let alarm = context.fail(event).about(About::Name(name.to_string().into()));
-                alarm.say(|| {
-                    let first = if self.is_valid == Some(true) {
-                        format!("bit 31 of {:04X}:01 is to be set first", name.communication_index())
-                    } else {
-                        format!("{:04X}:00 is to be set to 0 first", name.mapping_index())
-                    };
-                    format!("{object} written {wrong}, and accepted: {first}")
-                });
+                self.report(event, (object, wrong), valid, context);
             }
             (Some(_), Outcome::Aborted) | (None, Outcome::Complete) => context.pass_case(case),
-            _ => {}
+            _ => return false,
+        }
+        true
+    }
+
+    fn report(
+        &self,
+        event: &Event,
+        (object, wrong): (ObjectAddress, &str),
+        valid: Option<(bool, Evidence)>,
+        context: &mut Context<'_>,
+    ) {
+        let name = self.name;
+        let evidence = valid.filter(|(is_valid, _)| *is_valid).map(|(_, evidence)| evidence);
+        let assumed = (evidence == Some(Evidence::Default)).then_some(ASSUMED);
+        let alarm = context.fail(event).about(About::Name(name.to_string().into())).assumed(assumed);
+        alarm.report(|| {
+            let communication = name.communication_index();
+            let first = match evidence {
+                None => format!("{:04X}:00 must be set to 0 first", name.mapping_index()),
+                Some(_) => format!("{communication:04X}:01 bit 31 must be set first"),
+            };
+            let proof = match evidence {
+                None | Some(Evidence::Setting) => String::new(),
+                Some(Evidence::Sent(frame)) => format!("{name} sent {{{frame}}}; "),
+                Some(Evidence::Followed(frame)) => format!("{name} {{{frame}}} took effect; "),
+                Some(Evidence::Default) => format!("{communication:04X}:01 default; "),
+            };
+            format!("{object} write accepted {wrong} ({proof}{first})")
+        });
+    }
+}
+
+impl MappingProcedure {
+    fn on_boot(&mut self, event: &Event, node: NodeId) {
+        self.nodes.remove(node);
+        self.boots.insert(node, event.frames.last);
+    }
+
+    /// A device that follows a control word received its RPDO.
+    fn on_state(&mut self, id: NodeId, state: &DeviceState, context: &Context<'_>) {
+        let Some(node) = context.bus.node(id).filter(|_| state.cause == DeviceCause::ControlWord) else {
+            return;
+        };
+        let mut machines = node.device().machines.iter();
+        let place = machines.position(|it| it.name == state.machine && it.channel == state.channel);
+        let control = place.and_then(|place| context.bus.control_identifier(id, place));
+        let Some((name, owner)) = control.and_then(|control| context.bus.pdo_on(control)) else { return };
+        if owner == id
+            && state.cause_frame > 0
+            && let Some(known) = self.known(id, name)
+        {
+            known.followed = Some(state.cause_frame);
         }
     }
 }
 
 impl Rule for MappingProcedure {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        if let EventKind::BusSilent { .. } | EventKind::LostFrames { .. } | EventKind::Link { .. } =
+            &event.kind
+        {
+            self.hole = event.frames.last;
+            self.nodes = NodeMap::default();
+        }
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::SdoTransfer(transfer) => self.transfer(event, node, transfer, context),
-            EventKind::BootUp { .. } => {
-                self.nodes.remove(node);
-            }
+            EventKind::BootUp { .. } => self.on_boot(event, node),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.on_boot(event, node),
+            EventKind::DeviceState(state) => self.on_state(node, state, context),
             _ => {}
+        }
+    }
+
+    fn finish(&mut self, context: &mut Context<'_>) {
+        if self.is_unknown && !self.has_judged {
+            context.unexercised(UNKNOWN.to_owned());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Event timers of TPDOs.
+//! TPDOs against their event timer.
 
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
@@ -8,30 +8,30 @@ use crate::rules::{BySlot, Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A TPDO with an event timer (18xx:05 written or read) comes at least as often as the timer says, while its node
-    /// is operational. It may come earlier, by an event.
+    /// The interval of a TPDO exceeds its event timer (18xx:05 written or read) while its node is
+    /// operational. Earlier PDOs, triggered by an event, are permitted.
     ///
     /// # Why it matters
-    /// Consumers watch it by this time: they go to their safe state.
+    /// Consumers monitor the TPDO with this time and enter their safe state.
     ///
     /// # Source
     /// CiA 301 §7.5.2.37 (event timer)
     ///
     /// # What to look at first
-    /// The steps in which the device can set the time; how busy the node and the bus are.
+    /// Check the load of the node and of the bus. Check the steps in which the device can set the time.
     ///
     /// # Mutation
     /// drop two PDOs of one with an event timer
-    "pdo-event-timer", Warning, "a TPDO comes later than its event timer",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    "pdo-event-timer", Warning, "TPDO later than its event timer",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     cases: &["3.5"],
     shows: &["3.5"],
     is_timing: true,
     word: "PDO",
-    tolerances: &[tolerance("warning-percent", 150.0, "%", "of the timer, and 10 ms")],
+    tolerances: &[tolerance("warning-percent", 150.0, "%", "of the event timer, plus 10 ms")],
 }
 
-/// What any device may be late by, in nanoseconds.
+/// General tolerance, in nanoseconds.
 const SLACK: i64 = 10_000_000;
 
 struct PdoEventTimer {
@@ -61,11 +61,11 @@ impl PdoEventTimer {
         if interval <= limit {
             return context.pass();
         }
-        let (name, after) = (pdo.name, interval / 1_000_000);
+        let (name, [after, limit]) = (pdo.name, [interval, limit].map(|time| time / 1_000_000));
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = interval as f64;
         let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between()).measure(measure);
-        alarm.say(|| format!("{name} after {after} ms; its event timer is {timer} ms"));
+        alarm.report(|| format!("{name} interval {after} ms > {limit} ms (event timer {timer} ms)"));
     }
 }
 

@@ -1,4 +1,4 @@
-//! Inhibit times of TPDOs.
+//! TPDOs against their inhibit time.
 
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
@@ -8,34 +8,35 @@ use crate::rules::{BySlot, Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A TPDO of type 254 or 255 with an inhibit time (18xx:02 and 18xx:03 written or read) does not come again sooner,
-    /// three times in a row. One that is delayed on the bus makes the next interval short.
+    /// Three consecutive intervals of a TPDO of transmission type 254 or 255 are shorter than its inhibit
+    /// time (18xx:02 and 18xx:03 written or read). Single short intervals are exempt, because they follow a
+    /// delayed PDO.
     ///
     /// # Why it matters
-    /// A value that trembles takes the bus from all identifiers behind it.
+    /// A fluctuating value occupies the bus and delays all identifiers of lower priority.
     ///
     /// # Source
     /// CiA 301 §7.2.2.2, §7.5.2.37 (inhibit time, in steps of 100 µs)
     ///
     /// # What to look at first
-    /// Whether the device takes the inhibit time while the PDO is valid.
+    /// Set the inhibit time while the PDO is invalid (bit 31). Some devices ignore it while the PDO is valid.
     ///
     /// # Mutation
-    /// insert further PDOs of one with an inhibit time
-    "pdo-inhibit-time", Warning, "a TPDO comes sooner than its inhibit time",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    /// insert further PDOs on an identifier with an inhibit time
+    "pdo-inhibit-time", Warning, "TPDO earlier than its inhibit time",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     is_timing: true,
     word: "PDO",
-    tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, less 1 ms")],
+    tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, minus 1 ms")],
 }
 
-/// A step of inhibit times, in nanoseconds.
+/// Unit of the inhibit time, in nanoseconds.
 const STEP: i64 = 100_000;
 
-/// Times in a row.
+/// Minimum number of consecutive short intervals.
 const TIMES: u8 = 3;
 
-/// A digit of most stamps, in nanoseconds.
+/// Resolution of most timestamps, in nanoseconds.
 const DIGIT: i64 = 1_000_000;
 
 struct PdoInhibitTime {
@@ -76,11 +77,12 @@ impl PdoInhibitTime {
             return;
         }
         *short = 0;
-        let (name, after) = (pdo.name, interval / STEP);
+        let (name, after, limit) = (pdo.name, interval / STEP, shortest / STEP);
         let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between());
-        alarm.say(|| {
+        alarm.report(|| {
             let tenths = |time: i64| format!("{}.{} ms", time / 10, time % 10);
-            format!("{name} after {}; its inhibit time is {}", tenths(after), tenths(inhibit))
+            let [after, limit, inhibit] = [after, limit, inhibit].map(tenths);
+            format!("{name} interval {after} < {limit} (inhibit time {inhibit})")
         });
     }
 }

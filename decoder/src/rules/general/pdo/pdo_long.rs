@@ -1,4 +1,4 @@
-//! A PDO is longer than its mapping.
+//! PDOs longer than their mapping.
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
@@ -8,20 +8,20 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A PDO has more bytes than its mapping, where that was seen, is fixed by the device's manual or given.
+    /// A PDO has more bytes than its mapping, which was seen, given, or is fixed by the device manual.
     ///
     /// # Why it matters
-    /// A consumer takes what it expects and ignores the rest, or reports 8220; the bytes beyond are bus load.
+    /// A consumer ignores the additional bytes or reports 8220. The additional bytes only load the bus.
     ///
     /// # Source
     /// CiA 301 §7.2.2.3 and table 26 (8220: PDO length exceeded)
     ///
     /// # What to look at first
-    /// Whether producer and consumer are configured for the same mapping.
+    /// Compare the PDO mapping of producer and consumer.
     ///
     /// # Mutation
     /// add a byte to a PDO
-    "pdo-long", Note, "a PDO is longer than its mapping",
+    "pdo-long", Note, "PDO longer than its mapping",
     kinds: ["pdo-mapped"],
     word: "PDO",
 }
@@ -42,6 +42,6 @@ impl Rule for PdoLong {
         }
         let (name, length) = (pdo.name, pdo.length);
         let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-        alarm.say(|| format!("{name} has {length} bytes, its mapping {mapped}"));
+        alarm.report(|| format!("{name} with {length} bytes > {mapped} bytes (mapping)"));
     }
 }

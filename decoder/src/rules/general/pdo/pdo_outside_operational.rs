@@ -1,4 +1,4 @@
-//! PDOs while a node is not operational.
+//! PDOs of nodes that are not operational.
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
@@ -11,23 +11,24 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// A node sends a TPDO although it was told to leave operational a while ago, or although it says itself,
-    /// before and after, that it is not operational. RPDOs to a node that says so for more than a second are a
-    /// warning. A node that starts by itself between two of its heartbeats is none.
+    /// A node sends a TPDO more than `command-ms` after a command to leave operational, or between two of its
+    /// own reports of another state. RPDOs to a node that has reported another state for more than
+    /// `receive-ms` are a warning. A node that starts by itself between two heartbeats is exempt.
     ///
     /// # Why it matters
-    /// Values of a node that is not operational are not to be relied on; one that does not obey the command is
-    /// worse. RPDOs to it have no effect: the machine does not do what the master believes.
+    /// Values of such a node are unreliable, and the node may ignore NMT commands. RPDOs
+    /// to such a node have no effect.
     ///
     /// # Source
     /// CiA 301 §7.3.2.2.4, table 38 (services by NMT state)
     ///
     /// # What to look at first
-    /// What brought the state (command, life guarding, EMCY), and whether a second device sends on the identifier.
+    /// Find the cause of the state change (command, EMCY, guarding). Check whether a second device uses the
+    /// identifier.
     ///
     /// # Mutation
-    /// insert a command that stops the node, while its PDOs go on
-    "pdo-outside-operational", Error, "PDOs while a node is not operational",
+    /// insert a command that stops the node while it still sends PDOs
+    "pdo-outside-operational", Error, "PDO outside NMT state operational",
     kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up", "pdo"],
     cases: &[
         "3.4", "3.5", "3.6", "3.7", "3.9", "3.10", "3.11", "3.12", "3.13", "3.14", "3.15", "3.16", "3.17", "3.18",
@@ -35,12 +36,12 @@ declare_rule! {
     ],
     word: "PDO",
     tolerances: &[
-        tolerance("command-ms", 100.0, "ms", "from the command until the last TPDO"),
-        tolerance("receive-ms", 1_000.0, "ms", "in another state, in which RPDOs may still come"),
+        tolerance("command-ms", 100.0, "ms", "from the command to the last TPDO"),
+        tolerance("receive-ms", 1_000.0, "ms", "after the report of another state, in which RPDOs are permitted"),
     ],
 }
 
-/// A PDO that waits for what the node says next.
+/// PDO that the next state report of the node decides on.
 #[derive(Clone, Copy)]
 struct Pending {
     name: PdoName,
@@ -48,12 +49,12 @@ struct Pending {
     frame: u64,
 }
 
-/// What is known of a node.
+/// State information about a node.
 #[derive(Default)]
 struct Watch {
-    /// The state it told last, since when, and its first frame that did.
+    /// Latest reported state, time and frame of its first report.
     told: Option<(NmtState, i64, u64)>,
-    /// A command to leave operational, when, and its frame; nothing told otherwise since.
+    /// Command to leave operational, its time and frame; `None` after a report of the state.
     commanded: Option<(NmtState, i64, u64)>,
     sent: Option<Pending>,
     received: Option<Pending>,
@@ -63,7 +64,7 @@ struct PdoOutsideOperational {
     command: i64,
     receive: i64,
     watches: NodeMap<Watch>,
-    /// Nodes whose PDOs need a look.
+    /// Nodes that must not send PDOs.
     silent: NodeSet,
     operational: NodeSet,
 }
@@ -90,7 +91,7 @@ impl PdoOutsideOperational {
         }
     }
 
-    fn told(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
         let (sent, received) = (watch.sent.take(), watch.received.take());
         if state == NmtState::Operational {
@@ -102,19 +103,16 @@ impl PdoOutsideOperational {
         self.operational.remove(node);
         self.silent.insert(node);
         let same = watch.told.filter(|(before, ..)| *before == state);
-        let Some((_, since, frame)) = same else {
+        let Some((.., frame)) = same else {
             watch.told = Some((state, context.now, event.frames.first));
             return;
         };
         for (pending, severity) in [(sent, Severity::Error), (received, Severity::Warning)] {
             let Some(Pending { name, id, frame: pdo }) = pending else { continue };
             let frames = FrameRange { first: frame, last: event.frames.last };
-            let seconds = context.now.saturating_sub(since) / 1_000_000_000;
             let alarm = context.fail(event).about(About::Id(id)).severity(severity).frames(frames);
-            let verb = if severity == Severity::Error { "sent" } else { "sent to it" };
-            alarm.say(|| {
-                format!("{name} {verb} {{{pdo}}} while the node says it is {} ({seconds} s)", state.name())
-            });
+            let verb = if severity == Severity::Error { "sent" } else { "received" };
+            alarm.report(|| format!("{name} {verb} in NMT state {} {{{pdo}}}", state.name()));
         }
         if sent.is_none() {
             context.pass();
@@ -128,7 +126,7 @@ impl PdoOutsideOperational {
         let now = context.now;
         if pdo.name.direction == PdoDirection::Receive {
             let is_long = watch.told.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive);
-            // Only where nothing is being done about it.
+            // A conformance test sends such RPDOs on purpose.
             if is_long && !context.is_tested {
                 watch.received.get_or_insert(pending);
             }
@@ -139,10 +137,14 @@ impl PdoOutsideOperational {
         } else if let Some((state, at, frame)) = watch.commanded
             && now.saturating_sub(at) > self.command
         {
-            let (name, after) = (pdo.name, now.saturating_sub(at) / 1_000_000);
+            let name = pdo.name;
+            let [after, limit] = [now.saturating_sub(at), self.command].map(|time| time / 1_000_000);
             let frames = FrameRange { first: frame, last: event.frames.last };
             let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames);
-            alarm.say(|| format!("{name} sent {after} ms after the command to be {}", state.name()));
+            alarm.report(|| {
+                let state = state.name();
+                format!("{name} sent {after} ms after the command for state {state} (limit {limit} ms)")
+            });
         }
     }
 }
@@ -181,7 +183,7 @@ impl PdoOutsideOperational {
                 | EventKind::GuardReply { state: Some(state), .. },
                 Some(node),
             ) => {
-                self.told(event, node, *state, context);
+                self.on_state(event, node, *state, context);
             }
             (EventKind::BootUp { .. }, Some(node)) => {
                 self.watches.remove(node);

@@ -1,24 +1,25 @@
-//! Communication parameters of TPDOs, looked up once and again when something may have changed them: rules of
-//! PDOs are asked for every frame.
+//! Cache for communication parameters of TPDOs. PDO rules run for every frame, so a parameter is only looked
+//! up again after it may have changed.
 
 use crate::event::{Event, EventKind, Pdo};
 use crate::profile::PdoDirection;
-use crate::rules::general::facts::sure;
+use crate::rules::general::facts::confirmed_number;
 use crate::rules::{BySlot, Context, PdoSlot};
 use crate::wire::NodeId;
 
-/// PDOs without the parameter after which none of the bus has it: more than there are identifiers.
+/// Number of PDOs without the parameter before it counts as absent on this bus; more than there are
+/// identifiers.
 const ENOUGH: u32 = 4096;
 
-/// One parameter of the TPDOs of a bus, by the place of their identifiers.
+/// One parameter of all TPDOs of a bus.
 #[derive(Default)]
 pub(super) struct PdoParameter {
     sub: u8,
     generation: u32,
     known: BySlot<(u32, Option<u64>)>,
-    /// It was found for some PDO since it may have changed.
+    /// The parameter was found for a PDO since the last change.
     is_known: bool,
-    /// PDOs since then for which it was not.
+    /// Number of PDOs without the parameter since the last change.
     in_vain: u32,
 }
 
@@ -28,7 +29,7 @@ impl PdoParameter {
         Self { sub, generation: 1, known: BySlot::default(), is_known: false, in_vain: 0 }
     }
 
-    /// An event may change it; whether it does.
+    /// Processes an event; returns whether the parameter may have changed.
     pub(super) fn changes(&mut self, event: &Event) -> bool {
         let changes = match &event.kind {
             EventKind::SdoTransfer(transfer) => transfer
@@ -37,6 +38,7 @@ impl PdoParameter {
             EventKind::BootUp { .. }
             | EventKind::NmtState(_)
             | EventKind::LostFrames { .. }
+            | EventKind::BusSilent { .. }
             | EventKind::Link { .. } => true,
             _ => false,
         };
@@ -47,17 +49,17 @@ impl PdoParameter {
         changes
     }
 
-    /// Whether PDOs may have it: known of none of the last ones it will not be known of the next, until something changes.
+    /// Whether a look-up can succeed: false if no recent PDO had the parameter and nothing has changed since.
     pub(super) fn may_be_known(&self) -> bool {
         self.is_known || self.in_vain < ENOUGH
     }
 
-    /// Counts changes.
+    /// Number of possible changes so far.
     pub(super) fn generation(&self) -> u32 {
         self.generation
     }
 
-    /// The parameter of a TPDO, where it was surely seen.
+    /// Confirmed value of the parameter for a TPDO.
     #[inline]
     pub(super) fn of(
         &mut self,
@@ -80,7 +82,7 @@ impl PdoParameter {
     fn look_up(&mut self, node: NodeId, pdo: &Pdo, slot: &PdoSlot, context: &Context<'_>) -> Option<u64> {
         let is_sent = pdo.name.direction == PdoDirection::Transmit;
         let node = context.bus.node(node).filter(|_| is_sent);
-        let value = node.and_then(|node| sure(node, pdo.name.communication_index(), self.sub));
+        let value = node.and_then(|node| confirmed_number(node, pdo.name.communication_index(), self.sub));
         self.is_known |= value.is_some();
         if let Some(known) = self.known.of(slot) {
             *known = (self.generation, value);

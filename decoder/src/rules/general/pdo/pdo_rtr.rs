@@ -1,10 +1,10 @@
-//! PDOs asked for by remote frames.
+//! TPDOs requested by remote frames.
 
 use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
-use crate::rules::general::facts::{PRODUCES, sure};
+use crate::rules::general::facts::{PRODUCES, confirmed_number};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::wire::NodeId;
@@ -12,28 +12,28 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// A TPDO that permits remote frames (bit 30 of 18xx:01, written or read, is 0) comes when it is asked for, while
-    /// its node is operational; it does not come for it in another state.
+    /// An operational node does not respond to a remote frame for a TPDO with permitted remote frames (bit 30
+    /// of 18xx:01, written or read, is 0). Or a node responds in another state.
     ///
     /// # Why it matters
-    /// A master that polls gets no value; controllers that answer by themselves give an old one.
+    /// A master that polls receives no value. CAN controllers that respond by themselves send an old value.
     ///
     /// # Source
     /// CiA 301 §7.2.2.5.2 (read PDO), §7.5.2.37 (bit 30)
     ///
     /// # What to look at first
-    /// Whether the device's CAN controller answers remote frames at all; set bit 30 where it does not.
+    /// Check in the manual whether the device supports remote frames. Set bit 30 if it does not.
     ///
     /// # Mutation
-    /// drop the answer to a remote frame
-    "pdo-rtr", Warning, "a PDO asked for by a remote frame does not come",
+    /// drop the response to a remote frame
+    "pdo-rtr", Warning, "wrong response to a PDO remote frame",
     kinds: ["pdo"],
     cases: &["3.3", "3.9", "3.15"],
     word: "PDO",
     tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the remote frame to the PDO")],
 }
 
-/// An answer comes within this time, else it is another PDO, in nanoseconds.
+/// Maximum response time, in nanoseconds; a later PDO has another cause.
 const ANSWER: i64 = 20_000_000;
 
 #[derive(Clone, Copy)]
@@ -61,7 +61,7 @@ impl PdoRtr {
         else {
             return;
         };
-        let cob_id = sure(node, pdo.name.communication_index(), 1);
+        let cob_id = confirmed_number(node, pdo.name.communication_index(), 1);
         let permits = cob_id.is_some_and(|cob_id| cob_id & PRODUCES == 0);
         let Some(state) = context.confirmed_state(id) else { return };
         if pdo.name.direction == PdoDirection::Receive || state == NmtState::Operational && !permits {
@@ -83,13 +83,13 @@ impl PdoRtr {
         if request.state == NmtState::Operational {
             return context.pass();
         }
-        // It may have started meanwhile.
+        // The node may have become operational since the request.
         if context.now.saturating_sub(request.at) > ANSWER {
             return;
         }
         let frames = FrameRange { first: request.frame, last: event.frames.last };
         let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames);
-        alarm.say(|| format!("{} comes for a remote frame in state {}", pdo.name, request.state.name()));
+        alarm.report(|| format!("{} sent on a remote frame in NMT state {}", pdo.name, request.state.name()));
     }
 }
 
@@ -125,6 +125,6 @@ impl Rule for PdoRtr {
         let (at, limit) = (request.at.saturating_add(self.limit), self.limit / 1_000_000);
         let frames = FrameRange::one(request.frame);
         let alarm = context.fail_at(at, Some(request.node), frames).about(About::Id(request.id));
-        alarm.say(|| format!("not sent within {limit} ms of the remote frame {{{}}}", request.frame));
+        alarm.report(|| format!("no TPDO within {limit} ms after the remote frame {{{}}}", request.frame));
     }
 }

@@ -1,4 +1,4 @@
-//! A PDO is shorter than its mapping.
+//! PDOs shorter than their mapping.
 
 use crate::event::{Event, EventKind};
 use crate::finding::About;
@@ -9,20 +9,20 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A PDO has fewer bytes than its mapping, where that was seen, is fixed by the device's manual or given.
+    /// A PDO has fewer bytes than its mapping, which was seen, given, or is fixed by the device manual.
     ///
     /// # Why it matters
-    /// A consumer drops it (EMCY 8210), or works with values that were never sent.
+    /// A consumer discards the PDO (EMCY 8210), or uses values that were never sent.
     ///
     /// # Source
     /// CiA 301 §7.2.2.3 and table 26 (8210: PDO not processed due to length error)
     ///
     /// # What to look at first
-    /// Whether producer and consumer are configured for the same mapping; who else sends on this identifier.
+    /// Compare the PDO mapping of producer and consumer. Check whether another node sends on this identifier.
     ///
     /// # Mutation
     /// cut the last byte of a PDO
-    "pdo-short", Error, "a PDO is shorter than its mapping",
+    "pdo-short", Error, "PDO shorter than its mapping",
     kinds: ["pdo-mapped"],
     cases: &["5.4"],
     word: "PDO",
@@ -42,12 +42,12 @@ impl Rule for PdoShort {
         if u16::from(pdo.length) >= mapped {
             return context.pass();
         }
-        // A test tool sends them on purpose.
+        // A test tool sends short RPDOs on purpose.
         if context.is_tested && pdo.name.direction == PdoDirection::Receive {
             return;
         }
         let (name, length) = (pdo.name, pdo.length);
         let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(mapped));
-        alarm.say(|| format!("{name} has {length} bytes, its mapping {mapped}"));
+        alarm.report(|| format!("{name} with {length} bytes < {mapped} bytes (mapping)"));
     }
 }

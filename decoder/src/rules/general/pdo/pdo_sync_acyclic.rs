@@ -1,4 +1,4 @@
-//! Acyclic synchronous TPDOs.
+//! TPDOs of transmission type 0 (acyclic synchronous).
 
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind};
@@ -8,22 +8,22 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A TPDO of transmission type 0 (18xx:02 written or read) comes only behind a SYNC, once: not three times between
-    /// two SYNCs. That it does not come is right, too.
+    /// A TPDO of transmission type 0 (18xx:02 written or read) is sent three times between two SYNCs. It may
+    /// be sent once after a SYNC, or not at all.
     ///
     /// # Why it matters
-    /// Values are not those of the moment of the SYNC that the others are of.
+    /// The values were not sampled at the SYNC, unlike those of other TPDOs.
     ///
     /// # Source
     /// CiA 301 §7.2.2.2, §7.5.2.37 (transmission type 0)
     ///
     /// # What to look at first
-    /// Whether the device takes the type at once, or keeps its old one until a restart.
+    /// Check whether the transmission type needs a restart to take effect.
     ///
     /// # Mutation
     /// duplicate PDOs of an acyclic TPDO
-    "pdo-sync-acyclic", Warning, "an acyclic TPDO comes without a SYNC",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    "pdo-sync-acyclic", Warning, "acyclic TPDO without a SYNC",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     cases: &["3.7"],
     shows: &["3.7"],
     word: "SYNC",
@@ -56,7 +56,9 @@ impl Rule for PdoSyncAcyclic {
                 }
                 let name = pdo.name;
                 let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(count));
-                alarm.say(|| format!("{name} came {count} times since the last SYNC; its type is 0"));
+                alarm.report(|| {
+                    format!("{count} {name} in one SYNC interval (max 1 with transmission type 0)")
+                });
             }
             _ => {
                 self.kind.changes(event);

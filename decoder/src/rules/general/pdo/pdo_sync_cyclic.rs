@@ -1,4 +1,4 @@
-//! Synchronous TPDOs against the SYNCs.
+//! TPDOs of transmission types 1 to 240 (cyclic synchronous).
 
 use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
@@ -12,31 +12,31 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A TPDO of transmission type n, 1 to 240 (18xx:02 written or read), comes once in n SYNCs: 20 of them in 20 · n.
-    /// Not judged where nodes obey different SYNCs.
+    /// A TPDO of transmission type n, 1 to 240 (18xx:02 written or read), must be sent once per n SYNCs,
+    /// counted over 20 TPDOs. Buses with several SYNC identifiers are exempt.
     ///
     /// # Why it matters
-    /// Set points and actual values of one cycle no longer belong together; controllers miss samples.
+    /// Set points and actual values no longer belong to the same cycle, and controllers miss samples.
     ///
     /// # Source
     /// CiA 301 §7.2.2.2, §7.5.2.37 (transmission type)
     ///
     /// # What to look at first
-    /// Whether the cycle (1006) is too short for the node, and the load of the bus.
+    /// Check whether the cycle (1006) is too short for the node. Check the load of the bus.
     ///
     /// # Mutation
     /// drop every third PDO of a synchronous TPDO
-    "pdo-sync-cyclic", Warning, "a synchronous TPDO does not follow its SYNCs",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link"],
+    "pdo-sync-cyclic", Warning, "synchronous TPDO out of step with SYNC",
+    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     cases: &["3.6", "3.8", "6.3"],
     shows: &["3.6", "6.3"],
     word: "SYNC",
 }
 
-/// PDOs that are counted together.
+/// Number of TPDOs per check.
 const COUNT: u64 = 20;
 
-/// SYNCs at the first PDO of those counted, and how many came since.
+/// Number of SYNCs at the start of the check, and number of TPDOs since.
 #[derive(Clone, Copy, Default)]
 struct Watch {
     generation: u32,
@@ -71,7 +71,7 @@ impl PdoSyncCyclic {
         }
         let elapsed = syncs.saturating_sub(watch.from);
         *watch = Watch { generation, from: syncs, count: 0 };
-        // One may come a SYNC late.
+        // A TPDO may be one SYNC late.
         if elapsed.abs_diff(COUNT * kind) <= 1 {
             return context.pass();
         }
@@ -80,14 +80,15 @@ impl PdoSyncCyclic {
         }
         let name = pdo.name;
         let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-        alarm.say(|| {
-            format!("{name} came {COUNT} times in {elapsed} SYNCs; its type {kind} wants one in {kind}")
+        alarm.report(|| {
+            let expected = COUNT * kind;
+            format!("{COUNT} {name} in {elapsed} SYNCs (expected {expected}, transmission type {kind})")
         });
     }
 }
 
-/// Whether nodes may obey a SYNC other than 080.
-fn has_several_syncs(bus: &Bus) -> bool {
+/// Whether a node may use another SYNC identifier than 080.
+pub(super) fn has_several_syncs(bus: &Bus) -> bool {
     const SYNC: ObjectAddress = ObjectAddress::new(0x1005, 0);
     bus.nodes().any(|node| {
         let default = || {

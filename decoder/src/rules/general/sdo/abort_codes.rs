@@ -1,22 +1,22 @@
-//! `abort_codes.toml`: which abort codes answer what.
+//! Accepted abort codes per situation, from `abort_codes.toml`.
 
 use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-/// Something a server must refuse.
+/// Kind of request that a server must refuse.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Situation {
-    /// Name.
+    /// Identifier.
     pub(super) id: String,
-    /// What was asked for.
+    /// Description of the request.
     pub(super) text: String,
-    /// Codes that answer it.
+    /// Abort codes that are a correct response.
     pub(super) accepted: Vec<u32>,
-    /// Cases of the conformance test that bring it.
+    /// Cases of the conformance test with this situation.
     pub(super) ctt: Vec<String>,
-    /// Who says so.
+    /// Source of the list of codes.
     #[expect(dead_code, reason = "for the reader of the table")]
     class: String,
     #[expect(dead_code, reason = "for the reader of the table")]
@@ -25,15 +25,15 @@ pub(super) struct Situation {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct AbortCodesFile {
     situation: Vec<Situation>,
 }
 
-/// A situation by its name.
+/// Looks up a situation by its identifier.
 pub(super) fn situation(id: &str) -> Option<&'static Situation> {
     static TABLE: OnceLock<Vec<Situation>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
-        let file: Result<File, _> = toml::from_str(include_str!("abort_codes.toml"));
+        let file: Result<AbortCodesFile, _> = toml::from_str(include_str!("abort_codes.toml"));
         file.map(|file| file.situation).unwrap_or_default()
     });
     table.iter().find(|situation| situation.id == id)

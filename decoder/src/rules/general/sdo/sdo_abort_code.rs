@@ -1,4 +1,4 @@
-//! Aborts with a code that does not fit.
+//! Wrong or unknown SDO abort codes.
 
 use super::abort_codes::{Situation, situation};
 use super::sdo_situation::situations;
@@ -13,24 +13,24 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A server refuses what it must refuse (a write to a read-only object, an object that does not exist, a value
-    /// beyond its limits, a mapping of a valid PDO, …) with another code than the ones that say so. What it must
-    /// refuse is told by the device's EDS or profile, by CiA 301, and by what was written before. And codes that
-    /// neither CiA 301 nor the device's manual knows. Codes that say "not in this state" are not judged.
+    /// A server refuses an invalid request with a wrong code, or sends a code that neither CiA 301 nor the
+    /// device manual defines. Requests are invalid according to the EDS or profile, CiA 301 and earlier
+    /// writes, such as a write to a read-only object. Codes for a temporary device state are exempt.
     ///
     /// # Why it matters
-    /// A master that acts by the code (retries, skips what does not exist) does the wrong thing; people look for
-    /// the wrong cause.
+    /// A master that evaluates the code reacts wrongly, for example by a retry. The user looks for the wrong
+    /// cause.
     ///
     /// # Source
     /// CiA 301 §7.2.4.3.17, table 22 (abort codes), §7.5.2 (codes of single objects)
     ///
     /// # What to look at first
-    /// The firmware's SDO server; whether the EDS is the one of this firmware.
+    /// Check whether the EDS matches the firmware version. If it does, the SDO server of the firmware is
+    /// wrong.
     ///
     /// # Mutation
     /// change the code of an abort
-    "sdo-abort-code", Warning, "an abort code does not fit",
+    "sdo-abort-code", Warning, "wrong or unknown SDO abort code",
     kinds: ["sdo-transfer", "malformed"],
     cases: &[
         "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9", "2.10", "2.11", "2.17", "2.19", "2.20", "2.21", "2.22",
@@ -41,12 +41,12 @@ declare_rule! {
     word: "SDO",
 }
 
-/// Codes that any request may get in some state of the device: out of memory, hardware, local control, state.
+/// Codes for a temporary state of the device: out of memory, hardware error, local control, device state.
 const OF_STATE: [u32; 4] = [0x0504_0005, 0x0606_0000, 0x0800_0021, 0x0800_0022];
 
 #[derive(Default)]
 struct SdoAbortCode {
-    /// Frame of the last request with an unknown command.
+    /// Frame of the last request with an unknown command specifier.
     unknown: NodeMap<u64>,
 }
 
@@ -61,7 +61,7 @@ impl SdoAbortCode {
         let is_own = device.abort(code, transfer.object).is_some();
         if !is_own && abort_codes().find(code).is_none() {
             let alarm = context.fail(event).about(about(transfer));
-            return alarm.say(|| format!("abort code {code:08X} is none of CiA 301 nor of the device"));
+            return alarm.report(|| format!("unknown SDO abort code {code:08X}"));
         }
         let Some(node) = context.node(event).filter(|_| !abort.by_client && !is_own) else {
             return context.pass();
@@ -84,13 +84,13 @@ impl SdoAbortCode {
         }
         let Some(first) = found.first() else { return };
         cases(first, transfer.object).for_each(|case| context.fail_case(case));
-        // Readers of the history ask for an entry that may not be there.
+        // A read of a history entry that may not exist is common.
         let severity = if first.id == "empty-history" { Severity::Note } else { Severity::Warning };
-        context.fail(event).about(about(transfer)).severity(severity).say(|| {
+        context.fail(event).about(about(transfer)).severity(severity).report(|| {
             let accepted = first.accepted.iter().map(|code| format!("{code:08X}"));
             let accepted = accepted.collect::<Vec<_>>().join(" or ");
             format!(
-                "{}: answered with {code:08X} {}, not with {accepted}",
+                "{}: abort code {code:08X} {} (expected {accepted})",
                 first.text,
                 abort_codes().text(code)
             )
@@ -98,7 +98,7 @@ impl SdoAbortCode {
     }
 }
 
-/// Cases of the conformance test in which a situation comes up with this object.
+/// Cases of the conformance test with this situation and object.
 fn cases(situation: &'static Situation, object: Option<ObjectAddress>) -> impl Iterator<Item = &'static str> {
     let index = object.map_or(0, |object| object.index);
     let sub = object.map_or(0, |object| object.sub);

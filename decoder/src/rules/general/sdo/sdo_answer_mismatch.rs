@@ -1,4 +1,4 @@
-//! Answers that name another object than the request.
+//! SDO responses for another object than requested.
 
 use std::collections::VecDeque;
 
@@ -12,31 +12,30 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// An SDO server confirms, or sends the value of, another object than the one the open request names, and the
-    /// request itself stays without an answer. An answer to one of the last requests is late and no mismatch, and
-    /// after frames were lost nothing is judged.
+    /// An SDO server sends a response for another object than the open request, which itself has no response.
+    /// A late response to one of the previous requests is exempt, and so is traffic after lost frames.
     ///
     /// # Why it matters
-    /// A master that does not compare takes the value of one object for that of another.
+    /// A master that does not compare the object uses the value of a wrong object.
     ///
     /// # Source
-    /// CiA 301 §7.2.4.3.3, §7.2.4.3.6 (multiplexer of the answer)
+    /// CiA 301 §7.2.4.3.3, §7.2.4.3.6 (multiplexer of the response)
     ///
     /// # What to look at first
-    /// Whether two clients use the same SDO channel; then the firmware's SDO server.
+    /// Check whether two clients use the same SDO channel. If not, the SDO server of the firmware is wrong.
     ///
     /// # Mutation
-    /// change the index in an answer
-    "sdo-answer-mismatch", Warning, "an SDO answer names another object than the request",
-    kinds: ["sdo-transfer", "lost-frames", "link"],
+    /// change the index in a response
+    "sdo-answer-mismatch", Warning, "SDO response for another object",
+    kinds: ["sdo-transfer", "lost-frames", "link", "bus-silent"],
     cases: &["2.7"],
     word: "SDO",
 }
 
-/// Requests remembered of a node: an answer may be that late.
+/// Number of previous requests per node that a late response may belong to.
 const REMEMBERED: usize = 8;
 
-/// An answer of which no request was open.
+/// Response without an open request.
 struct Stray {
     response: CanId,
     object: ObjectAddress,
@@ -46,7 +45,7 @@ struct Stray {
 #[derive(Default)]
 struct Server {
     stray: Option<Stray>,
-    /// Objects asked for last.
+    /// Objects of the latest requests.
     asked: VecDeque<ObjectAddress>,
 }
 
@@ -86,9 +85,9 @@ impl SdoAnswerMismatch {
                     return;
                 }
                 let alarm = context.fail(event).about(About::Object(object));
-                alarm.say(|| {
+                alarm.report(|| {
                     let (other, frame) = (stray.object, stray.frame);
-                    format!("request {{{request}}} of {object} answered with {other} {{{frame}}}")
+                    format!("response for {other} {{{frame}}} to the request for {object} {{{request}}}")
                 });
             }
             _ => {}
@@ -100,7 +99,9 @@ impl Rule for SdoAnswerMismatch {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match (&event.kind, event.node) {
             (EventKind::SdoTransfer(transfer), Some(node)) => self.transfer(event, node, transfer, context),
-            (EventKind::LostFrames { .. } | EventKind::Link { .. }, _) => self.servers = NodeMap::default(),
+            (EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. }, _) => {
+                self.servers = NodeMap::default();
+            }
             _ => {}
         }
     }

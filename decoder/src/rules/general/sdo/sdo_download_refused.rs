@@ -1,4 +1,4 @@
-//! A device refuses a write.
+//! SDO downloads that a device refuses.
 
 use crate::event::{Abort, Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
 use crate::finding::About;
@@ -12,28 +12,27 @@ use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
-    /// An SDO download is aborted by the server. One finding an object; where a node refuses writes of more than
-    /// 32 objects, the rest is one finding. Nothing is said where a conformance test marks its cases on the bus,
-    /// which asks for refusals on purpose.
+    /// The server aborts an SDO download. There is one finding per object, and a common one for all further
+    /// objects of a node after the first 32. Captures with the case markers of a conformance test are exempt.
     ///
     /// # Why it matters
-    /// The device does not have the setting that the master wants it to have, and works with another one.
+    /// The device does not have the setting that the master requires, and works with another one.
     ///
     /// # Source
     /// CiA 301 §7.2.4.3.17 (abort SDO transfer)
     ///
     /// # What to look at first
-    /// The code: access, range, length, or a state in which the device does not take this object; then the
-    /// master's configuration against the EDS of this firmware.
+    /// Check access, range and length of the object in the EDS. The device state may also prevent the write.
+    /// Compare the configuration of the master with the EDS of this firmware.
     ///
     /// # Mutation
-    /// turn the answer to a download into an abort
-    "sdo-download-refused", Error, "a device refused a write",
+    /// turn the response to a download into an abort
+    "sdo-download-refused", Error, "SDO download refused",
     kinds: ["sdo-transfer"],
     word: "REFUSE",
 }
 
-/// Objects of a node whose refusals are told apart.
+/// Maximum number of objects per node with their own finding.
 const OBJECT_LIMIT: usize = 32;
 
 /// Command specifier not valid or unknown (CiA 301 table 22): the server has no block transfer.
@@ -63,14 +62,14 @@ impl SdoDownloadRefused {
         let device = record::device(event, context.bus);
         let own = device.abort(code, transfer.object).map(|own| own.text.as_str());
         let text = own.unwrap_or_else(|| abort_codes().text(code));
-        context.fail(event).about(about).say(|| {
-            let what = if is_one_of_many { "write of a further object" } else { "write" };
-            format!("{what} of {} refused: {code:08X} {text}", value(transfer))
+        context.fail(event).about(about).report(|| {
+            let further = if is_one_of_many { " to a further object" } else { "" };
+            format!("write of {}{further} refused: {code:08X} {text}", value(transfer))
         });
     }
 }
 
-/// What was to be written, as people write it.
+/// The value of the write for display.
 fn value(transfer: &SdoTransfer) -> String {
     match &transfer.meaning {
         Some(meaning) if !transfer.truncated && !transfer.data.is_empty() => {
@@ -88,7 +87,7 @@ impl Rule for SdoDownloadRefused {
         }
         match (transfer.outcome, transfer.abort) {
             (Outcome::Complete, _) => context.pass(),
-            // A client that asks for blocks goes on without them.
+            // A client that requests a block transfer continues without it.
             (Outcome::Aborted, Some(Abort { code: NO_BLOCKS, .. })) if transfer.mode == Some(Mode::Block) => {
             }
             (Outcome::Aborted, Some(Abort { code, by_client: false })) => {

@@ -1,4 +1,4 @@
-//! An SDO server does not answer, or takes long.
+//! Missing and late SDO responses.
 
 use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, StateChange};
 use crate::finding::Severity;
@@ -10,31 +10,32 @@ use crate::wire::canopen::NmtState;
 
 declare_rule! {
     /// # What it checks
-    /// An SDO request has no response within the time the recording allows for, or the server takes long to answer
-    /// an expedited transfer. A client that gives up, or asks again after more than `warning-ms`, got no answer too.
-    /// Storing and restoring parameters (1010, 1011) may take longer. A node that says it is
-    /// stopped serves no SDO.
+    /// An SDO request has no response, or the response to an expedited transfer is later than `warning-ms`. A
+    /// client that aborts, or repeats its request after more than `warning-ms`, also had no response. Store
+    /// and restore commands (1010, 1011) have their own limit, and stopped nodes are exempt.
     ///
     /// # Why it matters
-    /// The configuration of the node is not what the master believes, and a master that waits is a machine that waits.
+    /// The configuration of the node may be incomplete. A master that waits for the response delays the
+    /// machine.
     ///
     /// # Source
-    /// CiA 301 §7.2.4 (SDO); it names no time, masters commonly give up after a second. §7.3.2.2.4, table 38 (services by
-    /// NMT state).
+    /// CiA 301 §7.2.4 (SDO), which states no time-out; 1 s is common in masters. §7.3.2.2.4, table 38
+    /// (services by NMT state)
     ///
     /// # What to look at first
-    /// Whether the node is on the bus at all (heartbeat, boot-up), in state stopped, or without that SDO server.
+    /// Check whether the node is on the bus (heartbeat, boot-up). Check whether it is stopped, or lacks this
+    /// SDO server.
     ///
     /// # Mutation
     /// drop the SDO responses of a node
-    "sdo-no-response", Error, "an SDO request has no answer in time",
+    "sdo-no-response", Error, "no SDO response in time",
     kinds: ["sdo-transfer", "nmt-state"],
     is_timing: true,
     word: "SDO",
     tolerances: &[
-        tolerance("warning-ms", 200.0, "ms", "to the answer, a warning"),
-        tolerance("error-ms", 1_000.0, "ms", "to the answer, an error"),
-        tolerance("store-ms", 5_000.0, "ms", "to the answer of 1010 and 1011"),
+        tolerance("warning-ms", 200.0, "ms", "to the response, a warning"),
+        tolerance("error-ms", 1_000.0, "ms", "to the response, an error"),
+        tolerance("store-ms", 5_000.0, "ms", "to the response for 1010 and 1011"),
     ],
 }
 
@@ -42,9 +43,9 @@ struct SdoNoResponse {
     warning: i64,
     error: i64,
     store: i64,
-    /// Nodes that said they are stopped.
+    /// Nodes that reported stopped.
     stopped: NodeSet,
-    /// Frame at which a node left stopped.
+    /// Frame at which a node left state stopped.
     left: NodeMap<u64>,
 }
 
@@ -68,7 +69,7 @@ impl SdoNoResponse {
         }
     }
 
-    /// Whether a node was stopped when it was asked, or is since.
+    /// Whether the node was stopped at the request or later.
     fn serves_none(&self, event: &Event) -> bool {
         event.node.is_some_and(|node| {
             let has_left = self.left.get(node).is_some_and(|left| *left > event.frames.last);
@@ -76,7 +77,7 @@ impl SdoNoResponse {
         })
     }
 
-    /// The client gave up, after so many nanoseconds without a word of the server.
+    /// Reports a transfer that the client ended; the server had not responded for `waited` nanoseconds.
     fn given_up(
         &self,
         event: &Event,
@@ -86,15 +87,16 @@ impl SdoNoResponse {
     ) {
         let is_early = waited <= self.warning;
         let what = match outcome {
-            // Who asks again at once did not wait for an answer.
+            // A client that repeats the request at once did not wait for a response.
             Outcome::Superseded if is_early => return,
-            Outcome::Superseded => "the client began another transfer",
-            _ => "the client gave up",
+            Outcome::Superseded => "client started another transfer",
+            _ => "client aborted",
         };
         let severity = if is_early { Severity::Warning } else { Severity::Error };
         let alarm = context.fail(event).about(about(transfer)).severity(severity).measure(f64::MAX);
+        let alarm = alarm.reported_by_device();
         let milliseconds = waited / 1_000_000;
-        alarm.say(|| format!("no answer{}; {what} after {milliseconds} ms", of(transfer)));
+        alarm.report(|| format!("no SDO response ({what} after {milliseconds} ms)"));
     }
 
     fn slow(&self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
@@ -105,17 +107,22 @@ impl SdoNoResponse {
         if duration <= warning {
             return context.pass();
         }
-        let severity = if duration > error { Severity::Error } else { Severity::Warning };
-        let milliseconds = duration / 1_000_000;
+        let (severity, limit) =
+            if duration > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
+        let [milliseconds, limit] = [duration, limit].map(|time| time / 1_000_000);
         let alarm = context.fail(event).about(about(transfer)).severity(severity);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = alarm.measure(duration as f64);
-        alarm.say(|| format!("answered after {milliseconds} ms"));
+        alarm.report(|| format!("SDO response after {milliseconds} ms > {limit} ms"));
     }
 }
 
 impl Rule for SdoNoResponse {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if matches!(event.kind, EventKind::SdoTransfer(_)) && context.is_across_hole(event.frames.first) {
+            return;
+        }
         let transfer = match (&event.kind, event.node) {
             (EventKind::SdoTransfer(transfer), _) => transfer,
             (EventKind::NmtState(change), Some(node)) => return self.state(event, node, change),
@@ -123,18 +130,15 @@ impl Rule for SdoNoResponse {
         };
         match (transfer.outcome, transfer.waited) {
             (Outcome::Timeout, _) | (_, Some(_)) if self.serves_none(event) => {}
+            // The client did not continue the transfer, or did not start it.
+            (Outcome::Timeout, _) if transfer.awaits_client => {}
             (Outcome::Timeout, _) => {
                 let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX);
-                alarm.say(|| format!("no answer{}", of(transfer)));
+                alarm.report(|| "no SDO response".to_owned());
             }
             (outcome, Some(waited)) => self.given_up(event, transfer, (outcome, waited), context),
             (Outcome::Complete | Outcome::Aborted, None) => self.slow(event, transfer, context),
             _ => {}
         }
     }
-}
-
-/// ` to the request of 1018:01`.
-fn of(transfer: &SdoTransfer) -> String {
-    transfer.object.map_or_else(String::new, |object| format!(" to the request of {object}"))
 }

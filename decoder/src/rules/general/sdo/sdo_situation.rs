@@ -1,33 +1,35 @@
-//! What makes a server refuse an SDO request, as far as the bus and the device's dictionary tell.
+//! Reasons for which a server must refuse an SDO request, according to bus and object dictionary.
 
 use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
 use crate::profile::object::Access;
 use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
-use crate::rules::general::facts::{INVALID, is_restricted_write, sure};
+use crate::rules::general::facts::{INVALID, confirmed_number, is_restricted_write};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
-/// Objects every device has and none lets write (CiA 301 §7.5.2.1, §7.5.2.2, §7.5.2.19).
+/// Mandatory read-only objects (CiA 301 §7.5.2.1, §7.5.2.2, §7.5.2.19).
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
 
-/// Where the objects of CiA 301 end.
+/// End of the communication objects of CiA 301.
 const COMMUNICATION: u16 = 0x2000;
 
-/// Reserved by CiA 301: no device has it.
+/// Reserved index of CiA 301; never present.
 const RESERVED: u16 = 0x1004;
 
-/// Whether the device's own dictionary describes an object, not only a standard.
-pub(in crate::rules::general) fn is_told(device: &Device, object: ObjectAddress) -> bool {
+/// Whether the dictionary of the device, rather than a standard, describes an object.
+pub(in crate::rules::general) fn is_described(device: &Device, object: ObjectAddress) -> bool {
     device.full_id != plain_device().full_id && device.dictionary.is_own(object)
 }
 
-/// Access by SDO, where what tells it is the device's own word, or the standard leaves it no choice.
+/// Access by SDO, according to the dictionary of the device; for mandatory objects also according to the
+/// standard.
 pub(in crate::rules::general) fn access(device: &Device, object: ObjectAddress) -> Option<Access> {
-    let is_told = is_told(device, object) || MANDATORY.contains(&object.index);
+    let is_told = is_described(device, object) || MANDATORY.contains(&object.index);
     device.dictionary.find(object).filter(|_| is_told)?.entry?.access
 }
 
-/// Names of what is wrong with a request, in `abort_codes.toml`; several, where any of them may be checked first.
+/// Identifiers in `abort_codes.toml` of the errors in a request; several if the order of the checks is up to
+/// the device.
 pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node) -> Vec<&'static str> {
     if let Some(protocol) = of_protocol(transfer) {
         return vec![protocol];
@@ -47,7 +49,7 @@ pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node)
         _ => {}
     }
     if direction == Direction::Upload {
-        if object.index == 0x1003 && object.sub > 0 && sure(node, 0x1003, 0) == Some(0) {
+        if object.index == 0x1003 && object.sub > 0 && confirmed_number(node, 0x1003, 0) == Some(0) {
             found.push("empty-history");
         }
         return found;
@@ -61,7 +63,7 @@ pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node)
     found
 }
 
-/// What is wrong with the protocol rather than the object.
+/// Errors of the SDO protocol.
 fn of_protocol(transfer: &SdoTransfer) -> Option<&'static str> {
     let by_client = transfer.irregularity.filter(|irregularity| irregularity.by_client);
     match by_client.map(|irregularity| irregularity.what) {
@@ -72,7 +74,7 @@ fn of_protocol(transfer: &SdoTransfer) -> Option<&'static str> {
     }
 }
 
-/// What does not exist.
+/// Missing object or sub-index.
 fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
     if object.index == RESERVED {
         return Some("no-object");
@@ -93,9 +95,9 @@ fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
     is_variable.then_some("no-sub-index")
 }
 
-/// Bytes that do not fit the type. Four may mean that their number was not told.
+/// Length that does not match the data type. Four bytes may be a request without a size indicator.
 fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<&'static str> {
-    let is_told = is_told(device, object) || object.index < COMMUNICATION;
+    let is_told = is_described(device, object) || object.index < COMMUNICATION;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     let sent = transfer.announced.map_or(transfer.size, u64::from);
     let wanted = u64::from(bits.div_ceil(8));
@@ -119,7 +121,7 @@ fn of_range(transfer: &SdoTransfer) -> Vec<&'static str> {
     }
 }
 
-/// What CiA 301 says of single objects.
+/// Errors for single objects of CiA 301.
 fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Option<&'static str> {
     if is_restricted_write(object, number) {
         return Some("restricted-can-id");
@@ -130,32 +132,36 @@ fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Op
         (0x1011, 1..) => (data != b"load").then_some("wrong-signature"),
         (0x1016, 1..) => is_second(node, object, number).then_some("same-producer-twice"),
         (0x1019, 0) if matches!(number, 1 | 241..=255) => Some("counter-overflow-value"),
-        (0x1019, 0) => sure(node, 0x1006, 0).filter(|period| *period != 0).map(|_| "counter-overflow-locked"),
+        (0x1019, 0) => {
+            confirmed_number(node, 0x1006, 0).filter(|period| *period != 0).map(|_| "counter-overflow-locked")
+        }
         (0x1600..=0x17FF | 0x1A00..=0x1BFF, sub) => of_mapping(node, object, sub, number),
         _ => None,
     }
 }
 
-/// Whether the heartbeat consumer list has the producer at another place.
+/// Whether another entry of the heartbeat consumer list already monitors the producer.
 fn is_second(node: &Node, object: ObjectAddress, number: u64) -> bool {
     let producer = |entry: u64| (entry >> 16 & 0x7F, entry & 0xFFFF);
     let (id, time) = producer(number);
     let others = (1..=127_u8).filter(|sub| *sub != object.sub);
-    let mut others = others.filter_map(|sub| sure(node, 0x1016, sub)).map(producer);
+    let mut others = others.filter_map(|sub| confirmed_number(node, 0x1016, sub)).map(producer);
     id != 0 && time != 0 && others.any(|(other, time)| other == id && time != 0)
 }
 
-/// What CiA 301 §7.5.2.36 wants before a mapping is written.
+/// Errors in the remapping procedure of CiA 301 §7.5.2.36.
 fn of_mapping(node: &Node, object: ObjectAddress, sub: u8, number: u64) -> Option<&'static str> {
     let name = PdoName::of_parameter(object.index)?;
-    if sure(node, name.communication_index(), 1).is_some_and(|cob_id| cob_id & INVALID == 0) {
+    if confirmed_number(node, name.communication_index(), 1).is_some_and(|cob_id| cob_id & INVALID == 0) {
         return Some("mapping-of-valid-pdo");
     }
     if sub > 0 {
-        return sure(node, object.index, 0).filter(|count| *count != 0).map(|_| "mapping-enabled");
+        return confirmed_number(node, object.index, 0)
+            .filter(|count| *count != 0)
+            .map(|_| "mapping-enabled");
     }
     let count = u8::try_from(number).ok()?.min(64);
     let bits: Option<u64> =
-        (1..=count).map(|sub| sure(node, object.index, sub).map(|entry| entry & 0xFF)).sum();
+        (1..=count).map(|sub| confirmed_number(node, object.index, sub).map(|entry| entry & 0xFF)).sum();
     bits.filter(|bits| *bits > 64).map(|_| "mapping-too-large")
 }

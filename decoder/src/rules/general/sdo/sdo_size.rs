@@ -1,6 +1,6 @@
 //! Sizes of SDO transfers.
 
-use super::sdo_situation::is_told;
+use super::sdo_situation::is_described;
 use crate::event::{Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::DataType;
@@ -12,21 +12,21 @@ use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
-    /// A transfer has as many bytes as its first message announced. What is read of a communication object, or of an
-    /// object of the device's own dictionary, has as many bytes as its type: a note.
+    /// The size of a transfer differs from the announced size. For a read communication object, or an object
+    /// of the device dictionary, a size that differs from the data type is a note.
     ///
     /// # Why it matters
-    /// Data is lost or padded; a master reads a number from bytes that are none.
+    /// Data is lost or padded, and the master misreads the value.
     ///
     /// # Source
     /// CiA 301 §7.2.4.3.3, §7.2.4.3.6 (size indicator)
     ///
     /// # What to look at first
-    /// The side that sends the data; whether frames were lost in the recording.
+    /// Check how the sender sets the size. Check the capture for lost frames.
     ///
     /// # Mutation
     /// change the announced size of a segmented transfer
-    "sdo-size", Warning, "an SDO transfer has another size than announced",
+    "sdo-size", Warning, "wrong SDO transfer size",
     kinds: ["sdo-transfer"],
     cases: &[
         "2.1", "2.8", "2.9", "2.13", "2.14", "2.15", "2.16", "2.18", "2.19", "2.20", "2.21", "2.22", "2.23", "2.24",
@@ -43,9 +43,13 @@ fn new(_policy: &Policy) -> SdoSize {
 
 impl Rule for SdoSize {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let has_gap = transfer.truncated && transfer.data.len() < TRANSFER_DATA_LIMIT;
-        // Where the order of segments is wrong, sizes follow from that.
+        // Segments out of order also cause a wrong size.
         let is_whole = !transfer.cut_start && !has_gap && transfer.irregularity.is_none();
         if transfer.outcome != Outcome::Complete || !is_whole {
             return;
@@ -56,24 +60,24 @@ impl Rule for SdoSize {
                 return context.pass();
             }
             let alarm = context.fail(event).about(about(transfer));
-            return alarm.say(|| format!("{} transferred, {announced} announced", plural(size, "byte")));
+            return alarm.report(|| format!("{} transferred, {announced} announced", plural(size, "byte")));
         }
         let Some(wanted) = bytes_of_type(event, transfer, context) else { return };
-        // Four bytes of an expedited answer may mean that their number is not told.
+        // An expedited response of 4 bytes may lack a size indicator.
         if wanted == size || size == 4 && wanted < 4 {
             return context.pass();
         }
         let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);
-        alarm.say(|| format!("{} read, its type has {wanted}", plural(size, "byte")));
+        alarm.report(|| format!("{} read (data type: {wanted})", plural(size, "byte")));
     }
 }
 
-/// Bytes of the type of an object that was read in one frame.
+/// Size of the data type of an object that was read by an expedited transfer.
 fn bytes_of_type(event: &Event, transfer: &SdoTransfer, context: &Context<'_>) -> Option<u64> {
     let is_read = transfer.direction == Some(Direction::Upload) && transfer.mode == Some(Mode::Expedited);
     let object = transfer.object.filter(|_| is_read)?;
     let device = context.node(event)?.device();
-    let is_told = is_told(device, object) || object.index < 0x2000;
+    let is_told = is_described(device, object) || object.index < 0x2000;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     Some(u64::from(bits.div_ceil(8)))
 }

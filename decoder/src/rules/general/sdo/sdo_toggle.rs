@@ -7,21 +7,22 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// The toggle bit of a segmented transfer begins with 0 and alternates; the server answers with the bit that the
-    /// client sent.
+    /// The toggle bit of a segmented transfer must start at 0 and alternate. The server must repeat the
+    /// toggle bit of the client.
     ///
     /// # Why it matters
-    /// It is all that tells a segment sent again from the next one: data is lost or doubled without a sign.
+    /// Only the toggle bit distinguishes a repeated segment from the next one. Data is lost or duplicated
+    /// without notice.
     ///
     /// # Source
     /// CiA 301 §7.2.4.3.5, §7.2.4.3.8 (download and upload of segments)
     ///
     /// # What to look at first
-    /// Which side is named; its SDO stack, and whether two clients share the channel.
+    /// Check whether two clients use the same SDO channel. If not, the SDO stack of the named side is wrong.
     ///
     /// # Mutation
     /// flip bit 4 of the first byte of a segment
-    "sdo-toggle", Warning, "a toggle bit of an SDO segment is wrong",
+    "sdo-toggle", Warning, "wrong toggle bit in SDO segment",
     kinds: ["sdo-transfer"],
     cases: &["2.13", "2.14", "2.15", "2.16", "2.17", "2.18", "4.1", "4.7", "4.9"],
     word: "SDO",
@@ -35,8 +36,16 @@ fn new(_policy: &Policy) -> SdoToggle {
 
 impl Rule for SdoToggle {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        let Some(wrong) = transfer.irregularity.filter(|it| it.what == SdoIrregularityKind::Toggle) else {
+        // Only segments have a toggle bit.
+        let is_segmented = transfer.mode == Some(Mode::Segmented);
+        let toggle =
+            transfer.irregularity.filter(|it| it.what == SdoIrregularityKind::Toggle && is_segmented);
+        let Some(wrong) = toggle else {
             if transfer.mode == Some(Mode::Segmented)
                 && transfer.outcome == Outcome::Complete
                 && !transfer.cut_start
@@ -45,7 +54,7 @@ impl Rule for SdoToggle {
             }
             return;
         };
-        // A test tool does it on purpose: right is who aborts then.
+        // A test tool provokes this on purpose; the correct reaction is an abort.
         if wrong.by_client && context.is_tested {
             if transfer.outcome == Outcome::Aborted {
                 context.pass();
@@ -55,6 +64,6 @@ impl Rule for SdoToggle {
         let side = if wrong.by_client { "client" } else { "server" };
         let outcome = transfer.outcome.name();
         let alarm = context.fail(event).about(about(transfer));
-        alarm.say(|| format!("the {side}'s toggle bit is wrong {{{}}}, {outcome}", wrong.frame));
+        alarm.report(|| format!("wrong {side} toggle bit {{{}}} (transfer {outcome})", wrong.frame));
     }
 }

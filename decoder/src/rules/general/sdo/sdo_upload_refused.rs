@@ -1,4 +1,4 @@
-//! A device refuses a read.
+//! SDO uploads that a device refuses.
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome};
 use crate::profile::abort_codes;
@@ -9,25 +9,25 @@ use crate::rules::{Context, NodeMap, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// An SDO upload is aborted by the server. Where a node was asked for several objects that do not exist, the
-    /// client looks for what there is: then only other codes are told.
+    /// The server aborts an SDO upload. After `missing` reads of objects that do not exist, further ones
+    /// count as a scan and are exempt.
     ///
     /// # Why it matters
-    /// The client does not get a value that it may need. Mostly it is only curious.
+    /// The client may lack a value that it requires. Often it only reads optional objects.
     ///
     /// # Source
     /// CiA 301 §7.2.4.3.17 (abort SDO transfer)
     ///
     /// # What to look at first
-    /// The client's configuration against the EDS of this firmware.
+    /// Compare the request with the EDS of this firmware.
     ///
     /// # Mutation
-    /// turn the answer to an upload into an abort
-    "sdo-upload-refused", Note, "a device refused a read",
+    /// turn the response to an upload into an abort
+    "sdo-upload-refused", Note, "SDO upload refused",
     kinds: ["sdo-transfer"],
     is_on: false,
     word: "REFUSE",
-    tolerances: &[tolerance("missing", 5.0, "", "of objects that do not exist, before it is a scan")],
+    tolerances: &[tolerance("missing", 5.0, "", "reads of missing objects before they count as a scan")],
 }
 
 struct SdoUploadRefused {
@@ -39,7 +39,7 @@ fn new(policy: &Policy) -> SdoUploadRefused {
     SdoUploadRefused { most: policy.tolerance(&DECLARATION, "missing"), missing: NodeMap::default() }
 }
 
-/// Object does not exist, sub-index does not exist.
+/// Abort codes for a missing object and a missing sub-index.
 const MISSING: [u32; 2] = [0x0602_0000, 0x0609_0011];
 
 impl Rule for SdoUploadRefused {
@@ -63,6 +63,6 @@ impl Rule for SdoUploadRefused {
         }
         let own = record::device(event, context.bus).abort(code, transfer.object);
         let text = own.map_or_else(|| abort_codes().text(code), |own| &own.text);
-        context.fail(event).about(about(transfer)).say(|| format!("read refused: {code:08X} {text}"));
+        context.fail(event).about(about(transfer)).report(|| format!("read refused: {code:08X} {text}"));
     }
 }

@@ -1,7 +1,7 @@
-//! The counter of SYNC.
+//! SYNC counter against its sequence and the overflow value (1019).
 
 use crate::event::{Event, EventKind};
-use crate::rules::general::facts::{PRODUCES, sure};
+use crate::rules::general::facts::{PRODUCES, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::session::Bus;
@@ -9,66 +9,74 @@ use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
-    /// The counter of SYNC counts up by one from 1; it is there if and only if the producer's overflow value (1019)
-    /// says so, where the producer is known (bit 30 of its 1005), and does not run beyond that value.
+    /// The SYNC counter must count up by one from 1. If the producer is known (bit 30 of its 1005), its
+    /// overflow value (1019) determines whether there is a counter, and its maximum.
     ///
     /// # Why it matters
-    /// TPDOs with a SYNC start value lose their place in the cycle.
+    /// TPDOs with a SYNC start value lose their position in the cycle.
     ///
     /// # Source
     /// CiA 301 §7.2.5.3 (SYNC), §7.5.2.22 (1019)
     ///
     /// # What to look at first
-    /// Whether frames were lost in the recording; two producers of SYNC.
+    /// Check the bus for a second SYNC producer. Check the capture for lost frames.
     ///
     /// # Mutation
     /// drop a SYNC with a counter
-    "sync-counter", Warning, "the counter of SYNC is wrong",
+    "sync-counter", Warning, "wrong SYNC counter",
     kinds: ["sync"],
     cases: &["6.6", "6.7", "6.8"],
     shows: &["6.7"],
     word: "SYNC",
 }
 
-struct SyncCounter;
-
-fn new(_policy: &Policy) -> SyncCounter {
-    SyncCounter
+#[derive(Default)]
+struct SyncCounter {
+    last_frame: u64,
 }
 
-/// The one node that is known to produce SYNC, with its overflow value.
+fn new(_policy: &Policy) -> SyncCounter {
+    SyncCounter::default()
+}
+
+/// The only confirmed SYNC producer, with its overflow value.
 fn producer(bus: &Bus) -> Option<(NodeId, u64)> {
     let produces = |cob_id: u64| cob_id & PRODUCES != 0;
-    let mut all = bus.nodes().filter(|node| sure(node, 0x1005, 0).is_some_and(produces));
+    let mut all = bus.nodes().filter(|node| confirmed_number(node, 0x1005, 0).is_some_and(produces));
     let one = all.next().filter(|_| all.next().is_none())?;
-    Some((one.id(), sure(one, 0x1019, 0)?))
+    Some((one.id(), confirmed_number(one, 0x1019, 0)?))
 }
 
 impl Rule for SyncCounter {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Sync { counter, expected } = event.kind else { return };
+        let before = std::mem::replace(&mut self.last_frame, event.frames.last);
         if let (Some(counter), Some(expected)) = (counter, expected) {
-            return context.fail(event).say(|| format!("counter {counter} instead of {expected}"));
+            // Values that are missing after a silence of the bus are a statement about the capture.
+            if context.is_across_hole(before) {
+                return;
+            }
+            return context.fail(event).report(|| format!("SYNC counter {counter} (expected {expected})"));
         }
         if let Some(counter @ (0 | 241..)) = counter {
-            return context.fail(event).say(|| format!("counter {counter}, which is none of 1 to 240"));
+            return context.fail(event).report(|| format!("SYNC counter {counter} out of range (1 to 240)"));
         }
-        // Looked up only where there is something to compare.
+        // Without a counter, the look-up is limited to every 64th SYNC.
         if context.traffic.syncs() % 64 != 1 && counter.is_none() {
             return;
         }
         match (producer(context.bus), counter) {
             (Some((node, overflow @ 2..=240)), None) => {
                 let alarm = context.fail(event).node(Some(node));
-                alarm.say(|| format!("SYNC without a counter; 1019 = {overflow}"));
+                alarm.report(|| format!("SYNC without counter (1019:00 = {overflow})"));
             }
             (Some((node, 0)), Some(counter)) => {
                 let alarm = context.fail(event).node(Some(node));
-                alarm.say(|| format!("SYNC with counter {counter}; 1019 = 0"));
+                alarm.report(|| format!("SYNC with counter {counter} (1019:00 = 0)"));
             }
             (Some((node, overflow @ 2..=240)), Some(counter)) if u64::from(counter) > overflow => {
                 let alarm = context.fail(event).node(Some(node));
-                alarm.say(|| format!("counter {counter} runs beyond 1019 = {overflow}"));
+                alarm.report(|| format!("SYNC counter {counter} > {overflow} (1019:00)"));
             }
             (None, None) => {}
             _ => context.pass(),

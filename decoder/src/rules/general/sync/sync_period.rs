@@ -1,8 +1,9 @@
-//! SYNC does not come in its period.
+//! SYNC period against 1006 or the usual period.
 
 use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
-use crate::rules::general::facts::sure_of;
+use crate::frame::Timestamp;
+use crate::rules::general::facts::confirmed_value;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
 use crate::session::{Bus, Node};
@@ -10,59 +11,61 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// SYNC comes later or earlier than the communication cycle period (1006) of its producer says; where that was
-    /// not seen, than its usual period. Two SYNC streams within one another, and two nodes that are both configured
-    /// to produce it (bit 30 of 1005), are an error. Where nodes use another identifier for SYNC nothing is judged.
+    /// The SYNC interval deviates from the communication cycle period (1006) of the producer, or from the
+    /// usual period if 1006 is unknown. Two interleaved SYNC streams, and two nodes configured as producer
+    /// (bit 30 of 1005), are an error. Buses with another SYNC identifier are exempt.
     ///
     /// # Why it matters
-    /// Synchronous PDOs and set points act at SYNC: what is meant to happen together does not.
+    /// Synchronous PDOs and set points take effect at SYNC. With an irregular SYNC, axes and outputs do not
+    /// act together.
     ///
     /// # Source
     /// CiA 301 §7.2.5 (SYNC), §7.5.2.5 (1005), §7.5.2.6 (1006)
     ///
     /// # What to look at first
-    /// Load of the producer and of the bus; which node has bit 30 of 1005 set.
+    /// Check cycle time and load of the SYNC producer. Check the load of the bus, and bit 30 of 1005 in all
+    /// nodes.
     ///
     /// # Mutation
     /// drop a SYNC; insert a second stream of SYNC
-    "sync-period", Error, "SYNC does not come in its period",
+    "sync-period", Error, "SYNC period out of tolerance",
     kinds: ["sync", "sdo-transfer", "boot-up"],
     is_timing: true,
     word: "SYNC",
     tolerances: &[
         tolerance("given-percent", 10.0, "%", "deviation from 1006, a warning"),
-        tolerance("usual-percent", 20.0, "%", "deviation from the median where 1006 was not seen, a warning"),
+        tolerance("usual-percent", 20.0, "%", "deviation from the median if 1006 is unknown, a warning"),
     ],
 }
 
-/// Cycle period in microseconds, and COB-ID of SYNC with bit 30 for its producer.
+/// Communication cycle period, in µs; COB-ID SYNC with the producer bit 30.
 const PERIOD: ObjectAddress = ObjectAddress::new(0x1006, 0);
 const COB_ID: ObjectAddress = ObjectAddress::new(0x1005, 0);
 
-/// Bit 30 of 1005: this device produces SYNC; bits 0 to 28 are the identifier.
+/// Bit 30 of 1005: the device is the SYNC producer. Bits 0 to 28: identifier.
 const PRODUCES: u64 = 1 << 30;
 const IDENTIFIER: u64 = 0x1FFF_FFFF;
 const PREDEFINED: u64 = 0x80;
 
-/// Intervals the median is taken of, and how many of them must be near it for SYNC to be cyclic.
+/// Number of intervals for the median; minimum number of them near the median for a cyclic SYNC.
 const WINDOW: usize = 16;
 const NEAR: usize = 12;
 
-/// Steps stamps may have, in nanoseconds.
+/// Coarsest resolution of timestamps, in nanoseconds.
 const COARSEST: i64 = 1_000_000_000;
 
 struct SyncPeriod {
     given_share: f64,
     usual_share: f64,
-    /// Time of the last SYNC, and its frame.
+    /// Time and frame of the last SYNC.
     last: Option<(i64, u64)>,
     intervals: [i64; WINDOW],
     filled: usize,
     median: Option<i64>,
     given: Option<i64>,
-    /// Nodes use other identifiers.
+    /// A node uses another SYNC identifier.
     is_mixed: bool,
-    /// Stamps are multiples of it behind the first one.
+    /// Resolution of the timestamps relative to the first one, in nanoseconds.
     step: i64,
     first: i64,
     is_double: bool,
@@ -96,6 +99,10 @@ impl SyncPeriod {
         while self.step > 1 && stamp.0.saturating_sub(self.first) % self.step != 0 {
             self.step /= 10;
         }
+        // An interval across a hole is that of the capture, not of the producer.
+        if context.is_across_hole(frame) {
+            return;
+        }
         let interval = now.saturating_sub(last);
         self.intervals.rotate_left(1);
         if let Some(newest) = self.intervals.last_mut() {
@@ -119,21 +126,25 @@ impl SyncPeriod {
         if is_near {
             return context.pass();
         }
-        let source = if self.given.is_some() { "1006 says" } else { "usual" };
+        let source = if self.given.is_some() { "1006:00" } else { "usual period" };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = interval.abs_diff(period) as f64;
         let alarm = context.fail(event).severity(Severity::Warning).measure(measure).frames(frames);
-        alarm.say(|| format!("SYNC after {}; {source} {}", milliseconds(interval), milliseconds(period)));
+        alarm.report(|| {
+            let sign = if interval < period { "<" } else { ">" };
+            let ([interval, period], percent) = ([interval, period].map(milliseconds), share * 100.0);
+            format!("SYNC period {interval} {sign} {period} ± {percent:.0} % ({source})")
+        });
     }
 
-    /// A digit of the stamps is no deviation.
+    /// Whether an interval equals a period within the tolerance and the timestamp resolution.
     fn is_near(&self, interval: i64, period: i64, share: f64) -> bool {
         #[expect(clippy::cast_precision_loss, reason = "times to compare")]
         let (off, most) = (interval.abs_diff(period) as f64, period as f64 * share + self.step as f64);
         off <= most
     }
 
-    /// The usual interval, if most of the last ones are near it.
+    /// Updates the usual period if most of the latest intervals are near their median.
     fn learn(&mut self) {
         let mut sorted = self.intervals;
         sorted.sort_unstable();
@@ -145,7 +156,7 @@ impl SyncPeriod {
         }
     }
 
-    /// Whether the last intervals are those of two producers.
+    /// Checks whether the latest intervals belong to two producers.
     fn streams(&mut self, event: &Event, reference: Option<i64>, context: &mut Context<'_>) {
         let was_double = std::mem::replace(&mut self.is_double, false);
         let Some([one, other]) = self.two_streams(reference) else {
@@ -158,14 +169,16 @@ impl SyncPeriod {
         if was_double {
             return;
         }
-        let alarm = context.fail(event).ongoing();
-        alarm.say(|| {
+        let window: i64 = self.intervals.iter().sum();
+        let since = event.time.map(|time| Timestamp(time.0.saturating_sub(window)));
+        let alarm = context.fail(event).since(since);
+        alarm.report(|| {
             let [one, other, together] = [one, other, one + other].map(milliseconds);
-            format!("two producers: SYNC after {one} and {other} in turn, each its own period of {together}")
+            format!("two SYNC producers of {together} each (intervals alternate between {one} and {other})")
         });
     }
 
-    /// Mean intervals where short and long ones take turns and together are the period.
+    /// Mean short and long interval, if they alternate and add up to the period.
     fn two_streams(&self, reference: Option<i64>) -> Option<[i64; 2]> {
         let half = i64::try_from(WINDOW / 2).ok()?;
         let means = [0, 1].map(|from| self.intervals.iter().skip(from).step_by(2).sum::<i64>() / half);
@@ -179,13 +192,14 @@ impl SyncPeriod {
         (is_steady && differ && fits).then_some(means)
     }
 
-    /// What the configuration of the nodes says.
+    /// Updates the expected period from the configuration of the nodes.
     fn configured(&mut self, bus: &Bus) {
-        let of_any = bus.nodes().filter_map(|node| sure_of(node, COB_ID));
+        let of_any = bus.nodes().filter_map(|node| confirmed_value(node, COB_ID));
         self.is_mixed = of_any.into_iter().any(|id| id & IDENTIFIER != PREDEFINED);
-        let periods =
-            bus.nodes().filter_map(|node| Some((node, sure_of(node, PERIOD).filter(|period| *period > 0)?)));
-        let produced = |node: &Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let periods = bus
+            .nodes()
+            .filter_map(|node| Some((node, confirmed_value(node, PERIOD).filter(|period| *period > 0)?)));
+        let produced = |node: &Node| confirmed_value(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
         let mut all: Vec<_> = periods.map(|(node, period)| (produced(node), period)).collect();
         if all.iter().any(|(produces, _)| *produces) {
             all.retain(|(produces, _)| *produces);
@@ -202,12 +216,12 @@ impl SyncPeriod {
     }
 
     fn producers(event: &Event, context: &mut Context<'_>) {
-        let produces = |node: &&Node| sure_of(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+        let produces = |node: &&Node| confirmed_value(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
         let all: Vec<String> =
             context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
         if all.len() > 1 {
             let alarm = context.fail(event).about(About::Object(COB_ID));
-            alarm.say(|| format!("nodes {} are all configured to produce SYNC", all.join(", ")));
+            alarm.report(|| format!("several SYNC producers: nodes {} (1005:00 bit 30)", all.join(", ")));
         }
     }
 }

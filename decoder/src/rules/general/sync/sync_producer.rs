@@ -1,4 +1,4 @@
-//! A device goes on to produce SYNC though it was told not to.
+//! SYNC from a node whose producer bit was cleared.
 
 use crate::event::{Event, EventKind, FrameRange, SdoTransfer};
 use crate::rules::general::facts::{PRODUCES, number};
@@ -9,22 +9,23 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A device whose producer bit (bit 30 of 1005) was set and then cleared goes on to send SYNC: three more come at
-    /// the old pace, and no other node is known to produce it. Who else may send SYNC is often not on the bus, so
-    /// nothing else is judged; while a conformance test waits for silence any SYNC counts.
+    /// After the producer bit (bit 30 of 1005) of a device was cleared, three SYNCs still arrive with the
+    /// previous period, and no other producer is known. Other cases are exempt, because unknown producers are
+    /// common. While a conformance test waits for silence, any SYNC counts.
     ///
     /// # Why it matters
-    /// Two producers on one bus: devices work at twice the rate, outputs change between the controller's cycles.
+    /// With two producers on one bus, devices work at twice the rate, and outputs change between the cycles
+    /// of the controller.
     ///
     /// # Source
     /// CiA 301 §7.2.5.2, §7.5.2.5 (1005, bit 30 "gen.")
     ///
     /// # What to look at first
-    /// 1005 and 1006 of all nodes; whether the master took over the same period.
+    /// Check bit 30 of 1005 in all nodes. Check whether the master now sends SYNC with the same period.
     ///
     /// # Mutation
     /// clear bit 30 of 1005 in the middle
-    "sync-producer", Warning, "SYNC goes on though its producer was switched off",
+    "sync-producer", Warning, "SYNC still sent after producer was disabled",
     kinds: ["sync", "sdo-transfer", "boot-up", "test-case"],
     cases: &["6.2", "6.4", "9.2", "9.3"],
     word: "SYNC",
@@ -32,25 +33,25 @@ declare_rule! {
 
 const COB_ID_SYNC: ObjectAddress = ObjectAddress::new(0x1005, 0);
 
-/// SYNCs at the old pace from which on it is no chance.
+/// Consecutive SYNCs with the previous period that rule out a coincidence.
 const IN_A_ROW: u8 = 3;
 
-/// A node that stopped producing, as it says.
+/// Node whose producer bit was cleared.
 struct Cleared {
     node: NodeId,
     frame: u64,
-    /// Its bit had been set in this capture.
+    /// The bit was set earlier in this capture.
     was_set: bool,
-    /// Pace before, where it is known.
+    /// SYNC period before, in nanoseconds, if known.
     period: Option<i64>,
     in_a_row: u8,
 }
 
 #[derive(Default)]
 struct SyncProducer {
-    /// Nodes by their bit as it was last seen.
+    /// Latest producer bit per node.
     produces: NodeMap<bool>,
-    /// Of one of them it is set.
+    /// At least one producer bit is set.
     is_produced: bool,
     /// Time of the last SYNC, and the interval before it.
     last: Option<(i64, Option<i64>)>,
@@ -101,9 +102,9 @@ impl SyncProducer {
             let frames = FrameRange { first: frame, last: event.frames.last };
             self.cleared = None;
             let alarm = context.fail(event).node(Some(node)).frames(frames);
-            return alarm.say(|| format!("SYNC goes on behind {{{frame}}}, which cleared bit 30 of 1005"));
+            return alarm.report(|| format!("SYNC still sent after 1005:00 bit 30 was cleared {{{frame}}}"));
         }
-        // Another one sends it: whose silence it would be, nobody can tell.
+        // Another producer sends it, so the node cannot be identified.
         if is_in_case || !is_same {
             self.cleared = None;
         }

@@ -1,4 +1,4 @@
-//! An ISO-TP message does not arrive.
+//! Incomplete or irregular ISO-TP messages.
 
 use crate::event::{
     Event, EventKind, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome, Protocol,
@@ -9,26 +9,26 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A message of several frames: frames are missing or come twice, no flow control comes (N_Bs), the sender does not go
-    /// on (N_Cr), the receiver has no room, or flow control comes where nobody waits for it. What began before the capture
-    /// is not judged.
+    /// A segmented ISO-TP message lacks or repeats frames, receives no flow control (N_Bs), is not continued
+    /// (N_Cr), or overflows its receiver. Flow control without an open message is reported too. Messages that
+    /// began before the capture are exempt.
     ///
     /// # Why it matters
-    /// The diagnostic request or its answer is lost, and the tester asks again or gives up.
+    /// The diagnostic request or its response is lost. The tester repeats the request or aborts.
     ///
     /// # Source
     /// ISO 15765-2 §9.6.5 (flow control), §9.7 (N_Bs, N_Cr), §9.8 (unexpected frames)
     ///
     /// # What to look at first
-    /// Which side stopped, its address, whether frames of others carry the same identifier.
+    /// Check which side stopped sending. Check whether other devices use the same identifier.
     ///
     /// # Mutation
     /// drop a consecutive frame
-    "isotp-violation", Warning, "an ISO-TP message does not arrive whole",
+    "isotp-violation", Warning, "ISO-TP message incomplete or unexpected",
     kinds: ["isotp-transfer", "transport-irregularity"],
     word: "ISOTP",
     tolerances: &[tolerance(
-        "grace-ms", 1_000.0, "ms", "from the beginning of the capture, in which messages may have begun before it",
+        "grace-ms", 1_000.0, "ms", "after the start of the capture, in which messages may have begun earlier",
     )],
 }
 
@@ -46,20 +46,20 @@ fn message(event: &Event, transfer: &IsoTpTransfer, context: &mut Context<'_>) {
         MessageOutcome::Complete if transfer.is_single => return,
         MessageOutcome::Complete => return context.pass(),
         MessageOutcome::Unfinished => return,
-        MessageOutcome::Incomplete => ("frames in between are missing", Severity::Warning),
-        MessageOutcome::NoFlowControl => ("no flow control came within 1,000 ms (N_Bs)", Severity::Warning),
-        MessageOutcome::Timeout => ("the sender did not go on within 1,000 ms (N_Cr)", Severity::Warning),
-        MessageOutcome::Overflow => ("the receiver has no room for it", Severity::Warning),
-        MessageOutcome::Superseded => ("the sender began another message", Severity::Note),
+        MessageOutcome::Incomplete => ("frames missing", Severity::Warning),
+        MessageOutcome::NoFlowControl => ("no flow control within 1000 ms (N_Bs)", Severity::Warning),
+        MessageOutcome::Timeout => ("no consecutive frame within 1000 ms (N_Cr)", Severity::Warning),
+        MessageOutcome::Overflow => ("receiver overflow", Severity::Warning),
+        MessageOutcome::Superseded => ("sender started another message", Severity::Note),
     };
     let (size, announced) = (transfer.size, transfer.announced);
     let alarm = context.fail(event).about(About::Id(transfer.id)).severity(severity);
-    alarm.say(|| format!("{size} of {announced} bytes: {what}"));
+    alarm.report(|| format!("{size} of {announced} bytes received: {what}"));
 }
 
 fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Context<'_>) {
     let severity = match odd.what {
-        // What a gap comes to the end of the message tells.
+        // The outcome of the message includes the gap.
         IrregularityKind::Gap => return,
         IrregularityKind::Unexpected if is_early => return,
         _ => Severity::Note,
@@ -70,11 +70,11 @@ fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Co
     };
     let alarm = context.fail(event).about(About::Name(path.into())).severity(severity);
     let message = odd.message;
-    alarm.say(|| match (odd.what, odd.packet) {
+    alarm.report(|| match (odd.what, odd.packet) {
         (IrregularityKind::Duplicate, Some(number)) => {
-            format!("{message} with number {number} came twice")
+            format!("{message} {number} received twice")
         }
-        _ => format!("{message} that no message explains"),
+        _ => format!("{message} without an open message"),
     });
 }
 
@@ -84,6 +84,10 @@ impl Rule for IsotpViolation {
     }
 
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
         match &event.kind {
             EventKind::IsoTpTransfer(transfer) => message(event, transfer, context),
             EventKind::TransportIrregularity(odd) if event.protocol == Protocol::Uds => {

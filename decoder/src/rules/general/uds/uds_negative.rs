@@ -1,4 +1,4 @@
-//! A UDS server refuses a request.
+//! Negative responses of a UDS server.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -12,33 +12,34 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A server answers with a negative response: a warning where something was to be written, started, transferred,
-    /// cleared or reset, else a note. That a server does not have a service, sub-function or identifier is how testers find
-    /// out what it has: nothing where something was only read. "Response pending" (78) is no refusal.
+    /// A server sends a negative response. It is a warning if the request writes, starts, transfers, clears
+    /// or resets something, otherwise a note. A read of a service, sub-function or identifier that the server
+    /// does not support is exempt, and so is "response pending" (78).
     ///
     /// # Why it matters
-    /// The setting, routine or download did not happen, whatever the tester shows.
+    /// The setting, routine or download has no effect, regardless of the display of the tester.
     ///
     /// # Source
     /// ISO 14229-1 §8.7 and Annex A.1 (negative response codes)
     ///
     /// # What to look at first
-    /// The session and security access before it, the length of the request, conditions in the device's manual.
+    /// Check session and security access before the request. Check the length of the request and the
+    /// conditions in the device manual.
     ///
     /// # Mutation
-    /// replace the answer of a write by a refusal
-    "uds-negative", Warning, "a UDS server refuses a request",
+    /// replace the response to a write by a negative response
+    "uds-negative", Warning, "UDS request refused",
     kinds: ["uds-exchange"],
     word: "UDS",
 }
 
-/// Codes that say only that there is no such thing (here): service, sub-function, identifier, in this session.
+/// Codes for an unsupported service, sub-function or identifier, in general or in this session.
 const NOT_THERE: [u8; 5] = [0x11, 0x12, 0x31, 0x7E, 0x7F];
 
-/// There is no such service at all: also of a service that changes something.
+/// Code for an unsupported service; exempt also for services that change something.
 const NO_SERVICE: u8 = 0x11;
 
-/// Services that change something: reset, clear, write, control, routine, transfer.
+/// Services that change something: reset, clear, write, control, routine and transfer services.
 const CHANGES: [u8; 10] = [0x11, 0x14, 0x2E, 0x2F, 0x31, 0x34, 0x36, 0x37, 0x38, 0x3D];
 
 struct UdsNegative;
@@ -47,7 +48,7 @@ fn new(_policy: &Policy) -> UdsNegative {
     UdsNegative
 }
 
-/// `20: 2E 0102`: server, service, identifier; the server is left out where a node stands for it.
+/// `20: 2E 0102`: server, service, identifier. The server is omitted if the finding has a node.
 pub(super) fn subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
     let mut text = String::new();
     if event.node.is_none() {
@@ -64,7 +65,7 @@ pub(super) fn subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
     text.into()
 }
 
-/// What a service is called.
+/// Name of a service, or `service` if unknown.
 pub(super) fn service_name(service: u8) -> &'static str {
     uds().service(service).map_or("service", |known| known.name.as_str())
 }
@@ -86,10 +87,10 @@ impl Rule for UdsNegative {
         let own = own.map(|own| own.text.clone());
         let about = About::Name(subject(event, exchange));
         let alarm = context.fail(event).about(about).severity(severity);
-        alarm.say(|| {
+        alarm.report(|| {
             let text = uds().code(code).map_or("unknown code", |known| known.text.as_str());
             format!(
-                "{} refused with {code:02X}: {}",
+                "{} refused: {code:02X} {}",
                 service_name(exchange.service),
                 own.as_deref().unwrap_or(text)
             )

@@ -1,7 +1,7 @@
-//! A UDS server does not answer.
+//! UDS requests without a response.
 
 use super::uds_negative::{service_name, subject};
-use crate::event::{Ends, Event, EventKind, ExchangeOutcome, UdsExchange};
+use crate::event::{Endpoints, Event, EventKind, ExchangeOutcome, UdsExchange};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::declare_rule;
@@ -9,33 +9,35 @@ use crate::rules::{Context, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
-    /// A request has no final response: within 5 s, or before the client asks the same again, and in any case after a
-    /// response that said it takes longer (78). Requests that ask for no positive response, and requests to a server of
-    /// which no answer was seen so far, are not judged: a tester looks for servers that way.
+    /// A request has no final response within 5 s or before the client repeats it. A missing response after
+    /// "response pending" (78) is an error. Requests that suppress the positive response, and requests to a
+    /// server without any earlier response, are exempt: testers search for servers that way.
     ///
     /// # Why it matters
-    /// What was written or started may have happened or not; a server that stops answering has restarted or is stuck.
+    /// The write or routine may or may not have taken effect. A server that stops responding has restarted or
+    /// is stuck.
     ///
     /// # Source
     /// ISO 14229-2 §7.2 (P2, P2*); ISO 14229-1 §8.7
     ///
     /// # What to look at first
-    /// Whether the device restarted, the request arrived whole (ISO-TP), another tester talks to it.
+    /// Check whether the device restarted. Check whether the request was complete (ISO-TP), and whether a
+    /// second tester is active.
     ///
     /// # Mutation
-    /// drop the answer of a server
-    "uds-no-response", Warning, "a UDS request has no answer",
+    /// drop the response of a server
+    "uds-no-response", Warning, "UDS request without response",
     kinds: ["uds-exchange"],
     is_timing: true,
     word: "UDS",
 }
 
-/// Servers remembered.
+/// Maximum number of servers.
 const SERVER_LIMIT: usize = 256;
 
 #[derive(Default)]
 struct UdsNoResponse {
-    /// Servers that answered: address, name by the bus file, identifier of the requests.
+    /// Servers that have responded: addresses, or the identifier of the requests.
     heard: Vec<Server>,
 }
 
@@ -47,7 +49,7 @@ struct Server {
 
 impl Server {
     fn of(exchange: &UdsExchange) -> Self {
-        let Ends { source, target, .. } = exchange.ends;
+        let Endpoints { source, target, .. } = exchange.ends;
         let id = exchange.request.as_ref().map(|request| request.id).filter(|_| target.is_none());
         Self { ends: (source, target), id }
     }
@@ -68,15 +70,19 @@ impl UdsNoResponse {
         let alarm = context.fail(event).about(about).severity(severity);
         let pending = exchange.pending;
         let name = service_name(exchange.service);
-        alarm.say(|| match pending {
-            0 => format!("no answer to {name}"),
-            pending => format!("no answer to {name} after {pending} × response pending"),
+        alarm.report(|| match pending {
+            0 => format!("no response to {name}"),
+            pending => format!("no final response to {name} after {pending} × response pending"),
         });
     }
 }
 
 impl Rule for UdsNoResponse {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
         let EventKind::UdsExchange(exchange) = &event.kind else { return };
         match exchange.outcome {
             ExchangeOutcome::Positive | ExchangeOutcome::Negative => {

@@ -1,30 +1,42 @@
-//! One SDO transfer: what was asked, what came, what comes next.
+//! State of one SDO transfer.
 
-use super::block::Blocks;
-use crate::event::{Abort, Crc, Direction, FrameRange, Mode, Outcome, SdoIrregularity, SdoIrregularityKind};
+use super::block::{BlockLoss, Blocks, DataPart};
+use super::segments::Segments;
+use crate::event::{
+    Abort, Crc, DataRange, Direction, FrameRange, Mode, Outcome, SdoIrregularity, SdoIrregularityKind,
+};
 use crate::frame::Frame;
 use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::{Segment, Side};
+use crate::wire::canopen::sdo::Side;
 
-/// What the transfer waits for.
+/// Data bytes of a segment.
+const SEGMENT: u64 = 7;
+
+/// Max ranges of data after gaps; the bytes of further ranges are only counted.
+const RANGE_LIMIT: usize = 1_024;
+
+/// Data of a classic frame, padded, with its length.
+pub(super) type FrameData = ([u8; 8], u8);
+
+/// Message that the transfer waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stage {
-    /// The server's answer to the initiate message.
+    /// Response to the initiate message.
     Initiate,
-    /// Segments, or their confirmations.
+    /// Segments or their confirmations.
     Segments,
-    /// A block upload's start message.
+    /// Start message of a block upload.
     BlockStart,
-    /// Segments of a block, or their acknowledgement: the sender's bytes are sequence numbers.
+    /// Segments of a block, or their acknowledgement; byte 0 of the sender is a sequence number.
     BlockSegments,
-    /// The end message.
+    /// End message of a block transfer.
     BlockEnd,
-    /// The answer to the end message.
+    /// Response to the end message.
     BlockEndAnswer,
 }
 
-/// One transfer.
+/// State of one transfer.
 #[derive(Debug, Clone)]
 pub(super) struct Transfer {
     pub(super) channel: u16,
@@ -34,35 +46,58 @@ pub(super) struct Transfer {
     pub(super) stage: Stage,
     pub(super) frames: FrameRange,
     pub(super) frame_count: u64,
-    first_time: Option<i64>,
-    last_time: Option<i64>,
+    pub(super) first_time: Option<i64>,
+    pub(super) last_time: Option<i64>,
+    /// Time of the initiate request, of the last one if it was repeated.
+    pub(super) last_request: Option<i64>,
+    /// Time in ns from the request to the next one, if the client did not wait for the response.
+    pub(super) overlap: Option<i64>,
+    /// Number of retries of the request.
+    pub(super) retries: u32,
+    /// A retry of a transfer that is complete.
+    pub(super) is_absorbed: bool,
+    /// Segments may belong to another transfer.
+    pub(super) is_ambiguous: bool,
+    /// A response or abort without a request.
+    pub(super) is_unrequested: bool,
+    /// Sender of the last frame.
+    pub(super) last_side: Option<Side>,
+    /// Monotonic time at which the transfer ends without a further message.
+    pub(super) deadline: Option<i64>,
+    /// A frame was added since the deadline was set.
+    pub(super) is_touched: bool,
     pub(super) announced: Option<u32>,
-    /// Bytes counted, kept or not.
+    /// Bytes transferred, captured and stored or not.
     pub(super) size: u64,
+    /// Bytes that were not captured.
+    pub(super) unseen: u64,
+    /// Data up to the first gap.
     pub(super) data: Vec<u8>,
+    /// Data after gaps.
+    pub(super) later_data: Vec<DataRange>,
+    /// Data bytes in `later_data`.
+    pub(super) later_bytes: usize,
     pub(super) truncated: bool,
-    /// The data was dropped for others; none is kept from then on.
+    /// The data was dropped because of the common limit; later data is not stored.
     pub(super) data_given_up: bool,
-    /// Toggle bit the next segment should have.
-    toggle: bool,
-    /// Toggle bit of the last segment sent or asked for by the client.
-    asked: Option<bool>,
-    /// The first thing in it that is against the protocol.
+    /// Toggle bits and missing segments of a segmented transfer.
+    pub(super) segments: Segments,
+    /// First violation of the protocol.
     pub(super) irregularity: Option<SdoIrregularity>,
-    /// The last segment was seen.
+    /// The last segment was received.
     pub(super) last_seen: bool,
     pub(super) blocks: Option<Box<Blocks>>,
     pub(super) outcome: Outcome,
     pub(super) abort: Option<Abort>,
     pub(super) cut_start: bool,
-    /// Frames of the client and of the server were seen.
+    /// Frames received: of the client, of the server.
     pub(super) sides: (bool, bool),
-    /// First byte of the frame that opened it, and whether the client sent it.
-    pub(super) opened_by: (u8, bool),
+    /// First frame, and whether the client sent it.
+    pub(super) opened_by: Option<(FrameData, bool)>,
 }
 
 impl Transfer {
-    /// A transfer that `frame` begins.
+    /// Creates the transfer that `frame` starts.
     pub(super) fn new(channel: u16, object: Option<ObjectAddress>, frame: &Frame) -> Self {
         Self {
             channel,
@@ -74,13 +109,24 @@ impl Transfer {
             frame_count: 1,
             first_time: frame.time.map(|time| time.0),
             last_time: frame.time.map(|time| time.0),
+            last_request: frame.time.map(|time| time.0),
+            overlap: None,
+            retries: 0,
+            is_absorbed: false,
+            is_ambiguous: false,
+            is_unrequested: false,
+            last_side: None,
+            deadline: None,
+            is_touched: true,
             announced: None,
             size: 0,
+            unseen: 0,
             data: Vec::new(),
+            later_data: Vec::new(),
+            later_bytes: 0,
             truncated: false,
             data_given_up: false,
-            toggle: false,
-            asked: None,
+            segments: Segments::default(),
             irregularity: None,
             last_seen: false,
             blocks: None,
@@ -88,12 +134,13 @@ impl Transfer {
             abort: None,
             cut_start: false,
             sides: (false, false),
-            opened_by: (0, false),
+            opened_by: None,
         }
     }
 
-    /// Another frame belongs to it.
+    /// Adds a frame to the transfer.
     pub(super) fn add_frame(&mut self, frame: &Frame) {
+        self.is_touched = true;
         if self.frames.last != frame.number {
             self.frames.last = frame.number;
             self.frame_count += 1;
@@ -101,68 +148,92 @@ impl Transfer {
         }
     }
 
-    /// A side sent one of its frames.
+    /// Registers a frame of client or server.
     pub(super) fn saw(&mut self, side: Side) {
+        self.last_side = Some(side);
         match side {
             Side::Client => self.sides.0 = true,
             Side::Server => self.sides.1 = true,
         }
     }
 
-    /// Whether both sides took part.
+    /// Whether client and server both sent frames.
     pub(super) fn is_answered(&self) -> bool {
         self.sides == (true, true)
     }
 
-    /// Nanoseconds a server that sent nothing was given up to its end; 0 without stamps.
+    /// Time in ns that the client waited without response; 0 without timestamps, `None` if not applicable.
     pub(super) fn waited(&self, end: Option<i64>) -> Option<i64> {
         let is_over = match self.outcome {
             Outcome::Timeout | Outcome::Superseded => true,
             Outcome::Aborted => self.abort.is_some_and(|abort| abort.by_client),
             Outcome::Complete | Outcome::Incomplete | Outcome::Unfinished => false,
         };
-        let is_unanswered = is_over && !self.sides.1 && !self.cut_start;
+        let is_unanswered = is_over && !self.sides.1 && !self.cut_start && !self.is_unrequested;
+        if let Some(overlap) = self.overlap.filter(|_| is_unanswered && self.outcome == Outcome::Superseded) {
+            return Some(overlap);
+        }
         is_unanswered
             .then(|| end.zip(self.first_time).map_or(0, |(end, first)| end.saturating_sub(first).max(0)))
     }
 
-    /// Nanoseconds from first to last frame.
+    /// Time from the first to the last frame, in ns.
     pub(super) fn duration(&self) -> Option<i64> {
         Some(self.last_time?.saturating_sub(self.first_time?))
     }
 
-    /// Takes data; what is over the limit is counted only.
+    /// Appends data; bytes over the limit are only counted.
     pub(super) fn keep(&mut self, bytes: &[u8]) {
+        let offset = self.size;
         self.size += bytes.len() as u64;
         let limit = if self.data_given_up { 0 } else { TRANSFER_DATA_LIMIT };
-        let room = limit.saturating_sub(self.data.len());
+        let room = limit.saturating_sub(self.kept_bytes());
         let kept = bytes.get(..room).unwrap_or(bytes);
         self.truncated |= kept.len() < bytes.len();
-        self.data.extend_from_slice(kept);
+        if self.unseen == 0 {
+            self.data.extend_from_slice(kept);
+            return;
+        }
+        let has_room = self.later_data.len() < RANGE_LIMIT;
+        match self.later_data.last_mut() {
+            Some(range) if range.end() == offset => range.data.extend_from_slice(kept),
+            _ if has_room && !kept.is_empty() => {
+                self.later_data.push(DataRange { offset, data: kept.to_vec() });
+            }
+            _ => return,
+        }
+        self.later_bytes += kept.len();
     }
 
-    /// Drops the data: what comes is counted only, so that no middle part passes for a beginning.
+    /// Counts bytes that were transferred, but not captured.
+    pub(super) fn skip(&mut self, count: usize) {
+        self.size += count as u64;
+        self.unseen += count as u64;
+        self.truncated = true;
+    }
+
+    fn keep_part(&mut self, part: DataPart<'_>) {
+        match part {
+            DataPart::Bytes(bytes) => self.keep(bytes),
+            DataPart::Gap(count) => self.skip(count),
+        }
+    }
+
+    /// Data bytes stored.
+    pub(super) fn kept_bytes(&self) -> usize {
+        self.data.len() + self.later_bytes
+    }
+
+    /// Drops the data; later data is only counted, because the value would lack its start.
     pub(super) fn give_up_data(&mut self) {
         self.data = Vec::new();
+        self.later_data = Vec::new();
+        self.later_bytes = 0;
         self.data_given_up = true;
         self.truncated = true;
     }
 
-    /// Takes a segment. One that repeats the toggle bit of the one before is the same again.
-    pub(super) fn take_segment(&mut self, segment: &Segment<'_>) {
-        if self.last_seen {
-            return;
-        }
-        let is_first = self.size == 0 && self.cut_start;
-        if segment.toggle != self.toggle && !is_first {
-            return;
-        }
-        self.toggle = !segment.toggle;
-        self.keep(segment.data);
-        self.last_seen = segment.last;
-    }
-
-    /// Something is against the protocol; the first counts. Nothing is said of a transfer not seen whole.
+    /// Stores the first violation of the protocol; none for a transfer without start.
     pub(super) fn irregular(&mut self, what: SdoIrregularityKind, side: Side, frame: u64) {
         if !self.cut_start {
             let by_client = side == Side::Client;
@@ -170,30 +241,7 @@ impl Transfer {
         }
     }
 
-    /// The client asks for a segment or sends one. A toggle bit that was there before may be the same again, so
-    /// only the first one is judged.
-    pub(super) fn asks_segment(&mut self, toggle: bool, frame: u64) {
-        if toggle && self.asked.is_none() {
-            self.irregular(SdoIrregularityKind::Toggle, Side::Client, frame);
-        }
-        self.asked = Some(toggle);
-    }
-
-    /// Takes a segment of a download.
-    pub(super) fn take_client_segment(&mut self, segment: &Segment<'_>, frame: u64) {
-        self.asks_segment(segment.toggle, frame);
-        self.take_segment(segment);
-    }
-
-    /// The server answers that, with the same toggle bit.
-    pub(super) fn answers_segment(&mut self, toggle: bool, frame: u64) {
-        if self.asked.take().is_some_and(|asked| asked != toggle) {
-            self.irregular(SdoIrregularityKind::Toggle, Side::Server, frame);
-        }
-        self.asked.get_or_insert(toggle);
-    }
-
-    /// A side says how many segments a block has.
+    /// Sets the number of segments per block, and checks its range.
     pub(super) fn block_size(&mut self, segments: u8, side: Side, frame: u64) {
         let is_valid = matches!(segments, 1..=127);
         if !is_valid && !self.blocks.as_ref().is_some_and(|blocks| blocks.is_complete) {
@@ -202,7 +250,7 @@ impl Transfer {
         self.blocks_mut().size = is_valid.then_some(segments);
     }
 
-    /// A side sends a segment, or acknowledges those up to it: of more than a block has there are none.
+    /// Checks that a sequence number, sent or acknowledged, does not exceed the block size.
     pub(super) fn sequence(&mut self, sequence: u8, side: Side, frame: u64) {
         let most = self.blocks.as_ref().and_then(|blocks| blocks.size).unwrap_or(127);
         if sequence > most {
@@ -210,55 +258,98 @@ impl Transfer {
         }
     }
 
-    /// The blocks, begun if they were not.
+    /// State of the blocks, created on first use.
     pub(super) fn blocks_mut(&mut self) -> &mut Blocks {
         self.blocks.get_or_insert_default()
     }
 
-    /// The receiver acknowledged segments of the present block.
-    pub(super) fn acknowledge(&mut self, sequence: u8) {
-        let mut blocks = self.blocks.take().unwrap_or_default();
-        blocks.acknowledge(sequence, |bytes| self.keep(bytes));
-        self.truncated |= blocks.has_gap;
-        self.stage = if blocks.is_complete { Stage::BlockEnd } else { Stage::BlockSegments };
-        self.blocks = Some(blocks);
+    /// Adds a segment of the present block.
+    pub(super) fn take_block_segment(&mut self, sequence: u8, last: bool, data: &[u8]) {
+        self.with_blocks(|blocks, keep| blocks.segment(sequence, last, data, keep));
     }
 
-    /// The sender's end message.
+    /// Acknowledges segments of the present block.
+    pub(super) fn acknowledge(&mut self, sequence: u8, frame: u64) {
+        self.with_blocks(|blocks, keep| blocks.acknowledge(sequence, frame, keep));
+        let is_complete = self.blocks_mut().is_complete || self.has_announced_size();
+        self.stage = if is_complete { Stage::BlockEnd } else { Stage::BlockSegments };
+    }
+
+    /// Whether all announced bytes were acknowledged, although the final segment is missing in the capture.
+    fn has_announced_size(&self) -> bool {
+        let lacks_tail = self.blocks.as_ref().is_some_and(|blocks| blocks.expects_end());
+        // The final segment itself is counted at the end message.
+        let is_rest = |size: u32| (1..=SEGMENT).contains(&u64::from(size).saturating_sub(self.size));
+        lacks_tail && !self.cut_start && self.announced.is_some_and(is_rest)
+    }
+
+    /// Applies the end message of the sender.
     pub(super) fn end_blocks(&mut self, unused: u8, crc: u16) {
-        let mut blocks = self.blocks.take().unwrap_or_default();
-        blocks.end(unused, crc, self.cut_start, |bytes| self.keep(bytes));
-        self.blocks = Some(blocks);
+        self.blocks_mut().starts_late |= self.cut_start;
+        self.with_blocks(|blocks, keep| blocks.end(unused, crc, keep));
+        let absent = self.announced.map_or(0, |size| u64::from(size).saturating_sub(self.size));
+        self.blocks_mut().lacks_bytes(absent);
+        self.truncated |= self.blocks_mut().is_unreliable();
         self.stage = Stage::BlockEndAnswer;
     }
 
-    /// It ends as `outcome`.
+    /// Runs `change` on the blocks; the data that it passes on is appended.
+    fn with_blocks(&mut self, change: impl FnOnce(&mut Blocks, &mut dyn FnMut(DataPart<'_>))) {
+        let mut blocks = self.blocks.take().unwrap_or_default();
+        change(&mut blocks, &mut |part| self.keep_part(part));
+        self.blocks = Some(blocks);
+    }
+
+    /// Ends the transfer with `outcome`, without a response to its last message.
     pub(super) fn end(&mut self, outcome: Outcome) {
         self.outcome = outcome;
-        if outcome != Outcome::Complete
-            && self.stage == Stage::BlockSegments
-            && let Some(mut blocks) = self.blocks.take()
-        {
-            blocks.give_up(|bytes| self.keep(bytes));
-            self.blocks = Some(blocks);
+        if self.stage == Stage::BlockSegments && self.blocks.is_some() {
+            self.with_blocks(|blocks, keep| blocks.give_up(keep));
         }
     }
 
-    /// CRC verdict of a block transfer that came to its end message.
+    /// Ends the transfer as complete. If the end message of a block transfer is missing in the capture, the
+    /// announced size shows how much of the last segment is data.
+    pub(super) fn complete(&mut self) {
+        self.outcome = Outcome::Complete;
+        if self.mode == Some(Mode::Segmented) {
+            self.settle_segments();
+        }
+        if self.blocks.is_none() || !matches!(self.stage, Stage::BlockSegments | Stage::BlockEnd) {
+            return;
+        }
+        self.with_blocks(|blocks, keep| blocks.presume_rest(keep));
+        let whole = self.size.saturating_add(SEGMENT);
+        let unused = self.announced.and_then(|size| whole.checked_sub(size.into()));
+        let unused = unused.filter(|unused| *unused <= SEGMENT && !self.cut_start);
+        self.truncated |= unused.is_none() || self.blocks_mut().is_unreliable();
+        let unused = usize::try_from(unused.unwrap_or(0)).unwrap_or(0);
+        self.with_blocks(|blocks, keep| blocks.end_tail(unused, keep));
+    }
+
+    /// Segments missing in the capture, and blocks with a loss on the bus.
+    pub(super) fn losses(&self) -> (u64, u64, Option<BlockLoss>) {
+        let of_segments = (self.segments.missing, 0, None);
+        self.blocks.as_ref().map_or(of_segments, |blocks| (blocks.missing, blocks.losses, blocks.first_loss))
+    }
+
+    /// Result of the CRC check; `None` without an end message.
     pub(super) fn crc(&self) -> Option<Crc> {
         self.blocks.as_ref().and_then(|blocks| blocks.verdict())
     }
 
-    /// Whether the data is all of the value although the transfer's first frames are missing: an
-    /// expedited answer holds it whole.
+    /// Whether the value is complete although the first frames are missing: the response of an expedited
+    /// upload contains all of it.
     pub(super) fn value_is_whole(&self) -> bool {
         self.mode == Some(Mode::Expedited) && self.direction == Some(Direction::Upload)
     }
 
-    /// Bytes held.
+    /// Bytes held by the transfer.
     pub(super) fn footprint(&self) -> usize {
         size_of::<Self>()
             + self.data.capacity()
+            + self.later_data.capacity() * size_of::<DataRange>()
+            + self.later_data.iter().map(|range| range.data.capacity()).sum::<usize>()
             + self.blocks.as_ref().map_or(0, |blocks| size_of::<Blocks>() + blocks.footprint())
     }
 }

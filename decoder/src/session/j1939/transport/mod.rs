@@ -1,18 +1,19 @@
-//! Messages of more than eight bytes: many frames become one transfer.
+//! Messages of more than eight bytes: combines frames to transfers.
 //!
 //! ```text
 //! Transports::on_frame ─▶ wire::j1939::management, packet ─▶ Sessions, Session ─▶ irregularities at once
-//!                                                           Received: its packets └▶ j1939-transfer at its end
+//!                                                  Received: packet data └▶ j1939-transfer at its end
 //! ```
 //!
-//! A size that is announced is never believed: memory grows with packets that came, up to
-//! `TRANSFER_DATA_LIMIT` a transfer and `OPEN_DATA_LIMIT` in all; `TRANSPORT_LIMIT` transfers are open at once.
+//! Memory is not reserved for the announced size. It grows with the received packets, up to
+//! `TRANSFER_DATA_LIMIT` per transfer and `OPEN_DATA_LIMIT` in total. At most `TRANSPORT_LIMIT` transfers
+//! are open at once.
 
 mod received;
 mod session;
 mod sessions;
 
-use session::{Ending, Odd, Opening, SHORTEST, Session, Step};
+use session::{Ending, Opening, SHORTEST, Session, TransferStep, TransportIrregularity};
 use sessions::{Due, Key, Sessions};
 
 use crate::event::{
@@ -29,23 +30,23 @@ use crate::wire::j1939::{
     ALL, ETP_SIZES, J1939Id, Management, PACKET_SIZE, Pgn, TP_SIZES, management, packet, packets_of,
 };
 
-/// A frame of a transport protocol: whose, and what it is called.
+/// A frame of a transport protocol, with its parameter group and message name.
 #[derive(Clone, Copy)]
-struct Part<'a> {
+struct TransportFrame<'a> {
     id: J1939Id,
     pgn: Option<Pgn>,
     message: &'static str,
     frame: &'a Frame,
 }
 
-impl Part<'_> {
-    /// The transfer its sender sends.
+impl TransportFrame<'_> {
+    /// Transfer whose originator sent the frame.
     fn sent(&self) -> Key {
         let is_extended = is_extended(self.id.pgn);
         Key { source: self.id.source, destination: self.id.destination, is_extended }
     }
 
-    /// The transfer its sender receives.
+    /// Transfer whose responder sent the frame.
     fn received(&self) -> Key {
         let sent = self.sent();
         Key { source: sent.destination, destination: sent.source, ..sent }
@@ -56,7 +57,7 @@ const fn is_extended(pgn: Pgn) -> bool {
     matches!(pgn, Pgn::ETP_CM | Pgn::ETP_DT)
 }
 
-/// Transfers of several packets.
+/// Multi-packet transfers of all addresses.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Transports {
     sessions: Sessions,
@@ -64,10 +65,10 @@ pub(in crate::session) struct Transports {
 
 impl Machine for Transports {
     type Route<'a> = J1939Id;
-    /// The payload of the transfer that the frame ends.
+    /// Payload of the transfer that the frame ends.
     type Product = Option<TransferPayload>;
 
-    /// A frame of a transport protocol; it makes no event by itself unless something is irregular.
+    /// Handles a transport frame; it causes an event only if it is irregular or ends a transfer.
     fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) -> Self::Product {
         if frame.flags.contains(FrameFlags::REMOTE) {
             cx.emit_undecoded(frame, None);
@@ -78,7 +79,7 @@ impl Machine for Transports {
             return match packet(frame.data(), is_extended) {
                 Ok((sequence, bytes)) => {
                     let message = if is_extended { "ETP.DT" } else { "TP.DT" };
-                    self.on_packet(Part { id, pgn: None, message, frame }, sequence, &bytes, cx)
+                    self.on_packet(TransportFrame { id, pgn: None, message, frame }, sequence, &bytes, cx)
                 }
                 Err(error) => {
                     cx.emit_malformed_j1939(id, error, "a data packet has eight bytes", frame);
@@ -89,7 +90,12 @@ impl Machine for Transports {
         match management(frame.data(), is_extended) {
             Ok((message, pgn)) => {
                 let name = message.name(is_extended);
-                self.on_management(Part { id, pgn: Some(pgn), message: name, frame }, message, pgn, cx)
+                self.on_management(
+                    TransportFrame { id, pgn: Some(pgn), message: name, frame },
+                    message,
+                    pgn,
+                    cx,
+                )
             }
             Err(error) => {
                 cx.emit_malformed_j1939(id, error, "connection management has eight bytes", frame);
@@ -102,7 +108,7 @@ impl Machine for Transports {
         self.sessions.postpone(delay);
     }
 
-    /// Open transfers are unfinished.
+    /// Ends open transfers as unfinished.
     fn on_end(&mut self, cx: &mut Context<'_>) {
         let frame = cx.last_frame();
         for session in self.sessions.drain() {
@@ -116,7 +122,7 @@ impl Machine for Transports {
 }
 
 impl Timed for Transports {
-    /// Place of a session.
+    /// Index of a session.
     type Deadline = u16;
 
     fn on_deadline(&mut self, place: u16, now: i64, cx: &mut Context<'_>) -> Self::Product {
@@ -140,7 +146,7 @@ impl Timed for Transports {
 impl Transports {
     fn on_management(
         &mut self,
-        part: Part<'_>,
+        part: TransportFrame<'_>,
         message: Management,
         pgn: Pgn,
         cx: &mut Context<'_>,
@@ -184,44 +190,44 @@ impl Transports {
         }
     }
 
-    /// Whether a transfer is open that can be about a group.
+    /// Whether an open transfer may be about this group.
     fn has_transport(&self, key: Key, pgn: Pgn) -> bool {
         let open = self.sessions.find(key).and_then(|place| self.sessions.get(place));
         open.is_some_and(|session| session.pgn.is_none_or(|open| open == pgn))
     }
 
-    /// A message about an open transfer.
+    /// Applies a message to its open transfer.
     fn transport_step(
         &mut self,
-        part: Part<'_>,
+        part: TransportFrame<'_>,
         key: Key,
-        take: impl FnOnce(&mut Session) -> Step,
+        take: impl FnOnce(&mut Session) -> TransferStep,
         cx: &mut Context<'_>,
     ) -> Option<TransferPayload> {
         let place =
             self.sessions.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
         let open = place.and_then(|place| Some((place, self.sessions.get_mut(place)?)));
         let Some((place, session)) = open else {
-            let odd = Odd::new(IrregularityKind::Unexpected, None, None);
+            let odd = TransportIrregularity::new(IrregularityKind::Unexpected, None, None);
             emit_irregularity(part, odd, cx);
             return None;
         };
         session.pgn = session.pgn.or(part.pgn);
         let step = take(session);
-        let about = Part { pgn: session.pgn, ..part };
+        let about = TransportFrame { pgn: session.pgn, ..part };
         cx.bus.open_transfers.set(place, Some((key.source, session.pgn)));
         self.after_frame(about, place, step, cx)
     }
 
-    /// The sender of a message asks for a connection, or announces a broadcast.
-    fn on_opening(&mut self, part: Part<'_>, opening: Opening, cx: &mut Context<'_>) {
+    /// Handles a request for a connection, or the announcement of a broadcast.
+    fn on_opening(&mut self, part: TransportFrame<'_>, opening: Opening, cx: &mut Context<'_>) {
         let now = cx.bus.clock.now();
         if let Some(reason) = contradiction(part.id, opening) {
             emit_contradiction(part, reason, cx);
         }
         let is_broadcast = opening.mode == TransportMode::Broadcast;
         if opening.packets == 0 || opening.size == 0 || is_broadcast != (part.id.destination == ALL) {
-            // Nothing that follows could belong to it.
+            // No later frame can belong to it.
             return;
         }
         if let Some(place) = self.sessions.find(part.sent()) {
@@ -229,7 +235,7 @@ impl Transports {
                 && session.is_asked_again(opening)
             {
                 session.asked_again(part.frame, now);
-                let odd = Odd::new(IrregularityKind::Retransmission, None, None);
+                let odd = TransportIrregularity::new(IrregularityKind::Retransmission, None, None);
                 return emit_irregularity(part, odd, cx);
             }
             self.close(place, Ending::Superseded, part.frame, cx);
@@ -238,7 +244,7 @@ impl Transports {
         self.open(part, session, cx);
     }
 
-    fn open(&mut self, part: Part<'_>, session: Session, cx: &mut Context<'_>) -> u16 {
+    fn open(&mut self, part: TransportFrame<'_>, session: Session, cx: &mut Context<'_>) -> u16 {
         let (key, pgn) = (part.sent(), session.pgn);
         let (place, evicted) = self.sessions.open(key, session);
         cx.bus.open_transfers.set(place, Some((key.source, pgn)));
@@ -250,7 +256,7 @@ impl Transports {
         place
     }
 
-    /// Takes a transfer out and emits it.
+    /// Removes a transfer and emits it.
     fn close(
         &mut self,
         place: u16,
@@ -265,7 +271,7 @@ impl Transports {
 
     fn on_packet(
         &mut self,
-        part: Part<'_>,
+        part: TransportFrame<'_>,
         sequence: u8,
         bytes: &[u8; 7],
         cx: &mut Context<'_>,
@@ -281,7 +287,7 @@ impl Transports {
         let place = match place {
             Some(place) => place,
             None if sequence == 0 => {
-                let odd = Odd::new(IrregularityKind::Unexpected, Some(0), None);
+                let odd = TransportIrregularity::new(IrregularityKind::Unexpected, Some(0), None);
                 emit_irregularity(part, odd, cx);
                 return None;
             }
@@ -298,7 +304,7 @@ impl Transports {
         let session = self.sessions.get_mut(place)?;
         let before = session.received.held();
         let step = session.packet(sequence, bytes, part.frame, now);
-        let about = Part { pgn: session.pgn, ..part };
+        let about = TransportFrame { pgn: session.pgn, ..part };
         if self.sessions.grew(place, before) {
             let kind = EventKind::Evicted { what: "data of open J1939 transfers", count: 1 };
             cx.emit_j1939(part.frame, part.id, kind);
@@ -306,12 +312,12 @@ impl Transports {
         self.after_frame(about, place, step, cx)
     }
 
-    /// Reports what is irregular about a frame, and ends the transfer where the frame ends it.
+    /// Reports irregularities of a frame, and ends the transfer if the frame is its last.
     fn after_frame(
         &mut self,
-        part: Part<'_>,
+        part: TransportFrame<'_>,
         place: u16,
-        step: Step,
+        step: TransferStep,
         cx: &mut Context<'_>,
     ) -> Option<TransferPayload> {
         for odd in [step.late, step.odd].into_iter().flatten() {
@@ -324,8 +330,8 @@ impl Transports {
         None
     }
 
-    /// Ensures that a transfer has an entry in the timer queue. It is at the shortest time-out, so that a deadline that
-    /// moves is never before it.
+    /// Ensures that a transfer has an entry in the timer queue. The entry uses the shortest timeout, so that
+    /// it is never later than a moved deadline.
     fn arm(&mut self, place: u16, cx: &mut Context<'_>) {
         if cx.bus.clock.runs()
             && let Some(deadline) = self.sessions.queue(place)
@@ -336,14 +342,14 @@ impl Transports {
     }
 }
 
-/// A frame whose bytes are enough, and contradict the protocol or each other.
-fn emit_contradiction(part: Part<'_>, reason: &'static str, cx: &mut Context<'_>) {
+/// Reports a frame that is long enough but contradicts the protocol or itself.
+fn emit_contradiction(part: TransportFrame<'_>, reason: &'static str, cx: &mut Context<'_>) {
     let layer = if is_extended(part.id.pgn) { "etp.cm" } else { "tp.cm" };
     let error = Malformed { layer, offset: 0, needed: 0, available: part.frame.length };
     cx.emit_malformed_j1939(part.id, error, reason, part.frame);
 }
 
-fn emit_irregularity(part: Part<'_>, odd: Odd, cx: &mut Context<'_>) {
+fn emit_irregularity(part: TransportFrame<'_>, odd: TransportIrregularity, cx: &mut Context<'_>) {
     let irregularity = Irregularity {
         what: odd.what,
         message: part.message,
@@ -359,7 +365,7 @@ fn emit_irregularity(part: Part<'_>, odd: Odd, cx: &mut Context<'_>) {
     cx.emit_j1939(part.frame, part.id, kind);
 }
 
-/// Emits a transfer; its payload where all of it was transferred. `frame` is the one that ended it.
+/// Emits a transfer; returns its payload if complete. `frame` is the last one of the transfer.
 fn emit_transfer(
     session: Box<Session>,
     ending: Ending,
@@ -372,17 +378,17 @@ fn emit_transfer(
     event.frames = frames;
     cx.send(&event);
     let EventKind::J1939Transfer(transfer) = event.kind else { return None };
-    // A response that the capture lacks makes the data no less whole.
+    // The data is also complete if only a response is missing in the capture.
     let is_whole = !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout);
     is_whole.then_some(TransferPayload { id, data: transfer.data, frames, frame: *frame })
 }
 
-/// A transfer as an event; its data moves there.
+/// Event of a transfer; the data moves to the event.
 fn describe(bus: &Bus, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
     let is_whole = session.is_whole();
     let outcome = match ending {
         Ending::Last if is_whole => Outcome::Complete,
-        // Of one without start nobody knows what its end should have been.
+        // Without the start, the expected end is unknown.
         Ending::Timeout | Ending::Superseded if session.cut_start => Outcome::Incomplete,
         Ending::Last => Outcome::Incomplete,
         Ending::Abort(_) => Outcome::Aborted,
@@ -423,7 +429,7 @@ fn describe(bus: &Bus, mut session: Box<Session>, ending: Ending) -> J1939Transf
     }
 }
 
-/// What the frame that opens a transfer says against the protocol or against itself.
+/// Contradiction of an opening frame to the protocol or to itself.
 fn contradiction(id: J1939Id, opening: Opening) -> Option<&'static str> {
     let Opening { mode, size, packets, .. } = opening;
     let is_broadcast = mode == TransportMode::Broadcast;
@@ -432,16 +438,16 @@ fn contradiction(id: J1939Id, opening: Opening) -> Option<&'static str> {
         return Some("a broadcast announced to one address");
     }
     if !is_broadcast && id.destination == ALL {
-        return Some("a connection asked of all");
+        return Some("a connection request to all addresses");
     }
     if packets == 0 {
-        return Some("a message of no packets");
+        return Some("a message without packets");
     }
     if size > packets.saturating_mul(PACKET_SIZE) {
-        return Some("more bytes announced than the packets hold");
+        return Some("announced size exceeds the announced packets");
     }
     if packets > packets_of(size) {
-        return Some("more packets announced than the bytes need");
+        return Some("more packets announced than the size needs");
     }
-    (!(smallest..=largest).contains(&size)).then_some("a size the protocol does not have")
+    (!(smallest..=largest).contains(&size)).then_some("message size outside the range of the protocol")
 }

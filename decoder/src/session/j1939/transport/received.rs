@@ -1,44 +1,44 @@
-//! Packets of one transfer that were seen, in constant memory whatever their number.
+//! Received packets of one transfer, in bounded memory.
 //!
 //! ```text
-//! packet   1 … whole_to │ whole_to + 1 is missing │ … highest
-//! data     all of it    │ at most 256 packets ahead │ counted only
-//! seen     a bit for each of the last 256 up to `highest`
+//! packet   1 … whole_to │ whole_to + 1 is missing   │ … highest
+//! data     complete     │ at most 256 packets ahead │ only counted
+//! seen     one bit for each of the last 256 packets up to `highest`
 //! ```
 //!
-//! A receiver asks again for packets of the last window only, and a window has at most 255 of them. So
-//! what lies farther back than 256 packets is not asked for any more, and one that comes all the same
-//! counts as repeated.
+//! A receiver requests packets again only within the last window, which has at most 255 packets. So packets
+//! more than 256 before the highest are never requested again; if one is received, it is counted as
+//! repeated.
 
 use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::j1939::PACKET_SIZE;
 
-/// Packets whose sight is remembered one by one.
+/// Number of packets tracked individually.
 const REACH: u32 = 256;
 
-/// What was seen of a transfer's packets.
+/// Received packets of one transfer.
 #[derive(Debug, Clone)]
-pub(super) struct Received {
-    /// The packet `data` begins with: 1, or the first one seen where the start is missing.
+pub(super) struct ReceivedPackets {
+    /// Packet at which `data` starts: 1, or the first one received if the start is missing.
     first: u32,
-    /// Highest number seen; `first` - 1 before any.
+    /// Highest number received; `first` - 1 before the first packet.
     highest: u32,
-    /// Bit k of both words together: `highest` - k was seen.
+    /// Bit k over both words: packet `highest` - k was received.
     seen: (u128, u128),
-    /// All up to this one were seen.
+    /// All packets up to this one were received.
     whole_to: u32,
-    /// Packets seen, each once.
+    /// Packets received, without repetitions.
     distinct: u32,
     repeated: u32,
-    /// Bytes seen, each once.
+    /// Bytes received, without repetitions.
     size: u64,
     data: Vec<u8>,
-    /// The data was dropped for others; none is kept from then on.
+    /// The data was dropped because of the common limit; later data is not stored.
     is_given_up: bool,
 }
 
-impl Received {
-    /// Nothing seen of a transfer whose packets count from `first`.
+impl ReceivedPackets {
+    /// State of a transfer whose packets are numbered from `first`.
     pub(super) fn new(first: u32) -> Self {
         let before = first.saturating_sub(1);
         Self {
@@ -74,13 +74,13 @@ impl Received {
         self.size
     }
 
-    /// Packets between the first and the highest that were not seen.
+    /// Missing packets between the first and the highest.
     pub(super) fn gaps(&self) -> u32 {
         let span = self.highest.saturating_add(1).saturating_sub(self.first);
         span.saturating_sub(self.distinct)
     }
 
-    /// Whether a packet was seen; `None` where that is not remembered.
+    /// Whether a packet was received; `None` if it is no longer tracked.
     fn saw(&self, number: u32) -> Option<bool> {
         let Some(back) = self.highest.checked_sub(number) else { return Some(false) };
         match back {
@@ -90,13 +90,13 @@ impl Received {
         }
     }
 
-    /// Whether a packet counts as seen before.
+    /// Whether a packet is treated as received before.
     pub(super) fn has(&self, number: u32) -> bool {
         self.saw(number).unwrap_or(true)
     }
 
-    /// Takes a packet from `first` on. `announced` bytes are the message; what lies behind them is padding.
-    /// One that was asked for again replaces the one before.
+    /// Adds a packet from `first` on; bytes after `announced` are padding. A packet that was requested again
+    /// replaces the previous one.
     pub(super) fn take(&mut self, number: u32, bytes: &[u8; 7], announced: Option<u32>, was_asked: bool) {
         let is_new = !self.has(number);
         if is_new {
@@ -134,7 +134,7 @@ impl Received {
         }
     }
 
-    /// Puts the bytes in their place, unless a gap lies before them that cannot be filled any more.
+    /// Stores the bytes, unless a gap before them can no longer be filled.
     fn keep(&mut self, number: u32, bytes: &[u8; 7]) {
         if self.is_given_up || number.saturating_sub(self.whole_to) > REACH {
             return;
@@ -153,7 +153,7 @@ impl Received {
         }
     }
 
-    /// Where the start was not seen: the packets so far end with `last`.
+    /// Renumbers the packets of a transfer without start, so that the last one is `last`.
     pub(super) fn renumber(&mut self, last: u32) {
         if let Some(shift) = last.checked_sub(self.highest) {
             for number in [&mut self.first, &mut self.highest, &mut self.whole_to] {
@@ -162,23 +162,23 @@ impl Received {
         }
     }
 
-    /// Drops the data: what comes is counted only.
+    /// Drops the data; later data is only counted.
     pub(super) fn give_up_data(&mut self) {
         self.data = Vec::new();
         self.is_given_up = true;
     }
 
-    /// Bytes it holds.
+    /// Data bytes held.
     pub(super) fn held(&self) -> usize {
         self.data.len()
     }
 
-    /// Bytes reserved.
+    /// Bytes allocated.
     pub(super) fn footprint(&self) -> usize {
         self.data.capacity()
     }
 
-    /// The data up to the first gap, the limit, or the end of the message; nothing remains.
+    /// Removes and returns the data up to the first gap, the limit, or the end of the message.
     pub(super) fn take_data(&mut self, announced: Option<u32>) -> Vec<u8> {
         let mut data = std::mem::take(&mut self.data);
         let packets = self.whole_to.saturating_add(1).saturating_sub(self.first);
@@ -199,7 +199,7 @@ mod tests {
         [number.to_le_bytes()[0]; 7]
     }
 
-    fn took(received: &mut Received, numbers: &[u32], announced: Option<u32>) {
+    fn took(received: &mut ReceivedPackets, numbers: &[u32], announced: Option<u32>) {
         for number in numbers {
             received.take(*number, &packet(*number), announced, false);
         }
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn padding_is_no_data() {
-        let mut received = Received::new(1);
+        let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 2], Some(9));
         assert_eq!((received.size(), received.distinct(), received.gaps()), (9, 2, 0));
         assert_eq!(received.take_data(Some(9)), [1, 1, 1, 1, 1, 1, 1, 2, 2]);
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_gap_is_filled_and_a_packet_that_is_there_is_repeated() {
-        let mut received = Received::new(1);
+        let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 4, 2, 2], Some(28));
         assert_eq!(
             (received.distinct(), received.repeated(), received.gaps(), received.size()),
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn what_was_asked_for_again_replaces() {
-        let mut received = Received::new(1);
+        let mut received = ReceivedPackets::new(1);
         received.take(1, &[1; 7], None, false);
         received.take(1, &[2; 7], None, false);
         received.take(1, &[3; 7], None, true);
@@ -239,8 +239,8 @@ mod tests {
 
     #[test]
     fn bits_move_over_the_whole_reach() {
-        // 1, 100, 200, 256: the first is 255 back, still remembered; with 257 it is not.
-        let mut received = Received::new(1);
+        // 1, 100, 200, 256: packet 1 is 255 before the highest and still tracked; after 257 it is not.
+        let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 100, 200, 256], None);
         assert_eq!(
             [1, 2, 100, 101, 200, 256].map(|number| received.saw(number)),
@@ -258,11 +258,11 @@ mod tests {
 
     #[test]
     fn far_packets_cost_no_memory_and_the_limit_holds() {
-        let mut received = Received::new(1);
+        let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 9_000], None);
         assert_eq!(received.held(), 7);
         // 65,536 bytes are 9,362 packets and two bytes.
-        let mut received = Received::new(1);
+        let mut received = ReceivedPackets::new(1);
         (1..=20_000).for_each(|number| received.take(number, &packet(number), None, false));
         assert_eq!((received.size(), received.held()), (140_000, TRANSFER_DATA_LIMIT));
         assert_eq!(received.take_data(None).len(), TRANSFER_DATA_LIMIT);
@@ -270,7 +270,7 @@ mod tests {
 
     #[test]
     fn without_start_data_begins_with_the_first_packet_seen() {
-        let mut received = Received::new(5);
+        let mut received = ReceivedPackets::new(5);
         took(&mut received, &[5, 6, 8], None);
         assert_eq!((received.gaps(), received.size()), (1, 21));
         received.renumber(508);

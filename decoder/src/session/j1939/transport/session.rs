@@ -1,27 +1,27 @@
-//! One transfer of several packets, from its first frame to its last.
+//! State of one multi-packet transfer.
 //!
 //! ```text
-//! sender    BAM ─ DT DT … DT                                           T1 between packets, whole at the last one
+//! sender    BAM ─ DT DT … DT                                 T1 between packets; ends with the last packet
 //! sender    RTS ─────── DT DT … ──────── DT DT … ───────── (T3)
-//! receiver      CTS n,k          CTS n,k           EOMA, CTS 0 holds
+//! receiver      CTS n,k          CTS n,k           EOMA; CTS 0 keeps the connection open
 //!           Tr, T3   T2, T1 …   Tr, T3   T2, T1 …  Tr, T3      Th, T4
 //! extended  RTS, CTS, then DPO before the packets of each window
 //! ```
 //!
-//! Tr and Th are told when the answer comes at last; T1 to T4 end the transfer (J1939-21 §5.10.2.4). While no
-//! clear to send was seen, one side may be missing in the capture: then any packet is taken, and T3 runs.
+//! Exceeding Tr or Th is reported when the response arrives; T1 to T4 end the transfer (J1939-21 §5.10.2.4).
+//! Without a clear to send, the receiver may be missing in the capture: then any packet is accepted, with T3.
 
-use super::received::Received;
+use super::received::ReceivedPackets;
 use crate::event::{FrameRange, IrregularityKind, Timer, TransportAbort, TransportMode};
 use crate::frame::Frame;
 use crate::wire::j1939::{J1939Id, PACKET_SIZE, Pgn, packets_of};
 
 const MILLISECOND: i64 = 1_000_000;
 
-/// Nanoseconds of the shortest time-out that ends a transfer.
+/// Shortest timeout that ends a transfer, in ns.
 pub(super) const SHORTEST: i64 = limit(Timer::T1);
 
-/// Nanoseconds of a time-out (J1939-21 §5.10.2.4).
+/// Duration of a timeout in ns (J1939-21 §5.10.2.4).
 const fn limit(timer: Timer) -> i64 {
     let milliseconds = match timer {
         Timer::Tr => 200,
@@ -34,46 +34,46 @@ const fn limit(timer: Timer) -> i64 {
     milliseconds * MILLISECOND
 }
 
-/// How a transfer ends.
+/// Reason for the end of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// It came to its end.
+    /// Last packet or end of message acknowledgement.
     Last,
-    /// By an abort.
+    /// Abort message.
     Abort(TransportAbort),
-    /// By the time-out that runs.
+    /// Timeout of the running timer.
     Timeout,
-    /// Another one began in its place.
+    /// Start of another transfer with the same addresses.
     Superseded,
-    /// The capture ended.
+    /// End of the capture.
     Unfinished,
 }
 
-/// Something irregular about a frame.
+/// An irregularity of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Odd {
+pub(super) struct TransportIrregularity {
     pub(super) what: IrregularityKind,
     pub(super) packet: Option<u32>,
     pub(super) expected: Option<u32>,
-    /// The time-out that passed, and the nanoseconds it took.
+    /// Exceeded timeout, and the actual time in ns.
     pub(super) late: Option<(Timer, i64)>,
 }
 
-impl Odd {
+impl TransportIrregularity {
     pub(super) const fn new(what: IrregularityKind, packet: Option<u32>, expected: Option<u32>) -> Self {
         Self { what, packet, expected, late: None }
     }
 }
 
-/// What a frame comes to.
+/// Result of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Step {
-    pub(super) late: Option<Odd>,
-    pub(super) odd: Option<Odd>,
+pub(super) struct TransferStep {
+    pub(super) late: Option<TransportIrregularity>,
+    pub(super) odd: Option<TransportIrregularity>,
     pub(super) end: Option<Ending>,
 }
 
-/// What the frame that opens a transfer says.
+/// Contents of the frame that opens a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Opening {
     pub(super) mode: TransportMode,
@@ -82,18 +82,18 @@ pub(super) struct Opening {
     pub(super) packets: u32,
 }
 
-/// Which packets the sender may send now.
+/// Packets that the sender may send at present.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Window {
-    /// Any: a broadcast, or no clear to send was seen.
+    /// All packets: a broadcast, or no clear to send yet.
     Any,
-    /// Up to this one.
+    /// Packets up to this one.
     To(u32),
-    /// None: the connection is held.
+    /// No packets: the receiver keeps the connection open.
     Held,
 }
 
-/// One transfer.
+/// State of one transfer.
 #[derive(Debug, Clone)]
 pub(super) struct Session {
     pub(super) mode: TransportMode,
@@ -103,31 +103,31 @@ pub(super) struct Session {
     destination: u8,
     pub(super) announced: Option<u32>,
     pub(super) packets: Option<u32>,
-    pub(super) received: Received,
+    pub(super) received: ReceivedPackets,
     window: Window,
-    /// Packet that comes next in order.
+    /// Next packet in order.
     due: u32,
-    /// First packet the receiver asked for last.
+    /// First packet of the last request.
     asked: Option<u32>,
-    /// Packets before sequence number 1.
+    /// Number of packets before sequence number 1.
     offset: u32,
-    /// A clear to send of the extended protocol waits for its packet offset.
+    /// A clear to send of the extended protocol has no packet offset yet.
     lacks_offset: bool,
     pub(super) cut_start: bool,
     pub(super) frames: FrameRange,
     pub(super) frame_count: u64,
     times: (Option<i64>, Option<i64>),
-    /// Of a broadcast, shortest and longest time between frames that follow each other.
+    /// Min and max time between consecutive frames of a broadcast, in ns.
     pub(super) spacing: Option<(i64, i64)>,
-    /// The time-out that ends it, and since when it runs in monotonic nanoseconds.
+    /// Running timeout that ends the transfer, and its start in monotonic ns.
     pub(super) timer: Timer,
     since: i64,
-    /// The time-out after which an answer of the receiver is late.
+    /// Timeout after which a response of the receiver is late.
     late: Option<Timer>,
 }
 
 impl Session {
-    /// A transfer that `frame` opens.
+    /// Creates the transfer that `frame` opens.
     pub(super) fn new(opening: Opening, id: J1939Id, frame: &Frame, now: i64) -> Self {
         let mut session = Self::bare(opening.mode, id, 1, frame, now);
         session.pgn = Some(opening.pgn);
@@ -138,7 +138,7 @@ impl Session {
         session
     }
 
-    /// A transfer of which `frame`, a packet, is the first that was seen.
+    /// Creates a transfer without start; `frame` is its first packet in the capture.
     pub(super) fn cut(mode: TransportMode, id: J1939Id, sequence: u8, frame: &Frame, now: i64) -> Self {
         let mut session = Self::bare(mode, id, u32::from(sequence), frame, now);
         session.cut_start = true;
@@ -155,7 +155,7 @@ impl Session {
             destination: id.destination,
             announced: None,
             packets: None,
-            received: Received::new(first),
+            received: ReceivedPackets::new(first),
             window: Window::Any,
             due: first,
             asked: None,
@@ -172,7 +172,7 @@ impl Session {
         }
     }
 
-    /// What the identifier of the whole message would be.
+    /// Identifier of the complete message.
     pub(super) fn id(&self) -> J1939Id {
         J1939Id {
             priority: self.priority,
@@ -182,28 +182,28 @@ impl Session {
         }
     }
 
-    /// Nanoseconds from first to last frame.
+    /// Time from the first to the last frame, in ns.
     pub(super) fn duration(&self) -> Option<i64> {
         Some(self.times.1?.saturating_sub(self.times.0?))
     }
 
-    /// Monotonic time at which it is given up.
+    /// Monotonic time of the running timeout.
     pub(super) fn deadline(&self) -> i64 {
         self.since.saturating_add(limit(self.timer))
     }
 
-    /// All traffic stopped for so long: the time does not count.
+    /// Moves the timeout by `delay` ns, during which all traffic stopped.
     pub(super) fn postpone(&mut self, delay: i64) {
         self.since = self.since.saturating_add(delay);
     }
 
-    /// Whether every packet was seen, and together they hold the message.
+    /// Whether all packets were received and can contain the announced size.
     pub(super) fn is_whole(&self) -> bool {
         let (Some(size), Some(packets)) = (self.announced, self.packets) else { return false };
         !self.cut_start && self.received.distinct() == packets && size <= packets.saturating_mul(PACKET_SIZE)
     }
 
-    /// Packets that were not seen, as far as it is known how many there are.
+    /// Missing packets; only gaps if the number of packets is unknown.
     pub(super) fn missing(&self) -> u32 {
         match self.packets {
             Some(packets) => packets.saturating_sub(self.received.distinct()),
@@ -211,20 +211,20 @@ impl Session {
         }
     }
 
-    /// Whether `opening` is the request that opened it, sent again because no answer was heard.
+    /// Whether `opening` repeats the request for the connection, before any packet.
     pub(super) fn is_asked_again(&self, opening: Opening) -> bool {
         let same = self.pgn == Some(opening.pgn) && self.announced == Some(opening.size);
         same && self.mode != TransportMode::Broadcast && self.received.distinct() == 0
     }
 
-    /// The request came again: what was cleared is not any more.
+    /// Handles a repeated request: an earlier clear to send is void.
     pub(super) fn asked_again(&mut self, frame: &Frame, now: i64) {
         self.add_frame(frame);
         (self.window, self.asked, self.lacks_offset) = (Window::Any, None, false);
         self.wait(Timer::T3, Some(Timer::Tr), now);
     }
 
-    /// Another frame belongs to it.
+    /// Adds a frame to the transfer.
     fn add_frame(&mut self, frame: &Frame) {
         if self.frames.last != frame.number {
             self.frames.last = frame.number;
@@ -237,15 +237,18 @@ impl Session {
         (self.timer, self.late, self.since) = (timer, late, now);
     }
 
-    /// Whether the receiver's answer that comes now is late.
-    fn lateness(&self, now: i64) -> Option<Odd> {
+    /// Lateness of a response of the receiver that arrives at `now`.
+    fn lateness(&self, now: i64) -> Option<TransportIrregularity> {
         let timer = self.late?;
         let delay = now.saturating_sub(self.since);
         let late = Some((timer, delay));
-        (delay > limit(timer)).then_some(Odd { late, ..Odd::new(IrregularityKind::Late, None, None) })
+        (delay > limit(timer)).then_some(TransportIrregularity {
+            late,
+            ..TransportIrregularity::new(IrregularityKind::Late, None, None)
+        })
     }
 
-    /// Whether a packet lies before all that was seen of a transfer without start: another one began.
+    /// Whether a packet is before the first one of a transfer without start: another transfer has started.
     pub(super) fn begins_anew(&self, sequence: u8) -> bool {
         self.cut_start && self.number(sequence) < self.received.first()
     }
@@ -254,19 +257,23 @@ impl Session {
         self.offset.saturating_add(u32::from(sequence))
     }
 
-    /// The sender sent a packet.
-    pub(super) fn packet(&mut self, sequence: u8, bytes: &[u8; 7], frame: &Frame, now: i64) -> Step {
+    /// Handles a data packet.
+    pub(super) fn packet(&mut self, sequence: u8, bytes: &[u8; 7], frame: &Frame, now: i64) -> TransferStep {
         let mut odd = None;
         if self.lacks_offset {
-            // As if it had come: the packets are those the receiver asked for.
+            // Assumed packet offset: the packets are those that the receiver requested.
             self.lacks_offset = false;
             self.offset = self.asked.map_or(0, |asked| asked.saturating_sub(1));
-            odd = Some(Odd::new(IrregularityKind::Unexpected, Some(self.number(sequence)), None));
+            odd = Some(TransportIrregularity::new(
+                IrregularityKind::Unexpected,
+                Some(self.number(sequence)),
+                None,
+            ));
         }
         let number = self.number(sequence);
         if sequence == 0 || self.packets.is_some_and(|packets| number > packets) {
-            let odd = Odd::new(IrregularityKind::Unexpected, Some(number), Some(self.due));
-            return Step { odd: Some(odd), ..Step::default() };
+            let odd = TransportIrregularity::new(IrregularityKind::Unexpected, Some(number), Some(self.due));
+            return TransferStep { odd: Some(odd), ..TransferStep::default() };
         }
         self.add_frame(frame);
         odd = odd.or_else(|| self.oddity(number));
@@ -278,35 +285,35 @@ impl Session {
         self.due = self.due.max(number.saturating_add(1));
         self.after_packet(number, now);
         let is_last = self.mode == TransportMode::Broadcast && self.packets == Some(number);
-        Step { late: None, odd, end: is_last.then_some(Ending::Last) }
+        TransferStep { late: None, odd, end: is_last.then_some(Ending::Last) }
     }
 
-    /// A packet of a broadcast came in order, so long behind the frame before.
+    /// Adds the time between two consecutive packets of a broadcast.
     fn took_its_time(&mut self, gap: i64) {
-        // Of one without start nobody knows what came before its first packet.
+        // Without the start, the time before the first packet is unknown.
         if !(self.cut_start && self.received.distinct() == 0) {
             let (shortest, longest) = self.spacing.unwrap_or((gap, gap));
             self.spacing = Some((shortest.min(gap), longest.max(gap)));
         }
     }
 
-    /// What is irregular about a packet, if anything.
-    fn oddity(&mut self, number: u32) -> Option<Odd> {
+    /// Irregularity of a packet, if any.
+    fn oddity(&mut self, number: u32) -> Option<TransportIrregularity> {
         let is_cleared = match self.window {
             Window::Any => true,
             Window::To(last) => number <= last,
             Window::Held => false,
         };
         if !is_cleared {
-            // Said once: the clear to send may be what the capture lacks.
+            // Reported once, because the clear to send may be missing in the capture.
             self.window = Window::Any;
-            return Some(Odd::new(IrregularityKind::Unexpected, Some(number), None));
+            return Some(TransportIrregularity::new(IrregularityKind::Unexpected, Some(number), None));
         }
         if number > self.due {
-            return Some(Odd::new(IrregularityKind::Gap, Some(number), Some(self.due)));
+            return Some(TransportIrregularity::new(IrregularityKind::Gap, Some(number), Some(self.due)));
         }
         let is_duplicate = number < self.due && self.received.has(number);
-        is_duplicate.then(|| Odd::new(IrregularityKind::Duplicate, Some(number), None))
+        is_duplicate.then(|| TransportIrregularity::new(IrregularityKind::Duplicate, Some(number), None))
     }
 
     fn after_packet(&mut self, number: u32, now: i64) {
@@ -320,41 +327,43 @@ impl Session {
         }
     }
 
-    /// The receiver asks for `count` packets from `next` on, or holds the connection.
-    pub(super) fn clear(&mut self, count: u8, next: u32, frame: &Frame, now: i64) -> Step {
+    /// Handles a clear to send for `count` packets from `next` on; 0 keeps the connection open.
+    pub(super) fn clear(&mut self, count: u8, next: u32, frame: &Frame, now: i64) -> TransferStep {
         let is_hold = count == 0;
         if !is_hold && (next == 0 || self.packets.is_some_and(|packets| next > packets)) {
-            let odd = Odd::new(IrregularityKind::Unexpected, Some(next), Some(self.due));
-            return Step { odd: Some(odd), ..Step::default() };
+            let odd = TransportIrregularity::new(IrregularityKind::Unexpected, Some(next), Some(self.due));
+            return TransferStep { odd: Some(odd), ..TransferStep::default() };
         }
         let late = self.lateness(now);
         self.add_frame(frame);
         if is_hold {
             self.window = Window::Held;
             self.wait(Timer::T4, Some(Timer::Th), now);
-            return Step { late, ..Step::default() };
+            return TransferStep { late, ..TransferStep::default() };
         }
         let is_again = next <= self.received.highest() && !(self.cut_start && self.received.distinct() == 0);
-        let odd = is_again.then(|| Odd::new(IrregularityKind::Retransmission, None, Some(next)));
+        let odd =
+            is_again.then(|| TransportIrregularity::new(IrregularityKind::Retransmission, None, Some(next)));
         let last = next.saturating_add(u32::from(count)).saturating_sub(1);
         self.window = Window::To(self.packets.map_or(last, |packets| last.min(packets)));
         self.asked = Some(next);
-        // Packets the capture lacks are told when the next one comes.
+        // Packets missing in the capture are reported with the next packet.
         self.due = next.min(self.received.highest().saturating_add(1));
         self.lacks_offset = self.mode == TransportMode::Extended;
         self.wait(Timer::T2, None, now);
-        Step { late, odd, end: None }
+        TransferStep { late, odd, end: None }
     }
 
-    /// The sender says that packets `offset` + 1 to `offset` + `count` follow.
-    pub(super) fn packet_offset(&mut self, count: u8, offset: u32, frame: &Frame, now: i64) -> Step {
+    /// Handles the announcement of packets `offset` + 1 to `offset` + `count`.
+    pub(super) fn packet_offset(&mut self, count: u8, offset: u32, frame: &Frame, now: i64) -> TransferStep {
         self.add_frame(frame);
         let first = offset.saturating_add(1);
         if self.cut_start && self.asked.is_none() {
             self.received.renumber(offset);
         }
         let other = self.asked.filter(|asked| *asked != first);
-        let odd = other.map(|asked| Odd::new(IrregularityKind::Unexpected, Some(first), Some(asked)));
+        let odd = other
+            .map(|asked| TransportIrregularity::new(IrregularityKind::Unexpected, Some(first), Some(asked)));
         self.offset = offset;
         self.lacks_offset = false;
         self.due = first.min(self.received.highest().saturating_add(1));
@@ -362,21 +371,21 @@ impl Session {
         if self.timer != Timer::T2 {
             self.wait(Timer::T2, None, now);
         }
-        Step { odd, ..Step::default() }
+        TransferStep { odd, ..TransferStep::default() }
     }
 
-    /// The receiver has the message.
-    pub(super) fn acknowledged(&mut self, size: u32, frame: &Frame, now: i64) -> Step {
+    /// Handles the end of message acknowledgement.
+    pub(super) fn acknowledged(&mut self, size: u32, frame: &Frame, now: i64) -> TransferStep {
         let late = self.lateness(now);
         self.add_frame(frame);
         self.announced.get_or_insert(size);
         self.packets.get_or_insert(packets_of(size));
-        Step { late, odd: None, end: Some(Ending::Last) }
+        TransferStep { late, odd: None, end: Some(Ending::Last) }
     }
 
-    /// One side gives up.
-    pub(super) fn aborted(&mut self, abort: TransportAbort, frame: &Frame) -> Step {
+    /// Handles an abort of the sender or receiver.
+    pub(super) fn aborted(&mut self, abort: TransportAbort, frame: &Frame) -> TransferStep {
         self.add_frame(frame);
-        Step { end: Some(Ending::Abort(abort)), ..Step::default() }
+        TransferStep { end: Some(Ending::Abort(abort)), ..TransferStep::default() }
     }
 }

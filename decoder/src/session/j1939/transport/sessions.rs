@@ -1,4 +1,4 @@
-//! All open transfers of a bus.
+//! Open transfers of a bus.
 
 use std::collections::HashMap;
 
@@ -7,8 +7,8 @@ use foldhash::fast::FixedState;
 use super::session::Session;
 use crate::session::limits::{OPEN_DATA_LIMIT, TRANSPORT_LIMIT};
 
-/// What one transfer at a time can have: its sender, its destination (255 for a broadcast), and the protocol.
-/// J1939-21 §5.10.3 allows one connection in a direction, and one broadcast of a sender.
+/// Key of an open transfer: sender, destination (255 for a broadcast), and protocol. J1939-21 §5.10.3 allows
+/// one connection per direction, and one broadcast per sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Key {
     pub(super) source: u8,
@@ -16,35 +16,35 @@ pub(super) struct Key {
     pub(super) is_extended: bool,
 }
 
-/// A place for an open transfer; its number is the subject of its deadline.
+/// Slot for an open transfer; its index is the subject of the deadline.
 #[derive(Debug, Clone, Default)]
-struct Place {
+struct TransferSlot {
     open: Option<(Key, Box<Session>)>,
     is_queued: bool,
 }
 
-/// What a timer entry of a place comes to.
+/// Result of the timer entry of a slot.
 pub(super) enum Due {
-    /// Nothing is open.
+    /// No open transfer.
     Nothing,
-    /// The deadline lies later.
+    /// The deadline moved to this time.
     Later(i64),
-    /// The transfer is over since this time.
+    /// Transfer that timed out at this time.
     Over(Box<Session>, i64),
 }
 
-/// Open transfers of a bus.
+/// Table of open transfers.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct Sessions {
-    places: Vec<Place>,
+    places: Vec<TransferSlot>,
     by_key: HashMap<Key, u16, FixedState>,
     free: Vec<u16>,
-    /// Bytes of data all of them hold.
+    /// Data bytes held by all open transfers.
     open_bytes: usize,
 }
 
 impl Sessions {
-    /// Place of a transfer.
+    /// Index of a transfer.
     pub(super) fn find(&self, key: Key) -> Option<u16> {
         self.by_key.get(&key).copied()
     }
@@ -57,13 +57,13 @@ impl Sessions {
         self.places.get_mut(usize::from(place))?.open.as_mut().map(|(_, session)| &mut **session)
     }
 
-    /// Opens a transfer; where all places are taken, that which began first is given up for it.
+    /// Opens a transfer; if the table is full, the oldest transfer is evicted and returned.
     pub(super) fn open(&mut self, key: Key, session: Session) -> (u16, Option<Box<Session>>) {
         let mut given_up = None;
         if self.free.is_empty() {
             match u16::try_from(self.places.len()) {
                 Ok(place) if self.places.len() < TRANSPORT_LIMIT => {
-                    self.places.push(Place::default());
+                    self.places.push(TransferSlot::default());
                     self.free.push(place);
                 }
                 _ => given_up = self.oldest().and_then(|place| self.close(place)),
@@ -83,7 +83,7 @@ impl Sessions {
         first.min().map(|(_, number)| number)
     }
 
-    /// Takes a transfer out.
+    /// Removes and returns a transfer.
     pub(super) fn close(&mut self, place: u16) -> Option<Box<Session>> {
         let (key, session) = self.places.get_mut(usize::from(place))?.open.take()?;
         self.by_key.remove(&key);
@@ -92,7 +92,7 @@ impl Sessions {
         Some(session)
     }
 
-    /// A transfer grew from `before` bytes of data; `true` where its data had to be dropped for the others.
+    /// Updates the data size of a transfer from `before` bytes; `true` if its data was dropped for the limit.
     pub(super) fn grew(&mut self, place: u16, before: usize) -> bool {
         let Some(session) = self.get_mut(place) else { return false };
         let held = session.received.held();
@@ -108,14 +108,14 @@ impl Sessions {
         true
     }
 
-    /// The deadline of a transfer that has no entry in the timer queue; it has one from now on.
+    /// Deadline of a transfer without an entry in the timer queue; marks it as queued.
     pub(super) fn queue(&mut self, place: u16) -> Option<i64> {
         let place = self.places.get_mut(usize::from(place))?;
         let (_, session) = place.open.as_ref()?;
         (!std::mem::replace(&mut place.is_queued, true)).then(|| session.deadline())
     }
 
-    /// What to do when the timer entry of a place comes due.
+    /// Evaluates the timer entry of a slot that is due.
     pub(super) fn due(&mut self, number: u16, now: i64) -> Due {
         let Some(place) = self.places.get_mut(usize::from(number)) else { return Due::Nothing };
         place.is_queued = false;
@@ -128,14 +128,14 @@ impl Sessions {
         self.close(number).map_or(Due::Nothing, |session| Due::Over(session, deadline))
     }
 
-    /// Moves all deadlines by `delay` nanoseconds.
+    /// Postpones all deadlines by `delay` ns.
     pub(in crate::session) fn postpone(&mut self, delay: i64) {
         for (_, session) in self.places.iter_mut().filter_map(|place| place.open.as_mut()) {
             session.postpone(delay);
         }
     }
 
-    /// Takes out all transfers in the order they began.
+    /// Removes and returns all transfers in the order of their start.
     pub(super) fn drain(&mut self) -> impl Iterator<Item = Box<Session>> + use<> {
         let places: Vec<u16> = self.by_key.values().copied().collect();
         let mut open: Vec<_> = places.into_iter().filter_map(|place| self.close(place)).collect();
@@ -143,11 +143,11 @@ impl Sessions {
         open.into_iter()
     }
 
-    /// Bytes held.
+    /// Bytes held by the table.
     pub(in crate::session) fn footprint(&self) -> usize {
         let open = self.places.iter().filter_map(|place| place.open.as_ref());
         let open = open.map(|(_, session)| size_of::<Session>() + session.received.footprint());
-        self.places.capacity() * size_of::<Place>()
+        self.places.capacity() * size_of::<TransferSlot>()
             + self.by_key.capacity() * size_of::<(Key, u16)>()
             + self.free.capacity() * size_of::<u16>()
             + open.sum::<usize>()

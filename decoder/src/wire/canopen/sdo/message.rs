@@ -1,18 +1,18 @@
-//! One SDO message, read.
+//! Decoded SDO messages.
 
 use super::super::ObjectAddress;
 
-/// What an initiate message carries.
+/// Data or size in an initiate message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Payload<'a> {
     /// The data itself, at most four bytes.
     Expedited {
-        /// The bytes; all that were sent where the size is not indicated.
+        /// Data bytes; all transmitted bytes if the size is not indicated.
         data: &'a [u8],
-        /// Whether the message says how many bytes count.
+        /// Whether the message indicates the size.
         sized: bool,
     },
-    /// Segments follow.
+    /// The data follows in segments.
     Segmented {
         /// Size in bytes, if indicated.
         size: Option<u32>,
@@ -31,7 +31,7 @@ pub enum Sdo<'a> {
     },
     /// Server: object accepted (3).
     DownloadInitiated {
-        /// Object.
+        /// Object written.
         object: ObjectAddress,
     },
     /// Client: data of a segmented download (0).
@@ -48,105 +48,105 @@ pub enum Sdo<'a> {
     },
     /// Server: the object's data or size (2).
     UploadInitiated {
-        /// Object.
+        /// Object read.
         object: ObjectAddress,
         /// Data or size.
         payload: Payload<'a>,
     },
-    /// Client: asks for the next segment (3).
+    /// Client: request for the next segment (3).
     RequestUploadSegment {
         /// Toggle bit.
         toggle: bool,
     },
     /// Server: data of a segmented upload (0).
     UploadSegment(Segment<'a>),
-    /// Client: write by blocks (6, sub 0).
+    /// Client: block download of an object (6, sub 0).
     InitiateBlockDownload {
         /// Object to write.
         object: ObjectAddress,
-        /// Client can make a CRC.
+        /// Whether the client supports CRC.
         crc: bool,
         /// Size in bytes, if indicated.
         size: Option<u32>,
     },
     /// Server: ready for blocks (5, sub 0).
     BlockDownloadInitiated {
-        /// Object.
+        /// Object written.
         object: ObjectAddress,
-        /// Server can make a CRC.
+        /// Whether the server supports CRC.
         crc: bool,
-        /// Segments a block, 1..=127.
+        /// Segments per block, 1..=127.
         block_size: u8,
     },
     /// Server: block acknowledged (5, sub 2).
     BlockDownloadAcknowledged {
-        /// Last segment received in order.
+        /// Sequence number of the last segment received in order.
         sequence: u8,
-        /// Segments of the next block.
+        /// Segments in the next block.
         block_size: u8,
     },
-    /// Client: all sent (6, sub 1).
+    /// Client: end of a block download (6, sub 1).
     EndBlockDownload(BlockEnd),
-    /// Server: all received (5, sub 1).
+    /// Server: end of a block download confirmed (5, sub 1).
     BlockDownloadEnded,
-    /// Client: read by blocks (5, sub 0).
+    /// Client: block upload of an object (5, sub 0).
     InitiateBlockUpload {
         /// Object to read.
         object: ObjectAddress,
-        /// Client can make a CRC.
+        /// Whether the client supports CRC.
         crc: bool,
-        /// Segments a block, 1..=127.
+        /// Segments per block, 1..=127.
         block_size: u8,
-        /// Up to this many bytes the server may choose segmented transfer instead.
+        /// Max size in bytes for which the server may use segmented transfer instead.
         switch_threshold: u8,
     },
-    /// Server: will send blocks (6, sub 0).
+    /// Server: ready for the block upload (6, sub 0).
     BlockUploadInitiated {
-        /// Object.
+        /// Object read.
         object: ObjectAddress,
-        /// Server can make a CRC.
+        /// Whether the server supports CRC.
         crc: bool,
         /// Size in bytes, if indicated.
         size: Option<u32>,
     },
-    /// Client: begin (5, sub 3).
+    /// Client: start of the block upload (5, sub 3).
     StartBlockUpload,
     /// Client: block acknowledged (5, sub 2).
     BlockUploadAcknowledged {
-        /// Last segment received in order.
+        /// Sequence number of the last segment received in order.
         sequence: u8,
-        /// Segments of the next block.
+        /// Segments in the next block.
         block_size: u8,
     },
-    /// Server: all sent (6, sub 1).
+    /// Server: end of a block upload (6, sub 1).
     EndBlockUpload(BlockEnd),
-    /// Client: all received (5, sub 1).
+    /// Client: end of a block upload confirmed (5, sub 1).
     BlockUploadEnded,
-    /// Either: a segment within a block.
+    /// Client or server: a segment of a block.
     BlockSegment {
-        /// 1..=127, from 1 in each block; 0 is invalid.
+        /// Sequence number 1..=127, restarts at 1 in each block; 0 is invalid.
         sequence: u8,
-        /// No segment follows.
+        /// Whether this is the last segment.
         last: bool,
-        /// Seven bytes; how many of the last segment's count, the end message says.
+        /// Seven bytes; the end message contains the number of unused bytes in the last segment.
         data: &'a [u8],
     },
-    /// Either: transfer ended with an error (4).
+    /// Client or server: transfer aborted (4).
     Abort {
-        /// Object the sender names.
+        /// Object in the abort message.
         object: ObjectAddress,
         /// Abort code.
         code: u32,
     },
-    /// A command byte CiA 301 does not define for this sender.
+    /// A command specifier that CiA 301 does not define for this sender.
     Unknown {
-        /// The byte.
+        /// Byte 0 as sent.
         command: u8,
     },
 }
 
 impl Sdo<'_> {
-    /// Whether a client begins a transfer with it.
+    /// Whether this is a request that starts a transfer.
     pub const fn begins(&self) -> bool {
         matches!(
             self,
@@ -157,7 +157,7 @@ impl Sdo<'_> {
         )
     }
 
-    /// Whether it belongs to an upload; `None` where the message does not tell.
+    /// Whether the message belongs to an upload; `None` if the message does not show it.
     pub(crate) const fn is_upload(&self) -> Option<bool> {
         match self {
             Self::InitiateUpload { .. }
@@ -183,7 +183,7 @@ impl Sdo<'_> {
         }
     }
 
-    /// The object it names.
+    /// Object in the message; `None` if the message type has no object.
     pub const fn object(&self) -> Option<ObjectAddress> {
         match self {
             Self::InitiateDownload { object, .. }
@@ -205,17 +205,17 @@ impl Sdo<'_> {
 pub struct Segment<'a> {
     /// Toggle bit: clear in the first segment, then alternating.
     pub toggle: bool,
-    /// No segment follows.
+    /// Whether this is the last segment.
     pub last: bool,
-    /// One to seven bytes (none is allowed for an empty object).
+    /// One to seven bytes; no bytes for an empty object.
     pub data: &'a [u8],
 }
 
 /// End of a block transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockEnd {
-    /// Bytes of the last segment that do not count, 0..=7.
+    /// Unused bytes in the last segment, 0..=7.
     pub unused: u8,
-    /// CRC-16 over the object's bytes (meaningful if both sides offered it).
+    /// CRC-16 over the object's data; valid only if client and server support CRC.
     pub crc: u16,
 }

@@ -1,12 +1,12 @@
-//! SDO (CiA 301 §7.2.4.3): one object, read or written, in up to three ways.
+//! SDO (CiA 301 §7.2.4.3): read or write access to one object by expedited, segmented or block transfer.
 //!
 //! ```text
 //! byte 0  command specifier (bits 7..5) and flags   bytes 1..3 index   byte 3 sub-index   bytes 4..8 data
 //! ```
 //!
-//! The same byte means different things by sender and by phase: within the segments of a block transfer
-//! every first byte but 0x80 is a sequence number, so 0x81 is the last segment and no abort. The caller
-//! knows sender and phase and states them.
+//! The meaning of byte 0 depends on sender and phase. Within the segments of a block transfer, every first
+//! byte except 0x80 is a sequence number: 0x81 is the last segment, not an abort. The caller passes sender
+//! and phase.
 
 mod message;
 mod words;
@@ -20,35 +20,35 @@ pub use message::{BlockEnd, Payload, Sdo, Segment};
 use super::ObjectAddress;
 use crate::wire::Malformed;
 
-/// Who sent the frame.
+/// Sender of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Side {
-    /// The client: requests.
+    /// The client sends requests.
     Client,
-    /// The server: responses.
+    /// The server sends responses.
     Server,
 }
 
-/// What the sender may be in the middle of.
+/// Phase of a transfer, as far as it affects decoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Anything but the segments of a block.
+    /// Any message except a segment of a block.
     Commands,
-    /// The sender is within the segments of a block.
+    /// The sender is sending the segments of a block.
     BlockSegments,
 }
 
-/// Exactly this first byte, in a frame of eight bytes, is an abort in every phase.
+/// This first byte is an abort in every phase, if the frame has eight bytes.
 const ABORT: u8 = 0x80;
 
-/// Bytes of a message, the command's included.
+/// Bytes of a message, including the command.
 const LENGTH: usize = 8;
 
 /// Reads one message.
 ///
 /// # Errors
-/// When the message is shorter than its command needs. Messages of fewer than eight bytes that hold all
-/// they need are accepted.
+/// If the message is shorter than its command needs. A message of fewer than eight bytes is accepted if it
+/// contains all fields of its command.
 pub fn parse(data: &[u8], side: Side, phase: Phase) -> Result<Sdo<'_>, Malformed> {
     let [command, rest @ ..] = data else { return Err(Malformed::at("sdo", 0, 1, 0)) };
     let command = *command;
@@ -66,7 +66,7 @@ pub fn parse(data: &[u8], side: Side, phase: Phase) -> Result<Sdo<'_>, Malformed
     })
 }
 
-/// Bytes behind the command that are enough: what is missing is tried, for the parsers alone know it.
+/// Bytes that the command needs after byte 0. Only the parsers define it, so growing lengths are tried.
 fn needed(command: u8, rest: &[u8], side: Side) -> usize {
     let mut filled = [0; LENGTH - 1];
     for (target, source) in filled.iter_mut().zip(rest) {
@@ -172,7 +172,7 @@ fn multiplexer(rest: &[u8]) -> nom::IResult<&[u8], ObjectAddress> {
     (le_u16, byte).map(|(index, sub)| ObjectAddress { index, sub }).parse(rest)
 }
 
-/// Bits 3..2 n, bit 1 e, bit 0 s of an initiate message.
+/// Initiate message: bits 3..2 are n, bit 1 is e, bit 0 is s.
 fn payload(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Payload<'_>> {
     let (expedited, sized) = (command & 2 != 0, command & 1 != 0);
     if !expedited {
@@ -185,7 +185,7 @@ fn payload(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Payload<'_>> {
     Ok((rest, Payload::Expedited { data, sized }))
 }
 
-/// Bit 4 toggle, bits 3..1 n, bit 0 c.
+/// Segment: bit 4 is the toggle, bits 3..1 are n, bit 0 is c.
 fn segment(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Segment<'_>> {
     let wanted = 7 - usize::from(command >> 1 & 7);
     let (rest, data) = take(wanted).parse(rest)?;
@@ -196,7 +196,7 @@ fn block_size_indication(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Option
     if command & 2 == 0 { Ok((rest, None)) } else { le_u32.map(Some).parse(rest) }
 }
 
-/// Bits 4..2 n; bytes 1..3 CRC.
+/// End of a block transfer: bits 4..2 of byte 0 are n, bytes 1..3 are the CRC.
 fn block_end(command: u8, rest: &[u8]) -> nom::IResult<&[u8], BlockEnd> {
     let (rest, crc) = le_u16(rest)?;
     Ok((rest, BlockEnd { unused: command >> 2 & 7, crc }))
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn expedited_without_size_gives_all_bytes_sent() {
-        // 0x22: e without s; a short frame of six bytes holds two.
+        // 0x22: e without s; a short frame of six bytes contains two data bytes.
         let expected = Payload::Expedited { data: &[0xE8, 0x03], sized: false };
         assert_eq!(
             client(&[0x22, 0x17, 0x10, 0x00, 0xE8, 0x03]),

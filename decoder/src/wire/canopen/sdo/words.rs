@@ -1,10 +1,10 @@
-//! SDO messages in words, for people.
+//! SDO messages as text.
 
 use super::{Payload, Sdo, Segment};
 use crate::words::plural;
 
 impl Sdo<'_> {
-    /// The message in words, for people.
+    /// The message as one line of text.
     pub fn describe(&self) -> String {
         let toggle = |toggle: bool| u8::from(toggle);
         match *self {
@@ -21,7 +21,7 @@ impl Sdo<'_> {
                 format!("upload of {object}, {}", payload.describe())
             }
             Self::RequestUploadSegment { toggle: bit } => {
-                format!("ask for an upload segment, toggle {}", toggle(bit))
+                format!("request for upload segment, toggle {}", toggle(bit))
             }
             Self::UploadSegment(segment) => format!("upload segment, {}", segment.describe()),
             Self::Abort { object, code } => format!("abort of {object}, code {code:08X}"),
@@ -31,28 +31,28 @@ impl Sdo<'_> {
     }
 
     fn describe_block(&self) -> String {
-        let bytes = |size: Option<u32>| size.map_or("size not said".into(), |size| plural(size, "byte"));
+        let bytes = |size: Option<u32>| size.map_or("size not indicated".into(), |size| plural(size, "byte"));
         let crc = |crc: bool| if crc { "CRC" } else { "no CRC" };
         match *self {
             Self::InitiateBlockDownload { object, crc: with, size } => {
                 format!("initiate block download of {object}, {}, {}", bytes(size), crc(with))
             }
             Self::BlockDownloadInitiated { object, crc: with, block_size } => {
-                format!("block download of {object} accepted, {block_size} segments a block, {}", crc(with))
+                format!("block download of {object} accepted, {block_size} segments/block, {}", crc(with))
             }
             Self::InitiateBlockUpload { object, crc: with, block_size, .. } => {
-                format!("initiate block upload of {object}, {block_size} segments a block, {}", crc(with))
+                format!("initiate block upload of {object}, {block_size} segments/block, {}", crc(with))
             }
             Self::BlockUploadInitiated { object, crc: with, size } => {
                 format!("block upload of {object}, {}, {}", bytes(size), crc(with))
             }
             Self::BlockDownloadAcknowledged { sequence, block_size }
             | Self::BlockUploadAcknowledged { sequence, block_size } => {
-                format!("block acknowledged up to segment {sequence}, next block of {block_size}")
+                format!("block acknowledged up to segment {sequence}, next block {block_size} segments")
             }
             Self::EndBlockDownload(end) | Self::EndBlockUpload(end) => {
                 format!(
-                    "end of block transfer, {} of the last segment unused, CRC {:04X}",
+                    "end of block transfer, {} unused in the last segment, CRC {:04X}",
                     plural(end.unused, "byte"),
                     end.crc
                 )
@@ -70,17 +70,17 @@ impl Payload<'_> {
         match self {
             Self::Expedited { data, sized: true } => format!("expedited, {}", plural(data.len(), "byte")),
             Self::Expedited { data, sized: false } => {
-                format!("expedited, size not said, {} there", plural(data.len(), "byte"))
+                format!("expedited, size not indicated, max {}", plural(data.len(), "byte"))
             }
             Self::Segmented { size: Some(size) } => format!("segmented, {}", plural(*size, "byte")),
-            Self::Segmented { size: None } => "segmented, size not said".into(),
+            Self::Segmented { size: None } => "segmented, size not indicated".into(),
         }
     }
 }
 
 impl Segment<'_> {
     fn describe(&self) -> String {
-        let last = if self.last { ", the last one" } else { "" };
+        let last = if self.last { ", last segment" } else { "" };
         format!("toggle {}, {}{last}", u8::from(self.toggle), plural(self.data.len(), "byte"))
     }
 }

@@ -1,4 +1,4 @@
-//! The bytes an event is about, and what lies in them.
+//! The payload of an event and its fields.
 //!
 //! ```text
 //! event ─▶ its own layout (PDO, J1939, DBC) ─┐
@@ -24,42 +24,41 @@ use crate::panes::meaning::{self, hex};
 use crate::state::Core;
 use crate::timeline::{Row, SignalKey};
 
-/// A part of a payload.
+/// A field of a payload.
 #[derive(Debug, Clone)]
-pub(super) struct Part {
-    /// What it is called.
+pub(super) struct PayloadPart {
+    /// Name of the field.
     pub(super) name: String,
-    /// Where it begins.
+    /// First bit.
     pub(super) bit: u16,
-    /// How many bits it has.
+    /// Number of bits.
     pub(super) bits: u16,
-    /// Order of its bits.
+    /// Byte order.
     pub(super) order: BitOrder,
-    /// Its value in words.
+    /// Value with unit or name.
     pub(super) value: String,
-    /// How that came about.
+    /// Position of the field and conversion of its value.
     pub(super) notes: Vec<String>,
-    /// What it can be plotted as.
+    /// Signal for the plot.
     pub(super) signal: Option<SignalKey>,
-    /// Rests on something not seen.
+    /// The value is based on something not seen in the capture.
     pub(super) is_assumed: bool,
 }
 
-/// Bytes with what lies in them.
+/// Bytes with their fields.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Payload {
-    /// Whose bytes these are.
+    /// Identifier and message.
     pub(super) title: String,
-    /// The bytes.
     pub(super) bytes: Vec<u8>,
-    /// What lies in them, in order.
-    pub(super) parts: Vec<Part>,
-    /// What tells what lies in them.
+    /// Fields in order.
+    pub(super) parts: Vec<PayloadPart>,
+    /// Origin of the layout.
     pub(super) source: String,
 }
 
-/// Where bytes come from.
-struct Place<'a> {
+/// Context of a payload: bus, node and identifier.
+struct PayloadPlace<'a> {
     core: &'a Core,
     bus: Option<&'a Bus>,
     node: Option<&'a Node>,
@@ -67,30 +66,30 @@ struct Place<'a> {
     id: Option<CanId>,
 }
 
-/// The payload shown: of the event at the cursor, or of one frame of it.
+/// The payload of the event at the cursor, or of one of its frames.
 pub(super) fn of(core: &Core, row: Option<&Row>, chosen: Option<&Frame>) -> Payload {
     let Some(row) = row else { return last_frame(core) };
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.event.bus));
     let node = row.event.node.and_then(|node| bus?.node(node));
     let id = chosen.or(row.frame.as_ref()).map(|frame| frame.id);
-    let place = Place { core, bus, node, index: row.event.bus, id };
+    let place = PayloadPlace { core, bus, node, index: row.event.bus, id };
     if let Some(frame) = chosen {
         return place.frame(frame, Some(row));
     }
     match &row.event.kind {
         EventKind::Pdo(pdo) if !pdo.is_request => {
-            let place = Place { id: Some(pdo.cob_id), ..place };
+            let place = PayloadPlace { id: Some(pdo.cob_id), ..place };
             place.signals(pdo.payload(), pdo.layout.as_ref(), None)
         }
         EventKind::J1939Message(message) => {
-            let place = Place { id: Some(message.can_id), ..place };
+            let place = PayloadPlace { id: Some(message.can_id), ..place };
             place.signals(message.payload(), message.layout.as_ref(), of_group(message.id.pgn))
         }
         EventKind::J1939Transfer(transfer) => {
             let service = transfer.pgn.and_then(of_group);
             let mut payload =
-                Place { id: None, ..place }.signals(&transfer.data, transfer.layout.as_ref(), service);
-            payload.title = "message put together".into();
+                PayloadPlace { id: None, ..place }.signals(&transfer.data, transfer.layout.as_ref(), service);
+            payload.title = "reassembled message".into();
             payload
         }
         EventKind::UdsExchange(exchange) => match exchange.response.as_ref().or(exchange.request.as_ref()) {
@@ -99,7 +98,7 @@ pub(super) fn of(core: &Core, row: Option<&Row>, chosen: Option<&Frame>) -> Payl
         },
         EventKind::IsoTpTransfer(transfer) => place.uds(&transfer.data, false),
         EventKind::Frame(undecoded) => {
-            let place = Place { id: Some(undecoded.frame.id), ..place };
+            let place = PayloadPlace { id: Some(undecoded.frame.id), ..place };
             match &undecoded.message {
                 Some(message) => place.signals(undecoded.frame.data(), Some(&message.layout), None),
                 None => place.frame(&undecoded.frame, Some(row)),
@@ -109,7 +108,7 @@ pub(super) fn of(core: &Core, row: Option<&Row>, chosen: Option<&Frame>) -> Payl
     }
 }
 
-/// The frame before the cursor, where no event shows it.
+/// The last frame before the cursor, if no event shows it.
 fn last_frame(core: &Core) -> Payload {
     let row = core.world().and_then(|world| {
         let frame = world.frames();
@@ -123,11 +122,11 @@ fn last_frame(core: &Core) -> Payload {
     }
     let bus = core.world().and_then(|world| world.buses().iter().find(|bus| bus.index() == row.bus));
     let node = row.node.and_then(|node| bus?.node(node));
-    Place { core, bus, node, index: row.bus, id: Some(row.id) }.frame(&frame, None)
+    PayloadPlace { core, bus, node, index: row.bus, id: Some(row.id) }.frame(&frame, None)
 }
 
-impl Place<'_> {
-    /// What lies in one frame.
+impl PayloadPlace<'_> {
+    /// Fields of a single frame.
     fn frame(&self, frame: &Frame, row: Option<&Row>) -> Payload {
         if frame.flags.contains(FrameFlags::REMOTE) || frame.flags.contains(FrameFlags::ERROR) {
             let what = if frame.flags.contains(FrameFlags::REMOTE) { "remote frame" } else { "error frame" };
@@ -146,13 +145,13 @@ impl Place<'_> {
             (None, None) => Payload {
                 title: self.title(),
                 bytes: frame.data().to_vec(),
-                source: "nothing tells what lies in it".into(),
+                source: "content unknown".into(),
                 parts: Vec::new(),
             },
         }
     }
 
-    /// The table of a frame's service.
+    /// The service of a frame, for its table of fields.
     fn service(&self, frame: &Frame, row: Option<&Row>) -> Option<&'static Service> {
         match row.map(|row| &row.event.kind) {
             Some(EventKind::SdoTransfer(transfer)) => {
@@ -184,7 +183,7 @@ impl Place<'_> {
         }
     }
 
-    /// Parts by a layout, else by a table.
+    /// Fields by the layout, else by the table of the service.
     fn signals(
         &self,
         bytes: &[u8],
@@ -195,7 +194,7 @@ impl Place<'_> {
             (Some(layout), _) if !layout.fields.is_empty() => layout,
             (_, Some(service)) => return self.slots(bytes, service),
             _ => {
-                let source = "no mapping or database tells what lies in it".into();
+                let source = "content unknown: no mapping or database".into();
                 return Payload { title: self.title(), bytes: bytes.to_vec(), source, parts: Vec::new() };
             }
         };
@@ -205,18 +204,23 @@ impl Place<'_> {
                 parts.push(part);
             }
         }
-        let assumed =
-            if layout.assumed { ", assumed: it may have changed unseen, or is a default" } else { "" };
+        let assumed = if layout.assumed { ", presumed: a default, or possibly changed since" } else { "" };
         let source = format!("layout: {}{assumed}", layout.origin);
         Payload { title: self.title(), bytes: bytes.to_vec(), parts, source }
     }
 
-    fn signal(&self, bytes: &[u8], layout: &Arc<Layout>, number: usize, field: &Field) -> Option<Part> {
+    fn signal(
+        &self,
+        bytes: &[u8],
+        layout: &Arc<Layout>,
+        number: usize,
+        field: &Field,
+    ) -> Option<PayloadPart> {
         let id = field.id.to_string();
         let name = match (field.name(), id.is_empty()) {
             (Some(name), true) => name.to_owned(),
             (Some(name), false) => format!("{id} {name}"),
-            (None, true) => "no name".into(),
+            (None, true) => "unnamed".into(),
             (None, false) => id,
         };
         let signal = layout.signal(number, bytes);
@@ -225,8 +229,8 @@ impl Place<'_> {
         let value = match (&signal, meaning) {
             (Some(signal), Some(meaning)) => meaning.show(&signal.value),
             (Some(signal), None) => signal.value.to_string(),
-            (None, _) if field.extract(bytes).is_none() => "missing: the frame is too short".into(),
-            // It is not selected: other fields have its bits.
+            (None, _) if field.extract(bytes).is_none() => "missing: frame too short".into(),
+            // This multiplexed field is not selected; other fields use its bits.
             (None, _) => return None,
         };
         let mut notes = meaning::place(field);
@@ -235,10 +239,10 @@ impl Place<'_> {
         }
         let signal = self.id.and_then(|id| SignalKey::new(self.index, id, layout, number));
         let (bit, bits, order) = (field.bit, field.bits, field.order);
-        Some(Part { name, bit, bits, order, value, notes, signal, is_assumed })
+        Some(PayloadPart { name, bit, bits, order, value, notes, signal, is_assumed })
     }
 
-    /// Parts by a table.
+    /// Fields by the table of a service.
     fn slots(&self, bytes: &[u8], service: &'static Service) -> Payload {
         let name = service.shape(bytes).map_or("", |shape| shape.name);
         let parts = service.slots(bytes).into_iter().map(|(name, slot)| self.slot(bytes, name, slot));
@@ -250,7 +254,7 @@ impl Place<'_> {
         }
     }
 
-    fn slot(&self, bytes: &[u8], name: String, slot: Slot) -> Part {
+    fn slot(&self, bytes: &[u8], name: String, slot: Slot) -> PayloadPart {
         let rest = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX).saturating_sub(slot.bit);
         let bits = if slot.bits == 0 { rest } else { slot.bits };
         let value = if slot.read == Read::Bytes {
@@ -263,14 +267,14 @@ impl Place<'_> {
         };
         let place = Field { order: slot.order, ..number(slot.bit, bits) };
         let notes = match slot.read {
-            Read::Bytes => vec![format!("{} bytes from byte {} on", bits / 8, slot.bit / 8)],
+            Read::Bytes => vec![format!("{} bytes from byte {}", bits / 8, slot.bit / 8)],
             _ => meaning::place(&place),
         };
         let (bit, order) = (slot.bit, slot.order);
-        Part { name, bit, bits, order, value, notes, signal: None, is_assumed: false }
+        PayloadPart { name, bit, bits, order, value, notes, signal: None, is_assumed: false }
     }
 
-    /// A UDS message: service, sub-function, identifier, what follows.
+    /// Fields of a UDS message: service, sub-function, identifier, data.
     fn uds(&self, bytes: &[u8], is_response: bool) -> Payload {
         let mut slots = services::UDS.slots(bytes);
         let first = bytes.first().copied().unwrap_or(0);
@@ -279,7 +283,7 @@ impl Place<'_> {
             let shape = if first & RESPONSE != 0 { service.response() } else { service.request() };
             let mut bit = 8;
             let mut push = |name: &str, bits: u16, order, read| {
-                // Of a field with the most significant bit first the place is that of this bit.
+                // A big-endian field is located by its most significant bit.
                 let start = if order == BitOrder::BigEndian { bit + 7 } else { bit };
                 let slot = Slot { name: "", bit: start, bits, order, read };
                 bit += bits;
@@ -309,7 +313,7 @@ impl Place<'_> {
     }
 }
 
-/// Bit of a service identifier that makes it a response, and the identifier of a negative one.
+/// Bit of a service identifier that marks a response, and the identifier of a negative response.
 const RESPONSE: u8 = 0x40;
 const NEGATIVE: u8 = 0x7F;
 
@@ -317,7 +321,7 @@ fn number(bit: u16, bits: u16) -> Field {
     Field::of_object(ObjectAddress::new(0, 0), bit, bits, DataType::unsigned(bits))
 }
 
-/// Table of a J1939 group, where no layout tells its contents.
+/// Table of a J1939 group, used without a layout.
 fn of_group(pgn: Pgn) -> Option<&'static Service> {
     const TABLES: &[(Pgn, &Service)] = &[
         (Pgn::TP_CM, &services::TP_CM),
@@ -333,7 +337,7 @@ fn of_group(pgn: Pgn) -> Option<&'static Service> {
     TABLES.iter().find(|(group, _)| *group == pgn).map(|(_, service)| *service)
 }
 
-/// Table of a frame of an SDO transfer; within a block the sender's frames are segments.
+/// Table for a frame of an SDO transfer; data frames of a block are segments.
 pub(super) fn of_sdo(transfer: &SdoTransfer, frames: &[Frame], frame: &Frame) -> &'static Service {
     use cobscope_decoder::event::{Direction, Mode};
     let commands =

@@ -1,4 +1,4 @@
-//! Numbers of a service's table in words: commands, states, objects, codes.
+//! Texts for raw numbers of a service: commands, states, objects, codes.
 
 use cobscope_decoder::profile::{
     Device, abort_codes, emcy_codes, error_register, failure_modes, lss, pgn_name, uds,
@@ -6,11 +6,11 @@ use cobscope_decoder::profile::{
 use cobscope_decoder::wire::canopen::{NmtState, ObjectAddress, nmt};
 use cobscope_decoder::wire::j1939::Pgn;
 
-use super::{Place, RESPONSE, number};
+use super::{PayloadPlace, RESPONSE, number};
 use crate::panes::detail::services::Read;
 
-impl Place<'_> {
-    /// A number in the words of its table.
+impl PayloadPlace<'_> {
+    /// Text of a raw number.
     pub(super) fn words(&self, read: Read, bits: u16, raw: u64, bytes: &[u8]) -> String {
         let digits = usize::from(bits.div_ceil(4));
         let small = u32::try_from(raw).unwrap_or(u32::MAX);
@@ -70,7 +70,7 @@ impl Place<'_> {
     }
 }
 
-/// An object of 24 bits: index in the two low bytes, sub-index above.
+/// Object of a 24-bit number: index in the two low bytes, sub-index in the third.
 fn address(raw: u64) -> ObjectAddress {
     let [low, high, sub, ..] = raw.to_le_bytes();
     ObjectAddress::new(u16::from_le_bytes([low, high]), sub)
@@ -86,7 +86,7 @@ fn plain_error(code: u16) -> &'static str {
     emcy_codes().text(u32::from(code))
 }
 
-/// What an abort code means: by the standard, and by the manual where that says something else.
+/// Text of an abort code: of the standard, and of the manual if it differs.
 pub(in crate::panes::detail) fn abort_text(
     device: Option<&Device>,
     code: u32,
@@ -94,7 +94,7 @@ pub(in crate::panes::detail) fn abort_text(
 ) -> String {
     let standard = abort_codes().text(code);
     match device.and_then(|device| device.abort(code, object)) {
-        Some(own) if own.text != standard => format!("{standard}; by the manual: {}", own.text),
+        Some(own) if own.text != standard => format!("{standard}; manual: {}", own.text),
         _ => standard.to_owned(),
     }
 }

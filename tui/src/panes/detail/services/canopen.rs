@@ -47,7 +47,7 @@ const SERVER_STEP: Slot =
     slot("step (ss)", 0, 2, Read::Names(&[(0, "initiate"), (1, "end"), (2, "acknowledge")]));
 const STEP: Slot = slot("step", 0, 1, Read::Names(&[(0, "initiate"), (1, "end")]));
 
-/// SDO from the client (CiA 301 §7.2.4.3).
+/// SDO frames of the client (CiA 301 §7.2.4.3).
 pub(in crate::panes::detail) const SDO_REQUEST: Service = service(
     "CiA 301 §7.2.4.3",
     &[
@@ -78,7 +78,7 @@ pub(in crate::panes::detail) const SDO_REQUEST: Service = service(
     ],
 );
 
-/// SDO from the server (CiA 301 §7.2.4.3).
+/// SDO frames of the server (CiA 301 §7.2.4.3).
 pub(in crate::panes::detail) const SDO_RESPONSE: Service = service(
     "CiA 301 §7.2.4.3",
     &[
@@ -96,7 +96,7 @@ pub(in crate::panes::detail) const SDO_RESPONSE: Service = service(
     ],
 );
 
-/// A segment within a block (CiA 301 §7.2.4.3.10).
+/// Segments of a block transfer (CiA 301 §7.2.4.3.10).
 pub(in crate::panes::detail) const SDO_SEGMENT: Service = service(
     "CiA 301 §7.2.4.3.10",
     &[
@@ -110,7 +110,7 @@ pub(in crate::panes::detail) const SDO_SEGMENT: Service = service(
     ],
 );
 
-/// NMT.
+/// NMT command.
 pub(in crate::panes::detail) const NMT: Service = service(
     "CiA 301 §7.2.8.3.1",
     &[shape(
@@ -121,7 +121,7 @@ pub(in crate::panes::detail) const NMT: Service = service(
     )],
 );
 
-/// Heartbeat, boot-up, guarding reply.
+/// Heartbeat, boot-up and guarding response.
 pub(in crate::panes::detail) const ERROR_CONTROL: Service = service(
     "CiA 301 §7.2.8.3.2",
     &[shape(
@@ -132,11 +132,11 @@ pub(in crate::panes::detail) const ERROR_CONTROL: Service = service(
     )],
 );
 
-/// SYNC.
+/// SYNC with an optional counter.
 pub(in crate::panes::detail) const SYNC: Service =
     service("CiA 301 §7.2.5.3", &[shape("SYNC", 0, 0, &[slot("counter", 0, 8, Read::Number)])]);
 
-/// TIME.
+/// TIME: milliseconds and days.
 pub(in crate::panes::detail) const TIME: Service = service(
     "CiA 301 §7.2.6.3",
     &[shape(
@@ -154,19 +154,19 @@ pub(in crate::panes::detail) const TIME: Service = service(
 const REGISTER: Slot = slot("error register", 16, 8, Read::Register);
 const VENDOR: Slot = slot("manufacturer's bytes", 24, 0, Read::Bytes);
 
-/// EMCY, the least significant byte of the code first, as the standard has it.
+/// EMCY with the least significant byte of the code first (CiA 301).
 pub(in crate::panes::detail) const EMCY: Service = service(
     "CiA 301 §7.2.7.3",
     &[shape("EMCY", 0, 0, &[slot("error code", 0, 16, Read::EmcyCode), REGISTER, VENDOR])],
 );
 
-/// EMCY with the most significant byte of the code first, as some devices have it.
+/// EMCY with the most significant byte of the code first, as some devices send it.
 pub(in crate::panes::detail) const EMCY_SWAPPED: Service = service(
     "CiA 301 §7.2.7.3, most significant byte of the code first",
     &[shape("EMCY", 0, 0, &[motorola("error code", 7, 16, Read::EmcyCode), REGISTER, VENDOR])],
 );
 
-/// LSS.
+/// LSS command.
 pub(in crate::panes::detail) const LSS: Service = service(
     "CiA 305 §6",
     &[shape("LSS", 0, 0, &[slot("command specifier", 0, 8, Read::Lss), slot("data", 8, 0, Read::Bytes)])],

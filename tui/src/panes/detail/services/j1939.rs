@@ -31,7 +31,7 @@ pub(in crate::panes::detail) const TP_CM: Service = service(
             "request to send",
             0xFF,
             16,
-            &[CONTROL, BYTES, PACKETS, slot("most packets at once", 32, 8, Read::Number), GROUP],
+            &[CONTROL, BYTES, PACKETS, slot("max packets per CTS", 32, 8, Read::Number), GROUP],
         ),
         shape(
             "clear to send",
@@ -61,7 +61,7 @@ pub(in crate::panes::detail) const TP_DT: Service = service(
 pub(in crate::panes::detail) const REQUEST: Service =
     service("SAE J1939-21 §5.4.2", &[shape("request", 0, 0, &[slot("group", 0, 24, Read::Group)])]);
 
-/// J1939 acknowledgement.
+/// J1939 acknowledgement (ACKM).
 pub(in crate::panes::detail) const ACKNOWLEDGEMENT: Service = service(
     "SAE J1939-21 §5.4.4",
     &[shape(
@@ -106,7 +106,7 @@ pub(in crate::panes::detail) const ADDRESS_CLAIM: Service = service(
 
 const LAMP: Read = Read::Names(&[(0, "off"), (1, "on"), (2, "error"), (3, "not available")]);
 
-/// Active and previously active trouble codes.
+/// Active and previously active trouble codes (DM1, DM2).
 pub(in crate::panes::detail) const TROUBLE_CODES: Service = Service {
     source: "SAE J1939-73 §5.7.1",
     shapes: &[shape(
@@ -118,7 +118,7 @@ pub(in crate::panes::detail) const TROUBLE_CODES: Service = Service {
             slot("red stop lamp", 4, 2, LAMP),
             slot("amber warning lamp", 2, 2, LAMP),
             slot("protect lamp", 0, 2, LAMP),
-            slot("lamps' flashing", 8, 8, Read::Hex),
+            slot("lamp flashing", 8, 8, Read::Hex),
         ],
     )],
     again: Some((

@@ -1,4 +1,4 @@
-//! What stands where in the frames of the standards' services: tables, found by the first byte.
+//! Field tables for the frames of standard services, selected by the first byte.
 //!
 //! ```text
 //! SDO request  23 00 20 01 E8 03 00 00
@@ -16,79 +16,79 @@ pub(super) use canopen::*;
 pub(super) use j1939::*;
 pub(super) use uds::*;
 
-/// How a field is told.
+/// Presentation of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Read {
-    /// As a number.
+    /// Decimal number.
     Number,
-    /// As a number in hexadecimal.
+    /// Hexadecimal number.
     Hex,
-    /// As bytes.
+    /// Bytes.
     Bytes,
-    /// By names of its values.
+    /// Names of the values.
     Names(&'static [(u64, &'static str)]),
-    /// As an NMT command.
+    /// NMT command.
     NmtCommand,
-    /// As an NMT state.
+    /// NMT state.
     NmtState,
-    /// As the code of an EMCY.
+    /// EMCY error code.
     EmcyCode,
-    /// As the error register.
+    /// Error register (1001:00).
     Register,
-    /// As index and sub-index: 24 bits.
+    /// Index and sub-index: 24 bits.
     Object,
-    /// As an SDO abort code.
+    /// SDO abort code.
     Abort,
-    /// As an LSS command specifier.
+    /// LSS command specifier.
     Lss,
-    /// As a J1939 group.
+    /// PGN.
     Group,
-    /// As a service of UDS, or its answer.
+    /// UDS service identifier of a request or response.
     UdsService,
-    /// As the code of a negative response.
+    /// UDS negative response code.
     UdsCode,
-    /// As a data or routine identifier.
+    /// UDS data or routine identifier.
     UdsIdentifier,
-    /// As the failure mode of a trouble code.
+    /// Failure mode (FMI) of a trouble code.
     FailureMode,
 }
 
 /// A field of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Slot {
-    /// What it is called.
+    /// Name of the field.
     pub(super) name: &'static str,
-    /// Where it begins.
+    /// First bit.
     pub(super) bit: u16,
-    /// How many bits it has; 0: all that follow.
+    /// Number of bits; 0 for all remaining bits.
     pub(super) bits: u16,
-    /// Order of its bits.
+    /// Byte order.
     pub(super) order: BitOrder,
-    /// How it is told.
+    /// Presentation of the value.
     pub(super) read: Read,
 }
 
-/// Frames of a service whose first byte is alike.
+/// A frame type, selected by the first byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shape {
-    /// What such a frame is.
+    /// Name of the frame type.
     pub(super) name: &'static str,
-    /// Bits of the first byte that tell it.
+    /// Bits of the first byte that select it.
     pub(super) mask: u8,
-    /// What they are.
+    /// Their value.
     pub(super) value: u8,
-    /// What stands in it.
+    /// Fields of the frame.
     pub(super) slots: &'static [Slot],
 }
 
-/// A service: its frames, and where that stands.
+/// A service: its frame types and their source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Service {
     /// Document and clause.
     pub(super) source: &'static str,
-    /// The first one that fits.
+    /// Frame types; the first match is used.
     pub(super) shapes: &'static [Shape],
-    /// Fields that come again to the end, and after how many bits.
+    /// Fields repeated up to the end of the payload, with their distance in bits.
     pub(super) again: Option<(&'static [Slot], u16)>,
 }
 
@@ -109,13 +109,13 @@ const fn service(source: &'static str, shapes: &'static [Shape]) -> Service {
 }
 
 impl Service {
-    /// The shape of a frame.
+    /// The frame type of a payload.
     pub(super) fn shape(&self, bytes: &[u8]) -> Option<&'static Shape> {
         let first = bytes.first()?;
         self.shapes.iter().find(|shape| first & shape.mask == shape.value)
     }
 
-    /// What stands in a frame of so many bytes: name with the number of its repeat, and the field.
+    /// Fields that fit into the payload; repeated fields have their number in the name.
     pub(super) fn slots(&self, bytes: &[u8]) -> Vec<(String, Slot)> {
         let length = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX);
         let fits = |slot: &Slot| match slot.order {
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_told_by_their_first_byte() {
+    fn frames_are_recognised_by_their_first_byte() {
         let name = |service: &Service, first| service.shape(&[first]).map(|shape| shape.name);
         assert_eq!(name(&SDO_REQUEST, 0x2B), Some("initiate download, expedited"));
         assert_eq!(name(&SDO_REQUEST, 0x21), Some("initiate download"));
@@ -165,7 +165,7 @@ mod tests {
     fn only_what_the_frame_has_room_for_is_there() {
         assert_eq!(names(&EMCY, &[0, 0, 0]), ["error code", "error register"]);
         assert_eq!(names(&EMCY_SWAPPED, &[0]), Vec::<String>::new());
-        // Lamps, then four bytes a fault: one in eight bytes, two in ten.
+        // Lamps, then four bytes per trouble code: one in eight bytes, two in ten.
         let [one, two] = [8, 10].map(|length| names(&TROUBLE_CODES, &vec![0; length]).len());
         assert_eq!((one, two), (10, 15));
         assert_eq!(names(&TROUBLE_CODES, &[0; 10])[14], "2. occurrences");

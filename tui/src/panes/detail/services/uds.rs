@@ -9,7 +9,7 @@ const PCI: Slot = slot(
     Read::Names(&[(0, "single"), (1, "first"), (2, "consecutive"), (3, "flow control")]),
 );
 
-/// ISO-TP.
+/// ISO-TP frames.
 pub(in crate::panes::detail) const ISO_TP: Service = service(
     "ISO 15765-2 §9.6",
     &[
@@ -39,13 +39,13 @@ pub(in crate::panes::detail) const ISO_TP: Service = service(
                 PCI,
                 slot("status", 0, 4, Read::Names(&[(0, "continue to send"), (1, "wait"), (2, "overflow")])),
                 slot("block size, 0 for all", 8, 8, Read::Number),
-                slot("least separation (STmin)", 16, 8, Read::Hex),
+                slot("minimum separation (STmin)", 16, 8, Read::Hex),
             ],
         ),
     ],
 );
 
-/// A UDS message without what its service adds; `Shape` by its first byte.
+/// UDS message without the fields of its service; the first byte selects the `Shape`.
 pub(in crate::panes::detail) const UDS: Service = service(
     "ISO 14229-1",
     &[

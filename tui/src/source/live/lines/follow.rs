@@ -1,4 +1,4 @@
-//! A file that grows, is cut short, or gives its place to another.
+//! Follows a file that grows, is truncated or is replaced.
 
 use std::fs::{File, Metadata};
 use std::io::{self, ErrorKind, Read};
@@ -7,21 +7,21 @@ use std::time::Duration;
 
 use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
-use super::super::Ended;
+use super::super::SourceEnd;
 use super::outlet::Outlet;
 
-/// How often a file is looked at that has no more.
+/// Interval between two checks of a file without new data.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Reads the file at `path`, and each that takes its place, until nobody listens any more.
-pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> Ended {
+/// Reads the file at `path` and its replacements until the receiver ends.
+pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> SourceEnd {
     let shown = path.display();
     let mut has_said = false;
     while !outlet.is_over() {
-        let mut growing = match Growing::open(path, outlet) {
+        let mut growing = match GrowingFile::open(path, outlet) {
             Ok(growing) => growing,
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                if !has_said && !outlet.say(format!("{shown} is not there yet: waiting for it")) {
+                if !has_said && !outlet.report(format!("{shown} does not exist yet; waiting for it")) {
                     break;
                 }
                 has_said = true;
@@ -32,12 +32,11 @@ pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> Ended 
         };
         let result = outlet.pump(&mut growing, options);
         match (result, growing.begins_anew) {
-            // Nobody listens any more.
+            // The receiver has ended.
             (Ok(()), _) => break,
             (Err(CaptureError::Io(_)), Some(how)) => {
-                let cut =
-                    if growing.is_within_line { "; its last line has no end and is left out" } else { "" };
-                if !outlet.say(format!("{shown} {how}: read from its beginning{cut}")) {
+                let cut = if growing.is_within_line { "; incomplete last line skipped" } else { "" };
+                if !outlet.report(format!("{shown} {how}; reading from its start{cut}")) {
                     break;
                 }
             }
@@ -45,27 +44,27 @@ pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> Ended 
             (Err(error), _) => return failed(path, error),
         }
     }
-    Ended::Complete
+    SourceEnd::Complete
 }
 
-fn failed(path: &Path, error: CaptureError) -> Ended {
-    Ended::Failed(anyhow::Error::new(error).context(path.display().to_string()))
+fn failed(path: &Path, error: CaptureError) -> SourceEnd {
+    SourceEnd::Failed(anyhow::Error::new(error).context(path.display().to_string()))
 }
 
-/// A file whose end is not the end.
-struct Growing<'a> {
+/// A file that may grow.
+struct GrowingFile<'a> {
     path: &'a Path,
     file: File,
     identity: Identity,
     position: u64,
     is_over: std::sync::Arc<std::sync::atomic::AtomicBool>,
-    /// The last byte read ended no line.
+    /// The last byte read is not a line end.
     is_within_line: bool,
-    /// What happened to it, once something has.
+    /// Change that requires a new start, once it has happened.
     begins_anew: Option<&'static str>,
 }
 
-impl<'a> Growing<'a> {
+impl<'a> GrowingFile<'a> {
     fn open(path: &'a Path, outlet: &Outlet) -> io::Result<Self> {
         let file = File::open(path)?;
         let metadata = file.metadata()?;
@@ -83,14 +82,14 @@ impl<'a> Growing<'a> {
         })
     }
 
-    /// Whether the path stands for another file now, or for a shorter one than was read.
+    /// Whether the path is another file now, or a shorter one than was read.
     fn look(&self) -> Option<&'static str> {
-        // Where it is not there any more, another will come.
+        // A removed file may be replaced soon.
         let metadata = std::fs::metadata(self.path).ok()?;
         if identity(&metadata) != self.identity {
             return Some("was replaced by another file");
         }
-        (metadata.is_file() && metadata.len() < self.position).then_some("was cut short")
+        (metadata.is_file() && metadata.len() < self.position).then_some("was truncated")
     }
 
     fn take(&mut self, room: &mut [u8]) -> io::Result<usize> {
@@ -103,10 +102,10 @@ impl<'a> Growing<'a> {
     }
 }
 
-impl Read for Growing<'_> {
+impl Read for GrowingFile<'_> {
     fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
         loop {
-            // Looked at before reading: what was written before it was replaced is read to its end.
+            // Checked before reading: bytes written before the replacement are read to the end.
             let change = self.look();
             let count = self.take(room)?;
             if count > 0 || room.is_empty() {
@@ -114,22 +113,22 @@ impl Read for Growing<'_> {
             }
             if change.is_some() {
                 self.begins_anew = change;
-                return Err(io::Error::other("the file begins anew"));
+                return Err(io::Error::other("the file was replaced or truncated"));
             }
             if self.is_over.load(std::sync::atomic::Ordering::Relaxed) {
-                return Err(io::Error::other("nobody listens any more"));
+                return Err(io::Error::other("the reader has stopped"));
             }
             std::thread::sleep(LOOK);
         }
     }
 }
 
-/// What tells a file from another at the same path.
+/// Identity of a file independent of its path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Identity {
     device: u64,
     number: u64,
-    /// Where files have no number.
+    /// Creation time, on systems without file numbers.
     created: Option<std::time::SystemTime>,
 }
 

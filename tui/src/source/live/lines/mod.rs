@@ -1,7 +1,7 @@
-//! Captures that are still being written: text on standard input, a file that grows.
+//! Captures that are still being written: text on standard input, a growing file.
 //!
-//! Reading and parsing happen on a thread of their own, as neither a pipe nor a growing file tells when
-//! more will come. It is a few batches ahead at most.
+//! Reading and parsing happen in another thread, because neither a pipe nor a growing file reports when more
+//! data will arrive. The thread is at most a few batches ahead.
 
 mod follow;
 mod outlet;
@@ -19,72 +19,69 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{BATCH_FRAMES, BusNames, CaptureError, Notice, ReadOptions};
 use cobscope_decoder::frame::LinkState;
 
-use super::{Arrival, Arrivals, BusStatus, Ended, Source, Stamps};
+use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd, Stamps};
 use outlet::{Delivery, Outlet};
 
-/// How late frames may come: an ssh connection stalls, a writer collects lines.
+/// Maximum delay of frames: an ssh connection stalls, a writer buffers lines.
 const LAG: Duration = Duration::from_secs(1);
 
-/// Most frames and notices given at once.
+/// Maximum number of frames and notices per delivery.
 const MOST: usize = 4_096;
 
-/// Batches the thread may be ahead.
+/// Maximum number of batches read ahead.
 const AHEAD: usize = MOST / BATCH_FRAMES;
 
-/// Frames that come on standard input, in any format that can be read as it comes.
+/// Frames from standard input, in any format that can be read while it is written.
 ///
-/// Relative candump stamps mean something only once many are known: without an option that says what they
-/// mean, the first 1,000 lines are held back.
+/// Relative candump timestamps need many lines for an interpretation: without the option that selects it, the
+/// first 1,000 lines are held back.
 ///
 /// # Errors
-/// When there is no thread for it.
+/// A thread cannot be started.
 pub fn stdin(options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
     Ok(Box::new(Lines::read(std::io::stdin(), options)?))
 }
 
-/// Frames of a file that is being written, from its beginning, and of each that takes its place.
+/// Frames of a growing file from its start, and of its replacements.
 ///
 /// # Errors
-/// When there is no thread for it.
+/// A thread cannot be started.
 pub fn follow(path: &Path, options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
     let path = path.to_path_buf();
     Ok(Box::new(Lines::start(move |outlet| follow::follow(&path, &options, outlet))?))
 }
 
-/// The source.
+/// A source of text.
 struct Lines {
     deliveries: Receiver<Delivery>,
-    /// Tells the thread that nobody listens any more.
+    /// Ends the thread.
     is_over: Arc<AtomicBool>,
     names: BusNames,
-    /// Frames lost on each bus, as the text says.
+    /// Number of lost frames per bus, as stated by the text.
     lost: Vec<u64>,
-    ended: Option<Ended>,
+    ended: Option<SourceEnd>,
 }
 
 impl Lines {
     /// Reads `source` to its end.
     fn read(source: impl Read + Send + 'static, options: ReadOptions) -> anyhow::Result<Self> {
         Self::start(move |outlet| match outlet.pump(source, &options) {
-            // A pipe that was closed before anything came.
-            Ok(()) | Err(CaptureError::Empty) => Ended::Complete,
-            Err(error) => Ended::Failed(anyhow::Error::new(error).context("standard input")),
+            // A pipe that was closed without data.
+            Ok(()) | Err(CaptureError::Empty) => SourceEnd::Complete,
+            Err(error) => SourceEnd::Failed(anyhow::Error::new(error).context("standard input")),
         })
     }
 
-    fn start(work: impl FnOnce(&mut Outlet) -> Ended + Send + 'static) -> anyhow::Result<Self> {
+    fn start(work: impl FnOnce(&mut Outlet) -> SourceEnd + Send + 'static) -> anyhow::Result<Self> {
         let (give, deliveries) = mpsc::sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
         let mut outlet = Outlet::new(give, Arc::clone(&is_over));
         let work = move || {
             let ended = work(&mut outlet);
-            // Nobody listens any more: nobody wants to know.
+            // The receiver may have ended.
             outlet.end(ended);
         };
-        std::thread::Builder::new()
-            .name("lines".into())
-            .spawn(work)
-            .context("no thread for a live source")?;
+        std::thread::Builder::new().name("lines".into()).spawn(work).context("cannot start a thread")?;
         Ok(Self { deliveries, is_over, names: BusNames::default(), lost: Vec::new(), ended: None })
     }
 
@@ -103,13 +100,13 @@ impl Lines {
 }
 
 impl Source for Lines {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         let begin = Instant::now();
         let before = arrivals.items.len();
-        // A delivery has as many frames as a batch, and as many notices.
+        // A delivery contains at most as many frames, and as many notices, as a batch.
         let most = before.saturating_add(MOST - 2 * BATCH_FRAMES);
         while self.ended.is_none() && arrivals.items.len() <= most {
-            // Only the first is waited for.
+            // Only the first delivery is waited for.
             let left = if arrivals.items.len() > before {
                 Duration::ZERO
             } else {
@@ -119,7 +116,7 @@ impl Source for Lines {
                 Ok(Delivery::Items(names, items)) => self.take(names, items, arrivals),
                 Ok(Delivery::Ended(ended)) => self.ended = Some(ended),
                 Err(RecvTimeoutError::Timeout) => break,
-                Err(RecvTimeoutError::Disconnected) => self.ended = Some(Ended::Complete),
+                Err(RecvTimeoutError::Disconnected) => self.ended = Some(SourceEnd::Complete),
             }
         }
         if arrivals.names != self.names {

@@ -1,4 +1,4 @@
-//! Where the reading thread puts what it reads.
+//! Output of the reading thread.
 
 use std::io::Read;
 use std::sync::Arc;
@@ -6,24 +6,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
 use cobscope_decoder::capture::{
-    BATCH_FRAMES, Batch, BusNames, CaptureError, Item, MAX_BUSES, Notice, Place, ReadOptions, Reader,
+    BATCH_FRAMES, Batch, BusNames, CaptureError, CapturePlace, Item, MAX_BUSES, Notice, ReadOptions, Reader,
 };
 use cobscope_decoder::frame::{BusIndex, Frame};
 
 use crate::source::live::gather::PACE;
-use crate::source::live::{Arrival, Ended};
+use crate::source::live::{Arrival, SourceEnd};
 
-/// What the thread hands over.
+/// A message of the reading thread.
 pub enum Delivery {
     Items(BusNames, Vec<Arrival>),
-    Ended(Ended),
+    Ended(SourceEnd),
 }
 
-/// Where the thread puts what it reads.
+/// Output of the reading thread.
 pub struct Outlet {
     give: SyncSender<Delivery>,
     is_over: Arc<AtomicBool>,
-    /// Buses of all that was read, in order of appearance.
+    /// Buses in order of appearance.
     names: BusNames,
 }
 
@@ -32,12 +32,12 @@ impl Outlet {
         Self { give, is_over, names: BusNames::default() }
     }
 
-    /// Ends the source; where nobody listens any more nobody wants to know.
-    pub fn end(&self, ended: Ended) {
+    /// Reports the end; the receiver may have ended already.
+    pub fn end(&self, ended: SourceEnd) {
         let _ = self.give.send(Delivery::Ended(ended));
     }
 
-    /// Becomes true when nobody listens any more.
+    /// Becomes true when the receiver has ended.
     pub fn flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.is_over)
     }
@@ -46,17 +46,17 @@ impl Outlet {
         self.is_over.load(Ordering::Relaxed)
     }
 
-    /// Hands over; `false` when nobody takes it any more.
+    /// Delivers items; `false` if the receiver has ended.
     pub fn give(&self, items: Vec<Arrival>) -> bool {
         self.give.send(Delivery::Items(self.names.clone(), items)).is_ok()
     }
 
-    /// Says something that belongs to no bus.
-    pub fn say(&self, text: String) -> bool {
+    /// Delivers a message without a bus; `false` if the receiver has ended.
+    pub fn report(&self, text: String) -> bool {
         self.give(vec![Arrival::Notice(Notice::Assumption(text))])
     }
 
-    /// Reads a capture to its end, or until nobody listens any more.
+    /// Reads a capture to its end, or until the receiver ends.
     pub fn pump(&mut self, source: impl Read, options: &ReadOptions) -> Result<(), CaptureError> {
         let mut reader = Reader::open(source, options)?;
         let mut batch = Batch::new();
@@ -74,7 +74,7 @@ impl Outlet {
                 break;
             }
             if batch.frames().len() < BATCH_FRAMES / 2 {
-                // It comes as it happens: what comes meanwhile gathers.
+                // A live input: further frames collect during the pause.
                 std::thread::sleep(PACE);
             }
         }
@@ -82,7 +82,7 @@ impl Outlet {
     }
 }
 
-/// The bus of this source which is the capture's own `bus`; `None` where there are too many.
+/// Bus of this source for bus `bus` of the capture; `None` if there are too many.
 fn bus_of(bus: BusIndex, buses: &[Option<BusIndex>]) -> Option<BusIndex> {
     buses.get(usize::from(bus.0)).copied().flatten()
 }
@@ -91,7 +91,7 @@ fn renamed(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
     match bus_of(frame.bus, buses) {
         Some(bus) => Arrival::Frame(Frame { bus, ..*frame }),
         None => Arrival::Notice(Notice::Unreadable {
-            place: Place::Now,
+            place: CapturePlace::Now,
             reason: format!("more than {MAX_BUSES} interfaces"),
         }),
     }
@@ -99,7 +99,9 @@ fn renamed(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
 
 fn on_bus(notice: &Notice, buses: &[Option<BusIndex>]) -> Notice {
     let mut notice = notice.clone();
-    if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = &mut notice {
+    if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } | Notice::ClockSet { bus, .. } =
+        &mut notice
+    {
         *bus = bus_of(*bus, buses).unwrap_or_default();
     }
     notice

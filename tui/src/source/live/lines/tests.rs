@@ -1,4 +1,4 @@
-//! Pipes and files that grow under the reader.
+//! Tests with pipes and growing files.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
@@ -9,7 +9,7 @@ use cobscope_decoder::frame::{BusIndex, CanId, Frame, Timestamp};
 
 use super::*;
 
-/// Far longer than anything takes here.
+/// Time limit, far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(30);
 
 /// Receives until there are `count` items.
@@ -22,8 +22,8 @@ fn receive(source: &mut dyn Source, count: usize) -> Arrivals {
     arrivals
 }
 
-/// Receives until nothing more comes.
-fn end(source: &mut dyn Source) -> Ended {
+/// Receives until the source ends.
+fn end(source: &mut dyn Source) -> SourceEnd {
     let mut arrivals = Arrivals::default();
     let begin = Instant::now();
     loop {
@@ -35,7 +35,7 @@ fn end(source: &mut dyn Source) -> Ended {
     }
 }
 
-/// Nothing comes for a while in which several looks at a file have room.
+/// Asserts that nothing arrives during several checks of the file.
 fn nothing(source: &mut dyn Source) {
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     let wait = Duration::from_millis(200);
@@ -60,7 +60,7 @@ fn notices(arrivals: &Arrivals) -> Vec<String> {
     arrivals.items.iter().filter_map(notice).collect()
 }
 
-/// A growing file, and the source that follows it.
+/// A growing file and the source that follows it.
 struct Followed {
     _folder: tempfile::TempDir,
     path: PathBuf,
@@ -104,11 +104,11 @@ fn a_pipe_gives_each_line_when_it_is_complete_and_ends_with_its_writer() {
     let [notice] = &notices(&arrivals)[..] else { panic!("{arrivals:?}") };
     assert!(notice.starts_with("line 3: identifier: expected 3 hex digits"), "{notice}");
     assert_eq!(source.lag(), Duration::from_secs(1));
-    // What is at the end of a pipe is a line, with or without its end.
+    // The rest of a pipe is a line, with or without a line end.
     drop(writer);
     assert_eq!(frames(&receive(&mut source, 1))[0].id, CanId::Standard(0x81));
-    assert!(matches!(end(&mut source), Ended::Complete));
-    assert!(matches!(end(&mut source), Ended::Complete));
+    assert!(matches!(end(&mut source), SourceEnd::Complete));
+    assert!(matches!(end(&mut source), SourceEnd::Complete));
     let status = source.status();
     assert_eq!(status.iter().map(|bus| bus.name.as_str()).collect::<Vec<_>>(), ["can1", "can0"]);
     assert!(status.iter().all(|bus| bus.stamps == Stamps::Recorded && bus.lost == 0));
@@ -117,9 +117,9 @@ fn a_pipe_gives_each_line_when_it_is_complete_and_ends_with_its_writer() {
 #[test]
 fn an_empty_pipe_is_complete_and_one_without_frames_has_failed() {
     let mut source = Lines::read(std::io::empty(), ReadOptions::default()).unwrap();
-    assert!(matches!(end(&mut source), Ended::Complete));
+    assert!(matches!(end(&mut source), SourceEnd::Complete));
     let mut source = Lines::read(&b"candump: command not found\n"[..], ReadOptions::default()).unwrap();
-    let Ended::Failed(error) = end(&mut source) else { panic!("expected a failure") };
+    let SourceEnd::Failed(error) = end(&mut source) else { panic!("expected a failure") };
     let text = format!("{error:#}");
     assert!(text.starts_with("standard input: not a capture in a known format"), "{text}");
 }
@@ -151,7 +151,7 @@ fn losses_that_the_text_tells_are_counted_on_their_bus() {
 }
 
 #[test]
-fn relative_stamps_come_at_once_where_it_is_said_what_they_mean() {
+fn relative_timestamps_arrive_at_once_if_their_meaning_is_given() {
     let (pipe, mut writer) = std::io::pipe().unwrap();
     let options = ReadOptions { time_style: Some(TimeStyle::Delta) };
     let mut source = Lines::read(pipe, options).unwrap();
@@ -177,7 +177,7 @@ fn a_file_is_read_from_its_beginning_and_then_as_it_grows() {
 fn a_trace_of_peak_grows_too() {
     let mut file = Followed::new(Some(";$FILEVERSION=1.1\n;$STARTTIME=43008.5\n"));
     file.append("     1)      1000.0  Rx         0300  8  00 00 00 00 04 00 00 00\n");
-    // What is assumed of its times may come before.
+    // A notice about the assumed meaning of the timestamps may precede the frame.
     let mut arrivals = Arrivals::default();
     while frames(&arrivals).is_empty() {
         arrivals = receive(&mut *file.source, 1);
@@ -191,7 +191,7 @@ fn a_trace_of_peak_grows_too() {
 fn a_file_that_is_not_there_yet_is_waited_for() {
     let mut file = Followed::new(None);
     let arrivals = receive(&mut *file.source, 1);
-    assert_eq!(notices(&arrivals), [format!("{} is not there yet: waiting for it", file.path.display())]);
+    assert_eq!(notices(&arrivals), [format!("{} does not exist yet; waiting for it", file.path.display())]);
     nothing(&mut *file.source);
     File::create(&file.path).unwrap();
     nothing(&mut *file.source);
@@ -206,18 +206,18 @@ fn a_file_that_is_cut_short_is_read_from_its_beginning() {
     std::fs::write(&file.path, "(1700000009.000000) can1 003#\n").unwrap();
     let arrivals = receive(&mut *file.source, 2);
     let shown = file.path.display();
-    let cut = "; its last line has no end and is left out";
-    assert_eq!(notices(&arrivals), [format!("{shown} was cut short: read from its beginning{cut}")]);
-    // Its buses keep their places.
+    let cut = "; incomplete last line skipped";
+    assert_eq!(notices(&arrivals), [format!("{shown} was truncated; reading from its start{cut}")]);
+    // Buses keep their index.
     let found = frames(&arrivals);
     assert_eq!((found[0].id, found[0].bus), (CanId::Standard(3), BusIndex(1)));
     assert_eq!(arrivals.names.names(), ["can0", "can1"]);
-    // Emptied first and written later: as copytruncate does.
+    // Truncated first and written later, as copytruncate does.
     file.append("(1700000010.000000) can1 004#\n");
     receive(&mut *file.source, 1);
     File::create(&file.path).unwrap();
     let arrivals = receive(&mut *file.source, 1);
-    assert_eq!(notices(&arrivals), [format!("{shown} was cut short: read from its beginning")]);
+    assert_eq!(notices(&arrivals), [format!("{shown} was truncated; reading from its start")]);
     file.append("(1700000011.000000) can2 005#\n");
     assert_eq!(frames(&receive(&mut *file.source, 1))[0].bus, BusIndex(2));
 }
@@ -228,7 +228,7 @@ fn a_file_that_is_replaced_is_read_to_its_end_and_then_the_other() {
     receive(&mut *file.source, 1);
     let aside = file.path.with_extension("log.1");
     std::fs::rename(&file.path, &aside).unwrap();
-    // Its writer goes on until it is told.
+    // The writer uses the old file until it reopens it.
     OpenOptions::new()
         .append(true)
         .open(&aside)
@@ -236,14 +236,11 @@ fn a_file_that_is_replaced_is_read_to_its_end_and_then_the_other() {
         .write_all(b"(1700000001.000000) can0 002#\n")
         .unwrap();
     assert_eq!(frames(&receive(&mut *file.source, 1))[0].id, CanId::Standard(2));
-    // Longer than what was read of the first.
+    // Longer than the part read of the first file.
     std::fs::write(&file.path, "(1700000002.000000) can0 003#\n".repeat(5)).unwrap();
     let arrivals = receive(&mut *file.source, 6);
     let shown = file.path.display();
-    assert_eq!(
-        notices(&arrivals),
-        [format!("{shown} was replaced by another file: read from its beginning")]
-    );
+    assert_eq!(notices(&arrivals), [format!("{shown} was replaced by another file; reading from its start")]);
     assert!(frames(&arrivals).iter().all(|frame| frame.id == CanId::Standard(3)));
 }
 
@@ -251,13 +248,13 @@ fn a_file_that_is_replaced_is_read_to_its_end_and_then_the_other() {
 fn what_is_no_file_or_no_capture_has_failed() {
     let folder = tempfile::tempdir().unwrap();
     let mut source = follow(folder.path(), ReadOptions::default()).unwrap();
-    let Ended::Failed(error) = end(&mut *source) else { panic!("expected a failure") };
+    let SourceEnd::Failed(error) = end(&mut *source) else { panic!("expected a failure") };
     let text = format!("{error:#}");
     assert!(text.contains("found a folder, expected a file"), "{text}");
     let path = folder.path().join("photo.jpg");
     std::fs::write(&path, vec![0xD8; 200_000]).unwrap();
     let mut source = follow(&path, ReadOptions::default()).unwrap();
-    let Ended::Failed(error) = end(&mut *source) else { panic!("expected a failure") };
+    let SourceEnd::Failed(error) = end(&mut *source) else { panic!("expected a failure") };
     let text = format!("{error:#}");
     assert!(text.contains("photo.jpg: not a capture in a known format"), "{text}");
 }

@@ -1,7 +1,7 @@
-//! Serial adapters that speak slcan (Lawicel), opened to listen only.
+//! Serial adapters with the slcan protocol (Lawicel), opened in listen-only mode.
 //!
-//! An adapter that is no listener is refused: in any other mode its controller acknowledges frames, and so
-//! takes part in the bus. A CAN232 hands frames over by itself only where `X1` is stored in it.
+//! An adapter without listen-only mode is refused: in any other mode its controller acknowledges frames and
+//! thus takes part in the bus. A CAN232 sends frames unasked only if `X1` is stored in it.
 
 mod port;
 mod stamps;
@@ -13,46 +13,46 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use cobscope_decoder::capture::adapter::slcan::{BitRate, Command, Reply};
-use cobscope_decoder::capture::{Notice, Place};
+use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 
-use super::backoff::Setback;
-use super::returning::{Connection, Returning, unreadable};
+use super::backoff::ConnectError;
+use super::returning::{Connection, ReconnectingSource, unreadable};
 use super::{Arrival, Source, Stamps, clock};
 use port::{Answer, BAUD_RATE, Port};
 use stamps::StampClock;
 
-/// How late a frame may come: the serial line's own buffers.
+/// Maximum delay of a frame: the buffers of the serial line.
 const LAG: Duration = Duration::from_millis(50);
 
-/// Time for an answer.
+/// Time limit for a response.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// How often "close" is said before an adapter counts as mute: some boards start anew when they are opened.
+/// Number of close commands before an adapter counts as unresponsive: some boards restart when they are
+/// opened.
 const ATTEMPTS: usize = 6;
 
-/// Silence after "close" that shows that nothing else is under way.
+/// Silence after the close command that proves that no other response is under way.
 const SETTLED: Duration = Duration::from_millis(50);
 
-/// How often status flags are asked for.
+/// Interval between two requests for the status flags.
 const FLAGS_EVERY: Duration = Duration::from_secs(1);
 
-/// Questions for flags without an answer after which an adapter that never answered is not asked any more,
-/// and one that did is gone.
+/// Number of unanswered requests for flags. After that an adapter that never responded is not asked any more,
+/// and an adapter that responded before is disconnected.
 const UNANSWERED: u32 = 5;
 
-/// Opens the adapter at the serial port `device`; without a bit rate, in bit/s, its own is kept.
+/// Opens the adapter at the serial port `device`; without a bit rate, in bit/s, the adapter keeps its own.
 ///
 /// # Errors
-/// A bit rate that slcan does not know, a port that is not there or another's, an adapter that does not
-/// answer or will not listen only.
+/// Bit rate not available in slcan; port missing or in use; adapter unresponsive or without listen-only mode.
 pub fn open(device: &str, bit_rate: Option<u32>) -> anyhow::Result<Box<dyn Source>> {
     let rate = bit_rate.map(|rate| BitRate::of(rate).ok_or_else(|| unknown_rate(rate))).transpose()?;
     let name = device.rsplit(['/', '\\']).next().unwrap_or(device).to_owned();
     let mut remarks = Vec::new();
     if bit_rate.is_none() {
         remarks.push(Notice::Assumption(format!(
-            "{name}: the adapter keeps the bit rate it has; slcan:{device}@500000 sets one"
+            "{name}: bit rate of the adapter unchanged; slcan:{device}@500000 sets one"
         )));
     }
     let device = device.to_owned();
@@ -60,7 +60,7 @@ pub fn open(device: &str, bit_rate: Option<u32>) -> anyhow::Result<Box<dyn Sourc
         let port = ready(&device, bit_rate.zip(rate))?;
         Ok(Adapter::new(port, bit_rate))
     };
-    Ok(Box::new(Returning::open(&name, LAG, remarks, connect)?))
+    Ok(Box::new(ReconnectingSource::open(&name, LAG, remarks, connect)?))
 }
 
 fn unknown_rate(rate: u32) -> anyhow::Error {
@@ -68,41 +68,39 @@ fn unknown_rate(rate: u32) -> anyhow::Error {
     anyhow!("slcan has no command for {rate} bit/s; it has {}", known.join(", "))
 }
 
-/// A port whose adapter listens, and whether it stamps frames.
-fn ready(device: &str, rate: Option<(u32, BitRate)>) -> Result<(Port, bool), Setback> {
-    let gone = |error: std::io::Error| Setback::Again(not_there(device, &error));
+/// A port whose adapter is in listen-only mode, and whether the adapter sends timestamps.
+fn ready(device: &str, rate: Option<(u32, BitRate)>) -> Result<(Port, bool), ConnectError> {
+    let gone = |error: std::io::Error| ConnectError::Again(not_there(device, &error));
     let mut port = Port::open(device).map_err(gone)?;
     if !close(&mut port).map_err(gone)? {
-        return Err(Setback::Again(anyhow!(
-            "{device}: no answer to slcan's command C; expected an adapter that speaks Lawicel's protocol, on a \
-             serial line at {BAUD_RATE} baud, and no other program (slcand) at it"
+        return Err(ConnectError::Again(anyhow!(
+            "{device}: no response to slcan command C; expected an adapter with the Lawicel protocol at \
+             {BAUD_RATE} baud that no other program (slcand) uses"
         )));
     }
     if let Some((bits_per_second, rate)) = rate
         && port.ask(Command::SetBitRate(rate), ANSWER).map_err(gone)? != Answer::Done
     {
-        return Err(Setback::Never(anyhow!("{device}: the adapter refuses {bits_per_second} bit/s")));
+        return Err(ConnectError::Never(anyhow!("{device}: the adapter refuses {bits_per_second} bit/s")));
     }
     let has_stamps = port.ask(Command::TimestampsOn, ANSWER).map_err(gone)? == Answer::Done;
     if port.ask(Command::Listen, ANSWER).map_err(gone)? != Answer::Done {
         let hint = match rate {
-            Some(_) => "use firmware that knows this command",
-            None => {
-                "it may have no bit rate yet: give one as in @500000; or use firmware that knows this command"
-            }
+            Some(_) => "use firmware that supports this command",
+            None => "its bit rate may not be set: add @500000; or use firmware that supports this command",
         };
-        return Err(Setback::Never(anyhow!(
-            "{device}: the adapter refuses to listen only (command L), and this program opens adapters in no \
-             other mode, as they would acknowledge frames; {hint}"
+        return Err(ConnectError::Never(anyhow!(
+            "{device}: the adapter refuses listen-only mode (command L); other modes are not used because they \
+             acknowledge frames; {hint}"
         )));
     }
     Ok((port, has_stamps))
 }
 
-/// Closes the channel, so that it can be set up; whether the adapter answers.
+/// Closes the channel for the configuration; returns whether the adapter responded.
 fn close(port: &mut Port) -> std::io::Result<bool> {
     for _ in 0..ATTEMPTS {
-        // One whose channel is closed already may refuse: an answer all the same.
+        // An adapter whose channel is already closed may refuse; that is a response too.
         if port.ask(Command::Close, ANSWER)? != Answer::Nothing {
             port.settle(SETTLED)?;
             return Ok(true);
@@ -111,7 +109,7 @@ fn close(port: &mut Port) -> std::io::Result<bool> {
     Ok(false)
 }
 
-/// Why a port cannot be opened, and what to do.
+/// Error for a port that cannot be opened, with a remedy.
 fn not_there(device: &str, error: &std::io::Error) -> anyhow::Error {
     let hint = match error.kind() {
         std::io::ErrorKind::NotFound => match serial2::SerialPort::available_ports() {
@@ -130,7 +128,7 @@ fn not_there(device: &str, error: &std::io::Error) -> anyhow::Error {
     anyhow!("{device}: the serial port cannot be used: {error}{hint}")
 }
 
-/// An adapter that listens.
+/// An adapter in listen-only mode.
 struct Adapter {
     port: Port,
     bit_rate: Option<u32>,
@@ -141,11 +139,11 @@ struct Adapter {
     questions: Questions,
 }
 
-/// Asking for status flags.
+/// State of the requests for status flags.
 struct Questions {
     next: Instant,
     unanswered: u32,
-    /// It has ever answered; `None` once it is known that it does not.
+    /// Whether it has ever responded; `None` once it is known that it does not.
     answers: Option<bool>,
 }
 
@@ -156,7 +154,7 @@ impl Adapter {
         Self { port, bit_rate, has_stamps, clock, controller: None, lost: 0, questions }
     }
 
-    /// Asks for status flags where it is time to.
+    /// Requests the status flags when it is time.
     fn ask(&mut self) -> Result<(), String> {
         let questions = &mut self.questions;
         let Some(has_answered) = questions.answers.filter(|_| questions.next <= Instant::now()) else {
@@ -164,17 +162,17 @@ impl Adapter {
         };
         if questions.unanswered >= UNANSWERED {
             if has_answered {
-                return Err("the adapter does not answer any more".into());
+                return Err("the adapter no longer responds".into());
             }
             questions.answers = None;
             return Ok(());
         }
         questions.unanswered += 1;
         questions.next = Instant::now() + FLAGS_EVERY;
-        self.port.say(Command::ReadFlags).map_err(|error| error.to_string())
+        self.port.send(Command::ReadFlags).map_err(|error| error.to_string())
     }
 
-    /// Until something is to be done besides reading.
+    /// Time to wait before the next request, at most `wait`.
     fn until_next(&self, wait: Duration) -> Duration {
         match self.questions.answers {
             Some(_) => wait.min(self.questions.next.saturating_duration_since(Instant::now())),
@@ -182,7 +180,7 @@ impl Adapter {
         }
     }
 
-    /// What a reply is to the program, if anything.
+    /// Converts a reply to an item, if it is one.
     fn take(&mut self, reply: Reply, arrival: Timestamp) -> Option<Arrival> {
         match reply {
             Reply::Frame(frame, milliseconds) => {
@@ -198,10 +196,14 @@ impl Adapter {
                 self.controller = (!said.is_empty()).then_some(said);
                 flags.lost_frames().then(|| {
                     self.lost += 1;
-                    Arrival::Notice(Notice::LostFrames { place: Place::Now, bus: BusIndex(0), count: None })
+                    Arrival::Notice(Notice::LostFrames {
+                        place: CapturePlace::Now,
+                        bus: BusIndex(0),
+                        count: None,
+                    })
                 })
             }
-            // It does not know the command; nothing else was said to it.
+            // The adapter does not support the command; no other command was sent.
             Reply::Refused if self.questions.unanswered > 0 => {
                 (self.questions.unanswered, self.questions.answers) = (0, None);
                 None
@@ -213,7 +215,7 @@ impl Adapter {
     }
 
     fn stamped(&mut self, frame: Frame, milliseconds: Option<u16>, arrival: Timestamp) -> Frame {
-        // Error frames are made of lines without a stamp, whatever the frames of the bus have.
+        // Error frames are built from lines without a timestamp, even if frames have one.
         if !frame.flags.contains(FrameFlags::ERROR) {
             self.has_stamps = milliseconds.is_some();
         }

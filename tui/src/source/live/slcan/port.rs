@@ -1,4 +1,4 @@
-//! A serial port with an adapter behind it. What can be written to it is a [`Command`], nothing else.
+//! A serial port with an adapter. Only a [`Command`] can be written to it.
 
 use std::io::{self, ErrorKind};
 use std::time::{Duration, Instant};
@@ -6,27 +6,27 @@ use std::time::{Duration, Instant};
 use cobscope_decoder::capture::adapter::slcan::{Command, Reader, Reply};
 use serial2::SerialPort;
 
-/// Speed of the serial line in bit/s; adapters on USB have none of their own and take any.
+/// Bit rate of the serial line in bit/s; USB adapters ignore it.
 pub const BAUD_RATE: u32 = 115_200;
 
-/// Longest wait for room to write: commands are short, and nothing waits for them.
+/// Maximum time to write a command; commands are short.
 const WRITING: Duration = Duration::from_millis(200);
 
-/// Bytes taken at a time: what a terminal of Linux gives at most.
+/// Number of bytes per read, the maximum of a Linux terminal.
 const CHUNK: usize = 4_096;
 
-/// What came of a command.
+/// Result of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
-    /// Carried out.
+    /// Executed.
     Done,
     /// Refused.
     Refused,
-    /// Nothing within the time.
+    /// No response within the time limit.
     Nothing,
 }
 
-/// An open port. When it is dropped, the channel is closed.
+/// An open port. Dropping it closes the channel.
 pub struct Port {
     serial: SerialPort,
     reader: Reader,
@@ -34,30 +34,30 @@ pub struct Port {
 }
 
 impl Port {
-    /// Opens the port of this name.
+    /// Opens the port `device`.
     ///
     /// # Errors
-    /// When there is none, or it is another's.
+    /// Port missing or in use.
     pub fn open(device: &str) -> io::Result<Self> {
         let mut serial = SerialPort::open(device, BAUD_RATE)?;
         serial.set_write_timeout(WRITING)?;
         Ok(Self { serial, reader: Reader::default(), buffer: vec![0; CHUNK] })
     }
 
-    /// Says something to the adapter.
+    /// Sends a command.
     ///
     /// # Errors
-    /// When the port is gone.
-    pub fn say(&self, command: Command) -> io::Result<()> {
+    /// The port is gone.
+    pub fn send(&self, command: Command) -> io::Result<()> {
         self.serial.write_all(command.bytes())
     }
 
-    /// Reads once what has come, waiting at most `wait` for it; whether anything came.
+    /// Reads once, waiting at most `wait`; returns whether anything arrived.
     ///
     /// # Errors
-    /// When the port is gone.
+    /// The port is gone.
     pub fn listen(&mut self, wait: Duration, give: impl FnMut(Reply)) -> io::Result<bool> {
-        // The port knows whole milliseconds: part of one is no reason to ask again and again.
+        // The port rounds to milliseconds: without rounding up, short waits would become a busy loop.
         self.serial.set_read_timeout(wait + Duration::from_micros(999))?;
         match self.serial.read(&mut self.buffer) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
@@ -72,12 +72,12 @@ impl Port {
         }
     }
 
-    /// Says `command` and waits for its answer; whatever else comes meanwhile is left out.
+    /// Sends `command` and waits for its response; other replies in the meantime are dropped.
     ///
     /// # Errors
-    /// When the port is gone.
+    /// The port is gone.
     pub fn ask(&mut self, command: Command, wait: Duration) -> io::Result<Answer> {
-        self.say(command)?;
+        self.send(command)?;
         let begin = Instant::now();
         let mut answer = Answer::Nothing;
         while answer == Answer::Nothing {
@@ -94,11 +94,11 @@ impl Port {
         Ok(answer)
     }
 
-    /// Reads until nothing has come for `pause`, at most ten times as long: what it said before is not
-    /// taken for an answer to what is asked next.
+    /// Reads until nothing arrives for `pause`, at most ten times as long, so that old replies are not
+    /// mistaken for the response to the next command.
     ///
     /// # Errors
-    /// When the port is gone.
+    /// The port is gone.
     pub fn settle(&mut self, pause: Duration) -> io::Result<()> {
         let begin = Instant::now();
         while begin.elapsed() < pause * 10 && self.listen(pause, |_| {})? {}
@@ -109,7 +109,7 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // It may be gone; then there is no channel to close either.
-        let _ = self.say(Command::Close);
+        // A port that is gone has no channel to close.
+        let _ = self.send(Command::Close);
     }
 }

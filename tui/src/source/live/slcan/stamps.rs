@@ -1,38 +1,38 @@
-//! The adapter's milliseconds on this computer's clock.
+//! Maps the millisecond timestamps of the adapter to the clock of this computer.
 
 use cobscope_decoder::frame::Timestamp;
 
 const MILLISECOND: i64 = 1_000_000;
 
-/// Milliseconds after which an adapter's stamps begin anew (CAN232 manual, command Z)…
+/// Milliseconds after which timestamps restart at 0 (CAN232 manual, command Z)…
 const WRAP: i64 = 60_000 * MILLISECOND;
 
-/// …and after which those of firmware begin anew that lets all sixteen bits run.
+/// …and after which they restart with firmware that uses all sixteen bits.
 const LONG_WRAP: i64 = 65_536 * MILLISECOND;
 
-/// So much later than its arrival a frame may seem before a whole wrap is taken off: clocks that drift, and
-/// frames that are out of their order.
+/// Maximum time by which a frame may seem later than its arrival before a whole wrap is subtracted: clocks
+/// drift, and frames may be out of order.
 const AHEAD: i64 = 2_000 * MILLISECOND;
 
-/// How often the adapter's clock is looked at.
+/// Interval between two corrections of the clock.
 const WINDOW: i64 = 10_000 * MILLISECOND;
 
-/// Drift that is made good: more than the stamps' own milliseconds and the jitter of a serial line.
+/// Minimum drift that is corrected: more than the resolution of the timestamps and the jitter of a serial
+/// line.
 const DRIFT: i64 = 5 * MILLISECOND;
 
-/// Longest step backwards that is held back, so that frames stay in their order.
+/// Maximum backward step that is suppressed to keep the frames in order.
 const ORDER: i64 = 250 * MILLISECOND;
 
-/// Maps stamps to times.
+/// Maps timestamps to times.
 ///
-/// A frame cannot have been received after it arrived here, so the one that arrived with the least delay
-/// tells best how both clocks stand. The first stamp stands for its arrival; one that would be later than
-/// its arrival moves all that follow back; and where none of a window's frames arrived without delay, the
-/// adapter's clock is slow, and all that follow move forward. Silence of any length does not matter, as a
-/// stamp is taken for the last moment before its arrival which it can be.
+/// A frame arrives after its reception, so the frame with the shortest delay gives the best relation of the
+/// clocks. The first timestamp is set to its arrival. A timestamp later than its arrival moves all later ones
+/// back. If all frames of a window were delayed, the clock of the adapter is slow, and all later ones move
+/// forward. Silence has no effect, because a timestamp is the latest possible moment before its arrival.
 #[derive(Debug, Clone, Default)]
 pub struct StampClock {
-    /// Time of the adapter's zero, up to whole wraps; none before the first stamp.
+    /// Time of timestamp 0, except for whole wraps; None before the first timestamp.
     zero: Option<i64>,
     is_long: bool,
     last: i64,
@@ -41,7 +41,7 @@ pub struct StampClock {
 }
 
 impl StampClock {
-    /// The time of a frame with this stamp that arrived at `arrival`.
+    /// Time of a frame with timestamp `milliseconds` that arrived at `arrival`.
     pub fn time(&mut self, milliseconds: u16, arrival: Timestamp) -> Timestamp {
         let stamp = i64::from(milliseconds) * MILLISECOND;
         self.is_long |= stamp >= WRAP;
@@ -56,7 +56,7 @@ impl StampClock {
         Timestamp(self.last)
     }
 
-    /// Moves the adapter's zero where delays show that it is elsewhere.
+    /// Corrects the time of timestamp 0 by the observed delays.
     fn watch(&mut self, zero: i64, delay: i64, arrival: i64) {
         let window = self.window_end.saturating_sub(WINDOW)..self.window_end;
         if delay >= 0 && window.contains(&arrival) {
@@ -79,7 +79,7 @@ mod tests {
 
     const START: i64 = 1_700_000_000_000 * MILLISECOND;
 
-    /// Times in milliseconds from the start, of (stamp, arrival in milliseconds from the start).
+    /// Times in ms for pairs of timestamp and arrival in ms.
     fn times(frames: &[(i64, i64)]) -> Vec<i64> {
         let mut clock = StampClock::default();
         let time = |(stamp, arrival): &(i64, i64)| {
@@ -90,13 +90,14 @@ mod tests {
     }
 
     #[test]
-    fn the_first_stamp_stands_for_its_arrival_and_the_others_keep_their_distance() {
+    fn the_first_timestamp_is_its_arrival_and_the_others_keep_their_distance() {
         assert_eq!(times(&[(100, 0), (110, 14), (120, 21), (130, 30)]), [0, 10, 20, 30]);
     }
 
     #[test]
     fn no_frame_is_later_than_its_arrival_nor_before_the_one_before_it() {
-        // The first was 8 ms late, which the second shows: it came 2 ms after it, with 10 ms between them.
+        // The second frame shows that the first was 8 ms late: it arrived 2 ms after it, with 10 ms between
+        // the timestamps.
         assert_eq!(times(&[(100, 0), (110, 2), (111, 3), (120, 15)]), [0, 2, 3, 12]);
         assert_eq!(times(&[(100, 0), (101, 0)]), [0, 0]);
     }
@@ -124,13 +125,13 @@ mod tests {
 
     #[test]
     fn frames_that_waited_keep_their_times() {
-        // Nobody read for 30 s: all arrive at once.
+        // No read for 30 s: all frames arrive together.
         assert_eq!(times(&[(0, 0), (10, 30_000), (20, 30_000), (30_000, 30_001)]), [0, 10, 20, 30_000]);
     }
 
     #[test]
     fn a_slow_clock_is_made_good_and_a_fast_one_at_once() {
-        // 1 ‰ slow: a second of the adapter takes 1,001 ms. After 60 s it would be 60 ms behind.
+        // 1 ‰ slow: a second of the adapter takes 1,001 ms, which would be 60 ms after 60 s.
         let slow: Vec<_> = (0..60).map(|second| (second * 1_000, second * 1_001)).collect();
         let found = times(&slow);
         for ((_, arrival), time) in slow.iter().zip(&found) {

@@ -1,4 +1,4 @@
-//! Against an adapter that is a thread at the other end of a pseudo-terminal.
+//! Tests with an adapter simulated by a thread at the other end of a pseudo-terminal.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Sender, TryRecvError};
@@ -11,21 +11,21 @@ use serial2::SerialPort;
 use super::super::{Arrivals, BusStatus};
 use super::*;
 
-/// Far longer than anything takes here.
+/// Time limit, far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// What the program may say, ever.
+/// The only commands the program may send.
 const ALLOWED: [&str; 6] = ["C", "S4", "S6", "Z1", "L", "F"];
 
-/// Answers to a line of the program.
+/// Responses to a command.
 type Answers = fn(&str) -> &'static [u8];
 
-/// Knows everything, flags are clear.
+/// Supports every command; the flags are clear.
 fn obliging(line: &str) -> &'static [u8] {
     if line == "F" { b"F00\r" } else { b"\r" }
 }
 
-/// An adapter that is plugged in as long as it lives.
+/// A simulated adapter, plugged in while it exists.
 struct Plugged {
     link: PathBuf,
     say: Option<Sender<&'static [u8]>>,
@@ -43,7 +43,7 @@ impl Plugged {
         let (say, said) = mpsc::channel::<&[u8]>();
         let ear = Arc::clone(&heard);
         let thread = std::thread::spawn(move || {
-            // Without a holder of its own the terminal would hang up before it is opened.
+            // Without a handle of its own the terminal would hang up before it is opened.
             let _port = port;
             adapter.set_read_timeout(Duration::from_millis(2)).unwrap();
             let (mut buffer, mut begun) = ([0; 256], String::new());
@@ -66,20 +66,20 @@ impl Plugged {
         Self { link: link.into(), say: Some(say), heard, thread: Some(thread) }
     }
 
-    fn say(&self, bytes: &'static [u8]) {
+    fn send(&self, bytes: &'static [u8]) {
         self.say.as_ref().unwrap().send(bytes).unwrap();
     }
 
-    /// What the program said so far.
-    fn heard(&self) -> String {
+    /// Commands received so far.
+    fn received(&self) -> String {
         String::from_utf8(self.heard.lock().unwrap().clone()).unwrap()
     }
 
-    /// Waits until the program has said `expected`.
+    /// Waits until the commands received are `expected`.
     fn hears(&self, expected: &str) {
         let begin = Instant::now();
-        while self.heard() != expected {
-            assert!(begin.elapsed() < LIMIT, "heard {:?}, expected {expected:?}", self.heard());
+        while self.received() != expected {
+            assert!(begin.elapsed() < LIMIT, "heard {:?}, expected {expected:?}", self.received());
             std::thread::yield_now();
         }
     }
@@ -92,14 +92,14 @@ impl Drop for Plugged {
         let _ = std::fs::remove_file(&self.link);
         if !std::thread::panicking() {
             result.unwrap();
-            for line in self.heard().split_terminator('\r') {
-                assert!(ALLOWED.contains(&line), "{line:?} was said to the adapter");
+            for line in self.received().split_terminator('\r') {
+                assert!(ALLOWED.contains(&line), "{line:?} was sent to the adapter");
             }
         }
     }
 }
 
-/// A folder with the place of an adapter.
+/// A folder with the path of an adapter.
 fn place() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let link = folder.path().join("ttyACM7");
@@ -118,7 +118,7 @@ fn receive(source: &mut dyn Source, count: usize) -> Vec<Arrival> {
 }
 
 fn frame(item: &Arrival) -> Frame {
-    let Arrival::Frame(frame) = item else { panic!("{item:?} is no frame") };
+    let Arrival::Frame(frame) = item else { panic!("{item:?} is not a frame") };
     *frame
 }
 
@@ -141,7 +141,7 @@ fn an_adapter_is_closed_set_up_and_opened_to_listen_and_closed_in_the_end() {
     let adapter = Plugged::new(&link, |line| if line == "F" { b"" } else { b"\r" });
     let before = clock::now();
     let mut source = open(link.to_str().unwrap(), Some(500_000)).unwrap();
-    assert_eq!(adapter.heard(), "C\rS6\rZ1\rL\r");
+    assert_eq!(adapter.received(), "C\rS6\rZ1\rL\r");
     let items = receive(&mut *source, 1);
     let [
         Arrival::Notice(Notice::Link {
@@ -166,38 +166,38 @@ fn an_adapter_is_closed_set_up_and_opened_to_listen_and_closed_in_the_end() {
 }
 
 #[test]
-fn without_a_bit_rate_the_adapter_keeps_its_own_which_is_said() {
+fn without_a_bit_rate_the_adapter_keeps_its_own_and_this_is_reported() {
     let (_folder, link) = place();
-    // It was closed already, and has no stamps.
+    // The channel was already closed, and there are no timestamps.
     let adapter = Plugged::new(&link, |line| match line {
         "L" => b"\r",
         _ => b"\x07",
     });
     let mut source = open(link.to_str().unwrap(), None).unwrap();
-    assert_eq!(adapter.heard(), "C\rZ1\rL\r");
+    assert_eq!(adapter.received(), "C\rZ1\rL\r");
     let items = receive(&mut *source, 2);
     let [Arrival::Notice(Notice::Assumption(text)), Arrival::Notice(Notice::Link { bit_rate: None, .. })] =
         &items[..]
     else {
         panic!("{items:?}")
     };
-    assert!(text.starts_with("ttyACM7: the adapter keeps the bit rate it has; slcan:/"), "{text}");
+    assert!(text.starts_with("ttyACM7: bit rate of the adapter unchanged; slcan:/"), "{text}");
     assert_eq!(only_status(&mut *source).stamps, Stamps::Arrival);
     let before = clock::now();
-    adapter.say(b"t1230\r");
+    adapter.send(b"t1230\r");
     let time = frame(&receive(&mut *source, 1)[0]).time.unwrap();
     assert!((before..=clock::now()).contains(&time));
 }
 
 #[test]
-fn frames_of_every_kind_come_as_they_were_said() {
+fn frames_of_every_kind_are_received_unchanged() {
     let (_folder, link) = place();
     let adapter = Plugged::new(&link, obliging);
     let mut source = open(link.to_str().unwrap(), Some(125_000)).unwrap();
     receive(&mut *source, 1);
-    adapter.say(b"t70A105EA5E\rT18FEF1002AABBEA5F\rr0804");
-    adapter.say(b"0000\rR1FFFFFFF80001\rd12390001020304050607080910110002\rB00000001");
-    adapter.say(b"00003\r\r\nsw096000\rt1232zz\r");
+    adapter.send(b"t70A105EA5E\rT18FEF1002AABBEA5F\rr0804");
+    adapter.send(b"0000\rR1FFFFFFF80001\rd12390001020304050607080910110002\rB00000001");
+    adapter.send(b"00003\r\r\nsw096000\rt1232zz\r");
     let items = receive(&mut *source, 8);
     let frames: Vec<_> = items[..7].iter().map(frame).collect();
     assert_eq!((frames[0].id, frames[0].data()), (CanId::Standard(0x70A), &[5][..]));
@@ -210,17 +210,17 @@ fn frames_of_every_kind_come_as_they_were_said() {
     assert_eq!((frames[4].length, frames[4].flags), (12, FrameFlags::FD));
     assert_eq!(frames[5].flags, FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH));
     assert_eq!((frames[6].id, frames[6].flags), (CanId::Extended(0x204), FrameFlags::ERROR));
-    // 59,998, 59,999, 0, 1, 2, 3 ms: the minute turned between the second and the third.
+    // 59,998, 59,999, 0, 1, 2, 3 ms: the timestamps restart between the second and the third.
     let first = frames[0].time.unwrap();
     for (milliseconds, frame) in (0..6).zip(&frames) {
         let since = frame.time.unwrap().since(first);
         assert!(since <= milliseconds * 1_000_000, "{since} instead of {milliseconds} ms");
     }
     assert!(frames[..6].is_sorted_by_key(|frame| frame.time));
-    let Arrival::Notice(Notice::Unreadable { place: Place::Now, reason }) = &items[7] else {
+    let Arrival::Notice(Notice::Unreadable { place: CapturePlace::Now, reason }) = &items[7] else {
         panic!("{items:?}")
     };
-    assert_eq!(reason, "slcan: data: fewer bytes than the DLC says; found \"t1232zz\"");
+    assert_eq!(reason, "slcan: data: fewer bytes than the DLC; found \"t1232zz\"");
     let status = only_status(&mut *source);
     assert_eq!(
         (status.controller.as_deref(), status.stamps),
@@ -237,7 +237,7 @@ fn what_was_under_way_before_it_was_closed_is_left_out() {
     });
     let mut source = open(link.to_str().unwrap(), Some(500_000)).unwrap();
     receive(&mut *source, 1);
-    adapter.say(b"t0010\r");
+    adapter.send(b"t0010\r");
     assert_eq!(frame(&receive(&mut *source, 1)[0]).id, CanId::Standard(1));
 }
 
@@ -247,16 +247,16 @@ fn an_adapter_that_will_not_listen_only_is_refused_and_left_closed() {
     let adapter = Plugged::new(&link, |line| if line == "L" { b"\x07" } else { b"\r" });
     let text = error(&link, Some(500_000));
     let expected = format!(
-        "{}: the adapter refuses to listen only (command L), and this program opens adapters in no other mode, as \
-         they would acknowledge frames; use firmware that knows this command",
+        "{}: the adapter refuses listen-only mode (command L); other modes are not used because they acknowledge \
+         frames; use firmware that supports this command",
         link.display()
     );
     assert_eq!(text, expected);
     adapter.hears("C\rS6\rZ1\rL\rC\r");
     drop(adapter);
-    // One that says nothing to it may have done anything.
+    // The state of an adapter that does not respond is unknown.
     let adapter = Plugged::new(&link, |line| if line == "L" { b"" } else { b"\r" });
-    assert!(error(&link, None).contains("it may have no bit rate yet: give one as in @500000"));
+    assert!(error(&link, None).contains("its bit rate may not be set: add @500000"));
     adapter.hears("C\rZ1\rL\rC\r");
 }
 
@@ -271,7 +271,7 @@ fn bit_rates_are_refused_by_name() {
 }
 
 #[test]
-fn a_port_that_is_not_there_or_says_nothing_is_told() {
+fn a_missing_or_silent_port_is_reported() {
     let (_folder, link) = place();
     let text = error(&link, None);
     assert!(
@@ -281,18 +281,18 @@ fn a_port_that_is_not_there_or_says_nothing_is_told() {
     assert!(text.contains("serial ports here"), "{text}");
     let adapter = Plugged::new(&link, |_| b"");
     let text = error(&link, None);
-    assert!(text.contains("no answer to slcan's command C"), "{text}");
+    assert!(text.contains("no response to slcan command C"), "{text}");
     adapter.hears("C\rC\rC\rC\rC\rC\rC\r");
 }
 
 #[test]
-fn lost_frames_are_asked_for_and_told() {
+fn lost_frames_are_requested_and_reported() {
     let (_folder, link) = place();
     let adapter = Plugged::new(&link, |line| if line == "F" { b"F2D\r" } else { b"\r" });
     let mut source = open(link.to_str().unwrap(), Some(500_000)).unwrap();
     receive(&mut *source, 1);
     let items = receive(&mut *source, 1);
-    let [Arrival::Notice(Notice::LostFrames { place: Place::Now, bus: BusIndex(0), count: None })] =
+    let [Arrival::Notice(Notice::LostFrames { place: CapturePlace::Now, bus: BusIndex(0), count: None })] =
         items[..]
     else {
         panic!("{items:?}")
@@ -310,13 +310,13 @@ fn an_adapter_without_flags_is_asked_once() {
     let mut source = open(link.to_str().unwrap(), Some(500_000)).unwrap();
     receive(&mut *source, 1);
     let mut arrivals = Arrivals::default();
-    // Longer than until the second question would come.
+    // Longer than the time until the second request.
     let begin = Instant::now();
     source.receive(&mut arrivals, Duration::from_millis(2_300)).unwrap();
     assert!(arrivals.items.is_empty(), "{arrivals:?}");
     assert!(begin.elapsed() >= Duration::from_millis(2_300));
-    assert_eq!(adapter.heard(), "C\rS6\rZ1\rL\rF\r");
-    adapter.say(b"\x07");
+    assert_eq!(adapter.received(), "C\rS6\rZ1\rL\rF\r");
+    adapter.send(b"\x07");
     let items = receive(&mut *source, 1);
     let [Arrival::Notice(Notice::Unreadable { reason, .. })] = &items[..] else { panic!("{items:?}") };
     assert_eq!(reason, "slcan: the adapter reports an error (BEL)");
@@ -328,7 +328,7 @@ fn an_adapter_that_is_unplugged_comes_back_by_itself() {
     let adapter = Plugged::new(&link, obliging);
     let mut source = open(link.to_str().unwrap(), Some(500_000)).unwrap();
     receive(&mut *source, 1);
-    adapter.say(b"t0010\rt12");
+    adapter.send(b"t0010\rt12");
     receive(&mut *source, 1);
     drop(adapter);
     let items = receive(&mut *source, 1);
@@ -337,7 +337,7 @@ fn an_adapter_that_is_unplugged_comes_back_by_itself() {
     };
     let status = only_status(&mut *source);
     assert_eq!((status.state, status.bit_rate), (LinkState::Gone, None));
-    // While it is gone, nothing comes, and that takes its time.
+    // While it is disconnected, nothing arrives, and receiving waits.
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     source.receive(&mut arrivals, Duration::from_millis(300)).unwrap();
     assert!(arrivals.items.is_empty() && begin.elapsed() >= Duration::from_millis(300));
@@ -348,9 +348,9 @@ fn an_adapter_that_is_unplugged_comes_back_by_itself() {
     else {
         panic!("{items:?}")
     };
-    assert!(adapter.heard().starts_with("C\rS6\rZ1\rL\r"));
-    // The half line from before is no part of this one.
-    adapter.say(b"t0020\r");
+    assert!(adapter.received().starts_with("C\rS6\rZ1\rL\r"));
+    // The incomplete line from before is not part of this one.
+    adapter.send(b"t0020\r");
     assert_eq!(frame(&receive(&mut *source, 1)[0]).id, CanId::Standard(2));
     assert_eq!(only_status(&mut *source).state, LinkState::Up);
 }
@@ -370,6 +370,6 @@ fn an_adapter_that_comes_back_and_will_not_listen_only_is_the_end() {
             break ended;
         }
     };
-    let super::super::Ended::Failed(error) = ended else { panic!("{ended:?}") };
-    assert!(error.to_string().contains("refuses to listen only"), "{error}");
+    let super::super::SourceEnd::Failed(error) = ended else { panic!("{ended:?}") };
+    assert!(error.to_string().contains("refuses listen-only mode"), "{error}");
 }

@@ -1,7 +1,7 @@
-//! Reads a socket in batches: frames with stamps, direction and losses.
+//! Reads a socket in batches: frames with timestamps, direction and losses.
 //!
-//! A wake-up costs a thousand times what decoding a frame does, so frames are left in the socket's buffer for some
-//! milliseconds and then read many at a time; the kernel stamped them when they came.
+//! A wake-up costs a thousand times as much as decoding a frame. Frames therefore stay in the buffer of the
+//! socket for some milliseconds and are then read together; the kernel has already added their timestamps.
 
 use std::io::IoSliceMut;
 use std::os::fd::RawFd;
@@ -13,49 +13,50 @@ use nix::errno::Errno;
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, MultiHeaders, RecvMsg, Timestamps, recvmmsg};
 use nix::sys::time::TimeSpec;
 
-/// Frames read with one call.
+/// Number of frames per call.
 const BATCH: usize = 64;
 
-/// Bytes of `struct canfd_frame`.
+/// Size of `struct canfd_frame`.
 const LARGEST: usize = 72;
 
-/// Set on frames a program of this computer sent (MSG_DONTROUTE, linux/can/raw.h); nix has no name for it on reading.
+/// Flag of frames sent by a program of this computer (MSG_DONTROUTE, linux/can/raw.h); nix has no name for
+/// it.
 const OWN: MsgFlags = MsgFlags::from_bits_retain(0x04);
 
-/// How far hardware and kernel stamps may drift apart before the hardware's clock is set anew, in nanoseconds.
+/// Maximum drift between hardware and kernel timestamps before the hardware clock is adjusted, in ns.
 const DRIFT: i64 = 20_000_000;
 
-/// One frame as the socket gave it.
+/// A frame as read from the socket.
 pub(super) struct Datagram<'a> {
     /// `struct can_frame` or `struct canfd_frame`.
     pub(super) bytes: &'a [u8],
-    /// When it was received, in nanoseconds since 1970.
+    /// Time of reception, in ns since 1970.
     pub(super) time: Timestamp,
-    /// A program on this computer sent it.
+    /// Sent by a program on this computer.
     pub(super) is_own: bool,
-    /// Frames the socket lost before it.
+    /// Number of frames lost before it.
     pub(super) lost: u32,
 }
 
-/// What is kept between two reads of a socket.
+/// State between two reads of a socket.
 #[derive(Default)]
 pub(super) struct Datagrams {
-    /// Frames lost since the socket was opened (SO_RXQ_OVFL, a count that wraps).
+    /// Number of frames lost since the socket was opened (SO_RXQ_OVFL, a wrapping counter).
     lost: u32,
-    /// Kernel's time minus the hardware's, once a hardware stamp came.
+    /// Kernel time minus hardware time; None before the first hardware timestamp.
     hardware: Option<i64>,
 }
 
 impl Datagrams {
-    /// Whether stamps are the hardware's.
+    /// Whether the timestamps are those of the hardware.
     pub(super) fn has_hardware_stamps(&self) -> bool {
         self.hardware.is_some()
     }
 
-    /// Reads what is in the socket's buffer, at most `most` frames.
+    /// Reads the buffer of the socket, at most `most` frames.
     ///
     /// # Errors
-    /// What the kernel says of the socket; frames read before are seen.
+    /// Error of the kernel; frames read before it are delivered.
     pub(super) fn read(
         &mut self,
         socket: RawFd,
@@ -65,7 +66,8 @@ impl Datagrams {
         let mut buffers = [[0u8; LARGEST]; BATCH];
         let mut left = most;
         while left > 0 {
-            // The headers are made anew each time: the kernel shortens their room for control messages.
+            // The headers are rebuilt for each call, because the kernel shortens their space for control
+            // messages.
             let space = cmsg_space!(Timestamps, u32);
             let mut headers = MultiHeaders::<()>::preallocate(BATCH, Some(space));
             let mut slices: Vec<[IoSliceMut<'_>; 1]> =
@@ -91,7 +93,7 @@ impl Datagrams {
         Ok(())
     }
 
-    /// Time of a message, and frames lost before it.
+    /// Time of a message, and number of frames lost before it.
     fn controls(&mut self, message: &RecvMsg<'_, '_, ()>) -> (Timestamp, u32) {
         let (mut stamps, mut lost) = (None, self.lost);
         for control in message.cmsgs().into_iter().flatten() {
@@ -108,8 +110,8 @@ impl Datagrams {
         (time, newly)
     }
 
-    /// The hardware's stamp on this computer's clock, else the kernel's. The kernel never stamps before the hardware,
-    /// so the smallest difference there was is the nearest to the truth.
+    /// The hardware timestamp on the clock of this computer, else the kernel timestamp. The kernel timestamp
+    /// is never earlier, so the smallest difference is the best estimate.
     fn time(&mut self, kernel: Timestamp, hardware: Option<Timestamp>) -> Timestamp {
         let Some(hardware) = hardware else { return kernel };
         let difference = kernel.since(hardware);
@@ -119,13 +121,13 @@ impl Datagrams {
     }
 }
 
-/// A stamp of the kernel; all zeros are none.
+/// Converts a kernel timestamp; all zeros mean none.
 fn nanoseconds(stamp: TimeSpec) -> Option<Timestamp> {
     let time = stamp.tv_sec().saturating_mul(1_000_000_000).saturating_add(stamp.tv_nsec());
     (time != 0).then_some(Timestamp(time))
 }
 
-/// This computer's clock.
+/// The clock of this computer.
 pub(super) fn now() -> Timestamp {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Timestamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
@@ -146,14 +148,14 @@ mod tests {
         let mut time =
             |kernel, hardware: Option<i64>| datagrams.time(Timestamp(kernel), hardware.map(Timestamp)).0;
         assert_eq!(time(1_000, None), 1_000);
-        // The hardware's clock began 900 ns earlier than it looks, and the kernel was 50 ns late.
+        // The hardware clock is 900 ns slow, and the kernel timestamp was 50 ns late.
         assert_eq!(time(1_000, Some(100)), 1_000);
         assert_eq!(time(1_550, Some(700)), 1_550, "the kernel was less late: nearer to the truth");
         assert_eq!(time(9_000, Some(1_000)), 1_850, "and now later");
         assert_eq!(time(90_000_000, Some(2_000)), 90_000_000, "clocks too far apart begin anew");
     }
 
-    /// Datagrams stand for frames: the kernel here may have no CAN.
+    /// Datagrams replace frames: this kernel may have no CAN.
     #[test]
     fn what_a_small_buffer_loses_is_counted_exactly() {
         let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();

@@ -1,11 +1,11 @@
-//! One CAN interface: opened, watched, opened again when it comes back.
+//! One CAN interface: opened, watched, and reopened after it was removed.
 
 use std::io::ErrorKind;
 use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use cobscope_decoder::capture::{BusNames, Notice, Place, kernel_frame};
+use cobscope_decoder::capture::{BusNames, CapturePlace, Notice, kernel_frame};
 use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, LinkState};
 use nix::errno::Errno;
 use nix::sys::socket::{TimestampingFlag, setsockopt, sockopt};
@@ -16,18 +16,18 @@ use super::super::spec::InterfaceSpec;
 use super::super::{Arrival, Arrivals, BusStatus, Stamps};
 use super::datagrams::{Datagram, Datagrams, now};
 
-/// Bytes asked of the kernel for frames that wait: 30,000 of them, 0.7 s of two full buses. Without rights the kernel
-/// gives less.
+/// Requested size of the receive buffer: 30,000 frames, 0.7 s of two full buses. Without privileges the
+/// kernel grants less.
 pub(super) const BUFFER: usize = 8 * 1024 * 1024;
 
-/// Frames taken at once, so that a flood on one interface does not starve the others.
+/// Maximum number of frames per read, so that a busy interface does not block the others.
 const MOST: usize = 4_096;
 
-/// An interface and its socket.
+/// An interface with its socket.
 pub(super) struct Interface {
     spec: InterfaceSpec,
     socket: Option<Bound>,
-    /// As told last.
+    /// State and bit rate as last reported.
     told: Option<(LinkState, Option<u32>)>,
     details: Option<InterfaceDetails>,
     lost: u64,
@@ -35,16 +35,16 @@ pub(super) struct Interface {
 
 struct Bound {
     socket: CanFdSocket,
-    /// Number of the interface it is bound to: one that comes back has another.
+    /// Index of the bound interface; a re-created interface has another one.
     index: u32,
     datagrams: Datagrams,
 }
 
 impl Interface {
-    /// Opens the interface `spec` names, which may be down.
+    /// Opens an interface, which may be down.
     ///
     /// # Errors
-    /// When there is none of this name, or the kernel knows no CAN or permits none.
+    /// The interface does not exist, or the kernel has no CAN or denies access.
     pub(super) fn open(spec: InterfaceSpec) -> anyhow::Result<Self> {
         let mut interface = Self::of(spec);
         if !interface.look() {
@@ -54,7 +54,7 @@ impl Interface {
         Ok(interface)
     }
 
-    /// The interface of this name, only looked at.
+    /// An interface without a socket, for its status only.
     pub(super) fn named(name: &str) -> Self {
         let (filters, is_joined, errors) = (Vec::new(), false, 0);
         let mut interface = Self::of(InterfaceSpec { name: name.into(), filters, is_joined, errors });
@@ -70,7 +70,7 @@ impl Interface {
         &self.spec.name
     }
 
-    /// Its socket, while there is one.
+    /// Socket of the interface, while it is open.
     pub(super) fn socket(&self) -> Option<BorrowedFd<'_>> {
         self.socket.as_ref().map(|socket| socket.socket.as_fd())
     }
@@ -94,13 +94,13 @@ impl Interface {
         Ok(())
     }
 
-    /// Asks the kernel how it is; `false` where it is gone.
+    /// Queries the state from the kernel; `false` if the interface is gone.
     fn look(&mut self) -> bool {
         self.details = CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
         self.details.is_some()
     }
 
-    /// Looks whether it went away or came back, and tells what changed.
+    /// Checks whether the interface was removed or has returned, and reports changes.
     pub(super) fn watch(&mut self, arrivals: &mut Arrivals) {
         let is_there = self.look();
         let index = self.details.as_ref().map(|details| details.index);
@@ -108,7 +108,7 @@ impl Interface {
         if !is_same {
             self.socket = None;
             if is_there && let Err(error) = self.bind() {
-                say(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
+                report(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
             }
         }
         let state = match (&self.details, &self.socket) {
@@ -125,7 +125,7 @@ impl Interface {
         }
     }
 
-    /// Takes what came.
+    /// Reads the received frames.
     pub(super) fn receive(&mut self, arrivals: &mut Arrivals) {
         let Some(bus) = self.bus(&mut arrivals.names) else { return };
         let Some(Bound { socket, datagrams, .. }) = &mut self.socket else { return };
@@ -137,12 +137,12 @@ impl Interface {
         });
         self.lost = self.lost.saturating_add(newly);
         match read {
-            // Told once when the interface goes; what became of it is looked at.
+            // Reported once when the interface is removed; `watch` checks its state.
             Ok(()) => {}
             Err(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => self.watch(arrivals),
             Err(error) => {
                 self.socket = None;
-                say(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
+                report(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
             }
         }
     }
@@ -156,7 +156,7 @@ impl Interface {
         (timing.bitrate > 0).then_some(timing.bitrate)
     }
 
-    /// What is known of it; the kernel was asked last by [`Interface::watch`].
+    /// Status, as of the last call of [`Interface::watch`].
     pub(super) fn status(&self) -> BusStatus {
         let has_hardware = self.socket.as_ref().is_some_and(|socket| socket.datagrams.has_hardware_stamps());
         BusStatus {
@@ -174,7 +174,7 @@ impl Interface {
     }
 }
 
-/// Has frames stamped, by the hardware too where it can, and losses counted.
+/// Enables timestamps, of the hardware too if possible, and the count of lost frames.
 pub(super) fn set_stamps(socket: &impl AsFd) -> nix::Result<()> {
     setsockopt(socket, sockopt::RxqOvfl, &1)?;
     let stamps = TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
@@ -184,13 +184,13 @@ pub(super) fn set_stamps(socket: &impl AsFd) -> nix::Result<()> {
     setsockopt(socket, sockopt::Timestamping, &stamps)
 }
 
-fn say(text: String, arrivals: &mut Arrivals) {
+fn report(text: String, arrivals: &mut Arrivals) {
     arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
 }
 
-/// Takes a frame, and tells first what was lost before it.
+/// Adds a frame, after a notice about losses before it.
 pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
-    let place = Place::Now;
+    let place = CapturePlace::Now;
     if datagram.lost > 0 {
         let count = Some(datagram.lost.into());
         items.push(Arrival::Notice(Notice::LostFrames { place, bus, count }));
@@ -205,7 +205,7 @@ pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arriv
     });
 }
 
-/// `error passive, rx 135 tx 0`, where the driver tells.
+/// `error passive, rx 135 tx 0`, if the driver reports it.
 fn controller(details: &InterfaceDetails) -> Option<String> {
     let state = match details.can.state? {
         CanState::ErrorActive => "error active",
@@ -219,9 +219,9 @@ fn controller(details: &InterfaceDetails) -> Option<String> {
     Some(counters.map_or(state.to_owned(), |count| format!("{state}, rx {} tx {}", count.rxerr, count.txerr)))
 }
 
-/// Names of all CAN interfaces there are.
+/// Names of all CAN interfaces.
 pub(super) fn interfaces() -> Vec<String> {
-    /// Type of a network interface that is CAN (ARPHRD_CAN, linux/if_arp.h).
+    /// Type of CAN network interfaces (ARPHRD_CAN, linux/if_arp.h).
     const CAN: &str = "280";
     let Ok(folder) = std::fs::read_dir("/sys/class/net") else { return Vec::new() };
     let is_can =
@@ -242,23 +242,23 @@ fn missing(name: &str) -> anyhow::Error {
              ssh MACHINE candump -L any | cobscope live -"
         );
     }
-    anyhow!("{name}: there is no such interface; there are {}", known.join(", "))
+    anyhow!("{name}: unknown interface; available: {}", known.join(", "))
 }
 
 fn explained(name: &str, error: std::io::Error) -> anyhow::Error {
     let hint = match (error.kind(), error.raw_os_error().map(Errno::from_raw)) {
         (_, Some(Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT)) => {
-            "this kernel has no CAN, or may not load it: sudo modprobe can_raw"
+            "the kernel has no CAN support loaded: sudo modprobe can_raw"
         }
         (ErrorKind::PermissionDenied, _) => {
-            "this user may not open CAN sockets here; in a container run it with --network host and CAP_NET_RAW"
+            "no permission to open CAN sockets; run a container with --network host and CAP_NET_RAW"
         }
         _ => "the interface cannot be opened",
     };
     anyhow::Error::from(error).context(format!("{name}: {hint}"))
 }
 
-/// What to do about an interface that is down.
+/// Message with the command that brings an interface up.
 pub fn how_to_bring_up(name: &str, bit_rate: Option<u32>) -> String {
     let settings = if name.starts_with("vcan") {
         String::new()
@@ -268,7 +268,7 @@ pub fn how_to_bring_up(name: &str, bit_rate: Option<u32>) -> String {
     format!("{name} is down; waiting for it: sudo ip link set {name} up{settings}")
 }
 
-/// All interfaces there are, or why there are none.
+/// All interfaces, or the reason why there are none.
 pub(super) fn any(spec: &InterfaceSpec) -> anyhow::Result<Vec<Interface>> {
     let names = interfaces();
     if names.is_empty() {

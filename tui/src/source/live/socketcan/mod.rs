@@ -1,4 +1,4 @@
-//! CAN interfaces of Linux. They are opened for reading; nothing is ever written to them.
+//! CAN interfaces of Linux, opened for reading. Nothing is ever written to them.
 
 mod datagrams;
 mod interface;
@@ -10,31 +10,31 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::gather::PACE;
 use super::spec::InterfaceSpec;
-use super::{Arrivals, BusStatus, Ended, Source};
+use super::{Arrivals, BusStatus, Source, SourceEnd};
 use interface::Interface;
 
 pub use interface::how_to_bring_up;
 use interface::interfaces;
 pub use stand_in::stand_in;
 
-/// The name that stands for all interfaces.
+/// Name for all interfaces.
 const ANY: &str = "any";
 
-/// How often interfaces are looked at.
+/// Interval between two checks of the interfaces.
 const WATCH: Duration = Duration::from_millis(250);
 
 /// CAN interfaces read by one thread.
 struct Interfaces {
     all: Vec<Interface>,
-    /// Every interface that appears is wanted too.
+    /// New interfaces are opened too.
     any: Option<InterfaceSpec>,
     watched: Option<Instant>,
 }
 
-/// Opens interfaces; one that is down is waited for.
+/// Opens interfaces; those that are down are opened and waited for.
 ///
 /// # Errors
-/// When an interface does not exist or cannot be opened; with what to do.
+/// An interface does not exist or cannot be opened; the error contains a remedy.
 pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
     let (mut all, mut any) = (Vec::new(), None);
     for spec in specs {
@@ -48,13 +48,13 @@ pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
     Ok(Box::new(Interfaces { all, any, watched: None }))
 }
 
-/// How all interfaces of this computer are.
+/// Status of all interfaces of this computer.
 pub fn all() -> Vec<BusStatus> {
     interfaces().iter().map(|name| Interface::named(name).status()).collect()
 }
 
 impl Interfaces {
-    /// Looks at the interfaces from time to time.
+    /// Checks the interfaces at intervals.
     fn watch(&mut self, arrivals: &mut Arrivals) {
         if self.watched.is_some_and(|last| last.elapsed() < WATCH) {
             return;
@@ -63,7 +63,7 @@ impl Interfaces {
         if let Some(spec) = &self.any {
             for name in interfaces() {
                 if !self.all.iter().any(|known| known.name() == name) {
-                    // One that cannot be opened yet is tried again.
+                    // An interface that cannot be opened yet is retried at the next check.
                     self.all.extend(Interface::open(InterfaceSpec { name, ..spec.clone() }));
                 }
             }
@@ -73,7 +73,7 @@ impl Interfaces {
         }
     }
 
-    /// Waits for the first frame, at most `wait`; which interfaces have some.
+    /// Waits at most `wait` for the first frame; returns the interfaces with frames.
     fn ready(&self, wait: Duration) -> Vec<usize> {
         let open = self.all.iter().enumerate();
         let open: Vec<_> = open.filter_map(|(place, one)| Some((place, one.socket()?))).collect();
@@ -97,7 +97,7 @@ impl Interfaces {
 }
 
 impl Source for Interfaces {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         self.watch(arrivals);
         if !arrivals.items.is_empty() {
             return Ok(());
@@ -114,6 +114,10 @@ impl Source for Interfaces {
 
     fn status(&mut self) -> Vec<BusStatus> {
         self.all.iter().map(Interface::status).collect()
+    }
+
+    fn has_local_times(&self) -> bool {
+        true
     }
 
     fn lag(&self) -> Duration {

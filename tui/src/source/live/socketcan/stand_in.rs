@@ -1,5 +1,5 @@
-//! Datagrams that hold a frame each, for measuring where the kernel has no CAN: they are stamped, counted where they
-//! are lost, and read exactly as frames are.
+//! UDP datagrams that contain one frame each, for benchmarks on kernels without CAN. They get timestamps, are
+//! counted when lost, and are read like frames.
 
 use std::net::UdpSocket;
 use std::os::fd::{AsFd as _, AsRawFd as _, BorrowedFd};
@@ -10,11 +10,11 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{setsockopt, sockopt};
 
 use super::super::gather::PACE;
-use super::super::{Arrivals, BusStatus, Ended, Source, Stamps};
+use super::super::{Arrivals, BusStatus, Source, SourceEnd, Stamps};
 use super::datagrams::Datagrams;
 use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take};
 
-/// The name of the bus.
+/// Name of the bus.
 const NAME: &str = "datagrams";
 
 struct StandIn {
@@ -23,10 +23,10 @@ struct StandIn {
     lost: u64,
 }
 
-/// A source of what `socket` receives.
+/// A source of the datagrams that `socket` receives.
 ///
 /// # Errors
-/// When the socket cannot be set up.
+/// The socket cannot be configured.
 pub fn stand_in(socket: UdpSocket) -> anyhow::Result<Box<dyn Source>> {
     setsockopt(&socket, sockopt::RcvBuf, &BUFFER)?;
     set_stamps(&socket)?;
@@ -34,7 +34,7 @@ pub fn stand_in(socket: UdpSocket) -> anyhow::Result<Box<dyn Source>> {
 }
 
 impl Source for StandIn {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), Ended> {
+    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         let bus = arrivals.names.index_of(NAME.as_bytes()).unwrap_or_default();
         if is_readable(self.socket.as_fd(), wait) {
             let (lost, items) = (&mut self.lost, &mut arrivals.items);
@@ -42,7 +42,7 @@ impl Source for StandIn {
                 *lost = lost.saturating_add(datagram.lost.into());
                 take(&datagram, bus, items);
             });
-            read.map_err(|error| Ended::Failed(error.into()))?;
+            read.map_err(|error| SourceEnd::Failed(error.into()))?;
         }
         Ok(())
     }
@@ -57,7 +57,7 @@ impl Source for StandIn {
     }
 }
 
-/// Waits until a socket can be read, at most `wait`.
+/// Waits at most `wait` until a socket is readable.
 fn is_readable(socket: BorrowedFd<'_>, wait: Duration) -> bool {
     let wait = PollTimeout::try_from(wait).unwrap_or(PollTimeout::MAX);
     poll(&mut [PollFd::new(socket, PollFlags::POLLIN)], wait).is_ok_and(|count| count > 0)

@@ -1,7 +1,7 @@
-//! Buses that a socketcand serves over TCP.
+//! Buses of a socketcand server over TCP.
 //!
-//! Frames carry the server's times. A server that was configured to may switch the interface on when it is
-//! opened; nothing is ever sent to a bus.
+//! Frames carry the times of the server. Depending on its configuration, opening a bus may bring its
+//! interface up. Nothing is ever sent to a bus.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -12,54 +12,56 @@ use anyhow::{anyhow, bail};
 use cobscope_decoder::capture::adapter::socketcand::{BusName, LONGEST_NAME, Reader, Reply, Request};
 use cobscope_decoder::frame::Timestamp;
 
-use super::backoff::Setback;
-use super::returning::{Connection, Returning, unreadable};
+use super::backoff::ConnectError;
+use super::returning::{Connection, ReconnectingSource, unreadable};
 use super::{Arrival, Source, Stamps, clock};
 
-/// The port socketcand listens at unless it is told another.
+/// Default port of socketcand.
 const DEFAULT_PORT: u16 = 29_536;
 
-/// How late frames may come over a network.
+/// Maximum delay of frames over a network.
 const LAG: Duration = Duration::from_secs(1);
 
-/// Time for an address to accept the connection, and for the server to hand over the bus.
+/// Time limit for the connection, and for the start of the frames.
 const CONNECTING: Duration = Duration::from_secs(3);
 
-/// How long a server may be silent: a cable that is pulled ends no connection.
+/// Time limits for a silent server: an unplugged cable does not end a connection.
 #[derive(Debug, Clone, Copy)]
-struct Patience {
-    /// Silence after which it is asked whether it is there…
+struct SilenceLimits {
+    /// Silence after which the server is queried…
     quiet: Duration,
-    /// …and after which it is not.
+    /// …and after which it counts as disconnected.
     dead: Duration,
 }
 
-const PATIENCE: Patience = Patience { quiet: Duration::from_secs(5), dead: Duration::from_secs(10) };
+const PATIENCE: SilenceLimits =
+    SilenceLimits { quiet: Duration::from_secs(5), dead: Duration::from_secs(10) };
 
-/// Bytes taken at a time.
+/// Number of bytes per read.
 const CHUNK: usize = 64 * 1024;
 
-/// Opens `bus` at the server `address`: a host and perhaps a port, `machine`, `machine:29536`, `[::1]:29536`.
+/// Opens `bus` at the server `address`: a host with an optional port, `machine`, `machine:29536`,
+/// `[::1]:29536`.
 ///
 /// # Errors
-/// A name that cannot be one of a bus, a server that cannot be reached, or that refuses the bus.
+/// Invalid bus name; server unreachable; bus refused.
 pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn Source>> {
     open_with(address, bus, PATIENCE)
 }
 
-fn open_with(address: &str, bus: &str, patience: Patience) -> anyhow::Result<Box<dyn Source>> {
+fn open_with(address: &str, bus: &str, patience: SilenceLimits) -> anyhow::Result<Box<dyn Source>> {
     let Some(name) = BusName::new(bus) else {
         bail!(
-            "{bus:?} is no name of a bus; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
+            "{bus:?} is not a valid bus name; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
              as in socketcand://{address}/can0"
         );
     };
     let address = with_port(address);
-    let connect = move || Server::open(&address, &name, patience).map_err(Setback::Again);
-    Ok(Box::new(Returning::open(bus, LAG, Vec::new(), connect)?))
+    let connect = move || Server::open(&address, &name, patience).map_err(ConnectError::Again);
+    Ok(Box::new(ReconnectingSource::open(bus, LAG, Vec::new(), connect)?))
 }
 
-/// The address with the port it has or the usual one.
+/// The address with its port or the default port.
 fn with_port(address: &str) -> String {
     let is_bare_ipv6 = address.parse::<std::net::Ipv6Addr>().is_ok();
     match address.rsplit_once(':') {
@@ -69,22 +71,22 @@ fn with_port(address: &str) -> String {
     }
 }
 
-/// A connection to a server that hands over frames.
+/// A connection to a server.
 struct Server {
     stream: TcpStream,
     reader: Reader,
     buffer: Vec<u8>,
-    /// Read already, not yet given on.
+    /// Replies that are read but not yet processed.
     replies: VecDeque<Reply>,
     heard: Instant,
-    patience: Patience,
+    patience: SilenceLimits,
     has_asked: bool,
-    /// How far the server's clock is ahead of ours, in nanoseconds, as far as frames showed.
+    /// Difference between the clock of the server and ours in ns, as shown by frames.
     ahead: i64,
 }
 
 impl Server {
-    fn open(address: &str, bus: &BusName, patience: Patience) -> anyhow::Result<Self> {
+    fn open(address: &str, bus: &BusName, patience: SilenceLimits) -> anyhow::Result<Self> {
         let stream = connect(address)?;
         let mut server = Self {
             stream,
@@ -99,29 +101,29 @@ impl Server {
         let deadline = Instant::now() + CONNECTING;
         server.expect(&Reply::Hi, deadline).map_err(|error| anyhow!("{address}: {error}"))?;
         for request in [Request::Open(bus.clone()), Request::RawMode] {
-            let result = server.say(&request).and_then(|()| server.expect(&Reply::Ok, deadline));
+            let result = server.send(&request).and_then(|()| server.expect(&Reply::Ok, deadline));
             result.map_err(|error| anyhow!("{address}: {}: {error}", request.text()))?;
         }
         Ok(server)
     }
 
-    fn say(&mut self, request: &Request) -> Result<(), String> {
+    fn send(&mut self, request: &Request) -> Result<(), String> {
         self.stream.write_all(request.text().as_bytes()).map_err(|error| error.to_string())
     }
 
-    /// Waits for the one reply that lets it go on; what comes behind it stays.
+    /// Waits for the reply required to continue; replies after it stay in the queue.
     fn expect(&mut self, expected: &Reply, deadline: Instant) -> Result<(), String> {
         loop {
             match self.replies.pop_front() {
                 Some(reply) if reply == *expected => return Ok(()),
-                Some(Reply::Error(text)) => return Err(format!("the server says {text:?}")),
-                Some(Reply::Unreadable(reason)) => return Err(format!("this is no socketcand: {reason}")),
+                Some(Reply::Error(text)) => return Err(format!("server reports {text:?}")),
+                Some(Reply::Unreadable(reason)) => return Err(format!("not a socketcand server: {reason}")),
                 Some(_) => {}
                 None => {
                     let left = deadline.saturating_duration_since(Instant::now());
                     if left.is_zero() {
                         return Err(format!(
-                            "no answer within {} s; is this a socketcand?",
+                            "no response within {} s; is this a socketcand server?",
                             CONNECTING.as_secs()
                         ));
                     }
@@ -133,11 +135,11 @@ impl Server {
 
     /// Reads once, waiting at most `wait`.
     fn fill(&mut self, wait: Duration) -> Result<(), String> {
-        // No time at all would mean to wait for ever.
+        // A timeout of zero would mean no timeout.
         let wait = wait.max(Duration::from_millis(1));
         self.stream.set_read_timeout(Some(wait)).map_err(|error| error.to_string())?;
         match self.stream.read(&mut self.buffer) {
-            Ok(0) => Err("the server ended the connection".into()),
+            Ok(0) => Err("the server closed the connection".into()),
             Ok(count) => {
                 let replies = &mut self.replies;
                 let input = self.buffer.get(..count).unwrap_or_default();
@@ -152,30 +154,30 @@ impl Server {
         }
     }
 
-    /// Asks a silent server whether it is there; how long to wait for it at most.
+    /// Queries a silent server; returns the maximum time to wait for it.
     fn watch(&mut self, wait: Duration) -> Result<Duration, String> {
-        let Patience { quiet, dead } = self.patience;
+        let SilenceLimits { quiet, dead } = self.patience;
         let silence = self.heard.elapsed();
         if silence >= dead {
-            return Err("the server does not answer any more".into());
+            return Err("the server no longer responds".into());
         }
         if silence >= quiet && !self.has_asked {
             self.has_asked = true;
-            self.say(&Request::Echo)?;
+            self.send(&Request::Echo)?;
         }
         let next = if self.has_asked { dead } else { quiet };
         Ok(wait.min(next.saturating_sub(silence)))
     }
 }
 
-/// Connects to the first of a name's addresses that accepts.
+/// Connects to the first address of a host that accepts.
 fn connect(address: &str) -> anyhow::Result<TcpStream> {
     let addresses = address.to_socket_addrs().map_err(|error| anyhow!("{address}: {error}"))?;
-    let mut failed = anyhow!("{address}: the name has no address");
+    let mut failed = anyhow!("{address}: host name not found");
     for candidate in addresses {
         match TcpStream::connect_timeout(&candidate, CONNECTING) {
             Ok(stream) => {
-                // Requests are short and wait for answers.
+                // Requests are short and wait for responses.
                 let _ = stream.set_nodelay(true);
                 stream.set_write_timeout(Some(CONNECTING))?;
                 return Ok(stream);
@@ -203,7 +205,7 @@ impl Connection for Server {
                 Some(Arrival::Frame(frame))
             }
             Reply::Unreadable(reason) => Some(unreadable(reason)),
-            Reply::Error(text) => Some(unreadable(format!("socketcand: the server says \"{text}\""))),
+            Reply::Error(text) => Some(unreadable(format!("socketcand: server reports \"{text}\""))),
             Reply::Hi | Reply::Ok | Reply::Echo => None,
         }));
         if let Some(time) = last {

@@ -1,4 +1,4 @@
-//! Against a server that is a thread on loopback.
+//! Tests with a server simulated by a thread on loopback.
 
 use std::net::TcpListener;
 use std::thread::JoinHandle;
@@ -9,15 +9,15 @@ use cobscope_decoder::frame::{BusIndex, CanId, LinkState};
 use super::super::Arrivals;
 use super::*;
 
-/// Far longer than anything takes here.
+/// Time limit, far longer than any step takes.
 const LIMIT: Duration = Duration::from_secs(30);
 
-/// A server for one connection after the other.
+/// A server that accepts one connection after another.
 struct Script {
     listener: TcpListener,
 }
 
-/// One end of a connection that does what its script says.
+/// A connection controlled by a script.
 struct Peer(TcpStream);
 
 impl Script {
@@ -33,31 +33,31 @@ impl Script {
         Peer(stream)
     }
 
-    /// Accepts and hands over can0, as socketcand does.
+    /// Accepts a connection and opens can0, as socketcand does.
     fn hand_over(&self) -> Peer {
         let mut peer = self.accept();
-        peer.say("< hi >");
+        peer.send("< hi >");
         peer.hears("< open can0 >");
-        peer.say("< ok >");
+        peer.send("< ok >");
         peer.hears("< rawmode >");
-        peer.say("< ok >");
+        peer.send("< ok >");
         peer
     }
 }
 
 impl Peer {
-    fn say(&mut self, text: &str) {
+    fn send(&mut self, text: &str) {
         self.0.write_all(text.as_bytes()).unwrap();
     }
 
-    /// The next that comes is `expected`.
+    /// Asserts that the next request is `expected`.
     fn hears(&mut self, expected: &str) {
         let mut heard = vec![0; expected.len()];
         self.0.read_exact(&mut heard).unwrap();
         assert_eq!(String::from_utf8(heard).unwrap(), expected);
     }
 
-    /// The client ends the connection and has nothing more to say.
+    /// Asserts that the client closes the connection without a further request.
     fn hears_the_end(mut self) {
         let mut rest = Vec::new();
         self.0.read_to_end(&mut rest).unwrap();
@@ -65,7 +65,7 @@ impl Peer {
     }
 }
 
-/// Runs a server's script beside a test.
+/// Runs the script of a server in parallel to a test.
 fn serve(script: impl FnOnce() + Send + 'static) -> JoinHandle<()> {
     std::thread::spawn(script)
 }
@@ -93,13 +93,13 @@ fn a_bus_is_opened_in_raw_mode_and_its_frames_have_the_servers_times() {
     let (script, address) = Script::new();
     let server = serve(move || {
         let mut peer = script.accept();
-        peer.say("< hi >");
+        peer.send("< hi >");
         peer.hears("< open can0 >");
-        peer.say("< ok >");
+        peer.send("< ok >");
         peer.hears("< rawmode >");
-        // The first frame comes in the same breath.
-        peer.say("< ok >< frame 123 1700000000.123456 1122 >< frame 18FEF100 170000");
-        peer.say("0001.000000  >< what >< error 004 1700000002.000000 >");
+        // The first frame arrives together with the reply.
+        peer.send("< ok >< frame 123 1700000000.123456 1122 >< frame 18FEF100 170000");
+        peer.send("0001.000000  >< what >< error 004 1700000002.000000 >");
         peer.hears_the_end();
     });
     let mut source = open(&address, "can0").unwrap();
@@ -139,27 +139,27 @@ fn a_connection_that_is_lost_comes_back_by_itself() {
     let (script, address) = Script::new();
     let server = serve(move || {
         let mut peer = script.hand_over();
-        peer.say("< frame 001 1000000000.000000 >< frame 0");
+        peer.send("< frame 001 1000000000.000000 >< frame 0");
         drop(peer);
-        // The server is there again, but its interface is not.
+        // The server is back, but its interface is missing.
         let mut peer = script.accept();
-        peer.say("< hi >");
+        peer.send("< hi >");
         peer.hears("< open can0 >");
-        peer.say("< error could not open bus >");
+        peer.send("< error could not open bus >");
         drop(peer);
         let mut peer = script.hand_over();
-        peer.say("< frame 002 1000000005.000000 >");
+        peer.send("< frame 002 1000000005.000000 >");
         peer.hears_the_end();
     });
     let mut source = open(&address, "can0").unwrap();
     let mut items = receive(&mut *source, 3);
-    // On the server's clock, which is years behind: not before its last frame, and not much later.
+    // On the clock of the server, which is years slow: not before its last frame, and not much later.
     let Arrival::Notice(Notice::Link { time, state: LinkState::Gone, .. }) = items[2] else {
         panic!("{items:?}")
     };
     let since = u64::try_from(time.0 - 1_000_000_000_000_000_000).unwrap();
     assert!(Duration::from_nanos(since) < LIMIT, "{time}");
-    assert_eq!(source.status().remove(0).controller.as_deref(), Some("the server ended the connection"));
+    assert_eq!(source.status().remove(0).controller.as_deref(), Some("the server closed the connection"));
     items = receive(&mut *source, 2);
     let Arrival::Notice(Notice::Link { state: LinkState::Up, .. }) = items[0] else { panic!("{items:?}") };
     let Arrival::Frame(frame) = items[1] else { panic!("{items:?}") };
@@ -169,16 +169,16 @@ fn a_connection_that_is_lost_comes_back_by_itself() {
 }
 
 #[test]
-fn what_the_server_says_of_a_wrong_bus_is_told() {
+fn the_error_of_the_server_for_a_wrong_bus_is_reported() {
     let (script, address) = Script::new();
     let server = serve(move || {
         let mut peer = script.accept();
-        peer.say("< hi >");
+        peer.send("< hi >");
         peer.hears("< open can7 >");
-        peer.say("< error could not open bus >");
+        peer.send("< error could not open bus >");
         peer.hears_the_end();
     });
-    let expected = format!("{address}: < open can7 >: the server says \"could not open bus\"");
+    let expected = format!("{address}: < open can7 >: server reports \"could not open bus\"");
     assert_eq!(error(&address, "can7"), expected);
     server.join().unwrap();
 }
@@ -188,29 +188,28 @@ fn another_kind_of_server_is_recognised() {
     let (script, address) = Script::new();
     let server = serve(move || {
         let mut peer = script.accept();
-        peer.say("SSH-2.0-OpenSSH_9.2 <\r\n");
+        peer.send("SSH-2.0-OpenSSH_9.2 <\r\n");
         peer.hears_the_end();
     });
-    let expected =
-        "this is no socketcand: socketcand: expected nothing between elements; found \"SSH-2.0-OpenSSH_9.2\"";
+    let expected = "not a socketcand server: socketcand: expected nothing between elements; found \"SSH-2.0-OpenSSH_9.2\"";
     assert_eq!(error(&address, "can0"), format!("{address}: {expected}"));
     server.join().unwrap();
-    // One that says nothing.
+    // A server that does not respond.
     let (script, address) = Script::new();
     let server = serve(move || script.accept().hears_the_end());
-    assert!(error(&address, "can0").ends_with("no answer within 3 s; is this a socketcand?"));
+    assert!(error(&address, "can0").ends_with("no response within 3 s; is this a socketcand server?"));
     server.join().unwrap();
 }
 
 #[test]
-fn a_server_that_is_not_there_and_a_name_that_is_none_are_told() {
+fn a_missing_server_and_an_invalid_name_are_reported() {
     let (script, address) = Script::new();
     drop(script);
     let text = error(&address, "can0");
     assert!(text.starts_with(&format!("{address}: cannot connect: ")), "{text}");
     let text = error("localhost", "can0 >< send 123 0");
     assert!(
-        text.starts_with("\"can0 >< send 123 0\" is no name of a bus; expected 1 to 15 characters"),
+        text.starts_with("\"can0 >< send 123 0\" is not a valid bus name; expected 1 to 15 characters"),
         "{text}"
     );
 }
@@ -221,17 +220,17 @@ fn a_silent_server_is_asked_and_a_mute_one_is_gone() {
     let server = serve(move || {
         let mut peer = script.hand_over();
         peer.hears("< echo >");
-        peer.say("< echo >");
+        peer.send("< echo >");
         peer.hears("< echo >");
-        // Its cable is pulled: it says no more, and does not end the connection either.
+        // An unplugged cable: no more data, and the connection stays open.
         peer.hears_the_end();
     });
-    let patience = Patience { quiet: Duration::from_millis(300), dead: Duration::from_secs(1) };
+    let patience = SilenceLimits { quiet: Duration::from_millis(300), dead: Duration::from_secs(1) };
     let mut source = open_with(&address, "can0", patience).unwrap();
     let items = receive(&mut *source, 2);
     let Arrival::Notice(Notice::Link { state: LinkState::Gone, .. }) = items[1] else { panic!("{items:?}") };
     let status = source.status().remove(0);
-    assert_eq!(status.controller.as_deref(), Some("the server does not answer any more"));
+    assert_eq!(status.controller.as_deref(), Some("the server no longer responds"));
     server.join().unwrap();
 }
 
@@ -242,7 +241,7 @@ fn waiting_takes_as_long_as_it_may_and_no_longer_than_until_something_comes() {
     let server = serve(move || {
         let mut peer = script.hand_over();
         gone.recv().unwrap();
-        peer.say("< frame 001 1.000000 >");
+        peer.send("< frame 001 1.000000 >");
         peer.hears_the_end();
     });
     let mut source = open(&address, "can0").unwrap();

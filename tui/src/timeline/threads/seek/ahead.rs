@@ -1,6 +1,6 @@
-//! Frames of a place the index has not reached: as they are, without numbers and without what they mean.
+//! Preview of a position ahead of the index: undecoded frames without numbers.
 //!
-//! Only a text capture read in place can be entered anywhere: its lines tell where the next frame begins.
+//! This needs an uncompressed text capture, in which a frame starts after every line end.
 
 use std::io::Read as _;
 use std::sync::PoisonError;
@@ -8,19 +8,19 @@ use std::sync::PoisonError;
 use cobscope_decoder::capture::{Batch, Reader};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{Spot, Told, World};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 
 use crate::timeline::shared::Shared;
 use crate::timeline::{Row, Target};
 
-/// Bytes in which the end of a line is looked for.
+/// Number of bytes searched for a line end.
 const LONGEST_LINE: usize = 4 * 1024;
 
-/// Bytes of a line as most captures have them: how far before the end its last frames begin.
+/// Usual length of a line, to estimate the start of the last frames.
 const USUAL_LINE: u64 = 64;
 
-/// Rows of frames about at a place.
-pub(super) fn rows(shared: &Shared, target: Target, count: usize, world: &World) -> Option<Vec<Row>> {
+/// Rows of frames near a position.
+pub(super) fn rows(shared: &Shared, target: Target, count: usize, world: &ReplayState) -> Option<Vec<Row>> {
     let [lane] = shared.lanes.as_slice() else { return None };
     let (length, true) = lane.store.length() else { return None };
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
@@ -45,12 +45,12 @@ pub(super) fn rows(shared: &Shared, target: Target, count: usize, world: &World)
     (first..).zip(frames.iter().take(count)).map(|(number, frame)| row(number, frame, world)).collect()
 }
 
-/// About at which byte a place is, by what the part that was read is like.
+/// Estimated byte offset of a position, by the average of the indexed part.
 fn guess(shared: &Shared, target: Target) -> Option<u64> {
     let progress = &shared.progress;
     let share = match target {
         Target::End => return None,
-        Target::Spot(spot) => ratio(spot.frame, progress.frames())?,
+        Target::Event(spot) => ratio(spot.frame, progress.frames())?,
         Target::Time(time) => {
             let (zero, last) = progress.times()?;
             ratio(time.since(zero).unsigned_abs(), last.since(zero).unsigned_abs())?
@@ -60,18 +60,18 @@ fn guess(shared: &Shared, target: Target) -> Option<u64> {
         clippy::cast_precision_loss,
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a guess"
+        reason = "an estimate"
     )]
     let offset = (progress.bytes() as f64 * share) as u64;
     Some(offset)
 }
 
-#[expect(clippy::cast_precision_loss, reason = "a guess")]
+#[expect(clippy::cast_precision_loss, reason = "an estimate")]
 fn ratio(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// Bytes from a place to behind the end of its line.
+/// Number of bytes from an offset to the start of the next line.
 fn behind_line(shared: &Shared, offset: u64) -> Option<u64> {
     let mut text = Vec::with_capacity(LONGEST_LINE);
     let reader = shared.lanes.first()?.store.reader(offset);
@@ -80,11 +80,11 @@ fn behind_line(shared: &Shared, offset: u64) -> Option<u64> {
     Some(end as u64 + 1)
 }
 
-fn row(number: u64, frame: &Frame, world: &World) -> Option<Row> {
+fn row(number: u64, frame: &Frame, world: &ReplayState) -> Option<Row> {
     let bus = world.buses().get(usize::from(frame.bus.0)).or_else(|| world.buses().first())?;
-    // Nobody knows its number yet.
+    // The frame number is not known yet.
     let frame = Frame { number: 0, ..*frame };
     let event = Event::undecoded(&frame);
-    let spot = Spot::before(number + 1);
-    Some(Row::new(&Told { spot, event: &event, bus, frame: Some(&frame), is_news: true }))
+    let spot = EventPosition::before(number + 1);
+    Some(Row::new(&PlacedEvent { spot, event: &event, bus, frame: Some(&frame), is_news: true }))
 }

@@ -1,10 +1,10 @@
-//! Goes to a place and tells what is there: rows around it and the world behind it.
+//! Decodes the rows and the state at a position.
 //!
 //! ```text
 //! mark ──decode──▶ │ up to `before` rows │ place │ up to `after` rows │
 //! ```
 //!
-//! Marks of its own, closer together, make going on nearby cheap.
+//! It keeps closely spaced marks of its own, so that moving nearby is cheap.
 
 mod ahead;
 mod search;
@@ -16,30 +16,30 @@ use std::time::Duration;
 
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{Mark, Spot, Told};
+use cobscope_decoder::replay::{Checkpoint, EventPosition, PlacedEvent};
 
 use crate::timeline::order::{Order, Target, Window};
 use crate::timeline::shared::Shared;
 use crate::timeline::walk::Walk;
 use crate::timeline::{Matcher, Matches, News, Row};
 
-/// How long the index may take to its first frames before it is shown that there are none yet.
+/// Time the index may take for its first frames before the pane is shown as empty.
 const FIRST_WAIT: Duration = Duration::from_millis(50);
 
-/// Frames between own marks.
+/// Number of frames between two own marks.
 const NEAR: u64 = 8_192;
 
-/// Own marks kept; the oldest go first.
+/// Maximum number of own marks; the oldest are evicted.
 const MOST_NEAR: usize = 64;
 
-/// Frames looked at for the first rows before a place, where nothing tells how far back they are.
+/// Initial number of frames decoded before a position if the number of matches is unknown.
 const FIRST_SPAN: u64 = 512;
 
-/// Frames over which an exchange may stretch for its own to be looked for, and most of them.
+/// Maximum length of a transfer whose frames are collected, and maximum number of its frames.
 const MOST_SPAN: u64 = 4_096;
 const MOST_FRAMES: usize = 512;
 
-/// Answers orders until nobody can give any; of several that wait the last one counts.
+/// Handles orders until the timeline ends; of several waiting orders only the last one.
 pub(in crate::timeline) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
     let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
     let mut next = orders.recv().ok();
@@ -77,12 +77,12 @@ fn latest(orders: &Receiver<Order>) -> Option<Order> {
 
 struct Seeker {
     shared: Arc<Shared>,
-    near: VecDeque<Mark>,
+    near: VecDeque<Checkpoint>,
 }
 
-/// Rows on both sides of a place while it is looked for.
+/// Rows collected on both sides of a position.
 #[derive(Default)]
-struct Found {
+struct NeighbourRows {
     before: VecDeque<Row>,
     after: Vec<Row>,
 }
@@ -90,7 +90,7 @@ struct Found {
 type Answer<T> = Result<Option<T>, CaptureError>;
 
 impl Seeker {
-    /// What is at a place; nothing if another order makes that useless.
+    /// The window at a position; None if a newer order arrived.
     fn answer(&mut self, order: &Order, is_stale: &mut impl FnMut() -> bool) -> Answer<Window> {
         let is_complete = self.shared.progress.is_complete();
         let frames = self.shared.progress.frames();
@@ -124,33 +124,38 @@ impl Seeker {
         }
     }
 
-    /// What can be shown at once of a place the index has not reached: its frames as they are.
+    /// A preview of a position ahead of the index.
     fn pending(&self, order: &Order) -> Option<Window> {
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let world = Arc::new(index.marks().last()?.world.clone());
         drop(index);
         let rows = ahead::rows(&self.shared, order.target, order.before.max(1), &world)?;
         let selected = if order.target == Target::End { rows.len().checked_sub(1)? } else { 0 };
-        let spot = Spot::behind(world.frames());
+        let spot = EventPosition::after(world.frames());
         let (is_pending, is_missed, frames) = (true, false, Vec::new());
         Some(Window { serial: order.serial, rows, selected, spot, world, is_pending, is_missed, frames })
     }
 
-    /// Whether a place lies behind what is indexed.
+    /// Whether a position is not indexed yet.
     fn is_behind(&self, target: Target, frames: u64) -> bool {
         match target {
-            Target::Spot(spot) => spot.frame > frames,
+            Target::Event(spot) => spot.frame > frames,
             Target::Time(time) => self.shared.progress.times().is_none_or(|(_, last)| time > last),
-            // Of what still grows the end is as far as it has come.
+            // The end of a growing capture is its present end.
             Target::End => self.shared.lanes.iter().all(|lane| lane.store.length().1),
         }
     }
 
-    /// A place as that of an event, as far as it is indexed.
-    fn spot_of(&mut self, target: Target, frames: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Spot> {
+    /// Converts a target to the position of an event.
+    fn spot_of(
+        &mut self,
+        target: Target,
+        frames: u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<EventPosition> {
         let time = match target {
-            Target::Spot(spot) if spot.frame <= frames => return Ok(Some(spot)),
-            Target::Spot(_) | Target::End => return Ok(Some(Spot::behind(frames))),
+            Target::Event(spot) if spot.frame <= frames => return Ok(Some(spot)),
+            Target::Event(_) | Target::End => return Ok(Some(EventPosition::after(frames))),
             Target::Time(time) => time,
         };
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
@@ -168,16 +173,16 @@ impl Seeker {
                 self.remember(&walk);
             }
         }
-        Ok(Some(Spot::behind(walk.world.frames())))
+        Ok(Some(EventPosition::after(walk.world.frames())))
     }
 
-    /// The search this matcher's rows come from, if it has been everywhere.
+    /// The complete search for this matcher.
     fn matches(&self, matcher: &Matcher) -> Option<Arc<Matches>> {
         let found = self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()?;
         (found.matcher == *matcher && found.is_complete()).then_some(found)
     }
 
-    /// The world at or before a frame, as near as a mark allows, walked up to it.
+    /// A walk at a frame, started at the nearest mark before it.
     fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Walk> {
         let kept = self.shared.kept_from();
         self.near.retain(|mark| mark.position.offsets().next().is_some_and(|offset| offset >= kept));
@@ -216,7 +221,7 @@ impl Seeker {
         }
     }
 
-    /// Every now and then leaves a mark and looks whether another order makes going on useless.
+    /// Stores a mark at intervals and checks for a newer order.
     fn is_stale_at(&mut self, walk: &Walk, next: &mut u64, is_stale: &mut impl FnMut() -> bool) -> bool {
         if walk.world.frames() < *next {
             return false;
@@ -226,19 +231,19 @@ impl Seeker {
         is_stale()
     }
 
-    /// Walks over the place and takes the rows on both sides.
+    /// Walks past the position and collects the rows on both sides.
     fn look(
         &mut self,
         mut walk: Walk,
         order: &Order,
-        spot: Spot,
+        spot: EventPosition,
         matches: Option<&Matches>,
         is_stale: &mut impl FnMut() -> bool,
     ) -> Answer<Window> {
-        let mut found = Found::default();
+        let mut found = NeighbourRows::default();
         let mut next = walk.world.frames() + NEAR;
         while !walk.is_at_head(&self.shared) && walk.peek()?.is_none_or(|next| next.number <= spot.frame) {
-            if !walk.step(&mut |told: Told<'_>| found.take(order, spot, &told))? {
+            if !walk.step(&mut |told: PlacedEvent<'_>| found.take(order, spot, &told))? {
                 break;
             }
             if self.is_stale_at(&walk, &mut next, is_stale) {
@@ -260,7 +265,7 @@ impl Seeker {
         Ok(Some(Window { serial, rows, selected, spot, world, frames, is_pending: false, is_missed: false }))
     }
 
-    /// The frames of the selected row's exchange.
+    /// Frames of the transfer in the selected row.
     fn frames(&mut self, window: &Window, is_stale: &mut impl FnMut() -> bool) -> Answer<Vec<Frame>> {
         let Some(row) = window.rows.get(window.selected).filter(|row| row.is_exchange()) else {
             return Ok(Some(Vec::new()));
@@ -282,18 +287,18 @@ impl Seeker {
         Ok(Some(frames))
     }
 
-    /// Whether the index knows the capture to its end.
+    /// Whether the capture is completely indexed.
     fn is_whole(&self) -> bool {
         self.shared.progress.is_complete()
     }
 
-    /// Takes the rows behind the place.
+    /// Collects the rows after the position.
     fn go_on(
         &mut self,
         mut walk: Walk,
         order: &Order,
         matches: Option<&Matches>,
-        found: &mut Found,
+        found: &mut NeighbourRows,
         is_stale: &mut impl FnMut() -> bool,
     ) -> Result<(), CaptureError> {
         let mut next = walk.world.frames() + NEAR;
@@ -307,7 +312,7 @@ impl Seeker {
                     None => return Ok(()),
                 }
             }
-            let mut see = |told: Told<'_>| {
+            let mut see = |told: PlacedEvent<'_>| {
                 if order.matcher.takes(&told) {
                     found.after.push(Row::new(&told));
                 }
@@ -326,9 +331,9 @@ impl Seeker {
     }
 }
 
-impl Found {
-    /// Sorts an event to its side of the place.
-    fn take(&mut self, order: &Order, spot: Spot, told: &Told<'_>) {
+impl NeighbourRows {
+    /// Adds an event to its side of the position.
+    fn take(&mut self, order: &Order, spot: EventPosition, told: &PlacedEvent<'_>) {
         if !order.matcher.takes(told) {
             return;
         }

@@ -1,21 +1,21 @@
-//! On to the next row that is like what is searched for, or back to the last one.
+//! Search for the next or previous matching row.
 
-use cobscope_decoder::replay::{Spot, Told};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 
 use super::{Answer, FIRST_SPAN, NEAR, Seeker};
 use crate::timeline::order::{Order, Search};
 use crate::timeline::walk::Walk;
 
 impl Seeker {
-    /// The next place a search meets: `Some(None)` if there is none.
+    /// Position of the next match: `Some(None)` without a match, None if a newer order arrived.
     pub(super) fn search(
         &mut self,
         order: &Order,
         search: &Search,
-        from: Spot,
+        from: EventPosition,
         frames: u64,
         is_stale: &mut impl FnMut() -> bool,
-    ) -> Answer<Option<Spot>> {
+    ) -> Answer<Option<EventPosition>> {
         let mut span = FIRST_SPAN;
         loop {
             let start = if search.is_backward { from.frame.saturating_sub(span) } else { from.frame };
@@ -31,20 +31,20 @@ impl Seeker {
         }
     }
 
-    /// The first hit behind `from`, or the last one before it behind the walk.
+    /// The first match after `from`, or the last one before it.
     fn search_from(
         &mut self,
         mut walk: Walk,
         order: &Order,
         search: &Search,
-        from: Spot,
+        from: EventPosition,
         frames: u64,
         is_stale: &mut impl FnMut() -> bool,
-    ) -> Answer<Option<Spot>> {
+    ) -> Answer<Option<EventPosition>> {
         let mut met = None;
         let mut next = walk.world.frames() + NEAR;
         while self.is_whole() || walk.world.frames() < frames {
-            let mut see = |told: Told<'_>| {
+            let mut see = |told: PlacedEvent<'_>| {
                 let is_beyond =
                     if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
                 if is_beyond && order.matcher.takes(&told) && search.matcher.takes(&told) {

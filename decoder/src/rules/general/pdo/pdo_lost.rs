@@ -1,0 +1,396 @@
+//! Periodic TPDOs that end.
+
+use super::pdo_period::{MISSING, Period, is_operational, silence};
+use crate::event::{Event, EventKind, FrameRange, Outcome};
+use crate::finding::{About, Severity};
+use crate::profile::PdoName;
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, PdoSlot, Policy, Rule};
+use crate::wire::NodeId;
+use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::{NmtState, ObjectAddress};
+
+declare_rule! {
+    /// # What it checks
+    /// A periodic TPDO is missing for `periods` periods and `least-ms`, while its node is operational. The
+    /// period is the event timer (18xx:05), n SYNCs for transmission types 1 to 240, or the usual interval of
+    /// PDOs with unchanged content. A synchronous TPDO is lost at the third missing PDO. TPDOs sent on change,
+    /// on request or with type 0 are exempt. A usual interval does not apply if SYNC or the RPDOs of the node
+    /// end too.
+    ///
+    /// # Why it matters
+    /// Consumers continue with the last value, or enter their safe state.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.2.2, §7.5.2.37 (transmission type, event timer)
+    ///
+    /// # What to look at first
+    /// Read 18xx:01, 18xx:02 and 18xx:05 of the node. Check its last EMCY and its load.
+    ///
+    /// # Mutation
+    /// drop all PDOs of a periodic TPDO in the second half
+    "pdo-lost", Error, "periodic TPDO missing",
+    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer", "nmt-command"],
+    is_timing: true,
+    word: "LOST",
+    tolerances: &[
+        tolerance("periods", 3.0, "", "missing periods of a TPDO with an event timer or a usual interval"),
+        tolerance("least-ms", 500.0, "ms", "minimum silence of such a TPDO"),
+    ],
+}
+
+/// Time in ns in which a report of the NMT state counts as monitoring of the node.
+const MONITORED: i64 = 10_000_000_000;
+
+/// Minimum silence of a node that nothing monitors, in ns. A restart of most devices is shorter.
+const SILENT: i64 = 2_000_000_000;
+
+/// A TPDO, by the index of its identifier.
+#[derive(Debug, Default)]
+struct Stream {
+    of: Option<(PdoName, NodeId, Period)>,
+    /// Time and frame of the SYNC of the first missing PDO.
+    expected: Option<(i64, u64)>,
+    /// The finding is open, about this subject.
+    reported: Option<About>,
+    /// The TPDO is overdue, and the state of its node is not reported yet.
+    is_overdue: bool,
+    /// A wake-up is scheduled.
+    is_queued: bool,
+}
+
+struct PdoLost {
+    times: f64,
+    least: i64,
+    streams: Vec<Stream>,
+    /// Indices of the streams with a number of SYNCs.
+    synced: Vec<usize>,
+    /// Time of the last report of operational.
+    operational: NodeMap<i64>,
+    /// Time of the last start or configuration.
+    changed: NodeMap<i64>,
+    /// Number of open findings.
+    open: usize,
+}
+
+fn new(policy: &Policy) -> PdoLost {
+    PdoLost {
+        times: policy.tolerance(&DECLARATION, "periods"),
+        least: policy.nanoseconds(&DECLARATION, "least-ms"),
+        streams: Vec::new(),
+        synced: Vec::new(),
+        operational: NodeMap::default(),
+        changed: NodeMap::default(),
+        open: 0,
+    }
+}
+
+impl PdoLost {
+    /// Starts to watch a TPDO once its period is known.
+    fn watch(&mut self, slot: &PdoSlot, context: &mut Context<'_>) {
+        let Some((name, node)) = context.bus.pdo_on(slot.id).filter(|(name, _)| name.is_sent()) else {
+            return;
+        };
+        let changed = self.changed.get(node).copied().unwrap_or(i64::MIN);
+        if slot.last < changed {
+            return;
+        }
+        let Some(period) = Period::of((name, node), slot, changed, context) else { return };
+        let Some(stream) = self.streams.get_mut(slot.place) else { return };
+        stream.of = Some((name, node, period));
+        if matches!(period, Period::Syncs(_)) {
+            self.synced.push(slot.place);
+        } else if !std::mem::replace(&mut stream.is_queued, true) {
+            let limit = period.limit(self.times, self.least);
+            context.wake_at(slot.last.saturating_add(limit), slot.place as u64);
+        }
+        context.pass();
+    }
+
+    /// Ends the observation of a node's TPDOs: their periods may have changed.
+    #[cold]
+    fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
+        self.changed.insert(node, context.now);
+        for place in 0..self.streams.len() {
+            let of = self.streams.get(place).and_then(|stream| stream.of);
+            if of.is_some_and(|(_, of, _)| of == node) {
+                self.close(place, context);
+                if let Some(stream) = self.streams.get_mut(place) {
+                    (stream.of, stream.is_overdue, stream.expected) = (None, false, None);
+                }
+                self.synced.retain(|synced| *synced != place);
+            }
+        }
+    }
+
+    /// Ends a finding.
+    fn close(&mut self, place: usize, context: &mut Context<'_>) {
+        let Some(stream) = self.streams.get_mut(place) else { return };
+        if let (Some(about), Some((_, node, _))) = (stream.reported.take(), stream.of) {
+            self.open -= 1;
+            context.close(Some(node), about);
+        }
+    }
+
+    /// Checks the TPDOs with a number of SYNCs.
+    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+        let mut due = 0;
+        for place in &self.synced {
+            let (Some(stream), Some(slot)) =
+                (self.streams.get_mut(*place), context.traffic.slots().get(*place))
+            else {
+                continue;
+            };
+            let Some((_, _, Period::Syncs(syncs))) = stream.of else { continue };
+            let since = context.traffic.syncs_since(slot);
+            if since == syncs {
+                stream.expected = Some((context.now, event.frames.last));
+            } else if since > MISSING * syncs {
+                stream.is_overdue = stream.reported.is_none();
+                due += usize::from(stream.is_overdue);
+            }
+        }
+        if due > 0 {
+            self.judge_overdue(context);
+        }
+    }
+
+    #[cold]
+    fn judge_overdue(&mut self, context: &mut Context<'_>) {
+        for place in 0..self.streams.len() {
+            if self.streams.get(place).is_some_and(|stream| stream.is_overdue) {
+                self.judge(place, context);
+            }
+        }
+    }
+
+    /// Reports an overdue TPDO if a sign after its silence shows that the node is operational, or if nothing
+    /// monitors the node.
+    fn judge(&mut self, place: usize, context: &mut Context<'_>) {
+        let Some(slot) = context.traffic.slots().get(place) else { return };
+        let Some(stream) = self.streams.get(place).filter(|stream| stream.reported.is_none()) else { return };
+        let Some((_, node, period)) = stream.of else { return };
+        let limit = period.limit(self.times, self.least);
+        let Some(silence) = silence(period, node, slot, limit, context) else { return };
+        if !is_operational(node, context) || !context.bus.is_settled(Some(node)) {
+            return;
+        }
+        let first_missing = match (period, stream.expected) {
+            (Period::Timer(time) | Period::Usual(time), _) => slot.last.saturating_add(time),
+            (Period::Syncs(_), expected) => expected.map_or(slot.last, |(time, _)| time),
+        };
+        if self.is_alive(node, first_missing, context) {
+            let is_configured = !matches!(period, Period::Usual(_));
+            return self.report(
+                place,
+                if is_configured { Severity::Error } else { Severity::Warning },
+                context,
+            );
+        }
+        let last_report = self.operational.get(node).copied();
+        let is_monitored = last_report.is_some_and(|time| slot.last.saturating_sub(time) < MONITORED);
+        if is_monitored || silence < self.least {
+            return;
+        }
+        if !is_silent(node, context) {
+            self.report(place, Severity::Warning, context);
+        } else if silence >= SILENT {
+            self.report_silent(node, context);
+        }
+    }
+
+    /// Whether the node reported operational or sent another TPDO after a time.
+    fn is_alive(&self, node: NodeId, time: i64, context: &Context<'_>) -> bool {
+        self.operational.get(node).is_some_and(|reported| *reported > time)
+            || sent(node, context).any(|(_, slot)| slot.last > time)
+    }
+
+    fn report(&mut self, place: usize, severity: Severity, context: &mut Context<'_>) {
+        let limits = (self.times, self.least);
+        let Some(stream) = self.streams.get_mut(place) else { return };
+        let (Some((name, node, period)), Some(slot)) = (stream.of, context.traffic.slots().get(place)) else {
+            return;
+        };
+        stream.is_overdue = false;
+        stream.reported = Some(About::Id(slot.id));
+        self.open += 1;
+        let (first, last) = (stream.expected.map_or(slot.frames.0, |(_, frame)| frame), slot.frames.0);
+        let since = context.timestamp_of(stream.expected.map_or(slot.last, |(time, _)| time));
+        let values = actual_values(slot, context);
+        let about = About::Id(slot.id);
+        let alarm = context.fail_at(context.now, Some(node), FrameRange::one(first));
+        alarm.about(about).severity(severity).since(since).report(|| {
+            let limit = milliseconds(period.limit(limits.0, limits.1));
+            let reason = match period {
+                Period::Timer(time) => format!("limit {limit}; event timer {}", milliseconds(time)),
+                Period::Usual(time) => format!("limit {limit}; usual period {}", milliseconds(time)),
+                Period::Syncs(syncs) => {
+                    format!("{MISSING} missing, transmission type {syncs}; first missing at SYNC {{{first}}}")
+                }
+            };
+            match values {
+                Some(values) => {
+                    format!("{name} missing: no actual value of {values} since {{{last}}} ({reason})")
+                }
+                None => format!("{name} missing after {{{last}}} ({reason})"),
+            }
+        });
+    }
+
+    /// Reports one finding for all TPDOs of a node that sends nothing, once all of them are overdue.
+    fn report_silent(&mut self, node: NodeId, context: &mut Context<'_>) {
+        let (times, least) = (self.times, self.least);
+        let of_node =
+            |stream: &Stream| stream.reported.is_none() && stream.of.is_some_and(|(_, of, _)| of == node);
+        let is_due = |(place, stream): (usize, &Stream)| {
+            let (Some((.., period)), Some(slot)) = (stream.of, context.traffic.slots().get(place)) else {
+                return true;
+            };
+            silence(period, node, slot, period.limit(times, least), context).is_some()
+        };
+        if !self.streams.iter().enumerate().filter(|(_, stream)| of_node(stream)).all(is_due) {
+            return;
+        }
+        let mut names = Vec::new();
+        let mut newest = (i64::MIN, 0);
+        for (place, stream) in self.streams.iter_mut().enumerate().filter(|(_, stream)| of_node(stream)) {
+            let (Some((name, ..)), Some(slot)) = (stream.of, context.traffic.slots().get(place)) else {
+                continue;
+            };
+            names.push(name.to_string());
+            newest = newest.max((slot.last, slot.frames.0));
+            stream.is_overdue = false;
+            stream.reported = Some(About::Whole);
+            self.open += 1;
+        }
+        let since = context.timestamp_of(newest.0);
+        let alarm = context.fail_at(context.now, Some(node), FrameRange::one(newest.1));
+        alarm.severity(Severity::Warning).since(since).report(|| {
+            let names = names.join(", ");
+            format!("node silent after {{{}}}: {names} missing; not monitored, NMT state unknown", newest.1)
+        });
+    }
+}
+
+/// TPDOs of a node on the bus.
+fn sent<'a>(node: NodeId, context: &Context<'a>) -> impl Iterator<Item = (PdoName, &'a PdoSlot)> {
+    let bus = context.bus;
+    context.traffic.slots().iter().filter_map(move |slot| {
+        let (name, _) = bus.pdo_on(slot.id).filter(|(name, of)| *of == node && name.is_sent())?;
+        Some((name, slot))
+    })
+}
+
+/// Whether the last frame of a node is one of its TPDOs, apart from the present frame: a deadline precedes it.
+fn is_silent(node: NodeId, context: &Context<'_>) -> bool {
+    let last = context.bus.node(node).map_or(0, |node| node.last_seen().0);
+    last == context.bus.last_frame() || sent(node, context).any(|(_, slot)| slot.frames.0 == last)
+}
+
+/// Names of the actual values in a PDO that a set point is paired with; `None` without any.
+fn actual_values(slot: &PdoSlot, context: &Context<'_>) -> Option<String> {
+    let fields = context.bus.pdo_layout(slot.id)?.fields.iter();
+    let names = fields.filter_map(|field| field.meaning.as_deref().filter(|meaning| meaning.of.is_some()));
+    let names: Vec<_> = names.map(|meaning| meaning.name.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+fn milliseconds(time: i64) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a time to read")]
+    let milliseconds = time as f64 / 1e6;
+    if milliseconds < 10.0 { format!("{milliseconds:.1} ms") } else { format!("{milliseconds:.0} ms") }
+}
+
+/// Whether a transfer concerns SYNC or a TPDO.
+fn concerns_period(object: ObjectAddress) -> bool {
+    matches!(object.index, 0x1005..=0x1007 | 0x1800..=0x1BFF)
+}
+
+impl Rule for PdoLost {
+    /// Only a missing TPDO is awaited; [`Context::traffic`] has the times of all others.
+    fn wants_pdos(&self) -> bool {
+        self.open > 0
+    }
+
+    #[inline]
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        match (&event.kind, event.node) {
+            (EventKind::Pdo(pdo), _) if !pdo.is_request => self.on_pdo(context),
+            (EventKind::Sync { .. }, _) if !self.synced.is_empty() => self.sync(event, context),
+            (
+                EventKind::Heartbeat { state: Some(NmtState::Operational), .. }
+                | EventKind::GuardReply { state: Some(NmtState::Operational), .. },
+                Some(node),
+            ) => {
+                self.operational.insert(node, context.now);
+                self.judge_overdue(context);
+            }
+            (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
+            (EventKind::NmtCommand { service, target, .. }, _) if *service != NmtService::Start => {
+                for node in (1..=127).filter(|node| [0, *node].contains(target)) {
+                    self.forget(NodeId::Canopen(node), context);
+                }
+            }
+            (EventKind::SdoTransfer(transfer), Some(node))
+                if transfer.object.is_some_and(concerns_period) && transfer.outcome == Outcome::Complete =>
+            {
+                self.forget(node, context);
+            }
+            _ => {}
+        }
+    }
+
+    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+        let Some(place) = usize::try_from(token).ok() else { return };
+        let (Some(stream), Some(slot)) = (self.streams.get_mut(place), context.traffic.slots().get(place))
+        else {
+            return;
+        };
+        stream.is_queued = false;
+        let Some((.., period)) = stream.of.filter(|_| stream.reported.is_none()) else { return };
+        let limit = period.limit(self.times, self.least);
+        let due = slot.last.saturating_add(limit);
+        stream.is_overdue = due <= context.now;
+        if stream.is_overdue {
+            self.judge(place, context);
+        }
+        let Some(stream) = self.streams.get_mut(place).filter(|stream| stream.reported.is_none()) else {
+            return;
+        };
+        stream.is_queued = true;
+        context.wake_at(if due > context.now { due } else { context.now.saturating_add(limit) }, token);
+    }
+
+    fn second(&mut self, context: &mut Context<'_>) {
+        let slots = context.traffic.slots();
+        self.streams.resize_with(slots.len(), Stream::default);
+        for slot in slots {
+            if self.streams.get(slot.place).is_some_and(|stream| stream.of.is_none()) {
+                self.watch(slot, context);
+            }
+        }
+    }
+}
+
+impl PdoLost {
+    /// Closes the finding about a TPDO that returned.
+    fn on_pdo(&mut self, context: &mut Context<'_>) {
+        let Some(place) = context.traffic.current().map(|slot| slot.place) else { return };
+        if let Some(stream) = self.streams.get_mut(place) {
+            (stream.is_overdue, stream.expected) = (false, None);
+            if stream.reported.is_some() {
+                self.close(place, context);
+                self.rewatch(place, context);
+            }
+        }
+    }
+
+    fn rewatch(&mut self, place: usize, context: &mut Context<'_>) {
+        let Some(stream) = self.streams.get_mut(place) else { return };
+        let Some((.., period)) = stream.of else { return };
+        if !matches!(period, Period::Syncs(_)) && !std::mem::replace(&mut stream.is_queued, true) {
+            let limit = period.limit(self.times, self.least);
+            context.wake_at(context.now.saturating_add(limit), place as u64);
+        }
+    }
+}

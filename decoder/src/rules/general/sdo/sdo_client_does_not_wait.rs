@@ -1,0 +1,59 @@
+//! SDO clients that send a request before the response to the one before.
+
+use crate::event::{Event, EventKind, Outcome};
+use crate::rules::rule::declare_rule;
+use crate::rules::{Context, Policy, Rule};
+
+declare_rule! {
+    /// # What it checks
+    /// The client sends an SDO request within 50 ms of the one before, although that one has no response. A request
+    /// after a longer time is a retry or a new attempt, and exempt. There is one finding per client and server.
+    ///
+    /// # Why it matters
+    /// A server processes one transfer at a time. It may ignore requests, or the client assigns a response to the
+    /// wrong request.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.4.2 (confirmed service: the client waits for the response), §7.2.4.3.17
+    ///
+    /// # What to look at first
+    /// Check whether two clients use the same SDO channel. If not, let the master wait for each response.
+    ///
+    /// # Mutation
+    /// send a second request before the response to the first
+    "sdo-client-does-not-wait", Warning, "SDO client does not wait for the response",
+    kinds: ["sdo-transfer"],
+    word: "SDO",
+}
+
+struct SdoClientDoesNotWait;
+
+fn new(_policy: &Policy) -> SdoClientDoesNotWait {
+    SdoClientDoesNotWait
+}
+
+impl Rule for SdoClientDoesNotWait {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        // Frames may be missing in the hole, or the clock was set.
+        if context.is_across_hole(event.frames.first) {
+            return;
+        }
+        let EventKind::SdoTransfer(transfer) = &event.kind else { return };
+        if context.is_tested || transfer.cut_start || transfer.is_unrequested {
+            return;
+        }
+        let Some(overlap) = transfer.overlap else {
+            if transfer.outcome == Outcome::Complete {
+                context.pass();
+            }
+            return;
+        };
+        #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
+        let alarm = context.fail(event).measure(-(overlap as f64));
+        let request = transfer.request;
+        let (whole, tenth) = (overlap / 1_000_000, overlap / 100_000 % 10);
+        alarm.report(|| {
+            format!("client on {request} sent its next request after {whole}.{tenth} ms, without a response")
+        });
+    }
+}

@@ -1,0 +1,62 @@
+//! SDO servers that send responses without a request.
+
+use crate::event::{Event, EventKind, Outcome};
+use crate::rules::rule::{declare_rule, tolerance};
+use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::words::plural;
+
+declare_rule! {
+    /// # What it checks
+    /// A server sends `responses` or more SDO responses in sequence without a request. A single one may be late, or its
+    /// request may be missing in the capture.
+    ///
+    /// # Why it matters
+    /// The responses load the bus, and a client may assign them to its next request.
+    ///
+    /// # Source
+    /// CiA 301 §7.2.4.3 (each response follows a request)
+    ///
+    /// # What to look at first
+    /// Check whether the capture contains the requests at all. If it does, the SDO server of the firmware is wrong.
+    ///
+    /// # Mutation
+    /// repeat a response
+    "sdo-unrequested-response", Warning, "SDO responses without a request",
+    kinds: ["sdo-transfer"],
+    word: "SDO",
+    tolerances: &[tolerance("responses", 3.0, "", "responses in sequence without a request")],
+}
+
+struct SdoUnrequestedResponse {
+    least: f64,
+    /// Responses of a server without a request, since the last exchange.
+    counts: NodeMap<f64>,
+}
+
+fn new(policy: &Policy) -> SdoUnrequestedResponse {
+    SdoUnrequestedResponse { least: policy.tolerance(&DECLARATION, "responses"), counts: NodeMap::default() }
+}
+
+impl Rule for SdoUnrequestedResponse {
+    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+        let (EventKind::SdoTransfer(transfer), Some(node)) = (&event.kind, event.node) else { return };
+        let Some(count) = self.counts.entry(node) else { return };
+        if !transfer.is_unrequested || transfer.outcome != Outcome::Complete {
+            // The first response without a request is marked as one without start.
+            *count = if transfer.cut_start && transfer.frame_count == 1 { 1.0 } else { 0.0 };
+            if transfer.outcome == Outcome::Complete && !transfer.cut_start {
+                context.pass();
+            }
+            return;
+        }
+        *count += 1.0;
+        let count = *count;
+        if count >= self.least {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
+            let responses = plural(count as u64, "response");
+            let response = transfer.response;
+            let alarm = context.fail(event).measure(count);
+            alarm.report(|| format!("{responses} on {response} in sequence without a request"));
+        }
+    }
+}

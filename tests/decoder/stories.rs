@@ -1,0 +1,122 @@
+//! Stories of failing devices: `fixtures/stories/<device>/<name>.story` was written from the manual before the
+//! program was run; `.toml` contains the same expectation as data, `.log` the capture of the simulator.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde::Deserialize;
+
+use crate::rules::{judge, parse};
+use crate::support::{python, skip, workspace};
+
+/// Expectation of one story.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Expectation {
+    /// Nodes with their profiles, as given to `--node`.
+    node: Vec<String>,
+    /// Rules that must report a finding.
+    expected: Vec<String>,
+    /// Rules that must not report one.
+    forbidden: Vec<String>,
+    /// Lines of a bus file.
+    #[serde(default)]
+    bus_file: String,
+    /// Rules that do not meet the story yet (expected but missing, or forbidden but reported), and the reason.
+    #[serde(default)]
+    pending: BTreeMap<String, String>,
+}
+
+fn folder() -> PathBuf {
+    workspace().join("fixtures").join("stories")
+}
+
+/// Paths of all files with this extension, one folder per device.
+fn files(root: &Path, extension: &str) -> BTreeSet<PathBuf> {
+    let devices = fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
+    devices
+        .flat_map(|device| fs::read_dir(device).unwrap().map(|entry| entry.unwrap().path()))
+        .filter(|path| path.extension().is_some_and(|found| found == extension))
+        .collect()
+}
+
+/// Deviations of the program from the story.
+fn deviations(path: &Path) -> Vec<String> {
+    let expectation: Expectation = toml::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+    let frames = fs::read_to_string(path.with_extension("log")).unwrap();
+    let story = fs::read_to_string(path.with_extension("story")).unwrap();
+    let mut head: Vec<String> = expectation.node.iter().map(|node| format!("#! --node {node}")).collect();
+    head.extend(expectation.bus_file.lines().map(|line| format!("#| {line}")));
+    let capture = parse(&path.display().to_string(), &format!("{}\n{frames}", head.join("\n")));
+    let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
+    let reported: BTreeSet<&str> = findings.counting().map(|group| &*group.rule).collect();
+    let mut deviations = Vec::new();
+    for rule in &expectation.expected {
+        let is_pending = expectation.pending.contains_key(rule);
+        match (reported.contains(rule.as_str()), is_pending) {
+            (true, true) => deviations.push(format!("{rule} is reported; remove it from pending")),
+            (false, false) => deviations.push(format!("{rule} is missing")),
+            _ => {}
+        }
+    }
+    for rule in &expectation.forbidden {
+        match (reported.contains(rule.as_str()), expectation.pending.contains_key(rule)) {
+            (true, false) => deviations.push(format!("{rule} must not be reported")),
+            (false, true) => deviations.push(format!("{rule} is not reported; remove it from pending")),
+            _ => {}
+        }
+    }
+    let named = expectation.expected.iter().chain(&expectation.forbidden);
+    deviations.extend(
+        named.filter(|rule| !story.contains(rule.as_str())).map(|rule| format!("{rule} not in the story")),
+    );
+    let known: BTreeSet<&str> = findings.rules.iter().map(|rule| &*rule.name).collect();
+    let named = expectation.expected.iter().chain(&expectation.forbidden);
+    let unknown = named
+        .filter(|rule| !known.contains(rule.as_str()) && !expectation.pending.contains_key(rule.as_str()));
+    deviations.extend(unknown.map(|rule| format!("{rule} is not a rule")));
+    let reported = reported.into_iter().collect::<Vec<_>>().join(" ");
+    deviations.iter().map(|text| format!("{}: {text} (reported: {reported})", path.display())).collect()
+}
+
+#[test]
+fn each_story_has_its_findings_and_no_forbidden_one() {
+    let stories = files(&folder(), "toml");
+    let deviations: Vec<String> = stories.iter().flat_map(|path| deviations(path)).collect();
+    assert!(deviations.is_empty(), "{}", deviations.join("\n"));
+    let mut per_device = BTreeMap::new();
+    for path in &stories {
+        *per_device.entry(path.parent().unwrap()).or_insert(0) += 1;
+        assert!(fs::metadata(path.with_extension("log")).unwrap().len() < 60_000, "{}", path.display());
+    }
+    assert_eq!(per_device.len(), 5);
+    assert!(per_device.values().all(|count| *count >= 6), "{per_device:?}");
+}
+
+#[test]
+fn the_simulators_write_the_committed_captures() {
+    let Some(python) = python() else {
+        return skip("python", "captures of the stories are not generated again");
+    };
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("stories");
+    if target.exists() {
+        fs::remove_dir_all(&target).unwrap();
+    }
+    fs::create_dir_all(&target).unwrap();
+    let script = folder().join("make_stories.py");
+    let output = Command::new(python).arg(script).arg(&target).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let committed = files(&folder(), "log");
+    assert_eq!(files(&target, "log").len(), committed.len());
+    for path in committed {
+        let again = target.join(path.strip_prefix(folder()).unwrap());
+        assert_eq!(
+            fs::read_to_string(&path).unwrap(),
+            fs::read_to_string(again).unwrap(),
+            "{}",
+            path.display()
+        );
+    }
+}

@@ -1,0 +1,68 @@
+//! Legends of the panes: complete, short, and the source of docs/panes.md.
+
+use std::fmt::Write as _;
+
+use cobscope::panes::{COMMON, LegendEntry, PaneId, Panes};
+
+use crate::docs::is_current;
+
+/// Maximum number of words of a meaning.
+const MOST_WORDS: usize = 15;
+
+/// Maximum width of a mark, and of a meaning next to it on a screen of 80 columns.
+const WIDTHS: (usize, usize) = (16, 60);
+
+#[test]
+fn every_column_head_is_in_the_legend() {
+    let panes = Panes::default();
+    for id in PaneId::ALL {
+        let pane = panes.get(*id).unwrap();
+        let titles = pane.heads().into_iter().map(|column| column.title.into_owned());
+        let drawn: Vec<String> = titles.filter(|title| !title.is_empty()).collect();
+        let explained: Vec<&str> = pane.legend().columns.iter().map(|entry| entry.mark).collect();
+        assert_eq!(explained, drawn, "{}", id.name());
+    }
+}
+
+#[test]
+fn a_legend_is_short_enough_for_80_columns() {
+    let panes = Panes::default();
+    let mut all = COMMON.to_vec();
+    for id in PaneId::ALL {
+        let legend = panes.get(*id).unwrap().legend();
+        all.extend(legend.columns.iter().chain(legend.marks));
+    }
+    for LegendEntry { mark, meaning, .. } in all {
+        assert!(mark.chars().count() <= WIDTHS.0, "{mark}");
+        assert!(meaning.chars().count() <= WIDTHS.1, "{mark}: {meaning}");
+        assert!(meaning.split_whitespace().count() <= MOST_WORDS, "{mark}: {meaning}");
+    }
+}
+
+/// A table of entries; nothing without entries.
+fn table(text: &mut String, head: &str, entries: &[LegendEntry]) {
+    if entries.is_empty() {
+        return;
+    }
+    write!(text, "\n| {head} | meaning |\n| --- | --- |\n").unwrap();
+    for LegendEntry { mark, meaning, .. } in entries {
+        writeln!(text, "| `{mark}` | {meaning} |").unwrap();
+    }
+}
+
+#[test]
+fn the_reference_of_panes() {
+    let mut text = String::from(
+        "# Panes\n\nGenerated from the legends of the terminal UI. `?` shows the legend of the current pane and all keys.\n\n\
+         ## All panes\n",
+    );
+    table(&mut text, "mark", COMMON);
+    let panes = Panes::default();
+    for (number, id) in (1..).zip(PaneId::ALL) {
+        let legend = panes.get(*id).unwrap().legend();
+        writeln!(text, "\n## {number} {}\n\nKey `{number}`: {}.", id.title(), legend.purpose).unwrap();
+        table(&mut text, "column", legend.columns);
+        table(&mut text, "mark", legend.marks);
+    }
+    is_current("docs/panes.md", &text);
+}

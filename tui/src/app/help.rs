@@ -1,0 +1,118 @@
+//! The help screen: legend of the current pane, and all keys.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+
+use super::application::App;
+use crate::keymap::{Group, keymap};
+use crate::panes::{COMMON, LegendEntry};
+use crate::theme::{Glyph, Role, Theme};
+use crate::widgets::draw;
+use crate::widgets::text_lines::TextLines;
+
+/// Width from which legend and keys are next to each other.
+const WIDE: u16 = 170;
+
+/// Width of marks and keys.
+const MARK: usize = 16;
+
+/// Characters of legends with an ASCII substitute, in addition to those of [`Theme::plain`].
+const GLYPHS: [(&str, Glyph); 8] = [
+    ("⚠", Glyph::Warning),
+    ("✓", Glyph::Check),
+    ("▸", Glyph::Closed),
+    ("▾", Glyph::Open),
+    ("▲", Glyph::Up),
+    ("▼", Glyph::Down),
+    ("Δ", Glyph::Delta),
+    ("…", Glyph::Ellipsis),
+];
+
+impl App {
+    /// Draws the legend and the keys: next to each other in a wide terminal, else the keys below the legend.
+    pub(super) fn draw_help(&self, scroll: usize, area: Rect, buf: &mut Buffer) {
+        let theme = &self.core.theme;
+        let mut legend = self.legend_lines();
+        let keys = key_lines(theme);
+        if area.width >= WIDE {
+            let left = Rect { width: area.width / 2, ..area };
+            let right = Rect { x: left.right(), width: area.width - left.width, ..area };
+            TextLines::new(theme, &legend).scroll(scroll).render(left, buf);
+            TextLines::new(theme, &keys).scroll(scroll).render(right, buf);
+        } else {
+            legend.extend(keys);
+            TextLines::new(theme, &legend).scroll(scroll).render(area, buf);
+        }
+    }
+
+    /// Legend of the current pane, and marks of all panes.
+    fn legend_lines(&self) -> Vec<Line<'static>> {
+        let theme = &self.core.theme;
+        let Some(pane) = self.panes.get(self.pane) else { return Vec::new() };
+        let legend = pane.legend();
+        let title = format!("{}: {}", self.pane.title(), legend.purpose);
+        let mut lines = vec![Line::styled(title, theme.style(Role::Title))];
+        lines.extend(legend.columns.iter().chain(legend.marks).map(|entry| entry_line(theme, entry)));
+        lines.push(Line::default());
+        lines.push(Line::styled("All panes", theme.style(Role::Title)));
+        lines.extend(COMMON.iter().map(|entry| entry_line(theme, entry)));
+        lines.push(Line::default());
+        lines
+    }
+}
+
+/// All keys by group, from the keymap.
+fn key_lines(theme: &Theme) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    for group in Group::ALL {
+        lines.push(Line::styled(group.title(), theme.style(Role::Title)));
+        for binding in keymap().filter(|binding| binding.group == group) {
+            lines.push(line(theme, &binding.keys.join(" "), Role::Key, binding.help.to_owned()));
+        }
+        lines.push(Line::default());
+    }
+    lines
+}
+
+fn entry_line(theme: &Theme, entry: &LegendEntry) -> Line<'static> {
+    line(theme, &plain(theme, entry.mark), entry.role, plain(theme, entry.meaning))
+}
+
+/// A mark in its style, and its meaning in a second column.
+fn line(theme: &Theme, mark: &str, role: Role, meaning: String) -> Line<'static> {
+    let blank = MARK.saturating_sub(usize::from(draw::width(mark))) + 1;
+    Line::from(vec![
+        Span::raw("  "),
+        Span::styled(mark.to_owned(), theme.style(role)),
+        Span::raw(" ".repeat(blank)),
+        Span::styled(meaning, theme.style(Role::Text)),
+    ])
+}
+
+/// The text in the characters of the theme.
+fn plain(theme: &Theme, text: &str) -> String {
+    let replace = |text: String, (glyph, name): &(&str, Glyph)| text.replace(*glyph, theme.glyph(*name));
+    theme.plain(&GLYPHS.iter().fold(text.to_owned(), replace))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::panes::{PaneId, Panes};
+    use crate::theme::{Borders, Depth, Palette};
+
+    #[test]
+    fn legends_are_ascii_in_an_ascii_terminal() {
+        let theme = Theme::new(Palette::Dark, Depth::Full, Borders::Ascii);
+        let panes = Panes::default();
+        let legends = PaneId::ALL.iter().filter_map(|id| Some(panes.get(*id)?.legend()));
+        let own = legends.flat_map(|legend| legend.columns.iter().chain(legend.marks));
+        for entry in own.chain(COMMON) {
+            for text in [entry.mark, entry.meaning] {
+                let plain = plain(&theme, text);
+                assert!(plain.is_ascii(), "{plain}");
+            }
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Wall-clock times: a date, a time of day, or both, in UTC, in the time zone of the computer, or with an
+//! offset.
+
+use cobscope_decoder::frame::Timestamp;
+use jiff::civil::{Date, DateTime, Time};
+use jiff::tz::{AmbiguousOffset, Offset, TimeZone};
+
+/// Maximum number of days in which a time of day is searched.
+const MOST_DAYS: usize = 4_000;
+
+/// Maximum number of candidates that an error lists.
+const LISTED: usize = 6;
+
+/// Use of a bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BoundSide {
+    /// `--from`.
+    From,
+    /// `--to`.
+    To,
+    /// `--at`.
+    At,
+}
+
+impl BoundSide {
+    pub(super) const fn option(self) -> &'static str {
+        match self {
+            Self::From => "--from",
+            Self::To => "--to",
+            Self::At => "--at",
+        }
+    }
+}
+
+/// A wall-clock time; without a date, its day is that of the capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClockTime {
+    date: Option<Date>,
+    time: Option<Time>,
+    zone: Zone,
+}
+
+/// Time zone of a wall-clock time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Zone {
+    Utc,
+    /// The time zone of the computer.
+    Local,
+    Offset(Offset),
+}
+
+impl Zone {
+    fn time_zone(self) -> TimeZone {
+        match self {
+            Self::Utc => TimeZone::UTC,
+            Self::Local => TimeZone::system(),
+            Self::Offset(offset) => TimeZone::fixed(offset),
+        }
+    }
+}
+
+impl ClockTime {
+    /// Parses `22:13:25`, `22:13`, `2024-01-31`, `2024-01-31 22:13:25`; UTC unless `local` or an offset such as
+    /// `+01:00` follows.
+    pub(super) fn parse(text: &str) -> Option<Self> {
+        let (text, zone) = zone_of(text.trim());
+        let has_date = text.as_bytes().get(4) == Some(&b'-');
+        let (date, time) = match (has_date, text.contains(':')) {
+            (true, true) => {
+                let both: DateTime = text.parse().ok()?;
+                (Some(both.date()), Some(both.time()))
+            }
+            (true, false) => (Some(text.parse().ok()?), None),
+            (false, true) => (None, Some(text.parse().ok()?)),
+            (false, false) => return None,
+        };
+        Some(Self { date, time, zone })
+    }
+
+    /// The moment of a date and time in UTC or with an offset, which does not depend on a capture.
+    pub(super) fn fixed(self) -> Option<Timestamp> {
+        if self.zone == Zone::Local {
+            return None;
+        }
+        let local = self.date?.to_datetime(self.time?);
+        instants(local, &self.zone.time_zone()).first().copied()
+    }
+
+    /// The moment in a capture with timestamps from `first` to `last`.
+    ///
+    /// # Errors
+    /// If the capture has no dates, or the time occurs several times or never.
+    pub fn at(self, first: Timestamp, last: Timestamp) -> Result<Timestamp, String> {
+        if !first.has_date() {
+            return Err("times count from the start of the capture; enter seconds".into());
+        }
+        self.resolve(BoundSide::At, first, last)
+    }
+
+    /// Whether the day is known without the capture.
+    pub(super) fn has_date(self) -> bool {
+        self.date.is_some()
+    }
+
+    /// The moment in a capture with timestamps from `first` to `last`. A date is its first instant, as the end
+    /// of a range its last one.
+    ///
+    /// # Errors
+    /// If the time occurs several times, or never; the text lists the candidates.
+    pub(super) fn resolve(
+        self,
+        side: BoundSide,
+        first: Timestamp,
+        last: Timestamp,
+    ) -> Result<Timestamp, String> {
+        let zone = self.zone.time_zone();
+        match (self.date, self.time) {
+            (Some(date), None) => day(date, side, &zone).ok_or_else(|| format!("{date}: date out of range")),
+            (Some(date), Some(time)) => {
+                let shown = format!("{date} {time}");
+                let all = instants(date.to_datetime(time), &zone);
+                if all.is_empty() {
+                    return Err(format!("{shown} does not exist: the clock was set forward"));
+                }
+                choose(&shown, &all, (first, last), &zone)
+            }
+            (None, Some(time)) => {
+                let all = on_each_day(time, first, last, &zone);
+                choose(&time.to_string(), &all, (first, last), &zone)
+            }
+            (None, None) => Err("neither a date nor a time".into()),
+        }
+    }
+}
+
+/// Text without its time zone.
+fn zone_of(text: &str) -> (&str, Zone) {
+    if let Some(text) = text.strip_suffix("local") {
+        return (text.trim_end(), Zone::Local);
+    }
+    for suffix in ["UTC", "Z", "z"] {
+        if let Some(text) = text.strip_suffix(suffix) {
+            return (text.trim_end(), Zone::Utc);
+        }
+    }
+    let after_time = text.find(':').unwrap_or(text.len());
+    let sign = text.rfind(['+', '-']).filter(|at| *at > after_time);
+    let parts = sign.and_then(|at| Some((text.get(..at)?, text.get(at..)?)));
+    match parts.and_then(|(text, offset)| Some((text, offset_of(offset)?))) {
+        Some((text, offset)) => (text.trim_end(), Zone::Offset(offset)),
+        None => (text, Zone::Utc),
+    }
+}
+
+/// `+01:00`, `-0330`, `+2`.
+fn offset_of(text: &str) -> Option<Offset> {
+    let digits: String = text.get(1..)?.chars().filter(|character| *character != ':').collect();
+    let is_number = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+    let number: i32 = digits.parse().ok().filter(|_| is_number)?;
+    let (hours, minutes) = if digits.len() > 2 { (number / 100, number % 100) } else { (number, 0) };
+    let seconds = (hours * 60 + minutes) * 60;
+    Offset::from_seconds(if text.starts_with('-') { -seconds } else { seconds }).ok()
+}
+
+fn nanoseconds(moment: jiff::Timestamp) -> Option<Timestamp> {
+    i64::try_from(moment.as_nanosecond()).ok().map(Timestamp)
+}
+
+fn moment(time: Timestamp) -> jiff::Timestamp {
+    jiff::Timestamp::from_nanosecond(time.0.into()).unwrap_or_default()
+}
+
+/// First or last instant of a day.
+fn day(date: Date, side: BoundSide, zone: &TimeZone) -> Option<Timestamp> {
+    let start = |date: Date| nanoseconds(date.to_zoned(zone.clone()).ok()?.timestamp());
+    match side {
+        BoundSide::To => Some(start(date.tomorrow().ok()?)?.plus(-1)),
+        BoundSide::From | BoundSide::At => start(date),
+    }
+}
+
+/// Instants of a local date and time: two if the clock was set back, none if it was set forward.
+fn instants(local: DateTime, zone: &TimeZone) -> Vec<Timestamp> {
+    let offsets = match zone.to_ambiguous_timestamp(local).offset() {
+        AmbiguousOffset::Unambiguous { offset } => vec![offset],
+        AmbiguousOffset::Fold { before, after } => vec![before, after],
+        AmbiguousOffset::Gap { .. } => Vec::new(),
+    };
+    offsets.into_iter().filter_map(|offset| nanoseconds(offset.to_timestamp(local).ok()?)).collect()
+}
+
+/// Instants of a time of day on all days of the capture.
+fn on_each_day(time: Time, first: Timestamp, last: Timestamp, zone: &TimeZone) -> Vec<Timestamp> {
+    let date = |time: Timestamp| moment(time).to_zoned(zone.clone()).date();
+    let end = date(last);
+    let days = std::iter::successors(Some(date(first)), |day| day.tomorrow().ok());
+    let days = days.take_while(|day| *day <= end).take(MOST_DAYS);
+    days.flat_map(|day| instants(day.to_datetime(time), zone)).collect()
+}
+
+/// The only candidate in the capture, or the only one at all.
+fn choose(
+    shown: &str,
+    all: &[Timestamp],
+    (first, last): (Timestamp, Timestamp),
+    zone: &TimeZone,
+) -> Result<Timestamp, String> {
+    let inside: Vec<Timestamp> = all.iter().copied().filter(|time| (first..=last).contains(time)).collect();
+    match (inside.as_slice(), all) {
+        ([one], _) | ([], [one]) => return Ok(*one),
+        _ => {}
+    }
+    let written = |time: &Timestamp| {
+        let zoned = moment(*time).to_zoned(zone.clone());
+        format!("{}{}", zoned.datetime(), written_offset(zoned.offset()))
+    };
+    let range = format!("{} to {}", written(&first), written(&last));
+    let (candidates, reason) = if inside.is_empty() {
+        (all, format!("{shown} does not occur in the capture ({range})"))
+    } else {
+        (inside.as_slice(), format!("{shown} occurs {} times in the capture", inside.len()))
+    };
+    let mut texts: Vec<String> = candidates.iter().take(LISTED).map(written).collect();
+    if candidates.len() > LISTED {
+        texts.push("…".into());
+    }
+    if texts.is_empty() {
+        return Err(format!("{reason}; give a date"));
+    }
+    Err(format!("{reason}; give one of {}", texts.join(", ")))
+}
+
+/// `Z`, `+01:00`.
+fn written_offset(offset: Offset) -> String {
+    let minutes = offset.seconds() / 60;
+    if minutes == 0 {
+        return "Z".to_owned();
+    }
+    let sign = if minutes < 0 { '-' } else { '+' };
+    format!("{sign}{:02}:{:02}", minutes.abs() / 60, minutes.abs() % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR: i64 = 3_600_000_000_000;
+
+    fn at(text: &str) -> Timestamp {
+        nanoseconds(text.parse().unwrap()).unwrap()
+    }
+
+    fn resolved(text: &str, first: &str, last: &str) -> Result<Timestamp, String> {
+        ClockTime::parse(text).unwrap().resolve(BoundSide::From, at(first), at(last))
+    }
+
+    #[test]
+    fn a_time_of_day_is_that_of_the_capture() {
+        let (first, last) = ("2023-11-14T22:13:20Z", "2023-11-14T22:30:00Z");
+        assert_eq!(resolved("22:13:25", first, last), Ok(at("2023-11-14T22:13:25Z")));
+        assert_eq!(resolved("22:14", first, last), Ok(at("2023-11-14T22:14:00Z")));
+        assert_eq!(resolved("23:13:25.5+01:00", first, last), Ok(at("2023-11-14T22:13:25.5Z")));
+        // Outside a capture of one day: before it, or after it.
+        assert_eq!(resolved("22:00", first, last), Ok(at("2023-11-14T22:00:00Z")));
+    }
+
+    #[test]
+    fn a_time_of_several_days_is_an_error_with_the_candidates() {
+        let (first, last) = ("2023-11-14T22:13:20Z", "2023-11-16T01:00:00Z");
+        let error = resolved("22:30", first, last).unwrap_err();
+        assert_eq!(
+            error,
+            "22:30:00 occurs 2 times in the capture; give one of 2023-11-14T22:30:00Z, 2023-11-15T22:30:00Z"
+        );
+        assert_eq!(resolved("12:00", first, last), Ok(at("2023-11-15T12:00:00Z")));
+        // Over midnight: neither noon is in the capture.
+        let error = resolved("12:00", first, "2023-11-15T01:00:00Z").unwrap_err();
+        assert!(error.contains("does not occur in the capture (2023-11-14T22:13:20Z to"), "{error}");
+        assert!(error.ends_with("give one of 2023-11-14T12:00:00Z, 2023-11-15T12:00:00Z"), "{error}");
+    }
+
+    #[test]
+    fn a_date_is_a_whole_day() {
+        let date = ClockTime::parse("2023-11-14").unwrap();
+        let of = |side| date.resolve(side, Timestamp(0), Timestamp(0));
+        assert_eq!(of(BoundSide::From), Ok(at("2023-11-14T00:00:00Z")));
+        assert_eq!(of(BoundSide::To), Ok(at("2023-11-15T00:00:00Z").plus(-1)));
+    }
+
+    #[test]
+    fn a_clock_change_makes_an_hour_ambiguous_and_another_one_impossible() {
+        // Berlin, 2026: set forward on 29 March at 02:00, set back on 25 October at 03:00.
+        let zone = TimeZone::posix("CET-1CEST,M3.5.0,M10.5.0/3").unwrap();
+        let local = |text: &str| instants(text.parse().unwrap(), &zone);
+        assert_eq!(local("2026-03-29T02:30:00"), []);
+        let both = [at("2026-10-25T00:30:00Z"), at("2026-10-25T01:30:00Z")];
+        assert_eq!(local("2026-10-25T02:30:00"), both);
+        let span = (both[0].plus(-HOUR), both[1].plus(HOUR));
+        let error = choose("02:30:00", &both, span, &zone).unwrap_err();
+        assert_eq!(
+            error,
+            "02:30:00 occurs 2 times in the capture; give one of 2026-10-25T02:30:00+02:00, \
+             2026-10-25T02:30:00+01:00"
+        );
+        // A capture that ends between the two contains one of them.
+        assert_eq!(choose("02:30:00", &both, (both[0], both[0].plus(1)), &zone), Ok(both[0]));
+    }
+
+    #[test]
+    fn anything_else_is_refused() {
+        for text in ["25:00", "22:13:25 mars", "2023-13-01", "12", "local", "22:13+99:00x"] {
+            assert_eq!(ClockTime::parse(text), None, "{text}");
+        }
+    }
+}

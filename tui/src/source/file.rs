@@ -1,0 +1,91 @@
+//! Files and standard input, decompressed, as frame readers.
+
+use std::fs::File;
+use std::io::{BufRead as _, BufReader, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::available_parallelism;
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
+
+use super::ahead::{Frames, ReadAhead};
+use super::progress::Progress;
+
+/// Bytes buffered to detect compression; larger reads bypass the buffer.
+pub(super) const HEAD: usize = 16 * 1024;
+
+/// File size from which reading takes longer than starting a thread.
+const WORTH_A_THREAD: u64 = 256 * 1024;
+
+/// An open capture.
+pub struct Capture {
+    /// Reader of its frames.
+    pub reader: Reader<Box<dyn Read + Send>>,
+    /// Progress display for a long file.
+    pub progress: Progress,
+    /// Size of the file in bytes; 0 for other inputs.
+    size: u64,
+    is_compressed: bool,
+}
+
+impl Capture {
+    /// The frames, read in another thread if that is faster and a core may be free. Pipes are not read ahead,
+    /// because each line must be processed when it arrives.
+    pub fn frames(self, may_read_ahead: bool) -> (Frames, Progress) {
+        let cores = available_parallelism().map_or(1, usize::from);
+        // Reading a binary format takes less time than passing its frames to another core.
+        let takes_long = self.size >= WORTH_A_THREAD && (self.is_compressed || self.reader.format().is_text);
+        let frames = if may_read_ahead && cores > 1 && takes_long {
+            Frames::Ahead(ReadAhead::new(self.reader))
+        } else {
+            Frames::Here(self.reader)
+        };
+        (frames, self.progress)
+    }
+}
+
+/// Opens a capture; `-` is standard input.
+pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
+    let taken = Arc::new(AtomicU64::new(0));
+    let (source, size): (Box<dyn Read + Send>, _) = if path.as_os_str() == "-" {
+        (Box::new(std::io::stdin()), None)
+    } else {
+        let file = File::open(path).with_context(|| format!("{}: cannot be opened", path.display()))?;
+        ensure_no_folder(path)?;
+        let size = file.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len());
+        (Box::new(file), size)
+    };
+    let source = CountedInput { source, taken: Arc::clone(&taken) };
+    let name = path.display();
+    let mut source = BufReader::with_capacity(HEAD, source);
+    let is_compressed = is_compressed(source.fill_buf().with_context(|| name.to_string())?);
+    let source = decompress(source).with_context(|| name.to_string())?;
+    let reader = Reader::open(source, options).with_context(|| name.to_string())?;
+    Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
+}
+
+/// Rejects a folder: it can be opened but not read.
+pub(super) fn ensure_no_folder(path: &Path) -> anyhow::Result<()> {
+    ensure!(
+        !path.is_dir(),
+        "{}: a folder; name the captures in it, or use check for all of them",
+        path.display()
+    );
+    Ok(())
+}
+
+/// Counts the bytes read from the compressed file.
+struct CountedInput {
+    source: Box<dyn Read + Send>,
+    taken: Arc<AtomicU64>,
+}
+
+impl Read for CountedInput {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.source.read(buffer)?;
+        self.taken.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
+    }
+}
