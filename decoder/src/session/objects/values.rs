@@ -192,6 +192,16 @@ pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(
     }
 }
 
+/// Marks one value as doubtful, except one that the bus file states, and refreshes the PDOs that depend on it.
+pub(in crate::session) fn mark_value_stale(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
+    let Some(node) = bus.node_mut(id) else { return };
+    let known = node.store().seen(object);
+    if known.is_some_and(|entry| entry.origin.kind != OriginKind::BusFile && !entry.stale) {
+        Arc::make_mut(&mut node.store).doubt(object);
+        bus.routes.refresh_dependents(id, object);
+    }
+}
+
 /// Sets a value that the device sets by itself, as its manual states; the value is assumed.
 pub(in crate::session) fn set_fallback(
     bus: &mut Bus,

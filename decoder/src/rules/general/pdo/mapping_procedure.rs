@@ -125,8 +125,10 @@ impl MappingProcedure {
         let value = number(context.node(event), object, &transfer.data);
         match (is_mapping, object.sub) {
             (true, 0) => known.entries = value,
+            // A COB-ID whose value the capture does not contain may be valid or invalid.
             (false, 1) => {
-                (known.is_valid, known.is_unclear) = (value.map(|id| id & INVALID == 0), false);
+                known.is_valid = value.map(|id| id & INVALID == 0);
+                known.is_unclear = known.is_valid.is_none();
             }
             _ => {}
         }

@@ -24,7 +24,7 @@ use crate::profile::{Effect, Entry, Meaning};
 use crate::session::bus::{Bus, OriginKind};
 use crate::session::context::Context;
 use crate::session::machine::{Machine, Timed};
-use crate::session::objects::ObjectTransfer;
+use crate::session::objects::{ObjectTransfer, mark_value_stale};
 use crate::session::presence::mark_alive;
 use crate::session::timers::Subject;
 use crate::wire::canopen::ObjectAddress;
@@ -186,7 +186,14 @@ fn emit_transfer(
         Direction::Upload => OriginKind::Upload,
         Direction::Download => OriginKind::Download,
     };
-    let object = described.object.filter(|_| has_value)?;
+    let object = described.object?;
+    if !has_value {
+        if kind == OriginKind::Download && described.outcome != Outcome::Aborted {
+            // The server may have accepted a value that the capture does not contain.
+            mark_value_stale(&mut cx.bus, server, object);
+        }
+        return None;
+    }
     Some(ObjectTransfer { node: server, object, value: described.data, kind })
 }
 
