@@ -147,8 +147,31 @@ fn is_of(line: &Line, id: &str) -> bool {
     }
 }
 
+/// A random generator with the same numbers in every run.
+pub struct Dice(u64);
+
+impl Dice {
+    /// Generator with the numbers of a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(0x9E37_79B9_7F4A_7C15 ^ (seed + 1))
+    }
+
+    /// A number of 64 bits.
+    pub fn number(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// A number below `sides`, 0 if there are none.
+    pub fn roll(&mut self, sides: usize) -> usize {
+        usize::try_from(self.number() >> 33).unwrap() % sides.max(1)
+    }
+}
+
 /// Microseconds of `40ms` or `-1.5s`.
-fn micros(text: &str) -> i64 {
+pub fn micros(text: &str) -> i64 {
     let (digits, unit) = match text.strip_suffix("ms") {
         Some(digits) => (digits, 1_000),
         None => (text.strip_suffix('s').unwrap_or_else(|| panic!("no time: {text}")), 1_000_000),

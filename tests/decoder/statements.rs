@@ -3,7 +3,7 @@
 
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
@@ -128,6 +128,19 @@ fn is_shown(devices: &[Arc<Device>], part: &str) -> bool {
         }
         _ => false,
     }
+}
+
+/// Judged statements of a manual, with the full names of the rules that judge them.
+pub fn judged_statements(profile: &str) -> BTreeMap<String, BTreeSet<String>> {
+    let general: BTreeSet<_> = declarations().map(|rule| rule.name).collect();
+    let full = |rule: &String| {
+        if general.contains(rule.as_str()) { rule.clone() } else { format!("{profile}:{rule}") }
+    };
+    let all = described().into_iter().filter(|described| described.manual.profile == profile);
+    all.flat_map(|described| described.manual.statement)
+        .filter(|statement| !statement.judged_by.is_empty())
+        .map(|it| (format!("[{}] {}", it.source, it.text), it.judged_by.iter().map(full).collect()))
+        .collect()
 }
 
 #[test]

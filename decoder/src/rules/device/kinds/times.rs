@@ -220,6 +220,10 @@ pub(super) fn judge_follow(
         return;
     }
     let Some(limit) = case.limit() else { return };
+    // Repetitions do not extend the time: events at a shorter interval than the limit may never be followed.
+    if progress.last.is_some() {
+        return;
+    }
     let deadline = context.now.saturating_add(limit).saturating_add(context.granularity);
     progress.holds = true;
     progress.last = Some(FrameTime { time: context.now, frame: case.frames.last });
