@@ -56,6 +56,9 @@ pub struct RuleInfo {
     pub title: Arc<str>,
     /// Documentation in Markdown: headings and paragraphs.
     pub explanation: Arc<str>,
+    /// What a capture must contain for a verdict of the rule. In [`Findings`] of a capture without one: what
+    /// was missing.
+    pub needs: Arc<str>,
     /// Cases of CiA's conformance test plan that the rule checks, such as `9.4`.
     pub cases: Vec<Arc<str>>,
     /// Subset of `cases` to which every verdict of the rule applies.

@@ -298,6 +298,9 @@ fn every_rule_explains_itself() {
                 writeln!(report, "{}: says nothing under {heading}", rule.name).unwrap();
             }
         }
+        if rule.needs.is_empty() {
+            writeln!(report, "{}: needs nothing", rule.name).unwrap();
+        }
         if rule.word.is_empty() || rule.word.len() > 6 {
             writeln!(report, "{}: its word in lines has 1 to 6 letters", rule.name).unwrap();
         }

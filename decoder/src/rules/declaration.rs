@@ -35,6 +35,8 @@ pub struct Declaration {
     /// Event kinds that the rule receives. Words for PDOs: `tpdo` and `rpdo` for one direction, `pdo-changed`
     /// and `rpdo-changed` for changed payloads, all without requests; `pdo-request` for requests only.
     pub kinds: &'static [&'static str],
+    /// What a capture must contain for a verdict of the rule.
+    pub needs: &'static str,
     /// Cases of CiA's conformance test plan that the rule checks.
     pub cases: &'static [&'static str],
     /// Subset of `cases` to which every verdict of the rule applies. For each other case, the rule decides
@@ -44,6 +46,8 @@ pub struct Declaration {
     pub tolerances: &'static [Tolerance],
     /// The rule checks times.
     pub is_timing: bool,
+    /// The rule does not receive events with frames before and after a hole: frames may be missing in it.
+    pub skips_holes: bool,
     /// The rule is active by default.
     pub is_on: bool,
     /// KIND column of its events in text output, at most six letters.
@@ -58,10 +62,12 @@ impl Declaration {
         title: "",
         explanation: "",
         kinds: &[],
+        needs: "",
         cases: &[],
         shows: &[],
         tolerances: &[],
         is_timing: false,
+        skips_holes: false,
         is_on: true,
         word: "RULE",
     };
@@ -73,6 +79,7 @@ impl Declaration {
             severity: self.severity,
             title: self.title.into(),
             explanation: self.explanation.into(),
+            needs: self.needs.into(),
             cases: self.cases.iter().map(|case| Arc::from(*case)).collect(),
             shows: self.shows.iter().map(|case| Arc::from(*case)).collect(),
             origin: RuleOrigin::General,
@@ -82,6 +89,18 @@ impl Declaration {
             source: self.section("Source").map(|text| text.trim().into()),
             next_step: self.section("What to look at first").and_then(next_step).map(Into::into),
         }
+    }
+
+    /// Documentation for display, with what the rule needs in a capture.
+    pub fn manual(&self) -> String {
+        let mut letters = self.needs.chars();
+        let first = letters.next().map(|first| first.to_ascii_uppercase());
+        let needs: String = first.into_iter().chain(letters).collect();
+        manual(self.explanation).replacen(
+            "# Why it matters",
+            &format!("# What it needs\n{needs}.\n\n# Why it matters"),
+            1,
+        )
     }
 
     /// Text below a heading of the documentation.

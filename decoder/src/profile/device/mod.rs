@@ -15,6 +15,7 @@ mod procedure;
 mod rule;
 mod sample;
 mod uds;
+mod words;
 
 use std::collections::BTreeMap;
 use std::ops::Range;

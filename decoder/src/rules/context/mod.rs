@@ -107,7 +107,7 @@ impl<'a> Context<'a> {
         is_timing.then(|| self.bus.ambiguous_gap(at.time, at.frames))?
     }
 
-    /// Records why the rule was not exercised; reported if it applies to all buses.
+    /// Records what was missing for a verdict of the rule; reported if there is none on any bus.
     pub(super) fn unexercised(&mut self, why: String) {
         self.ledger.unexercised(self.rule, why);
     }

@@ -34,6 +34,7 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         severity: rule.severity,
         title: rule.text.as_str().into(),
         explanation: explanation.into(),
+        needs: needs(rule).into(),
         cases: Vec::new(),
         shows: Vec::new(),
         origin: RuleOrigin::Device,
@@ -43,6 +44,33 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         source: Some(source.into()),
         next_step: (!rule.next.is_empty()).then(|| rule.next.as_str().into()),
     }
+}
+
+/// What a capture must contain for a verdict of the rule.
+fn needs(rule: &DeviceRule) -> String {
+    let objects = || {
+        let all: Vec<_> = rule.object.iter().chain(&rule.objects).map(|it| it.object.to_string()).collect();
+        all.join(", ")
+    };
+    let event = match rule.kind {
+        RuleKind::Limit | RuleKind::Forbidden | RuleKind::Permitted | RuleKind::Ascending => {
+            format!("a value of {}", objects())
+        }
+        RuleKind::Sequence => rule.steps.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+        RuleKind::ReservedId | RuleKind::NodeId | RuleKind::SourceAddress => "a frame of the device".into(),
+        RuleKind::Expedited => "an SDO transfer".into(),
+        RuleKind::RemoteLength => "a remote frame for a PDO".into(),
+        RuleKind::EmcyLength | RuleKind::EmcyCode | RuleKind::EmcyRegister => "an EMCY".into(),
+        RuleKind::AbortCode => "an SDO abort of the device".into(),
+        RuleKind::OnRequest => "a group that is sent on request".into(),
+        RuleKind::UdsServices => "a UDS request".into(),
+        RuleKind::Constant => format!("{} with fixed bits", rule.on),
+        _ => rule.on.to_string(),
+    };
+    let event = if event.is_empty() { "a message of the device".to_owned() } else { event };
+    let is_bound = rule.is_scoped() && !rule.since.0.is_empty();
+    let event = if is_bound { format!("{event} after {}", rule.since) } else { event };
+    if rule.during.0.is_empty() { event } else { format!("{event}, while {}", rule.during) }
 }
 
 /// KIND column of findings of a rule kind.

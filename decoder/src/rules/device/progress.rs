@@ -33,6 +33,8 @@ pub(super) struct RuleProgress {
     pub(super) is_prepared: Option<bool>,
     /// Bit mask of the steps of a sequence that have occurred.
     pub(super) done: u64,
+    /// An event of `on` occurred.
+    pub(super) has_begun: bool,
     /// Time at which the required earlier event became necessary again.
     pub(super) voided: Option<i64>,
     /// Recent events, by object if each object has its own count.
@@ -58,7 +60,8 @@ impl RuleProgress {
 
     /// The node restarted: all but the order of events is void.
     pub(super) fn reset(&mut self) {
-        *self = Self { is_prepared: self.is_prepared, voided: self.voided, ..Self::default() };
+        let Self { is_prepared, voided, has_begun, .. } = *self;
+        *self = Self { is_prepared, voided, has_begun, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.

@@ -47,9 +47,18 @@ pub struct Engine {
     explaining: KindSet,
 }
 
+/// A rule at work on one bus.
+struct RuleInstance {
+    /// Number of the rule in the ledger.
+    number: u16,
+    rule: Box<dyn Rule>,
+    /// Events with frames before and after a hole are not delivered.
+    skips_holes: bool,
+}
+
 /// Rule instances of one bus with their shared state.
 struct BusJudge {
-    rules: Vec<(u16, Box<dyn Rule>)>,
+    rules: Vec<RuleInstance>,
     interests: Interests,
     shared: Shared,
     has_begun: bool,
@@ -239,27 +248,31 @@ impl BusJudge {
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
-        judge.add(0, Box::new(devices), |interests, place| interests.kinds(kinds, place));
+        let instance = RuleInstance { number: 0, rule: Box::new(devices), skips_holes: false };
+        judge.add(instance, |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
-            if let (true, Ok(rule)) = (is_on, u16::try_from(place)) {
-                judge.add(rule, (entry.make)(&setup.policy), |interests, place| {
+            if let (true, Ok(number)) = (is_on, u16::try_from(place)) {
+                let rule = (entry.make)(&setup.policy);
+                let instance = RuleInstance { number, rule, skips_holes: entry.declaration.skips_holes };
+                judge.add(instance, |interests, place| {
                     interests.declared(entry.declaration.kinds, place);
                 });
             }
         }
-        for (rule, expectation) in setup.expectations_on(bus.name()) {
-            if ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
+        for (number, expectation) in setup.expectations_on(bus.name()) {
+            if ledger.rules.get(usize::from(number)).is_some_and(|info| info.is_on) {
                 let kinds = expectation.kinds();
-                judge.add(rule, expectation.make(), |interests, place| interests.kinds(kinds, place));
+                let instance = RuleInstance { number, rule: expectation.make(), skips_holes: false };
+                judge.add(instance, |interests, place| interests.kinds(kinds, place));
             }
         }
         judge
     }
 
-    fn add(&mut self, rule: u16, made: Box<dyn Rule>, interested: impl Fn(&mut Interests, u16)) {
+    fn add(&mut self, instance: RuleInstance, interested: impl Fn(&mut Interests, u16)) {
         let Ok(place) = u16::try_from(self.rules.len()) else { return };
-        self.rules.push((rule, made));
+        self.rules.push(instance);
         interested(&mut self.interests, place);
     }
 
@@ -298,9 +311,9 @@ impl BusJudge {
         self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last, event.routine);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
-            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
-                (context.rule, context.place) = (*rule, *place);
-                made.event(event, &mut context);
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*number, *place);
+                rule.event(event, &mut context);
             }
         }
         if pdo.is_request || self.has_turned {
@@ -315,11 +328,14 @@ impl BusJudge {
             _ => {}
         }
         let mut context = self.shared.context(bus, ledger);
+        let is_across_hole = context.is_across_hole(event.frames.first);
         for place in self.interests.of(&event.kind) {
-            if let Some((rule, made)) = self.rules.get_mut(usize::from(*place)) {
-                (context.rule, context.place) = (*rule, *place);
-                made.event(event, &mut context);
-                self.has_turned |= self.wants.get(usize::from(*place)) != Some(&made.wants_pdos());
+            if let Some(RuleInstance { number, rule, skips_holes }) = self.rules.get_mut(usize::from(*place))
+                && !(is_across_hole && *skips_holes)
+            {
+                (context.rule, context.place) = (*number, *place);
+                rule.event(event, &mut context);
+                self.has_turned |= self.wants.get(usize::from(*place)) != Some(&rule.wants_pdos());
             }
         }
         if self.has_turned {
@@ -333,7 +349,7 @@ impl BusJudge {
     /// Updates the event kinds of the device rules (index 0).
     #[cold]
     fn listen(&mut self) {
-        if let Some(kinds) = self.rules.first().and_then(|(_, devices)| devices.kinds()) {
+        if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
             self.interests.renew(0, kinds);
         }
     }
@@ -343,8 +359,8 @@ impl BusJudge {
     fn ask_for_pdos(&mut self) {
         self.has_turned = false;
         self.wants.resize(self.rules.len(), true);
-        for ((place, (_, rule)), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
-            let wants = rule.wants_pdos();
+        for ((place, instance), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
+            let wants = instance.rule.wants_pdos();
             if std::mem::replace(known, wants) != wants {
                 self.interests.want_pdos(place, wants);
             }
@@ -379,19 +395,19 @@ impl BusJudge {
             shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
             return;
         }
-        let Some((rule, made)) = self.rules.get_mut(usize::from(place)) else { return };
+        let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(place)) else { return };
         let mut context = shared.context(bus, ledger);
-        (context.rule, context.place) = (*rule, place);
-        made.wake(token, &mut context);
-        self.has_turned |= self.wants.get(usize::from(place)) != Some(&made.wants_pdos());
+        (context.rule, context.place) = (*number, place);
+        rule.wake(token, &mut context);
+        self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
     }
 
     #[cold]
     fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
         let mut context = self.shared.context(bus, ledger);
-        for (place, (rule, made)) in self.rules.iter_mut().enumerate() {
-            (context.rule, context.place) = (*rule, u16::try_from(place).unwrap_or(LEDGER));
-            call(&mut **made, &mut context);
+        for (place, RuleInstance { number, rule, .. }) in self.rules.iter_mut().enumerate() {
+            (context.rule, context.place) = (*number, u16::try_from(place).unwrap_or(LEDGER));
+            call(&mut **rule, &mut context);
         }
         self.has_turned = true;
     }

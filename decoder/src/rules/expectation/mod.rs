@@ -125,6 +125,7 @@ fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
         severity: written.severity,
         title: title.into(),
         explanation: explanation.into(),
+        needs: "events that match it".into(),
         cases: Vec::new(),
         shows: Vec::new(),
         origin: RuleOrigin::Expectation,

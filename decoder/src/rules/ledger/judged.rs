@@ -4,21 +4,22 @@ use std::sync::Arc;
 
 use super::Ledger;
 use super::explained::PRESUMED;
-use crate::finding::{Findings, Tally, Verdict};
+use crate::finding::{Findings, RuleOrigin, Tally, Verdict};
 
 impl Ledger {
     /// All results. Without usable timestamps (`is_timed` false), results of timing rules are discarded.
     pub(in crate::rules) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
         self.link_late_causes();
-        self.add_unexercised(&mut quality);
+        self.note_missing(&mut quality);
         self.forget_presumed();
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
             self.groups.retain(|group| !judges_time(group.key.rule));
-            for (tally, rule) in self.tallies.iter_mut().zip(&self.rules) {
+            for (tally, rule) in self.tallies.iter_mut().zip(&mut self.rules) {
                 if rule.is_timing {
                     *tally = Tally::default();
+                    rule.needs = "usable timestamps".into();
                     for case in &rule.cases {
                         self.cases.remove(case);
                     }
@@ -60,14 +61,20 @@ impl Ledger {
         });
     }
 
-    /// Adds the reasons why rules were not exercised.
-    fn add_unexercised(&self, quality: &mut Vec<String>) {
+    /// Notes what was missing for rules that were not exercised. For expectations of the user it is also a limit
+    /// of the verdict.
+    fn note_missing(&mut self, quality: &mut Vec<String>) {
         for (rule, why) in &self.unexercised {
             let place = usize::from(*rule);
-            if let (Some(info), Some(tally)) = (self.rules.get(place), self.tallies.get(place))
+            if let (Some(info), Some(tally)) = (self.rules.get_mut(place), self.tallies.get(place))
                 && tally.verdict() == Verdict::NotExercised
             {
-                quality.push(format!("{} is not exercised: {why}", info.name));
+                match info.origin {
+                    RuleOrigin::Expectation => {
+                        quality.push(format!("{} is not exercised: {why}", info.name));
+                    }
+                    RuleOrigin::General | RuleOrigin::Device => info.needs = why.as_str().into(),
+                }
             }
         }
     }

@@ -115,7 +115,7 @@ pub(super) struct Ledger {
     /// Current conformance test run.
     run: Run,
     pub(super) news: Vec<News>,
-    /// Reasons why rules were not exercised.
+    /// What was missing for verdicts of rules.
     unexercised: Vec<(u16, String)>,
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
@@ -150,7 +150,7 @@ impl Ledger {
         }
     }
 
-    /// Records why a rule was not exercised; the first reason wins.
+    /// Records what was missing for a verdict of a rule; the first record counts.
     pub(super) fn unexercised(&mut self, rule: u16, why: String) {
         if !self.unexercised.iter().any(|(known, _)| *known == rule) {
             self.unexercised.push((rule, why));

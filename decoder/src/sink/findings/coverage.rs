@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::report::Report;
-use crate::finding::Tally;
+use crate::finding::{RuleInfo, Tally, Verdict};
 use crate::rules::conformance::cases;
 use crate::sink::table::{Align, Table};
 
@@ -12,7 +12,12 @@ pub(super) fn write(report: &Report, out: &mut String) {
     let coverage = report.coverage();
     let mut rules = table("RULE");
     for one in &coverage {
-        rules.row(row(&one.rule.name, one.tally, &one.rule.title));
+        let RuleInfo { name, title, needs, .. } = one.rule;
+        let what = match one.tally.verdict() {
+            Verdict::NotExercised => format!("{title}; needs {needs}"),
+            _ => title.to_string(),
+        };
+        rules.row(row(name, one.tally, &what));
     }
     rules.write(0, out);
     let judged = report.cases();

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use super::format::FindingFormat;
 use super::report::{CaptureResult, Outcome, Report, Standing};
 use crate::event::FrameRange;
-use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally};
+use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally, Verdict};
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, Fields as _};
 use crate::sink::jsonl::object::Object;
@@ -166,6 +166,7 @@ pub const KEYS: &[Key] = &[
     key(SUMMARY, "rules.passed", KeyType::Count, true, "Number of checks that passed"),
     key(SUMMARY, "rules.failed", KeyType::Count, true, "Number of checks that failed"),
     key(SUMMARY, "rules.waived", KeyType::Count, true, "Number of failures waived by the device manual"),
+    key(SUMMARY, "rules.needs", KeyType::Text, false, "Not exercised: what the capture does not contain"),
     key(SUMMARY, "cases", KeyType::Groups, true, "Cases of the CiA conformance test plan covered by rules"),
     key(SUMMARY, "cases.case", KeyType::Text, true, "Number of the case"),
     key(SUMMARY, "cases.verdict", KeyType::Text, true, "pass, fail or not-exercised"),
@@ -343,12 +344,13 @@ fn summary(judged: &CaptureResult, report: &Report, lines: &mut Vec<u8>) {
     texts(&mut line, "silent", judged.comparison.silent.iter());
     line.open_list("rules");
     for (rule, tally) in judged.rules() {
-        tallied(&mut line, "rule", &rule.name, tally);
+        let needs = (tally.verdict() == Verdict::NotExercised).then_some(&*rule.needs);
+        tallied(&mut line, ("rule", &rule.name), tally, needs);
     }
     line.close_list();
     line.open_list("cases");
     for (case, tally) in &findings.cases {
-        tallied(&mut line, "case", case, *tally);
+        tallied(&mut line, ("case", case), *tally, None);
     }
     line.close_list();
     line.open_list("conformance");
@@ -415,12 +417,13 @@ fn texts<'a>(line: &mut Object<'_>, key: &'static str, texts: impl Iterator<Item
     line.close_list();
 }
 
-fn tallied(line: &mut Object<'_>, key: &'static str, name: &str, tally: Tally) {
+fn tallied(line: &mut Object<'_>, (key, name): (&'static str, &str), tally: Tally, needs: Option<&str>) {
     line.open("");
     line.field(key, FieldValue::Text(name));
     line.field("verdict", FieldValue::Text(tally.verdict().name()));
     line.field("passed", FieldValue::Unsigned(tally.passed));
     line.field("failed", FieldValue::Unsigned(tally.failed));
     line.field("waived", FieldValue::Unsigned(tally.waived));
+    optional(line, "needs", needs);
     line.close();
 }

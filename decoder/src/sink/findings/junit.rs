@@ -59,7 +59,7 @@ fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
             case.status.set_message(xml_lines(&suppressed.join("; ")));
         } else if own.is_empty() && tally.verdict() == Verdict::NotExercised {
             case.status = TestCaseStatus::skipped();
-            case.status.set_message("not exercised: nothing to check in the capture");
+            case.status.set_message(xml(&format!("not exercised: needs {}", rule.needs)));
         } else if !own.is_empty() {
             let text = if fails(&own, least) { String::new() } else { texts(&own, judged) };
             let lines: Vec<_> =

@@ -7,7 +7,7 @@ use cobscope_decoder::finding::{RuleOrigin, Severity};
 use cobscope_decoder::profile::device::DeviceRule;
 use cobscope_decoder::profile::{Catalogue, Device};
 use cobscope_decoder::query::fields::distance;
-use cobscope_decoder::rules::{Tolerance, declarations, manual};
+use cobscope_decoder::rules::{Tolerance, declarations};
 
 /// Description of a rule.
 pub(in crate::cmd) struct ListedRule {
@@ -42,7 +42,7 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
             is_timing: rule.is_timing,
             origin: RuleOrigin::General,
             title: rule.title.to_owned(),
-            explanation: manual(rule.explanation),
+            explanation: rule.manual(),
             tolerances: rule.tolerances,
             cases: rule.cases.iter().map(|case| (*case).to_owned()).collect(),
             source: rule.section("Source").map(|text| text.trim().to_owned()).unwrap_or_default(),

@@ -27,6 +27,7 @@ pub(super) fn judge_event(
     {
         return;
     }
+    progress.has_begun |= !progress.has_begun && case.on(event).is_some();
     if case.rule.is_scoped() && !order::follow_scope(case, progress, event, context) {
         return;
     }
@@ -91,5 +92,8 @@ pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, cont
 pub(super) fn on_end(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     if case.rule.kind == RuleKind::MaxInterval {
         times::judge_end(case, progress, context);
+    }
+    if progress.has_begun && !case.rule.during.0.is_empty() {
+        context.unexercised(format!("proof of {}", case.rule.during));
     }
 }

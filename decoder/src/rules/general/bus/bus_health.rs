@@ -29,6 +29,7 @@ declare_rule! {
     /// insert error frames within a second
     "bus-health", Error, "bus disturbed or overloaded",
     kinds: ["can-error"],
+    needs: "error frames or controller states of the interface, or a bit rate in the bus file",
     word: "BUS",
     tolerances: &[
         tolerance("errors-percent", 0.1, "%", "share of error frames in all frames, a warning"),

@@ -27,6 +27,7 @@ declare_rule! {
     /// insert a second series of heartbeats with another state
     "duplicate-node-id", Error, "node-ID used by two devices",
     kinds: ["heartbeat", "nmt-command", "boot-up"],
+    needs: "heartbeats or a boot-up",
     is_timing: true,
     word: "TWICE",
     tolerances: &[tolerance("changes", 6.0, "", "consecutive alternations of heartbeats before a finding")],

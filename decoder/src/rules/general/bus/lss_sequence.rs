@@ -27,6 +27,7 @@ declare_rule! {
     /// change the result of a configuration
     "lss-sequence", Warning, "LSS out of order or refused",
     kinds: ["lss"],
+    needs: "an LSS exchange",
     word: "LSS",
 }
 

@@ -25,6 +25,7 @@ declare_rule! {
     /// insert a 2-byte request for a J1939 group
     "malformed-message", Warning, "payload not valid for its service",
     kinds: ["malformed", "lss", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
+    needs: "a service with a fixed length",
     word: "BYTES",
 }
 

@@ -21,6 +21,7 @@ declare_rule! {
     /// swap two TIME messages
     "time-not-monotonic", Warning, "TIME runs backwards",
     kinds: ["time"],
+    needs: "two TIME messages",
     word: "TIME",
 }
 

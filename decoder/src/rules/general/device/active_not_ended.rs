@@ -35,6 +35,7 @@ declare_rule! {
     /// let the status word stay active after the control word commanded another state
     "active-not-ended", Error, "device active against its command or fault",
     kinds: ["rpdo-changed", "device-state", "emcy", "boot-up", "nmt-command", "sdo-transfer"],
+    needs: "a control word that ends the active state, or an EMCY that demands a fault state",
     word: "STATE",
     tolerances: &[tolerance("time-ms", 20.0, "ms", "minimum time before the second TPDO: frames may be queued")],
 }

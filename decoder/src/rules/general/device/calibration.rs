@@ -28,6 +28,7 @@ declare_rule! {
     /// respond to the upload of a calibration's status with an error code
     "calibration", Error, "calibration failed or unfinished",
     kinds: ["procedure", "boot-up", "emcy"],
+    needs: "a procedure of the profile",
     word: "CALIB",
     tolerances: &[tolerance("times", 2.0, "", "maximum duration as a multiple of the nominal time, a warning")],
 }

@@ -34,6 +34,7 @@ declare_rule! {
     /// drop ten cyclic RPDOs in a row
     "command-gap", Error, "gap in cyclic commands",
     kinds: ["rpdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer", "procedure"],
+    needs: "a cyclic RPDO, or a J1939 command with a time limit",
     is_timing: true,
     word: "GAP",
     tolerances: &[

@@ -27,6 +27,7 @@ declare_rule! {
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several RPDOs in one SYNC interval",
     kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
+    needs: "SYNC, and RPDOs that take effect at SYNC according to the profile",
     word: "SYNC",
     tolerances: &[
         tolerance("note-count", 1.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a note"),

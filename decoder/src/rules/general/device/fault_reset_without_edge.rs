@@ -26,6 +26,7 @@ declare_rule! {
     /// send the control word with the reset bit set, starting before the fault
     "fault-reset-without-edge", Warning, "fault reset bit held without an edge",
     kinds: ["rpdo", "device-state", "emcy", "boot-up"],
+    needs: "a reported fault that an edge of the control word resets",
     word: "STUCK",
     tolerances: &[
         tolerance("messages", 3.0, "", "consecutive control words with the bit set"),

@@ -26,6 +26,7 @@ declare_rule! {
     /// respond to the download of a mode with an abort
     "mode-change-refused-or-ignored", Error, "mode change refused or ignored",
     kinds: ["sdo-transfer"],
+    needs: "a write to the mode of operation of the profile",
     word: "MODE",
 }
 

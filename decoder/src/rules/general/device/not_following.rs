@@ -36,6 +36,7 @@ declare_rule! {
     /// set the measured value in a TPDO to 0
     "not-following", Warning, "measured value not following its set point",
     kinds: ["tpdo", "set-point", "boot-up", "mode", "j1939-message"],
+    needs: "an effective set point and a measured value that the profile pairs with it",
     is_timing: true,
     word: "FOLLOW",
     tolerances: &[

@@ -30,6 +30,7 @@ declare_rule! {
     /// clear the enable bit of the control word while the set point stays
     "setpoint-not-effective", Warning, "set point without effect",
     kinds: ["set-point", "procedure", "boot-up"],
+    needs: "a set point of the profile other than 0",
     is_timing: true,
     word: "SETPT",
     tolerances: &[tolerance("time-ms", 500.0, "ms", "permitted duration without effect")],

@@ -30,6 +30,7 @@ declare_rule! {
     /// set the status word of an active device to fault
     "state-lost", Error, "device left its active state",
     kinds: ["device-state", "nmt-command", "boot-up", "sdo-transfer", "emcy", "dtc"],
+    needs: "a device in its active state",
     word: "STATE",
 }
 

@@ -25,6 +25,7 @@ declare_rule! {
     /// drop the TPDOs with the intermediate states and all control words but one
     "state-skipped", Warning, "device state skipped",
     kinds: ["device-state", "sdo-transfer"],
+    needs: "a profile with one transition per control word, and a commanded transition",
     word: "STATE",
 }
 

@@ -24,6 +24,7 @@ declare_rule! {
     /// set state bits that the manual does not define
     "state-undefined", Note, "undefined device state",
     kinds: ["device-state", "boot-up"],
+    needs: "a status word of the profile",
     word: "STATE",
 }
 

@@ -26,6 +26,7 @@ declare_rule! {
     /// change the value in the response to an upload of 1003:01
     "emcy-history", Note, "error history without the last EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
+    needs: "an EMCY with an error, then a read of 1003:01",
     cases: &["5.3", "5.6"],
     shows: &["5.6"],
     word: "EMCY",

@@ -26,6 +26,7 @@ declare_rule! {
     /// cut the last byte of an RPDO
     "emcy-missing", Note, "missing EMCY after a short RPDO",
     kinds: ["rpdo", "emcy", "boot-up"],
+    needs: "an RPDO shorter than its mapping, to an operational node",
     cases: &["5.4", "7.6", "7.106", "7.107"],
     is_on: false,
     word: "EMCY",

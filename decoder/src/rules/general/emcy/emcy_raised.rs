@@ -29,6 +29,7 @@ declare_rule! {
     /// insert an EMCY with a generic error
     "emcy-raised", Warning, "error reported by EMCY",
     kinds: ["emcy", "nmt-state", "boot-up"],
+    needs: "an EMCY",
     word: "EMCY",
 }
 

@@ -27,6 +27,7 @@ declare_rule! {
     /// change the value in the response to an upload of 1001
     "emcy-register", Warning, "error register differs from the last EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
+    needs: "an EMCY, then a read of 1001:00",
     cases: &["5.2", "5.5"],
     shows: &["5.2"],
     word: "EMCY",

@@ -22,6 +22,7 @@ declare_rule! {
     /// duplicate an EMCY
     "emcy-repeated", Note, "EMCY repeated while the error is active",
     kinds: ["emcy", "boot-up"],
+    needs: "two EMCYs with an error from one node",
     word: "EMCY",
 }
 

@@ -32,6 +32,7 @@ declare_rule! {
     /// drop guarding requests for longer than the life time
     "guard-late", Error, "guarding request late or missing",
     kinds: ["guard-request", "emcy", "boot-up", "nmt-command"],
+    needs: "two guarding requests, and 100C:00 and 100D:00 of the node",
     is_timing: true,
     word: "GUARD",
     tolerances: &[

@@ -25,6 +25,7 @@ declare_rule! {
     /// drop a guarding response
     "guard-no-answer", Warning, "guarding request without response",
     kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link", "bus-silent"],
+    needs: "a guarding request to a node that has responded",
     cases: &["7.2", "7.4", "7.203"],
     shows: &["7.2"],
     word: "GUARD",

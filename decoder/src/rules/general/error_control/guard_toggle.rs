@@ -23,6 +23,7 @@ declare_rule! {
     /// flip bit 7 of a guarding response
     "guard-toggle", Warning, "guarding toggle bit not alternating",
     kinds: ["guard-reply", "heartbeat", "boot-up"],
+    needs: "two guarding responses of a node",
     cases: &["7.3", "7.203"],
     shows: &["7.3"],
     word: "GUARD",

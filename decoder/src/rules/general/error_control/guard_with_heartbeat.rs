@@ -24,6 +24,7 @@ declare_rule! {
     /// insert a write of 1017 while the node is guarded
     "guard-with-heartbeat", Warning, "guarding response despite active heartbeat",
     kinds: ["guard-request", "guard-reply"],
+    needs: "a guarding request to a node whose 1017:00 is not 0",
     cases: &["7.202", "7.203", "7.204", "7.205", "7.206", "7.207"],
     word: "GUARD",
 }

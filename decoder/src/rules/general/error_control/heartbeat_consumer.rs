@@ -27,6 +27,7 @@ declare_rule! {
     /// change the time written to 1016:01
     "heartbeat-consumer", Warning, "heartbeat consumer and producer time mismatch",
     kinds: ["heartbeat", "emcy", "sdo-transfer", "boot-up"],
+    needs: "1016 of a consumer and 1017:00 of the node that it monitors",
     cases: &["7.104", "7.105", "7.106", "7.107"],
     is_timing: true,
     word: "BEAT",

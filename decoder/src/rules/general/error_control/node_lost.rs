@@ -28,6 +28,7 @@ declare_rule! {
     /// drop all frames of a node in the second half
     "node-lost", Error, "monitored node late or silent",
     kinds: ["heartbeat", "node-lost", "node-back", "boot-up", "nmt-command"],
+    needs: "a heartbeat producer or a guarded node",
     cases: &["7.102"],
     shows: &["7.102"],
     is_timing: true,

@@ -27,6 +27,7 @@ declare_rule! {
     /// insert the claim of a lower NAME for an address in use
     "address-contention", Error, "address claimed by two devices",
     kinds: ["address-claim", "j1939-message"],
+    needs: "an address claim",
     word: "CLAIM",
     tolerances: &[tolerance("grace-ms", 20.0, "ms", "after the loss of the address, in which queued messages are permitted")],
 }

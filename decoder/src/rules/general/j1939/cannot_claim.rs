@@ -24,6 +24,7 @@ declare_rule! {
     /// insert a claim from address 254
     "cannot-claim", Error, "address claim failed",
     kinds: ["address-claim"],
+    needs: "an address claim",
     word: "CLAIM",
 }
 

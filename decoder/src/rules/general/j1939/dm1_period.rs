@@ -26,6 +26,7 @@ declare_rule! {
     /// report a fault, then drop one DM1
     "dm1-period", Warning, "DM1 late or too frequent",
     kinds: ["j1939-message", "j1939-transfer", "dtc"],
+    needs: "DM1 with an active fault",
     is_timing: true,
     word: "DM1",
     tolerances: &[

@@ -32,6 +32,7 @@ declare_rule! {
     /// move a device to another address by a claim that was not commanded
     "identity-move", Warning, "unexpected node-ID or address change",
     kinds: ["lss", "node-id-change", "pdo", "address-claim", "j1939-request", "j1939-message"],
+    needs: "a change of a node-ID by LSS, or an address claim",
     word: "IDENT",
     tolerances: &[
         tolerance("store-ms", 10_000.0, "ms", "from the use of a node-ID to its storage"),

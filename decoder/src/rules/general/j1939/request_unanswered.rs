@@ -28,6 +28,7 @@ declare_rule! {
     /// drop the NACK of a device
     "request-unanswered", Warning, "J1939 request without response",
     kinds: ["j1939-request", "j1939-message", "j1939-transfer", "acknowledgement", "address-claim", "bus-silent"],
+    needs: "a J1939 request to a known device",
     is_timing: true,
     word: "REQ",
     tolerances: &[tolerance("answer-ms", 1_250.0, "ms", "to the response")],

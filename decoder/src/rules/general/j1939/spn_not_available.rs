@@ -28,6 +28,7 @@ declare_rule! {
     /// set a parameter to FE
     "spn-not-available", Note, "error indicator instead of a value",
     kinds: ["j1939-message"],
+    needs: "a message of a database or profile",
     word: "SPN",
 }
 

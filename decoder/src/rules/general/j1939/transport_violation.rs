@@ -34,6 +34,8 @@ declare_rule! {
     /// drop a packet of a broadcast
     "transport-violation", Error, "error in a multi-packet transfer",
     kinds: ["j1939-transfer", "transport-irregularity", "malformed"],
+    needs: "a multi-packet transfer",
+    skips_holes: true,
     word: "TP",
     tolerances: &[
         tolerance("broadcast-note-ms", 50.0, "ms", "minimum broadcast packet spacing, else a note"),
@@ -209,10 +211,6 @@ impl Rule for TransportViolation {
     }
 
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         match &event.kind {
             EventKind::J1939Transfer(transfer) => self.transfer(event, transfer, context),
             EventKind::TransportIrregularity(odd) if event.protocol == Protocol::J1939 => {

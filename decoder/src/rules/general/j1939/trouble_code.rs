@@ -28,6 +28,7 @@ declare_rule! {
     /// replace a DM1 without faults by one with a fault
     "trouble-code", Warning, "fault reported in DM1",
     kinds: ["dtc", "j1939-message"],
+    needs: "DM1",
     word: "DTC",
 }
 

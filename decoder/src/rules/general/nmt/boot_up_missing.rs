@@ -30,6 +30,7 @@ declare_rule! {
     /// drop the boot-up message after a reset
     "boot-up-missing", Warning, "no boot-up after an NMT reset",
     kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
+    needs: "an NMT reset of a known node",
     cases: &["9.1", "10.1"],
     shows: &["10.1"],
     word: "BOOT",

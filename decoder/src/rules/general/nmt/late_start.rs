@@ -26,6 +26,7 @@ declare_rule! {
     /// insert a boot-up of a new node late in the capture
     "late-start", Note, "node started later than the others",
     kinds: ["boot-up", "emcy"],
+    needs: "a boot sign as the first frame of a node",
     is_timing: true,
     word: "START",
     tolerances: &[tolerance(

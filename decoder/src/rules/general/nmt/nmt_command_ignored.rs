@@ -30,6 +30,7 @@ declare_rule! {
     /// drop nothing, insert a stop command while heartbeats still report operational
     "nmt-command-ignored", Warning, "NMT command without effect on the node",
     kinds: ["nmt-command", "nmt-state", "heartbeat", "guard-reply", "boot-up"],
+    needs: "an NMT command, then heartbeats or guarding responses",
     cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
     word: "NMT",
     tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command to the report of the state")],

@@ -23,6 +23,7 @@ declare_rule! {
     /// insert a command with specifier 3
     "nmt-command-invalid", Warning, "undefined NMT command",
     kinds: ["nmt-command"],
+    needs: "an NMT command",
     word: "NMT",
 }
 

@@ -28,6 +28,7 @@ declare_rule! {
     /// let one heartbeat of an operational node report pre-operational
     "operational-lost", Warning, "node left operational without a command",
     kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up", "emcy"],
+    needs: "two heartbeats or guarding responses, the first of them operational",
     word: "NMT",
 }
 

@@ -28,6 +28,7 @@ declare_rule! {
     /// insert a command that stops a node while it responds to SDO requests
     "service-in-stopped", Warning, "SDO or EMCY in NMT state stopped",
     kinds: ["sdo-transfer", "emcy"],
+    needs: "a node in NMT state stopped",
     cases: &["9.4", "10.4"],
     word: "NMT",
     tolerances: &[tolerance("command-ms", 100.0, "ms", "after the command, in which responses are permitted")],

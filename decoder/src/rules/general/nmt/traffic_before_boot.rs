@@ -26,6 +26,7 @@ declare_rule! {
     /// insert a heartbeat between a reset and the boot-up
     "traffic-before-boot", Note, "traffic before the boot-up",
     kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
+    needs: "an NMT reset of a node that is heard afterwards",
     word: "BOOT",
     tolerances: &[tolerance("queued-ms", 100.0, "ms", "after the reset, in which queued frames are permitted")],
 }

@@ -28,6 +28,7 @@ declare_rule! {
     /// insert a boot-up of an operational node
     "unexpected-boot", Warning, "node restarted without an NMT reset",
     kinds: ["boot-up", "emcy", "nmt-state"],
+    needs: "a boot sign",
     cases: &["9.1"],
     word: "BOOT",
     tolerances: &[tolerance(

@@ -25,6 +25,7 @@ declare_rule! {
     /// turn the abort of a write to a read-only object into a confirmation
     "access-type", Warning, "object access differs from the dictionary",
     kinds: ["sdo-transfer"],
+    needs: "SDO access to an object of an EDS or profile",
     cases: &[
         "2.2", "2.3", "2.4", "2.5", "2.6", "3.1", "3.2", "4.1", "4.3", "4.4", "4.5", "4.7", "4.9", "7.1", "7.5",
         "7.101", "7.201",

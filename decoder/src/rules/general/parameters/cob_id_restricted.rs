@@ -25,6 +25,7 @@ declare_rule! {
     /// change an identifier written to 1800:01
     "cob-id-restricted", Warning, "restricted identifier in use",
     kinds: ["sdo-transfer"],
+    needs: "a written or read COB-ID",
     cases: &["8.10"],
     shows: &["8.10"],
     word: "COBID",

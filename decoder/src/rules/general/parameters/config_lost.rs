@@ -28,6 +28,7 @@ declare_rule! {
     /// insert a boot-up and a start after the configuration
     "config-lost", Error, "settings lost at restart and not rewritten",
     kinds: ["sdo-transfer", "object-change", "boot-up", "emcy", "nmt-command", "nmt-state"],
+    needs: "written settings in RAM, a restart, then operational",
     word: "LOST",
 }
 

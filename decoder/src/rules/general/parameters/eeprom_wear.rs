@@ -30,6 +30,7 @@ declare_rule! {
     /// repeat the download of a stored object ten times
     "eeprom-wear", Error, "frequent writes to non-volatile memory",
     kinds: ["sdo-transfer"],
+    needs: "repeated writes to an object that the device stores at each write",
     is_timing: true,
     word: "EEPROM",
     tolerances: &[

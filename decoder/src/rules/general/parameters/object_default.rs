@@ -32,6 +32,7 @@ declare_rule! {
     /// change a value read after a restore and a restart
     "object-default", Warning, "restored value differs from the default",
     kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
+    needs: "a restore (1011), a restart, then a read",
     cases: &["4.2", "4.8", "8.4", "8.8"],
     word: "DEFLT",
 }

@@ -29,6 +29,7 @@ declare_rule! {
     /// insert an accepted write of 1019 while SYNC has a period
     "parameter-locked", Warning, "locked parameter written",
     kinds: ["sdo-transfer"],
+    needs: "a write to 1019, 100C, 100D or 18xx:03, and the setting that locks it",
     cases: &["6.9"],
     word: "LOCK",
 }

@@ -31,6 +31,7 @@ declare_rule! {
     /// change a value read after save and restart
     "store-not-effective", Warning, "saved setting not effective after restart",
     kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
+    needs: "a store (1010), a restart, then a read",
     cases: &["2.29", "2.30", "6.8", "6.10", "8.2", "8.4", "8.6", "8.8", "8.9", "9.1"],
     word: "STORE",
 }

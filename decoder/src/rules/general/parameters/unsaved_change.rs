@@ -25,6 +25,7 @@ declare_rule! {
     /// drop the download of 1010
     "unsaved-change", Warning, "changed settings not stored",
     kinds: ["sdo-transfer"],
+    needs: "a write to an object that is stored on command only",
     is_on: false,
     word: "SAVE",
 }

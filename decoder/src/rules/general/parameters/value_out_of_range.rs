@@ -27,6 +27,7 @@ declare_rule! {
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "value outside the permitted range",
     kinds: ["pdo-mapped-changed", "sdo-transfer"],
+    needs: "a value of an object with a range in the profile or EDS",
     word: "RANGE",
 }
 

@@ -32,6 +32,7 @@ declare_rule! {
     /// drop the download that sets bit 31 of the COB-ID
     "mapping-procedure", Warning, "PDO remapped in the wrong order",
     kinds: ["sdo-transfer", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
+    needs: "a write to a PDO mapping, and the COB-ID of that PDO",
     cases: &["3.22", "3.23", "3.24"],
     word: "MAP",
 }
@@ -45,8 +46,8 @@ const PDO_LIMIT: usize = 1024;
 /// Reason for a lower severity if only the profile states that the PDO is valid.
 const ASSUMED: &str = "COB-ID assumed to be the default of the profile";
 
-/// Reason why the rule judged nothing, in reports of the coverage.
-const UNKNOWN: &str = "no mapping was written while it was known whether the PDO was valid";
+/// Missing for a verdict, although a mapping was written.
+const UNKNOWN: &str = "the COB-ID of the PDO whose mapping was written";
 
 /// Confirmed state of a PDO.
 struct KnownMapping {

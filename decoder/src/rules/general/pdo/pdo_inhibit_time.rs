@@ -25,6 +25,7 @@ declare_rule! {
     /// insert further PDOs on an identifier with an inhibit time
     "pdo-inhibit-time", Warning, "TPDO earlier than its inhibit time",
     kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    needs: "a TPDO of type 254 or 255 with a known inhibit time (18xx:03) above 0",
     is_timing: true,
     word: "PDO",
     tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, minus 1 ms")],

@@ -23,6 +23,7 @@ declare_rule! {
     /// add a byte to a PDO
     "pdo-long", Note, "PDO longer than its mapping",
     kinds: ["pdo-mapped"],
+    needs: "a PDO with a known mapping",
     word: "PDO",
 }
 

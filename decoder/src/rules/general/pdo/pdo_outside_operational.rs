@@ -30,6 +30,7 @@ declare_rule! {
     /// insert a command that stops the node while it still sends PDOs
     "pdo-outside-operational", Error, "PDO outside NMT state operational",
     kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up", "pdo"],
+    needs: "a PDO of a node with a known NMT state",
     cases: &[
         "3.4", "3.5", "3.6", "3.7", "3.9", "3.10", "3.11", "3.12", "3.13", "3.14", "3.15", "3.16", "3.17", "3.18",
         "3.19", "3.20", "9.2", "9.4", "10.2",

@@ -28,6 +28,7 @@ declare_rule! {
     /// drop the response to a remote frame
     "pdo-rtr", Warning, "wrong response to a PDO remote frame",
     kinds: ["pdo"],
+    needs: "a remote frame for a TPDO with known 18xx:01 and 18xx:02",
     cases: &["3.3", "3.9", "3.15"],
     word: "PDO",
     tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the remote frame to the PDO")],

@@ -24,6 +24,7 @@ declare_rule! {
     /// cut the last byte of a PDO
     "pdo-short", Error, "PDO shorter than its mapping",
     kinds: ["pdo-mapped"],
+    needs: "a PDO with a known mapping",
     cases: &["5.4"],
     word: "PDO",
 }

@@ -32,6 +32,7 @@ declare_rule! {
     /// change the code of an abort
     "sdo-abort-code", Warning, "wrong or unknown SDO abort code",
     kinds: ["sdo-transfer", "malformed"],
+    needs: "a refused SDO request",
     cases: &[
         "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9", "2.10", "2.11", "2.17", "2.19", "2.20", "2.21", "2.22",
         "2.23", "2.24", "2.25", "2.26", "2.27", "2.28", "2.29", "2.30", "3.23", "3.24", "3.25", "3.26", "3.28",

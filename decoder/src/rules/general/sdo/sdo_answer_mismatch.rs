@@ -28,6 +28,7 @@ declare_rule! {
     /// change the index in a response
     "sdo-answer-mismatch", Warning, "SDO response for another object",
     kinds: ["sdo-transfer", "lost-frames", "link", "bus-silent"],
+    needs: "an SDO transfer",
     cases: &["2.7"],
     word: "SDO",
 }

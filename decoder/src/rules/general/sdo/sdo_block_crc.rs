@@ -25,6 +25,8 @@ declare_rule! {
     /// change a byte in a segment of a block
     "sdo-block-crc", Error, "CRC error in SDO block transfer",
     kinds: ["sdo-transfer"],
+    needs: "a block transfer with CRC, captured completely",
+    skips_holes: true,
     cases: &["2.23", "2.24", "2.25"],
     word: "SDO",
 }
@@ -37,10 +39,6 @@ fn new(_policy: &Policy) -> SdoBlockCrc {
 
 impl Rule for SdoBlockCrc {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         match transfer.crc {
             Some(Crc::Correct) => context.pass(),

@@ -26,6 +26,8 @@ declare_rule! {
     /// acknowledge a block with a lower sequence number
     "sdo-block-loss", Warning, "SDO block segments lost on the bus",
     kinds: ["sdo-transfer"],
+    needs: "a block transfer",
+    skips_holes: true,
     word: "SDO",
 }
 
@@ -37,10 +39,6 @@ fn new(_policy: &Policy) -> SdoBlockLoss {
 
 impl Rule for SdoBlockLoss {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         if transfer.mode != Some(Mode::Block) || context.is_tested {
             return;

@@ -23,6 +23,8 @@ declare_rule! {
     /// acknowledge a block with sequence number 128
     "sdo-block-sequence", Warning, "wrong sequence number or size in SDO block",
     kinds: ["sdo-transfer"],
+    needs: "a block transfer",
+    skips_holes: true,
     cases: &["2.19", "2.20", "2.21", "2.22", "2.23", "2.24", "2.25", "2.26", "2.27"],
     word: "SDO",
 }
@@ -35,10 +37,6 @@ fn new(_policy: &Policy) -> SdoBlockSequence {
 
 impl Rule for SdoBlockSequence {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         if transfer.mode != Some(Mode::Block) || transfer.cut_start {
             return;

@@ -23,6 +23,8 @@ declare_rule! {
     /// send a second request before the response to the first
     "sdo-client-does-not-wait", Warning, "SDO client does not wait for the response",
     kinds: ["sdo-transfer"],
+    needs: "an SDO transfer",
+    skips_holes: true,
     word: "SDO",
 }
 
@@ -34,10 +36,6 @@ fn new(_policy: &Policy) -> SdoClientDoesNotWait {
 
 impl Rule for SdoClientDoesNotWait {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         if context.is_tested || transfer.cut_start || transfer.is_unrequested {
             return;

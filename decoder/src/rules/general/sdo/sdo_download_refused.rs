@@ -29,6 +29,7 @@ declare_rule! {
     /// turn the response to a download into an abort
     "sdo-download-refused", Error, "SDO download refused",
     kinds: ["sdo-transfer"],
+    needs: "an SDO download",
     word: "REFUSE",
 }
 

@@ -30,6 +30,7 @@ declare_rule! {
     /// drop the SDO responses of a node
     "sdo-no-response", Error, "no SDO response in time",
     kinds: ["sdo-transfer", "nmt-state"],
+    needs: "an SDO transfer",
     is_timing: true,
     word: "SDO",
     tolerances: &[

@@ -24,6 +24,8 @@ declare_rule! {
     /// flip bit 4 of the first byte of a segment
     "sdo-toggle", Warning, "wrong toggle bit in SDO segment",
     kinds: ["sdo-transfer"],
+    needs: "a segmented transfer",
+    skips_holes: true,
     cases: &["2.13", "2.14", "2.15", "2.16", "2.17", "2.18", "4.1", "4.7", "4.9"],
     word: "SDO",
 }
@@ -36,10 +38,6 @@ fn new(_policy: &Policy) -> SdoToggle {
 
 impl Rule for SdoToggle {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         // Only segments have a toggle bit.
         let is_segmented = transfer.mode == Some(Mode::Segmented);

@@ -23,6 +23,7 @@ declare_rule! {
     /// repeat a response
     "sdo-unrequested-response", Warning, "SDO responses without a request",
     kinds: ["sdo-transfer"],
+    needs: "an SDO transfer",
     word: "SDO",
     tolerances: &[tolerance("responses", 3.0, "", "responses in sequence without a request")],
 }

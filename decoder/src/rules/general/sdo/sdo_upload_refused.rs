@@ -25,6 +25,7 @@ declare_rule! {
     /// turn the response to an upload into an abort
     "sdo-upload-refused", Note, "SDO upload refused",
     kinds: ["sdo-transfer"],
+    needs: "an SDO upload",
     is_on: false,
     word: "REFUSE",
     tolerances: &[tolerance("missing", 5.0, "", "reads of missing objects before they count as a scan")],

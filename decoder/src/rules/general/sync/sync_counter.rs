@@ -25,6 +25,7 @@ declare_rule! {
     /// drop a SYNC with a counter
     "sync-counter", Warning, "wrong SYNC counter",
     kinds: ["sync"],
+    needs: "SYNC with a counter, or 1019:00 of its producer",
     cases: &["6.6", "6.7", "6.8"],
     shows: &["6.7"],
     word: "SYNC",

@@ -30,6 +30,7 @@ declare_rule! {
     /// drop a SYNC; insert a second stream of SYNC
     "sync-period", Error, "SYNC period out of tolerance",
     kinds: ["sync", "sdo-transfer", "boot-up"],
+    needs: "SYNC at a steady interval",
     is_timing: true,
     word: "SYNC",
     tolerances: &[

@@ -26,6 +26,8 @@ declare_rule! {
     /// drop a consecutive frame
     "isotp-violation", Warning, "ISO-TP message incomplete or unexpected",
     kinds: ["isotp-transfer", "transport-irregularity"],
+    needs: "a segmented ISO-TP message",
+    skips_holes: true,
     word: "ISOTP",
     tolerances: &[tolerance(
         "grace-ms", 1_000.0, "ms", "after the start of the capture, in which messages may have begun earlier",
@@ -84,10 +86,6 @@ impl Rule for IsotpViolation {
     }
 
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         match &event.kind {
             EventKind::IsoTpTransfer(transfer) => message(event, transfer, context),
             EventKind::TransportIrregularity(odd) if event.protocol == Protocol::Uds => {

@@ -30,6 +30,7 @@ declare_rule! {
     /// replace the response to a write by a negative response
     "uds-negative", Warning, "UDS request refused",
     kinds: ["uds-exchange"],
+    needs: "a UDS request with a response",
     word: "UDS",
 }
 

@@ -28,6 +28,8 @@ declare_rule! {
     /// drop the response of a server
     "uds-no-response", Warning, "UDS request without response",
     kinds: ["uds-exchange"],
+    needs: "a UDS request to a server that has responded",
+    skips_holes: true,
     is_timing: true,
     word: "UDS",
 }
@@ -79,10 +81,6 @@ impl UdsNoResponse {
 
 impl Rule for UdsNoResponse {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        // Frames may be missing in the hole, or the clock was set.
-        if context.is_across_hole(event.frames.first) {
-            return;
-        }
         let EventKind::UdsExchange(exchange) = &event.kind else { return };
         match exchange.outcome {
             ExchangeOutcome::Positive | ExchangeOutcome::Negative => {
