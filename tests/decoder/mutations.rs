@@ -198,7 +198,9 @@ fn every_judged_statement_has_a_mutation() {
             let (found, stated) = (unproven.len(), table.unproven);
             writeln!(report, "{}: {found} of {} unproven, not {stated}", table.profile, judged.len())
                 .unwrap();
-            unproven.iter().for_each(|text| writeln!(report, "    {text}").unwrap());
+            for text in unproven {
+                writeln!(report, "    {text}").unwrap();
+            }
         }
     }
     assert!(report.is_empty(), "\n{report}");

@@ -60,7 +60,9 @@ impl Variation {
         match self.operator {
             Operator::Clock => {
                 let by = self.amount(dice, span);
-                frames.iter_mut().for_each(|line| line.time += by);
+                for line in frames.iter_mut() {
+                    line.time += by;
+                }
             }
             Operator::Jitter => {
                 for line in frames.iter_mut() {

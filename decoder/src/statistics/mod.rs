@@ -1,5 +1,6 @@
 //! Statistics of a capture, collected in one pass and in bounded memory.
 
+mod beginning;
 mod bits;
 mod bus;
 mod codes;
@@ -14,6 +15,7 @@ mod quality;
 mod reactions;
 mod span;
 
+pub use beginning::{Beginning, FirstFrame};
 pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 

@@ -1,6 +1,6 @@
 //! Statistics of one node.
 
-use super::{CodeCounts, Distribution, Intervals, MOST_CODES, Reactions, dtc_key};
+use super::{CodeCounts, Distribution, FirstFrame, Intervals, MOST_CODES, Reactions, dtc_key};
 use crate::event::{DtcAction, Event, EventKind, Outcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::PdoName;
@@ -8,6 +8,8 @@ use crate::profile::PdoName;
 /// Statistics of one node.
 #[derive(Debug, Clone, Default)]
 pub struct NodeStatistics {
+    /// First frame of a CANopen node, with its time in ns; `None` if it sent none.
+    pub first_frame: Option<(FirstFrame, Option<i64>)>,
     /// Time between heartbeats; a boot-up or silence starts a new series.
     pub heartbeat: Intervals,
     /// Distribution of the time between heartbeats.
@@ -74,6 +76,7 @@ impl NodeStatistics {
     /// Counts an event of this node.
     pub fn event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
+        self.first_frame = self.first_frame.or_else(|| Some((FirstFrame::of(event)?, time)));
         match &event.kind {
             EventKind::Heartbeat { .. } => self.beat(time),
             EventKind::BootUp { .. } => {

@@ -61,7 +61,7 @@ impl RuleProgress {
     /// The node restarted: all but the order of events is void.
     pub(super) fn reset(&mut self) {
         let Self { is_prepared, voided, has_begun, .. } = *self;
-        *self = Self { is_prepared, voided, has_begun, ..Self::default() };
+        *self = Self { is_prepared, has_begun, voided, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.

@@ -80,6 +80,11 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "limits": bus.limits(),
         "doubt": bus.doubt(),
         "bit_rate": report.bit_rate(bus),
+        "begins": statistics.beginning().map(|it| json!({
+            "at": it.name(),
+            "running": numbers(&it.running),
+            "starting": numbers(&it.starting),
+        })),
         "frames": load.frames,
         "bits": load.bits,
         "worst_second": {"frames": load.worst_frames.0, "bits": load.worst_bits.0},
@@ -93,6 +98,10 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "j1939_devices": j1939::records(bus, statistics),
         "ids": ids.collect::<Vec<_>>(),
     })
+}
+
+fn numbers(nodes: &[NodeId]) -> Vec<u8> {
+    nodes.iter().map(|id| id.number()).collect()
 }
 
 fn suggestion(one: &Suggestion) -> Value {

@@ -8,9 +8,10 @@ use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::table::{Align, Table};
 use cobscope_decoder::statistics::{
-    BusStatistics, Distribution, Intervals, NodeStatistics, Quality, dtc_of_key,
+    Beginning, BusStatistics, Distribution, Intervals, NodeStatistics, Quality, dtc_of_key,
 };
 use cobscope_decoder::suggestion::firm_suggestions;
+use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
 use super::j1939;
@@ -69,6 +70,9 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
     {
         let _ = writeln!(text, "          {line}");
     }
+    if let Some(beginning) = statistics.beginning() {
+        let _ = writeln!(text, "          {}", begins(&beginning));
+    }
     if statistics.undecoded + statistics.malformed > 0 {
         let _ = writeln!(
             text,
@@ -89,6 +93,34 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
     }
     for hint in bus.unnamed_uds() {
         let _ = writeln!(text, "          {hint}");
+    }
+}
+
+/// `begins in operation: nodes 2/02, 5/05 running; node 7/07 starting later`.
+fn begins(beginning: &Beginning) -> String {
+    let Beginning { running, starting, .. } = beginning;
+    match (running.is_empty(), starting.is_empty(), beginning.is_reset) {
+        (true, _, true) => format!("begins at an NMT reset: {} starting", nodes_of(starting)),
+        (true, _, false) => format!("begins before power-on: {} starting", nodes_of(starting)),
+        (false, true, _) => format!("begins in operation: {} running", nodes_of(running)),
+        (false, false, _) => {
+            format!(
+                "begins in operation: {} running; {} starting later",
+                nodes_of(running),
+                nodes_of(starting)
+            )
+        }
+    }
+}
+
+/// `node 2/02`, `nodes 2/02, 5/05`, `23 nodes`.
+fn nodes_of(nodes: &[NodeId]) -> String {
+    const LISTED: usize = 6;
+    let labels: Vec<_> = nodes.iter().map(|id| id.label()).collect();
+    match nodes.len() {
+        1 => format!("node {}", labels.join("")),
+        2..=LISTED => format!("nodes {}", labels.join(", ")),
+        number => plural(number, "node"),
     }
 }
 

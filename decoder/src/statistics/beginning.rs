@@ -1,0 +1,124 @@
+//! How a capture begins: before the power-on of the CANopen nodes, at an NMT reset, or in operation.
+
+use super::BusStatistics;
+use crate::event::{BootCause, Event, EventKind, Outcome};
+use crate::profile::PdoDirection;
+use crate::wire::NodeId;
+
+/// First frame of a CANopen node in the capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FirstFrame {
+    /// A boot sign, without an NMT reset before.
+    PowerOn,
+    /// A boot sign after an NMT reset.
+    Reset,
+    /// Another message: the node was running.
+    Running,
+}
+
+impl FirstFrame {
+    /// Meaning of a message of the node; `None` for messages to the node.
+    pub(super) fn of(event: &Event) -> Option<Self> {
+        let start = |cause: &BootCause| match cause {
+            BootCause::Commanded { .. } => Self::Reset,
+            BootCause::PresumedPowerOn { .. } => Self::PowerOn,
+        };
+        match &event.kind {
+            EventKind::BootUp { cause, .. } => Some(start(cause)),
+            EventKind::Emcy(emergency) => Some(emergency.boot.as_ref().map_or(Self::Running, start)),
+            EventKind::Heartbeat { .. } | EventKind::GuardReply { .. } => Some(Self::Running),
+            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Transmit && !pdo.is_request => {
+                Some(Self::Running)
+            }
+            EventKind::SdoTransfer(transfer)
+                if transfer.outcome == Outcome::Complete || transfer.awaits_client =>
+            {
+                Some(Self::Running)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Time from the start of the capture in which a running node is expected to send: twice the usual heartbeat
+/// time, in ns. A node that is first heard later may have been connected later.
+const EXPECTED_WITHIN: i64 = 2_000_000_000;
+
+/// How the capture of a bus begins for its CANopen nodes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Beginning {
+    /// Nodes that were running before the capture; if others start in it, only those heard at its start.
+    pub running: Vec<NodeId>,
+    /// Nodes whose first frame is a boot sign.
+    pub starting: Vec<NodeId>,
+    /// The first boot signs follow an NMT reset.
+    pub is_reset: bool,
+}
+
+impl Beginning {
+    /// Name in JSON output: `power-on`, `nmt-reset` or `operation`.
+    pub const fn name(&self) -> &'static str {
+        match (self.running.is_empty(), self.is_reset) {
+            (false, _) => "operation",
+            (true, true) => "nmt-reset",
+            (true, false) => "power-on",
+        }
+    }
+}
+
+impl BusStatistics {
+    /// How the capture begins; `None` without a CANopen node.
+    pub fn beginning(&self) -> Option<Beginning> {
+        let first = self.nodes.iter().filter_map(|(id, node)| Some((*id, node.first_frame?)));
+        let (mut running, starting): (Vec<_>, Vec<_>) =
+            first.partition(|(_, (first, _))| *first == FirstFrame::Running);
+        if running.is_empty() && starting.is_empty() {
+            return None;
+        }
+        let began = self.nodes.values().filter_map(|node| node.first_frame?.1).min();
+        if !starting.is_empty() {
+            let is_late = |at: Option<i64>| {
+                at.zip(began).is_some_and(|(at, began)| at.saturating_sub(began) > EXPECTED_WITHIN)
+            };
+            running.retain(|(_, (_, at))| !is_late(*at));
+        }
+        Some(Beginning {
+            is_reset: starting.iter().all(|(_, (first, _))| *first == FirstFrame::Reset),
+            running: running.into_iter().map(|(id, _)| id).collect(),
+            starting: starting.into_iter().map(|(id, _)| id).collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::NodeStatistics;
+
+    fn beginning(first: &[FirstFrame]) -> Option<Beginning> {
+        let node = |(id, first): (u8, &FirstFrame)| {
+            let first_frame = Some((*first, Some(i64::from(id) * 1_000_000_000)));
+            let mut node = NodeStatistics::default();
+            node.first_frame = first_frame;
+            (NodeId::Canopen(id), node)
+        };
+        let mut bus = BusStatistics::default();
+        bus.nodes = (1..).zip(first).map(node).collect();
+        bus.beginning()
+    }
+
+    #[test]
+    fn a_running_node_decides() {
+        use FirstFrame::{PowerOn, Reset, Running};
+        let name = |first: &[FirstFrame]| beginning(first).map(|it| it.name());
+        assert_eq!(name(&[]), None);
+        assert_eq!(name(&[PowerOn, PowerOn]), Some("power-on"));
+        assert_eq!(name(&[PowerOn, Reset]), Some("power-on"));
+        assert_eq!(name(&[Reset, Reset]), Some("nmt-reset"));
+        let mixed = beginning(&[PowerOn, Running]).unwrap();
+        assert_eq!((mixed.name(), mixed.running.len(), mixed.starting.len()), ("operation", 1, 1));
+        // Node 4 is first heard 3 s after node 1.
+        assert_eq!(name(&[PowerOn, Reset, Reset, Running]), Some("power-on"));
+        assert_eq!(beginning(&[Running; 5]).unwrap().running.len(), 5);
+    }
+}
