@@ -98,7 +98,7 @@ impl Declaration {
         let needs: String = first.into_iter().chain(letters).collect();
         manual(self.explanation).replacen(
             "# Why it matters",
-            &format!("# What it needs\n{needs}.\n\n# Why it matters"),
+            &format!("# Needs\n{needs}.\n\n# Why it matters"),
             1,
         )
     }

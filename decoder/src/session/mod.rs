@@ -32,8 +32,8 @@ mod uds;
 pub use crate::profile::device::GateStatus;
 pub(crate) use bus::Signs;
 pub use bus::{
-    Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, SdoPairHint,
-    Store, UdsPairHint, Watch,
+    Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, PendingNodeId,
+    SdoPairHint, Store, UdsPairHint, Watch,
 };
 pub use buses::Buses;
 pub use decoder::BusDecoder;

@@ -1,44 +1,7 @@
 //! How a capture begins: before the power-on of the CANopen nodes, at an NMT reset, or in operation.
 
-use super::BusStatistics;
-use crate::event::{BootCause, Event, EventKind, Outcome};
-use crate::profile::PdoDirection;
+use super::{BusStatistics, FirstFrame};
 use crate::wire::NodeId;
-
-/// First frame of a CANopen node in the capture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FirstFrame {
-    /// A boot sign, without an NMT reset before.
-    PowerOn,
-    /// A boot sign after an NMT reset.
-    Reset,
-    /// Another message: the node was running.
-    Running,
-}
-
-impl FirstFrame {
-    /// Meaning of a message of the node; `None` for messages to the node.
-    pub(super) fn of(event: &Event) -> Option<Self> {
-        let start = |cause: &BootCause| match cause {
-            BootCause::Commanded { .. } => Self::Reset,
-            BootCause::PresumedPowerOn { .. } => Self::PowerOn,
-        };
-        match &event.kind {
-            EventKind::BootUp { cause, .. } => Some(start(cause)),
-            EventKind::Emcy(emergency) => Some(emergency.boot.as_ref().map_or(Self::Running, start)),
-            EventKind::Heartbeat { .. } | EventKind::GuardReply { .. } => Some(Self::Running),
-            EventKind::Pdo(pdo) if pdo.name.direction == PdoDirection::Transmit && !pdo.is_request => {
-                Some(Self::Running)
-            }
-            EventKind::SdoTransfer(transfer)
-                if transfer.outcome == Outcome::Complete || transfer.awaits_client =>
-            {
-                Some(Self::Running)
-            }
-            _ => None,
-        }
-    }
-}
 
 /// Time from the start of the capture in which a running node is expected to send: twice the usual heartbeat
 /// time, in ns. A node that is first heard later may have been connected later.

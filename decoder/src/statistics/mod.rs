@@ -5,6 +5,7 @@ mod bits;
 mod bus;
 mod codes;
 mod distribution;
+mod first_frame;
 mod holes;
 mod identifiers;
 mod intervals;
@@ -15,13 +16,14 @@ mod quality;
 mod reactions;
 mod span;
 
-pub use beginning::{Beginning, FirstFrame};
+pub use beginning::Beginning;
 pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 
 pub use codes::{CodeCounts, dtc_of_key};
 pub use codes::{MOST_CODES, dtc_key};
 pub use distribution::Distribution;
+pub use first_frame::FirstFrame;
 pub(crate) use holes::is_evidence;
 pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
 pub use intervals::Intervals;

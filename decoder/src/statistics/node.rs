@@ -77,12 +77,12 @@ impl NodeStatistics {
     pub fn event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
         self.first_frame = self.first_frame.or_else(|| Some((FirstFrame::of(event)?, time)));
+        self.reactions.event(event);
         match &event.kind {
             EventKind::Heartbeat { .. } => self.beat(time),
             EventKind::BootUp { .. } => {
                 self.boots += 1;
                 self.last_heartbeat = None;
-                self.reactions.interrupt();
                 self.heartbeat.interrupt();
             }
             EventKind::GuardRequest => {
@@ -92,10 +92,7 @@ impl NodeStatistics {
                 }
             }
             EventKind::GuardReply { .. } => self.guarding.1 += 1,
-            EventKind::NodeLost(_) => {
-                self.lost += 1;
-                self.reactions.interrupt();
-            }
+            EventKind::NodeLost(_) => self.lost += 1,
             EventKind::Emcy(emergency) => {
                 if let Some(code) = emergency.code.filter(|code| *code != 0) {
                     self.emcy.add(u32::from(code));
@@ -103,7 +100,6 @@ impl NodeStatistics {
             }
             EventKind::Pdo(pdo) => {
                 self.pdos += 1;
-                self.reactions.add(event, pdo);
                 let id = (pdo.name, pdo.cob_id);
                 if !self.pdo_ids.contains(&id) && self.pdo_ids.len() < MOST_CODES {
                     self.pdo_ids.push(id);

@@ -1,7 +1,7 @@
 //! Reaction time of the controller: from a changed TPDO of a node to the next changed RPDO to it.
 
 use super::Distribution;
-use crate::event::{Event, Pdo};
+use crate::event::{Event, EventKind, Pdo};
 use crate::profile::{PdoDirection, PdoName};
 
 /// Maximum number of pairs per node.
@@ -34,13 +34,18 @@ impl Reactions {
         &self.pairs
     }
 
-    /// Ends all open reactions: a restart or a silence is not a reaction time.
-    pub(super) fn interrupt(&mut self) {
-        self.open.clear();
+    /// Handles an event of the node.
+    pub(crate) fn event(&mut self, event: &Event) {
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.add(event, pdo),
+            // A restart or a silence is not a reaction time.
+            EventKind::BootUp { .. } | EventKind::NodeLost(_) => self.open.clear(),
+            _ => {}
+        }
     }
 
     /// Adds a PDO with changed contents.
-    pub(super) fn add(&mut self, event: &Event, pdo: &Pdo) {
+    fn add(&mut self, event: &Event, pdo: &Pdo) {
         let Some(time) = event.time.map(|time| time.0).filter(|_| !pdo.is_request && !event.routine) else {
             return;
         };

@@ -29,10 +29,14 @@ use crate::event::Event;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
 use crate::session::{Bus, Buses, Node, Observer, SdoPairHint};
+use crate::statistics::ReactionTime;
 use crate::suggestion::suggestions;
 use crate::wire::NodeId;
 use check::FaultContext;
 use watch::BusWatch;
+
+/// Maximum number of reaction times in the report.
+const SHOWN_REACTIONS: usize = 4;
 
 /// Scope of the report.
 #[derive(Debug, Clone, Default)]
@@ -66,6 +70,17 @@ pub struct Why {
     is_done: bool,
 }
 
+/// Reaction time of the controller to one TPDO of a node.
+#[derive(Debug, Clone)]
+pub struct Reaction {
+    /// Bus of the node.
+    pub bus: BusIndex,
+    /// Node that sends the TPDO and receives the RPDO.
+    pub node: NodeId,
+    /// Times from a changed TPDO to the next changed RPDO.
+    pub time: ReactionTime,
+}
+
 /// Result of the analysis.
 #[derive(Debug, Clone)]
 pub struct Report {
@@ -86,6 +101,8 @@ pub struct Report {
     pub checks: Vec<Check>,
     /// Manual that the sections in `checks` refer to.
     pub document: String,
+    /// Reaction times of the controller: of the faulty or chosen node, else the longest ones.
+    pub reactions: Vec<Reaction>,
     /// Possible profiles for nodes without one.
     pub suggestions: Vec<Suggestion>,
     /// SDO dialogues on identifiers that no channel explains.
@@ -139,6 +156,7 @@ impl Why {
             Some(moment) => self.now(buses, moment.bus, moment.node, moment.sequence),
             None => self.no_fault(buses),
         };
+        let reactions = self.reactions(moment.as_ref());
         let (checks, document) = self.checks(buses, moment.as_ref(), nodes.first());
         let is_of_bus =
             |bus: &Bus| moment.as_ref().is_some_and(|it| it.node.is_some() && it.bus == bus.index());
@@ -158,6 +176,7 @@ impl Why {
             since,
             nodes,
             quiet,
+            reactions,
             checks,
             document,
         }
@@ -243,6 +262,23 @@ impl Why {
         let watched = self.buses.iter().filter_map(|watch| find(buses, watch.index()));
         let believed = watched.filter(|bus| bus.doubt().is_none());
         believed.flat_map(|bus| suggestions(bus, catalogue, wanted)).collect()
+    }
+
+    /// The longest reaction times, of the faulty or chosen node if there is one.
+    fn reactions(&self, moment: Option<&Moment>) -> Vec<Reaction> {
+        let chosen = self.question.chosen.as_ref().map(|chosen| chosen.node);
+        let node = moment.and_then(|moment| moment.node).or(chosen);
+        let is_of_bus = |bus| moment.is_none_or(|moment| moment.bus == bus);
+        let of_bus = |watch: &BusWatch| {
+            let bus = watch.index();
+            let all = watch.reactions(node).map(|(node, time)| Reaction { bus, node, time: time.clone() });
+            all.collect::<Vec<_>>()
+        };
+        let watched = self.buses.iter().filter(|watch| is_of_bus(watch.index()));
+        let mut all: Vec<_> = watched.flat_map(of_bus).collect();
+        all.sort_by_key(|reaction| std::cmp::Reverse(reaction.time.times.longest()));
+        all.truncate(SHOWN_REACTIONS);
+        all
     }
 
     /// Nodes present, if the chosen node is not among them.

@@ -6,13 +6,14 @@ use super::cadence::{Rhythm, StoppedMessage};
 use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
-use super::{Report, Suggestion};
+use super::{Reaction, Report, Suggestion};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus};
 use crate::sink::text::{PdoLines, Text, TextOptions};
 use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
+use crate::words::plural;
 
 /// Context for the text.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +42,7 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
         page.events(&report.since);
     }
     page.states(report);
+    page.reactions(report);
     page.checks(report);
     page.suggestions(&report.suggestions);
     page.dialogues(report);
@@ -259,6 +261,31 @@ impl Page<'_> {
         }
     }
 
+    /// Writes reaction times of the controller.
+    fn reactions(&mut self, report: &Report) {
+        if !report.reactions.is_empty() {
+            self.line(0, "reaction of the controller, from a changed TPDO to a changed RPDO");
+        }
+        for Reaction { bus, node, time } in &report.reactions {
+            let name = self.node(*bus, *node);
+            let part = |part| time.times.percentile(part).map_or_else(String::new, milliseconds);
+            let (at, frame) = time.longest_at;
+            let at = self.setting.first.map_or(0, |first| at.saturating_sub(first.0));
+            let (median, most) = (part(50), part(99));
+            let max = milliseconds(time.times.longest());
+            self.line(
+                1,
+                &format!(
+                    "{name}: {} → {} median {median}, 99 % {most}, max {max} at {} s {{{frame}}}; {}",
+                    time.tpdo,
+                    time.rpdo,
+                    seconds(at),
+                    plural(time.times.count(), "reaction")
+                ),
+            );
+        }
+    }
+
     fn dialogues(&mut self, report: &Report) {
         for (bus, pair) in &report.dialogues {
             let place = if self.setting.buses.len() > 1 {
@@ -321,6 +348,13 @@ fn value(point: &SetPoint) -> String {
     let channel = point.channel.map_or(String::new(), |channel| format!("c{channel} "));
     let doubt = if point.assumed { "?" } else { "" };
     format!("{channel}{} {}{doubt}", point.signal, point.to.text)
+}
+
+/// `67.948 ms`.
+fn milliseconds(nanoseconds: i64) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "only for display")]
+    let milliseconds = nanoseconds as f64 / 1e6;
+    format!("{milliseconds:.3} ms")
 }
 
 /// Seconds with three decimal places, truncated.

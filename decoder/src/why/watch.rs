@@ -11,6 +11,7 @@ use crate::event::{Effective, Event, EventKind, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
 use crate::session::Bus;
+use crate::statistics::{ReactionTime, Reactions};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -37,6 +38,7 @@ pub(super) struct NodeWatch {
     was_operational: bool,
     beats: Beats,
     points: Vec<SetPoint>,
+    reactions: Reactions,
 }
 
 /// A set point without effect.
@@ -94,6 +96,12 @@ impl BusWatch {
         }
     }
 
+    /// Reaction times of the controller, of one node or of all.
+    pub(super) fn reactions(&self, node: Option<NodeId>) -> impl Iterator<Item = (NodeId, &ReactionTime)> {
+        let chosen = self.nodes.iter().filter(move |(id, _)| node.is_none_or(|node| node == **id));
+        chosen.flat_map(|(id, watch)| watch.reactions.pairs().iter().map(|pair| (*id, pair)))
+    }
+
     /// Whether later events cannot change the result.
     pub(super) fn is_settled(&self) -> bool {
         self.is_settled
@@ -118,6 +126,11 @@ impl BusWatch {
         }
         if let EventKind::SetPoint(point) = &event.kind {
             self.set_point(point, event, bus);
+        }
+        if let (Some(id), EventKind::Pdo(_) | EventKind::BootUp { .. } | EventKind::NodeLost(_)) =
+            (event.node, &event.kind)
+        {
+            self.node(id).reactions.event(event);
         }
         match reach(event) {
             Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),

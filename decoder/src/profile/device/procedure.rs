@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::condition::{Condition, Trigger};
-use crate::profile::object::{ONCE, Repeat, VariantFilter};
+use crate::profile::object::{Effect, ONCE, Repeat, VariantFilter};
 use crate::profile::reference::{ObjectRange, Reference};
 
 /// Device function with a start and an end.
@@ -47,6 +47,9 @@ pub struct Procedure {
     /// Whether the confirmation of the start is also its end.
     #[serde(default)]
     pub instant: bool,
+    /// Restart at which the result takes effect; until then it is unknown.
+    #[serde(default)]
+    pub effect: Effect,
     /// Objects whose values it changes.
     #[serde(default)]
     pub invalidates: Vec<ObjectRange>,

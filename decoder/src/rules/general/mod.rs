@@ -43,6 +43,7 @@ pub static REGISTRY: &[Entry] = &[
     parameters::parameter_locked::ENTRY,
     parameters::store_signature::ENTRY,
     parameters::store_not_effective::ENTRY,
+    parameters::node_id_unchanged::ENTRY,
     parameters::identity_mismatch::ENTRY,
     parameters::object_default::ENTRY,
     device::calibration::ENTRY,

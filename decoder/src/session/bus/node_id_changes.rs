@@ -7,6 +7,8 @@ use crate::wire::NodeId;
 pub(in crate::session) struct NodeIdChanges {
     /// Previous node-ID, if it was inquired, and new node-ID.
     pub(in crate::session) by_lss: Option<(Option<u8>, u8)>,
+    /// The LSS slave stored its configuration since.
+    pub(in crate::session) is_lss_stored: bool,
     /// Previous and new node-ID.
     pub(in crate::session) by_uds: Option<(NodeId, NodeId)>,
 }

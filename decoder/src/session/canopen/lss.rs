@@ -139,10 +139,14 @@ impl Lss {
             (Content::Mode(_), true) => self.address = [None; 4],
             (Content::NodeId(id), true) => self.requested = Some(id),
             (Content::NodeId(id), false) => self.present = Some(id),
+            (Content::Result { code: 0, .. }, false) if message.command == 0x17 => {
+                cx.bus.node_id_changes.is_lss_stored = true;
+            }
             (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
                 // A slave without node-ID reports 255; other numbers are not valid (CiA 305: 1 to 127, 255).
                 let from = self.present.take().filter(|id| (1..=127).contains(id));
                 let to = self.requested.take().filter(|to| (1..=127).contains(to));
+                cx.bus.node_id_changes.is_lss_stored = false;
                 cx.bus.node_id_changes.by_lss = to.filter(|to| from != Some(*to)).map(|to| (from, to));
                 if let Some((from, to)) = cx.bus.node_id_changes.by_lss {
                     let text = format!("node-ID {to} from the next boot-up");

@@ -119,7 +119,11 @@ pub(super) fn start_procedure(
     let range = procedure.invalidates.clone();
     mark_stale(&mut cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
     if procedure.instant {
-        let event = described(procedure, "finished", ProcedureStatus::Ok);
+        let mut event = described(procedure, "finished", ProcedureStatus::Ok);
+        if procedure.effect.waits() {
+            event = described(procedure, "accepted", ProcedureStatus::Ended);
+            event.text = format!("effective {}, result unknown until then", procedure.effect.when());
+        }
         return cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     }
     let Some(node) = cx.bus.node_mut(id) else { return };

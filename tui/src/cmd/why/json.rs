@@ -5,7 +5,9 @@ use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::why::{FaultGrade, Moment, NodeState, PointState, Report, Rhythm, StoppedMessage};
+use cobscope_decoder::why::{
+    FaultGrade, Moment, NodeState, PointState, Reaction, Report, Rhythm, StoppedMessage,
+};
 use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
@@ -52,6 +54,7 @@ pub(super) fn line(
         ("since", page.events(&report.since)),
         ("silent", list(report.quiet.iter().map(quiet))),
         ("nodes", list(report.nodes.iter().map(|state| page.node(state)))),
+        ("reactions", list(report.reactions.iter().map(|it| page.reaction(it)))),
         ("checks", list(checks)),
         ("document", json!(report.document).to_string()),
         ("suggestions", list(suggestions)),
@@ -80,6 +83,24 @@ struct Page<'a> {
 impl Page<'_> {
     fn bus(&self, index: BusIndex) -> Option<&Bus> {
         self.buses.iter().find(|bus| bus.index() == index)
+    }
+
+    fn reaction(&self, reaction: &Reaction) -> Value {
+        let Reaction { bus, node, time } = reaction;
+        let part = |part| time.times.percentile(part).map(millis);
+        let (at, frame) = time.longest_at;
+        json!({
+            "bus": self.bus_name(*bus),
+            "node": node.number(),
+            "tpdo": time.tpdo.to_string(),
+            "rpdo": time.rpdo.to_string(),
+            "count": time.times.count(),
+            "p50_ms": part(50),
+            "p99_ms": part(99),
+            "max_ms": millis(time.times.longest()),
+            "max_at": self.first.map(|first| Timestamp(at.saturating_sub(first.0)).to_string()),
+            "max_frame": frame,
+        })
     }
 
     fn bus_name(&self, index: BusIndex) -> Option<&str> {
@@ -178,4 +199,9 @@ fn quiet(quiet: &StoppedMessage) -> Value {
         "usual": seconds(quiet.usual),
         "last_frame": quiet.last_frame,
     })
+}
+
+#[expect(clippy::cast_precision_loss, reason = "only for display")]
+fn millis(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 / 1e6
 }

@@ -49,7 +49,7 @@ fn new(policy: &Policy) -> UnexpectedBoot {
 }
 
 /// Cause of the restart that an event shows.
-pub(super) fn boot_cause(event: &Event) -> Option<BootCause> {
+pub(in crate::rules::general) fn boot_cause(event: &Event) -> Option<BootCause> {
     match &event.kind {
         EventKind::BootUp { cause, .. } => Some(*cause),
         EventKind::Emcy(emergency) => emergency.boot,

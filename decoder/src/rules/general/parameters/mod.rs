@@ -6,6 +6,7 @@ pub(super) mod cob_id_restricted;
 pub(super) mod config_lost;
 pub(super) mod eeprom_wear;
 pub(super) mod identity_mismatch;
+pub(super) mod node_id_unchanged;
 pub(super) mod object_default;
 pub(super) mod parameter_locked;
 pub(super) mod read_back;

@@ -1,0 +1,55 @@
+//! New node-IDs that a node accepted and that a restart activates.
+
+use super::{Bus, Node, Restart};
+use crate::profile::{Effect, Role, Storage, integer};
+use crate::wire::NodeId;
+
+/// A new node-ID that the present restart of its node activates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PendingNodeId {
+    /// New node-ID.
+    pub to: u8,
+    /// Service that set it: `LSS`, `UDS` or `SDO`.
+    pub service: &'static str,
+}
+
+impl PendingNodeId {
+    /// These services in events about the change.
+    pub const WAYS: [&'static str; 3] = ["lss", "uds", "object"];
+}
+
+impl Bus {
+    /// New node-ID that a node accepted and that its present restart activates; at the boot sign of the node.
+    pub fn pending_node_id(&self, id: NodeId) -> Option<PendingNodeId> {
+        let node = self.node(id)?;
+        let changes = &self.node_id_changes;
+        // CiA 305 §3.9.3: NMT reset communication activates the node-ID, other restarts load the stored one.
+        let is_activated = changes.is_lss_stored || node.restart == Restart::Communication;
+        let by_lss = changes.by_lss.filter(|(from, _)| from.map(NodeId::Canopen) == Some(id) && is_activated);
+        let by_uds = changes.by_uds.filter(|(from, _)| *from == id);
+        let found = [
+            by_lss.map(|(_, to)| (to, "LSS")),
+            by_uds.map(|(_, to)| (to.number(), "UDS")),
+            node.node_id_object().map(|to| (to, "SDO")),
+        ];
+        let (to, service) = found.into_iter().flatten().next()?;
+        Some(PendingNodeId { to, service })
+    }
+}
+
+impl Node {
+    /// Written node-ID object that the present restart activates.
+    fn node_id_object(&self) -> Option<u8> {
+        self.store.all_waiting().find_map(|(object, waiting)| {
+            let entry = self.device.dictionary.find(object)?.entry?;
+            let is_kept = self.restart == Restart::Communication
+                || entry.storage == Storage::EachWrite
+                || entry.storage == Storage::Save && self.saved;
+            let is_brought = self.restart.brings(waiting.effect) && waiting.effect != Effect::Unknown;
+            let meaning =
+                self.meaning(object).filter(|it| it.role == Some(Role::NodeId) && is_brought && is_kept)?;
+            let to = u8::try_from(integer(&meaning.decode(&waiting.value))?).ok()?;
+            (to != self.id.number()).then_some(to)
+        })
+    }
+}
