@@ -42,7 +42,8 @@ const PVE: &[&str] = &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"
 #[test]
 fn the_page() {
     // EMCY 8305 in frame 104, FAULT HOLD reported by 105. Before: 1028:01 and "save" (30 to 33), start (34),
-    // the states INIT (35) to ACTIVE (41), +37.5 % (69). The causes are the first three of the profile. This
+    // the states INIT (35) to ACTIVE (41), +37.5 % (69). TPDO1 changed at 1.000 s and 1.012 s, RPDO1 at 1.010 s and
+    // 4.010 s: 10 ms and 2998 ms. The causes are the first three of the profile. This
     // test ignores the `?` of an assumed mapping.
     let page = text(PVE, "").replace("%?", "%");
     let lines: Vec<&str> = page.lines().collect();
@@ -63,6 +64,8 @@ set points and gates at that time
     closed   device ACTIVE: FAULT HOLD
     open     operational
     unknown  RPDO1 on the COB-ID of 1400:01 (not visible on the bus)
+reaction of the controller, from a changed TPDO to a changed RPDO
+  node 32/20 (PVEA, danfoss-pve-ci:pvea): TPDO1 → RPDO1 median 10.000 ms, 99 % 2998.000 ms, max 2998.000 ms at 4.010 s {69}; 2 reactions
 check (PVEA-CI and PVEO-CI Series 6, Technical Information)
   1. spool or actuator blocked, dirt in the oil (Object descriptions; Fault handling)
   2. spool held or moved by its lever (Object descriptions; Fault handling)
