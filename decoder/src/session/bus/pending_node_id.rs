@@ -14,8 +14,8 @@ pub struct PendingNodeId {
 }
 
 impl PendingNodeId {
-    /// These services in events about the change.
-    pub const WAYS: [&'static str; 3] = ["lss", "uds", "object"];
+    /// Values of `by` in node-ID changes by these services.
+    pub const CHANGED_BY: [&'static str; 3] = ["lss", "uds", "object"];
 }
 
 impl Bus {

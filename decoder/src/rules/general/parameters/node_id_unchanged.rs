@@ -58,7 +58,7 @@ impl Rule for NodeIdUnchanged {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::NodeIdChange { to, by, .. } = &event.kind {
             self.open.retain(|open| open.pending.to != *to);
-            if PendingNodeId::WAYS.contains(by) {
+            if PendingNodeId::CHANGED_BY.contains(by) {
                 context.pass();
             }
             return;
