@@ -27,6 +27,21 @@ fn every_millisecond(count: u32, frame: &str) -> String {
 }
 
 #[test]
+fn how_a_capture_begins() {
+    // All three nodes boot first in the one; node 1 of the other sends heartbeats before its only boot-up.
+    let begins = |capture: &str| figures(capture)["buses"][0]["begins"].clone();
+    let powered = begins("fixtures/rules/clean/canopen.log");
+    assert_eq!(powered, serde_json::json!({"at": "power-on", "running": [], "starting": [2, 5, 32]}));
+    let running = begins("fixtures/stories/wandfluh-md2/brown-out.log");
+    assert_eq!(running, serde_json::json!({"at": "operation", "running": [1], "starting": []}));
+    let text = run(&["stats", "fixtures/rules/clean/canopen.log"], "").stdout;
+    assert!(
+        text.contains("\n          begins before power-on: nodes 2/02, 5/05, 32/20 starting\n"),
+        "{text}"
+    );
+}
+
+#[test]
 fn a_lost_node_and_its_heartbeat() {
     // fixtures/README.md: node 2 every 100 ms, silent from 1.0 to 4.0 s and from 4.9 s to its boot-up.
     let all = figures("fixtures/canopen/heartbeat_lost.log");
