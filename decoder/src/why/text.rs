@@ -15,6 +15,12 @@ use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
 use crate::words::plural;
 
+/// Maximum number of stories in one report.
+const SHOWN_STORIES: usize = 3;
+
+/// Maximum number of notes in one report.
+const SHOWN_NOTES: usize = 3;
+
 /// Context for the text.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting<'a> {
@@ -32,9 +38,18 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     for (bus, reason) in &report.doubts {
         page.line(0, &format!("bus {} not detected as CANopen: {reason}", page.bus_name(*bus)));
     }
-    page.headline(report);
+    page.absent(report);
+    if report.diagnosis.stories.is_empty() {
+        page.headline(report);
+        page.notes(report);
+        if let Some(moment) = &report.moment {
+            page.events(&moment.events);
+            page.more(moment.more);
+        }
+    }
+    page.stories(report);
     if let Some(moment) = &report.moment {
-        page.moment(moment);
+        page.before(moment);
     }
     page.quiet(report);
     if !report.since.is_empty() {
@@ -43,7 +58,9 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     }
     page.states(report);
     page.reactions(report);
-    page.checks(report);
+    if report.diagnosis.stories.is_empty() {
+        page.checks(report);
+    }
     page.suggestions(&report.suggestions);
     page.dialogues(report);
 }
@@ -91,24 +108,63 @@ impl Page<'_> {
         }
     }
 
-    fn headline(&mut self, report: &Report) {
-        let end = match self.setting.at {
+    fn end(&self) -> String {
+        match self.setting.at {
             Some(at) => format!("up to {at}"),
             None => "in this capture".into(),
-        };
+        }
+    }
+
+    /// Writes which nodes are present, if the chosen one is not.
+    fn absent(&mut self, report: &Report) {
+        let end = self.end();
         if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
             let others: Vec<_> = others.iter().map(ToString::to_string).collect();
             let others = if others.is_empty() { "none".into() } else { others.join(", ") };
             self.line(0, &format!("{} not present {end}; nodes present: {others}", chosen.node.words()));
         }
+    }
+
+    /// Writes all stories, the selected one first.
+    fn stories(&mut self, report: &Report) {
+        let stories = &report.diagnosis.stories;
+        let selected = stories.iter().enumerate().skip(report.story);
+        let shown = if report.question.story > 0 { 1 } else { SHOWN_STORIES };
+        for (place, story) in selected.clone().take(shown) {
+            if place > 0 {
+                self.line(0, &format!("story {} of {}", place.saturating_add(1), stories.len()));
+            }
+            for line in &story.lines {
+                self.line(0, format!("{:14} {}", line.label.word(), line.text).trim_end());
+            }
+        }
+        let rest = selected.count().saturating_sub(shown);
+        if rest > 0 && shown > 1 {
+            self.line(0, &format!("and {}; --story N prints one", plural_stories(rest)));
+        }
+    }
+
+    /// Writes findings that are notes only.
+    fn notes(&mut self, report: &Report) {
+        let notes = &report.diagnosis.notes;
+        for line in notes.iter().take(SHOWN_NOTES) {
+            self.line(0, &format!("{:14} {}", line.label.word(), line.text));
+        }
+        let rest = notes.len().saturating_sub(SHOWN_NOTES);
+        if rest > 0 {
+            self.line(0, &format!("and {}", plural(rest, "further note")));
+        }
+    }
+
+    fn headline(&mut self, report: &Report) {
+        let end = self.end();
         let Some(moment) = &report.moment else {
             let of = report
                 .question
                 .chosen
                 .as_ref()
                 .map_or(String::new(), |it| format!(" of {}", it.node.words()));
-            let rules = if self.setting.at.is_none() { "; for rule findings use cobscope check" } else { "" };
-            return self.line(0, &format!("no fault{of} {end}{rules}"));
+            return self.line(0, &format!("no fault{of} {end}"));
         };
         let which = if report.question.latest { "last" } else { "first" };
         let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());
@@ -131,11 +187,13 @@ impl Page<'_> {
         self.line(0, &format!("{fault} {at} {when}, {place}{presumed}"));
     }
 
-    fn moment(&mut self, moment: &Moment) {
-        self.events(&moment.events);
-        if moment.more > 0 {
-            self.line(1, &format!("and {} more", moment.more));
+    fn more(&mut self, more: u64) {
+        if more > 0 {
+            self.line(1, &format!("and {more} more"));
         }
+    }
+
+    fn before(&mut self, moment: &Moment) {
         self.line(0, "changes before");
         if moment.before.is_empty() {
             self.line(1, "none");
@@ -348,6 +406,10 @@ fn value(point: &SetPoint) -> String {
     let channel = point.channel.map_or(String::new(), |channel| format!("c{channel} "));
     let doubt = if point.assumed { "?" } else { "" };
     format!("{channel}{} {}{doubt}", point.signal, point.to.text)
+}
+
+fn plural_stories(count: usize) -> String {
+    if count == 1 { "1 further story".to_owned() } else { format!("{count} further stories") }
 }
 
 /// `67.948 ms`.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::finding::{RuleInfo, RuleOrigin};
+use crate::finding::{Merge, RuleInfo, RuleOrigin};
 use crate::profile::Device;
 use crate::profile::device::{DeviceRule, RuleKind};
 
@@ -39,6 +39,7 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         shows: Vec::new(),
         origin: RuleOrigin::Device,
         is_timing: matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::Follow),
+        merge: Merge::Index,
         is_on: true,
         word: word(rule.kind),
         source: Some(source.into()),

@@ -187,7 +187,8 @@ impl Engine {
         }
         let mut notes = self.quality.limits();
         notes.extend(buses.iter().flat_map(|bus| profile_notes(bus, buses.len() == 1)));
-        self.ledger.into_findings(is_timed, notes)
+        let error_frames = self.quality.error_frames;
+        Findings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
     }
 
     /// Emits new findings; those about times are held back until times are known to be real.

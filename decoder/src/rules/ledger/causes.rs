@@ -38,6 +38,11 @@ pub(in crate::rules) struct CauseEntry {
     pub(in crate::rules) text: Arc<str>,
     /// Maximum time from cause to effect, in ns.
     pub(in crate::rules) within: i64,
+    /// Maximum time from effect to cause, in ns: a device may report an effect first, and a deadline ends after
+    /// its effects.
+    pub(in crate::rules) before: i64,
+    /// An ongoing cause explains effects until it ends, without `within`.
+    pub(in crate::rules) lasts: bool,
     /// Cause and effect must be at the same node.
     pub(in crate::rules) is_on_node: bool,
     /// Consequence for the effect.
@@ -56,6 +61,10 @@ struct Row {
     by: Vec<String>,
     effects: Vec<String>,
     seconds: f64,
+    #[serde(default)]
+    before: f64,
+    #[serde(default)]
+    lasts: bool,
     on: Scope,
     becomes: Effect,
     #[serde(default)]
@@ -112,6 +121,8 @@ pub(in crate::rules) fn causes() -> &'static Causes {
                     by: by.clone(),
                     text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
                     within: (row.seconds * 1e9) as i64,
+                    before: (row.before * 1e9) as i64,
+                    lasts: row.lasts,
                     is_on_node: row.on == Scope::Node,
                     effect: row.becomes,
                 });

@@ -66,13 +66,19 @@ impl Ledger {
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
             if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
-                && *seen >= from
                 && let Some(group) = self.groups.get(*place)
+                && (*seen >= from || cause.lasts && self.is_lasting(*place))
             {
                 return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
             }
         }
         None
+    }
+
+    /// Whether the condition of a group still holds.
+    fn is_lasting(&self, place: usize) -> bool {
+        let is_open = self.groups.get(place).is_some_and(|group| group.is_open);
+        is_open && self.courses.get(place).is_some_and(|course| course.is_ongoing)
     }
 
     /// Links findings to causes that were reported after them, by the times of their first occurrences.
@@ -110,14 +116,9 @@ impl Ledger {
     }
 }
 
-/// A finding reported late, at a deadline, may start up to this long after its effect, in ns.
-const TOLD_LATE: i64 = 500_000_000;
-
 /// Whether a finding that started at `cause` may explain a finding that started at `effect`.
 fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
     let (Some(cause), Some(effect)) = (cause, effect) else { return false };
     let after = effect.since(cause);
-    // Two reports of the same fault may occur in either order.
-    let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
-    (-earliest..=entry.within).contains(&after)
+    (-entry.before..=entry.within).contains(&after)
 }

@@ -16,7 +16,8 @@ use super::conformance::{Run, Standing};
 use super::policy::Policy;
 use crate::event::{FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene, Severity,
+    Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Node};
@@ -25,6 +26,9 @@ use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding is closed after this time without an occurrence, in ns.
 pub(super) const QUIET: i64 = 5_000_000_000;
+
+/// Maximum number of groups with a scene.
+const SCENE_LIMIT: usize = 500;
 
 /// A defect reported by a rule.
 pub(super) struct Claim {
@@ -35,6 +39,8 @@ pub(super) struct Claim {
     pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
+    /// Findings with different reasons are not merged: an abort code, a closed gate.
+    pub(super) reason: Option<Box<str>>,
     /// Factory setting that the check assumed, as reason for a lower severity.
     pub(super) assumed: Option<&'static str>,
     pub(super) now: i64,
@@ -84,6 +90,9 @@ pub(super) enum GroupChange {
     Ended,
 }
 
+/// Rule, bus, node, object index and reason of findings that are printed as one.
+type MergeKey = (u16, BusIndex, Option<NodeId>, Option<u16>, Option<Box<str>>);
+
 /// A rule on a bus, at one node or at any node.
 type RulePlace = (u16, BusIndex, Option<NodeId>);
 
@@ -106,6 +115,8 @@ pub(super) struct Ledger {
     groups: Vec<Group>,
     courses: Vec<GroupState>,
     by_key: HashMap<Key, usize, FixedState>,
+    /// First group of those that are printed as one.
+    merged: HashMap<MergeKey, u64, FixedState>,
     /// Latest group of a rule on a bus (and at a node), with the monotonic time of its last occurrence.
     latest: HashMap<RulePlace, (usize, i64), FixedState>,
     taken: DeviceRuleCauses,
@@ -132,6 +143,7 @@ impl Ledger {
             groups: Vec::new(),
             courses: Vec::new(),
             by_key: HashMap::default(),
+            merged: HashMap::default(),
             latest: HashMap::default(),
             taken: DeviceRuleCauses::default(),
             kinds: HashMap::default(),
@@ -216,6 +228,32 @@ impl Ledger {
         self.open(place, claim, severity, opens, rises)
     }
 
+    /// Whether a group with this key exists.
+    pub(super) fn knows(&self, key: &Key) -> bool {
+        self.by_key.contains_key(key)
+    }
+
+    /// Adds the state of node and bus to a new group.
+    pub(super) fn set_scene(&mut self, key: &Key, scene: impl FnOnce() -> Scene) {
+        let place = self.by_key.get(key).copied().filter(|place| *place < SCENE_LIMIT);
+        if let Some(group) = place.and_then(|place| self.groups.get_mut(place)) {
+            group.scene = Some(Box::new(scene()));
+        }
+    }
+
+    /// Earlier group of the same rule that is printed in place of a new one.
+    fn representative(&mut self, claim: &Claim, id: u64) -> Option<u64> {
+        let merge = self.rules.get(usize::from(claim.key.rule)).map_or(Merge::Subject, |rule| rule.merge);
+        let subject = match (merge, &claim.key.about) {
+            (Merge::Index, About::Object(object)) => Some(object.index),
+            (Merge::Node, About::Object(_) | About::Whole) => None,
+            _ => return None,
+        };
+        let key = (claim.key.rule, claim.key.bus, claim.key.node, subject, claim.reason.clone());
+        let first = *self.merged.entry(key).or_insert(id);
+        (first != id).then_some(first)
+    }
+
     fn add_group(&mut self, claim: &Claim, (bus, node): Subject<'_>) -> usize {
         let place = self.groups.len();
         let rule = self.rules.get(usize::from(claim.key.rule));
@@ -238,6 +276,8 @@ impl Ledger {
             last: VecDeque::new(),
             cause: None,
             is_absorbed: false,
+            member_of: self.representative(claim, place as u64 + 1),
+            scene: None,
             downgraded: None,
             suppressed: None,
             is_open: false,

@@ -139,6 +139,13 @@ pub const KEYS: &[Key] = &[
         "Number of the finding that is the cause, in the same capture",
     ),
     key(FINDING, "cause", KeyType::Text, false, "Other cause"),
+    key(
+        FINDING,
+        "member_of",
+        KeyType::Count,
+        false,
+        "Number of the finding that text output prints for this one: the same fault with another subject",
+    ),
     key(FINDING, "downgraded", KeyType::Text, false, "Reason for a severity lower than the rule's"),
     key(FINDING, "manual", KeyType::Text, false, "Manual and section of a finding about a device"),
     key(FINDING, "suppressed", KeyType::Text, false, "Reason for the suppression, from the bus file"),
@@ -288,6 +295,9 @@ fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
         Some(Cause::Group(id)) => line.field("cause_finding", FieldValue::Unsigned(*id)),
         Some(Cause::Quality(text)) => line.field("cause", FieldValue::Text(text)),
         None => {}
+    }
+    if let Some(id) = group.member_of {
+        line.field("member_of", FieldValue::Unsigned(id));
     }
     optional(&mut line, "downgraded", group.downgraded.as_deref());
     optional(&mut line, "manual", group.manual.as_deref());

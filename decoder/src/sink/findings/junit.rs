@@ -3,9 +3,10 @@
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::format::{FindingFormat, write_at_once};
-use super::incident::incidents;
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, sentence, what, who};
-use crate::finding::{Group, Severity, SuppressionUse, Verdict};
+use crate::diagnosis::incident::{IncidentFinding, incidents};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
+use crate::finding::phrase::{sentence, what, who};
+use crate::finding::{Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
@@ -42,13 +43,10 @@ fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
     if !notes.is_empty() {
         suite.set_system_out(xml_lines(&notes.join("\n")));
     }
-    let findings: Vec<&Group> = incidents(judged.telling())
-        .into_iter()
-        .flat_map(|incident| incident.groups)
-        .map(|(_, group)| group)
-        .collect();
+    let incidents = incidents(judged.telling());
+    let findings: Vec<_> = incidents.iter().flat_map(|incident| &incident.findings).collect();
     for (rule, tally) in judged.rules() {
-        let own: Vec<&Group> = findings.iter().copied().filter(|group| group.rule == rule.name).collect();
+        let own: Vec<_> = findings.iter().copied().filter(|it| it.group.rule == rule.name).collect();
         let suppressed = suppressed(judged, &rule.name);
         let is_silent = judged.comparison.silent.iter().any(|silent| **silent == *rule.name);
         let mut case = TestCase::new(xml(&rule.name), status(&own, judged, least));
@@ -106,15 +104,19 @@ fn suppressed(judged: &CaptureResult, rule: &str) -> Vec<String> {
     suppressed.collect()
 }
 
-fn fails(groups: &[&Group], least: Option<Severity>) -> bool {
-    groups.iter().any(|group| least.is_some_and(|least| group.severity >= least))
+fn fails(findings: &[&IncidentFinding<'_>], least: Option<Severity>) -> bool {
+    findings.iter().any(|finding| least.is_some_and(|least| finding.severity() >= least))
 }
 
-fn status(groups: &[&Group], judged: &CaptureResult, least: Option<Severity>) -> TestCaseStatus {
-    match groups.iter().max_by_key(|group| group.severity) {
-        Some(worst) if fails(groups, least) => {
-            let message = format!("{}  {}", who(worst), sentence(worst));
-            failure(worst.severity.name(), &message, &texts(groups, judged))
+fn status(
+    findings: &[&IncidentFinding<'_>],
+    judged: &CaptureResult,
+    least: Option<Severity>,
+) -> TestCaseStatus {
+    match findings.iter().max_by_key(|finding| finding.severity()) {
+        Some(worst) if fails(findings, least) => {
+            let message = format!("{}  {}", who(worst.group), sentence(worst.group));
+            failure(worst.severity().name(), &message, &texts(findings, judged))
         }
         _ => TestCaseStatus::success(),
     }
@@ -127,10 +129,12 @@ fn failure(kind: &str, message: &str, text: &str) -> TestCaseStatus {
 }
 
 /// Findings with their notes, as lines.
-fn texts(groups: &[&Group], judged: &CaptureResult) -> String {
+fn texts(findings: &[&IncidentFinding<'_>], judged: &CaptureResult) -> String {
     let mut lines = Vec::new();
-    for group in groups {
-        lines.push(format!("{} {}  {}", group.severity.name(), who(group), sentence(group)));
+    for finding in findings {
+        let group = finding.group;
+        lines.push(format!("{} {}  {}", finding.severity().name(), who(group), sentence(group)));
+        lines.extend(finding.also().map(|also| format!("    {also}")));
         lines.extend(judged.notes(group).into_iter().map(|note| format!("    {note}")));
         if let Some(line) = judged.line(group.began()) {
             lines.push(format!("    {}:{line}", judged.file(group.began())));

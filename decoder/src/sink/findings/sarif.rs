@@ -8,7 +8,8 @@ use serde_json::{Value, json};
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing, sentence, what, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing};
+use crate::finding::phrase::{sentence, what, who};
 use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
 use crate::sink::escape;

@@ -4,11 +4,10 @@
 use std::fmt::Write as _;
 
 use super::format::{FindingFormat, TextOptions, write_at_once};
-use super::incident::{AbsorbedFindings, absorbed, incidents};
-use super::report::{
-    ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing, seconds, sentence, what, who,
-};
+use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
+use super::report::{ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing};
 use super::{conformance, coverage};
+use crate::finding::phrase::{seconds, sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 use crate::sink::table::{Align, Table};
@@ -135,10 +134,10 @@ impl Page<'_> {
         let incidents = incidents(judged.telling());
         let absorbed = absorbed(&judged.findings);
         let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
-        for (depth, group) in incidents.iter().take(shown).flat_map(|incident| &incident.groups) {
-            self.group(*depth, group, judged, absorbed.get(&group.id));
+        for finding in incidents.iter().take(shown).flat_map(|incident| &incident.findings) {
+            self.finding(finding, judged, absorbed.get(&finding.group.id));
         }
-        let rest: usize = incidents.iter().skip(shown).map(|incident| incident.groups.len()).sum();
+        let rest: usize = incidents.iter().skip(shown).map(|incident| incident.findings.len()).sum();
         if rest > 0 {
             self.line(
                 "",
@@ -151,17 +150,20 @@ impl Page<'_> {
         }
     }
 
-    fn group(
+    fn finding(
         &mut self,
-        depth: usize,
-        group: &Group,
+        finding: &IncidentFinding<'_>,
         judged: &CaptureResult,
         absorbed: Option<&AbsorbedFindings>,
     ) {
+        let IncidentFinding { depth, group, .. } = *finding;
         let who = who(group);
         let gap = if who.is_empty() { "" } else { "  " };
         let text = format!("{who}{gap}{} [{}]", sentence(group), group.rule);
-        self.labelled(depth, label(group.severity), &text);
+        self.labelled(depth, label(finding.severity()), &text);
+        if let Some(also) = finding.also() {
+            self.below(depth, &also);
+        }
         for note in judged.notes(group) {
             self.below(depth, &note);
         }

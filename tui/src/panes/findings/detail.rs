@@ -12,8 +12,8 @@
 use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::incident::absorbed;
-use cobscope_decoder::sink::findings::{self, moment, sentence, what, who};
+use cobscope_decoder::diagnosis::incident::absorbed;
+use cobscope_decoder::finding::phrase::{self, moment, sentence, what, who};
 use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
@@ -68,7 +68,7 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
         lines.push(labelled("  suppressed", reason));
     }
     lines
-        .extend(findings::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
+        .extend(phrase::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
     if let Some(cause) = cause(findings, group) {
         lines.push(labelled("  caused by", &cause));
     }

@@ -1,0 +1,132 @@
+//! Diagnosis: findings as stories, each with its cause, what followed, what to do, and what the capture
+//! disproves or cannot show.
+//!
+//! ```text
+//! Findings ─incidents─▶ causes with effects ─ranking.toml─▶ stories in order ─lines─▶ text of every output
+//! ```
+//!
+//! One diagnosis serves `why`, `check` and the UI. It depends on findings only: each finding carries the state
+//! of its node and bus when it began ([`Scene`](crate::finding::Scene)).
+
+mod evidence;
+pub mod incident;
+mod lines;
+mod ranking;
+mod steps;
+
+pub use lines::{Label, StoryLine};
+pub use steps::Step;
+
+use self::incident::{Incident, incidents};
+use self::ranking::ranking;
+use crate::finding::{Findings, Group, Occurrence, Severity};
+use crate::frame::{BusIndex, Timestamp};
+use crate::wire::NodeId;
+
+/// Context of a diagnosis.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Setting {
+    /// Timestamp of the first frame, the zero of printed times.
+    pub zero: Option<Timestamp>,
+    /// The latest story is first: the capture ends at the requested moment.
+    pub latest: bool,
+}
+
+/// Stories of a capture, most important first.
+#[derive(Debug, Clone, Default)]
+pub struct Diagnosis {
+    /// Stories with a warning or an error.
+    pub stories: Vec<Story>,
+    /// Findings that are notes only, each as one line.
+    pub notes: Vec<StoryLine>,
+}
+
+/// A cause with all findings that it explains.
+#[derive(Debug, Clone)]
+pub struct Story {
+    /// Bus and node of the cause; no node for a finding about the bus.
+    pub bus: BusIndex,
+    /// Node of the cause.
+    pub node: Option<NodeId>,
+    /// Highest severity of its findings.
+    pub severity: Severity,
+    /// Whether the capture shows the cause; else the first finding is only its first effect.
+    pub is_cause_visible: bool,
+    /// Text of the cause, or of the first effect.
+    pub title: String,
+    /// Ids of all findings, cause first.
+    pub findings: Vec<u64>,
+    /// Nodes that the findings concern.
+    pub nodes: Vec<(BusIndex, NodeId)>,
+    /// First occurrence of the cause.
+    pub began: Occurrence,
+    /// Last occurrence of any finding.
+    pub ended: Occurrence,
+    /// Steps to take, at most three.
+    pub steps: Vec<Step>,
+    /// All lines in order.
+    pub lines: Vec<StoryLine>,
+    rank: f64,
+}
+
+impl Diagnosis {
+    /// Diagnosis from those findings that count in the output.
+    pub fn of<'a>(findings: &'a Findings, counting: impl Iterator<Item = &'a Group>, setting: Setting) -> Self {
+        let has_several_buses = findings.groups.windows(2).any(|pair| match pair {
+            [one, other] => one.key.bus != other.key.bus,
+            _ => false,
+        });
+        let page = lines::Page { findings, zero: setting.zero, has_several_buses };
+        let mut diagnosis = Self::default();
+        for incident in incidents(counting) {
+            if incident.severity == Severity::Note {
+                diagnosis.notes.extend(page.note(&incident));
+            } else {
+                diagnosis.stories.extend(story(&incident, &page));
+            }
+        }
+        diagnosis.stories.sort_by(|one, other| match setting.latest {
+            true => (other.ended.time, other.ended.frames.last).cmp(&(one.ended.time, one.ended.frames.last)),
+            false => other.rank.total_cmp(&one.rank).then(order(one).cmp(&order(other))),
+        });
+        diagnosis
+    }
+
+    /// Keeps stories that concern a node.
+    pub fn keep_node(&mut self, is_meant: impl Fn(BusIndex, NodeId) -> bool) {
+        self.stories.retain(|story| {
+            story.nodes.is_empty() || story.nodes.iter().any(|(bus, node)| is_meant(*bus, *node))
+        });
+    }
+}
+
+fn order(story: &Story) -> (Option<Timestamp>, u64) {
+    (story.began.time, story.began.frames.first)
+}
+
+fn story(incident: &Incident<'_>, page: &lines::Page<'_>) -> Option<Story> {
+    let root = incident.findings.first()?.group;
+    let ranking = ranking();
+    let weights = incident.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
+    let of_nodes = incident.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
+    let mut nodes: Vec<_> = of_nodes.collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let all = || incident.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()));
+    let ended = all().map(Group::ended).max_by_key(|at| (at.time, at.frames.last));
+    let steps = steps::steps(incident);
+    Some(Story {
+        bus: root.key.bus,
+        node: root.key.node,
+        severity: incident.severity,
+        is_cause_visible: ranking.record(&root.rule).is_none(),
+        title: page.title(root),
+        findings: all().map(|group| group.id).collect(),
+        nodes,
+        began: root.began(),
+        ended: ended.unwrap_or_else(|| root.ended()),
+        lines: page.lines(incident, &steps),
+        steps,
+        rank: weights.sum(),
+    })
+}
