@@ -61,6 +61,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "why",
         &[
+            "diagnosis",
+            "finding",
             "words",
             "frame",
             "wire",

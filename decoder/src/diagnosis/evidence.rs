@@ -22,7 +22,7 @@ pub(super) fn disproved(incident: &Incident<'_>) -> Vec<String> {
     if let (Some(commands), false) = (&scene.commands, has(&SILENT_CONTROLLER)) {
         all.push(format!("controller silent ({} every {})", commands.pdo, length(commands.period)));
     }
-    if scene.nmt == Some(NmtState::Operational) && !has(&["operational-lost"]) {
+    if scene.nmt == Some(NmtState::Operational) && !has(&["operational-lost"]) && !has(&SILENT_NODE) {
         all.push("NMT state (operational)".to_owned());
     }
     if scene.error_frames > 0 && scene.recent_error_frames == 0 {

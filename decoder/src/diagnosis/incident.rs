@@ -32,12 +32,14 @@ impl IncidentFinding<'_> {
         self.members.iter().fold(self.group.severity, |highest, member| highest.max(member.severity))
     }
 
-    /// `also 1A00:01, 1A00:02`; `None` without members. After [`SHOWN_MEMBERS`] only their number follows.
+    /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After [`SHOWN_MEMBERS`] only their number
+    /// follows.
     pub fn also(&self) -> Option<String> {
         let shown: Vec<_> = self.members.iter().take(SHOWN_MEMBERS).map(|it| it.key.about.to_string()).collect();
         let rest = self.members.len().saturating_sub(SHOWN_MEMBERS);
         let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
-        (!shown.is_empty()).then(|| format!("also {}{more}", shown.join(", ")))
+        let total = self.members.iter().fold(self.group.count, |total, it| total.saturating_add(it.count));
+        (!shown.is_empty()).then(|| format!("also {}{more}; {total} times in all", shown.join(", ")))
     }
 }
 
@@ -96,19 +98,18 @@ pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'
 fn merged(all: BTreeMap<u64, &Group>) -> (BTreeMap<u64, &Group>, BTreeMap<u64, Vec<&Group>>) {
     let mut printed: BTreeMap<u64, &Group> = BTreeMap::new();
     let mut members: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
-    let mut first: BTreeMap<u64, u64> = BTreeMap::new();
+    // An effect of another cause is not the same fault.
+    let mut first: BTreeMap<(u64, Option<u64>), u64> = BTreeMap::new();
     for (id, group) in all {
-        let fault = group.member_of.unwrap_or(id);
-        // An effect of another cause is not the same fault.
-        let known = first.get(&fault).filter(|first| {
-            printed.get(first).is_some_and(|first| first.cause == group.cause || group.cause.is_none())
-        });
-        match known {
-            Some(first) => members.entry(*first).or_default().push(group),
-            None => {
-                first.entry(fault).or_insert(id);
-                printed.insert(id, group);
-            }
+        let cause = match group.cause {
+            Some(Cause::Group(cause)) => Some(cause),
+            _ => None,
+        };
+        let first = *first.entry((group.member_of.unwrap_or(id), cause)).or_insert(id);
+        if first == id {
+            printed.insert(id, group);
+        } else {
+            members.entry(first).or_default().push(group);
         }
     }
     (printed, members)

@@ -3,7 +3,7 @@
 use super::evidence::{disproved, unjudged};
 use super::incident::{Incident, IncidentFinding};
 use super::ranking::ranking;
-use super::steps::Step;
+use super::steps::NextStep;
 use crate::finding::phrase::{length, seconds, what};
 use crate::finding::{Findings, Group, Occurrence};
 use crate::frame::Timestamp;
@@ -95,7 +95,7 @@ const NOWHERE: Occurrence = Occurrence { time: None, frames: crate::event::Frame
 
 impl Page<'_> {
     /// All lines of a story.
-    pub(super) fn lines(&self, incident: &Incident<'_>, steps: &[Step]) -> Vec<StoryLine> {
+    pub(super) fn lines(&self, incident: &Incident<'_>, steps: &[NextStep]) -> Vec<StoryLine> {
         let mut lines = Vec::new();
         let Some(root) = incident.findings.first() else { return lines };
         let line = |label, text, at| StoryLine { label, text, at };
@@ -103,16 +103,22 @@ impl Page<'_> {
             Some(record) => {
                 let text = format!("cause not visible in this capture; record next: {record}");
                 lines.push(line(Label::NoCause, text, root.group.began()));
-                lines.push(line(Label::FirstEffect, self.title(root.group), root.group.began()));
+                let text = format!("{}   {}", self.title(root.group), self.when(root.group));
+                lines.push(line(Label::FirstEffect, text, root.group.began()));
             }
-            None => lines.push(line(Label::Cause, self.title(root.group), root.group.began())),
+            None => {
+                let text = format!("{}   {}", self.title(root.group), self.when(root.group));
+                lines.push(line(Label::Cause, text, root.group.began()));
+            }
         }
-        lines.push(line(Label::More, self.course(root), root.group.began()));
-        let effects = incident.findings.iter().skip(1);
-        for effect in effects.clone().take(SHOWN_EFFECTS) {
+        let more = self.more(root);
+        lines.extend(more.map(|more| line(Label::More, more, root.group.began())));
+        let mut effects: Vec<_> = incident.findings.iter().skip(1).collect();
+        effects.sort_by_key(|it| (it.group.began().time, std::cmp::Reverse(it.severity())));
+        for effect in effects.iter().take(SHOWN_EFFECTS) {
             lines.push(line(Label::Effect, self.effect(root.group, effect), effect.group.began()));
         }
-        let rest = effects.count().saturating_sub(SHOWN_EFFECTS);
+        let rest = effects.len().saturating_sub(SHOWN_EFFECTS);
         if rest > 0 {
             lines.push(line(Label::More, format!("and {}", plural(rest, "further effect")), NOWHERE));
         }
@@ -140,7 +146,7 @@ impl Page<'_> {
     pub(super) fn title(&self, group: &Group) -> String {
         let who = self.who(group);
         let gap = if who.is_empty() { "" } else { "  " };
-        format!("{who}{gap}{}{}", what(group), frames(group.began()))
+        format!("{who}{gap}{}", cited(group))
     }
 
     fn who(&self, group: &Group) -> String {
@@ -150,16 +156,16 @@ impl Page<'_> {
         parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
     }
 
-    /// When and how often, the worst occurrence, the members and the rule.
-    fn course(&self, finding: &IncidentFinding<'_>) -> String {
+    /// The worst occurrence, the members, and the reason for a lower severity.
+    fn more(&self, finding: &IncidentFinding<'_>) -> Option<String> {
         let group = finding.group;
-        let mut parts = vec![self.when(group)];
+        let mut parts = Vec::new();
         if let Some((_, text, at)) = &group.worst {
             parts.push(format!("worst {text}{}", frames(*at)));
         }
         parts.extend(finding.also());
         parts.extend(group.downgraded.as_ref().map(|reason| format!("severity lowered: {reason}")));
-        format!("{} [{}]", parts.join("; "), group.rule)
+        (!parts.is_empty()).then(|| parts.join("; "))
     }
 
     /// `at 7.204 s`, `7.204 to 10.430 s, 12 times`, `from 7.204 s to the end`.
@@ -177,7 +183,7 @@ impl Page<'_> {
         if group.count > 1 {
             text.push_str(&format!(", {} times", group.count));
         }
-        text
+        format!("{text} [{}]", group.rule)
     }
 
     /// `+2 ms   ACTIVE → FAULT HOLD {105}`.
@@ -185,15 +191,21 @@ impl Page<'_> {
         let group = finding.group;
         let delay = group.began().time.zip(root.began().time).map(|(effect, cause)| effect.since(cause));
         let delay = delay.map_or_else(String::new, |delay| {
-            let sign = if delay < 0 { '-' } else { '+' };
+            let sign = if delay <= -1_000_000 { '-' } else { '+' };
             format!("{sign}{}  ", length(delay.saturating_abs()))
         });
         let is_same_node = group.key.node == root.key.node && group.key.bus == root.key.bus;
-        let text = if is_same_node { format!("{}{}", what(group), frames(group.began())) } else { self.title(group) };
+        let text = if is_same_node { cited(group) } else { self.title(group) };
         let more = if group.count > 1 { format!(", {} times", group.count) } else { String::new() };
         let also = finding.also().map_or_else(String::new, |also| format!("; {also}"));
         format!("{delay}{text}{more}{also}")
     }
+}
+
+/// Text of a finding with its first frames, unless the text already names them.
+fn cited(group: &Group) -> String {
+    let (text, frames) = (what(group), frames(group.began()));
+    if text.contains(frames.trim_start()) { text } else { format!("{text}{frames}") }
 }
 
 /// ` {12-13}`; empty without a frame.

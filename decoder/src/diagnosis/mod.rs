@@ -15,7 +15,7 @@ mod ranking;
 mod steps;
 
 pub use lines::{Label, StoryLine};
-pub use steps::Step;
+pub use steps::NextStep;
 
 use self::incident::{Incident, incidents};
 use self::ranking::ranking;
@@ -63,10 +63,17 @@ pub struct Story {
     /// Last occurrence of any finding.
     pub ended: Occurrence,
     /// Steps to take, at most three.
-    pub steps: Vec<Step>,
+    pub steps: Vec<NextStep>,
     /// All lines in order.
     pub lines: Vec<StoryLine>,
     rank: f64,
+}
+
+impl Story {
+    /// The cause, its effects and the steps, without evidence and manual.
+    pub fn brief(&self) -> impl Iterator<Item = &StoryLine> {
+        self.lines.iter().take_while(|line| !matches!(line.label, Label::Disproved | Label::Unjudged | Label::Manual))
+    }
 }
 
 impl Diagnosis {
@@ -98,6 +105,11 @@ impl Diagnosis {
             story.nodes.is_empty() || story.nodes.iter().any(|(bus, node)| is_meant(*bus, *node))
         });
     }
+}
+
+/// `1 story`, `2 stories`.
+pub fn stories(count: usize) -> String {
+    if count == 1 { "1 story".to_owned() } else { format!("{count} stories") }
 }
 
 fn order(story: &Story) -> (Option<Timestamp>, u64) {

@@ -9,7 +9,7 @@ const COUNT: usize = 3;
 
 /// One step.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Step {
+pub struct NextStep {
     /// Instruction, without a full stop.
     pub text: String,
     /// Section of the device manual; empty if not from the manual.
@@ -19,7 +19,7 @@ pub struct Step {
 }
 
 /// At most [`COUNT`] steps of a story, most likely cause first.
-pub(super) fn steps(incident: &Incident<'_>) -> Vec<Step> {
+pub(super) fn steps(incident: &Incident<'_>) -> Vec<NextStep> {
     let mut all = Vec::new();
     let Some(root) = incident.findings.first().map(|it| it.group) else { return all };
     advice(root, &mut all, |it| matches!(it.by, "emcy" | "dtc"));
@@ -30,12 +30,13 @@ pub(super) fn steps(incident: &Incident<'_>) -> Vec<Step> {
     if incident.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
         hints(LOST_SETTINGS, &mut all);
     }
+    advice(root, &mut all, |it| it.by == "code");
     hints(&root.rule, &mut all);
     for finding in &incident.findings {
         advice(finding.group, &mut all, |it| it.by == "state");
     }
     rule(root, &mut all);
-    advice(root, &mut all, |it| matches!(it.by, "gate" | "code"));
+    advice(root, &mut all, |it| it.by == "gate");
     for finding in &incident.findings {
         rule(finding.group, &mut all);
     }
@@ -46,13 +47,13 @@ pub(super) fn steps(incident: &Incident<'_>) -> Vec<Step> {
 /// Rule of lost settings: its hint precedes those of the restart that lost them.
 const LOST_SETTINGS: &str = "config-lost";
 
-fn add(all: &mut Vec<Step>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<NextStep>, text: &str, section: &str, by: &'static str) {
     let text = match by {
         "rule" | "state" => text.to_owned(),
         _ => format!("check: {}", clause(text)),
     };
     if !all.iter().any(|known| known.text == text) {
-        all.push(Step { text, section: section.to_owned(), by });
+        all.push(NextStep { text, section: section.to_owned(), by });
     }
 }
 
@@ -70,7 +71,7 @@ fn clause(text: &str) -> String {
 }
 
 /// Adds advice of the moment when the finding began.
-fn advice(group: &Group, all: &mut Vec<Step>, is_wanted: impl Fn(&Advice) -> bool) {
+fn advice(group: &Group, all: &mut Vec<NextStep>, is_wanted: impl Fn(&Advice) -> bool) {
     let known = group.scene.iter().flat_map(|scene| &scene.advice);
     for advice in known.filter(|advice| is_wanted(advice)) {
         add(all, &advice.text, &advice.section, advice.by);
@@ -78,13 +79,13 @@ fn advice(group: &Group, all: &mut Vec<Step>, is_wanted: impl Fn(&Advice) -> boo
 }
 
 /// Adds the next step that the rule proposes.
-fn rule(group: &Group, all: &mut Vec<Step>) {
+fn rule(group: &Group, all: &mut Vec<NextStep>) {
     if let Some(next) = &group.next_step {
         add(all, next, "", "rule");
     }
 }
 
-fn hints(rule: &str, all: &mut Vec<Step>) {
+fn hints(rule: &str, all: &mut Vec<NextStep>) {
     for text in profile::fault_hints(rule) {
         add(all, text, "", "general");
     }

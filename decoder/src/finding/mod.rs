@@ -252,6 +252,7 @@ impl Group {
             pgn,
             about,
             cause,
+            member_of: self.member_of,
             downgraded: self.downgraded.clone(),
             count: self.count,
             is_at_end: false,

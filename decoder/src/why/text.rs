@@ -7,6 +7,7 @@ use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
 use super::{Reaction, Report, Suggestion};
+use crate::diagnosis::stories;
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus};
@@ -127,12 +128,13 @@ impl Page<'_> {
 
     /// Writes all stories, the selected one first.
     fn stories(&mut self, report: &Report) {
-        let stories = &report.diagnosis.stories;
-        let selected = stories.iter().enumerate().skip(report.story);
+        let all = &report.diagnosis.stories;
+        let selected = all.iter().enumerate().skip(report.story);
         let shown = if report.question.story > 0 { 1 } else { SHOWN_STORIES };
         for (place, story) in selected.clone().take(shown) {
             if place > 0 {
-                self.line(0, &format!("story {} of {}", place.saturating_add(1), stories.len()));
+                self.line(0, "");
+                self.line(0, &format!("story {} of {}", place.saturating_add(1), all.len()));
             }
             for line in &story.lines {
                 self.line(0, format!("{:14} {}", line.label.word(), line.text).trim_end());
@@ -140,7 +142,7 @@ impl Page<'_> {
         }
         let rest = selected.count().saturating_sub(shown);
         if rest > 0 && shown > 1 {
-            self.line(0, &format!("and {}; --story N prints one", plural_stories(rest)));
+            self.line(0, &format!("and {} more; --story N prints one", stories(rest)));
         }
     }
 
@@ -406,10 +408,6 @@ fn value(point: &SetPoint) -> String {
     let channel = point.channel.map_or(String::new(), |channel| format!("c{channel} "));
     let doubt = if point.assumed { "?" } else { "" };
     format!("{channel}{} {}{doubt}", point.signal, point.to.text)
-}
-
-fn plural_stories(count: usize) -> String {
-    if count == 1 { "1 further story".to_owned() } else { format!("{count} further stories") }
 }
 
 /// `67.948 ms`.

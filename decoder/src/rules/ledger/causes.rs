@@ -52,7 +52,21 @@ pub(in crate::rules) struct CauseEntry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CausesFile {
+    follows: Limits,
     cause: Vec<Row>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Limits {
+    seconds: f64,
+}
+
+/// Limits for rules in `follows` of a device rule.
+#[derive(Debug, Default)]
+pub(in crate::rules) struct FollowLimits {
+    /// Maximum time from the end of the cause to the effect, in ns.
+    pub(in crate::rules) within: i64,
 }
 
 #[derive(Deserialize)]
@@ -81,6 +95,8 @@ enum Scope {
 /// All rows, by the rule of the effect.
 #[derive(Debug, Default)]
 pub(in crate::rules) struct Causes {
+    /// Limits for rules in `follows` of a device rule.
+    pub(in crate::rules) follows: FollowLimits,
     by_effect: HashMap<String, Vec<Arc<CauseEntry>>>,
     by: Vec<String>,
 }
@@ -111,29 +127,37 @@ pub(in crate::rules) fn causes() -> &'static Causes {
     static CAUSES: OnceLock<Causes> = OnceLock::new();
     CAUSES.get_or_init(|| {
         // A unit test checks that the file is valid; an invalid file would yield an empty table.
-        let file: CausesFile =
-            toml::from_str(include_str!("causes.toml")).unwrap_or(CausesFile { cause: Vec::new() });
-        let mut causes = Causes::default();
-        for row in file.cause {
-            for by in &row.by {
-                #[expect(clippy::cast_possible_truncation, reason = "seconds of a table of our own")]
-                let entry = Arc::new(CauseEntry {
-                    by: by.clone(),
-                    text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
-                    within: (row.seconds * 1e9) as i64,
-                    before: (row.before * 1e9) as i64,
-                    lasts: row.lasts,
-                    is_on_node: row.on == Scope::Node,
-                    effect: row.becomes,
-                });
-                for effect in &row.effects {
-                    causes.by_effect.entry(effect.clone()).or_default().push(Arc::clone(&entry));
-                }
-                causes.by.push(by.clone());
-            }
-        }
-        causes
+        toml::from_str::<CausesFile>(include_str!("causes.toml")).map_or_else(|_| Causes::default(), table)
     })
+}
+
+/// Seconds of a table of our own, in ns.
+#[expect(clippy::cast_possible_truncation, reason = "seconds of a table of our own")]
+fn nanoseconds(seconds: f64) -> i64 {
+    (seconds * 1e9) as i64
+}
+
+fn table(file: CausesFile) -> Causes {
+    let mut causes = Causes::default();
+    causes.follows.within = nanoseconds(file.follows.seconds);
+    for row in file.cause {
+        for by in &row.by {
+            let entry = Arc::new(CauseEntry {
+                by: by.clone(),
+                text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
+                within: nanoseconds(row.seconds),
+                before: nanoseconds(row.before),
+                lasts: row.lasts,
+                is_on_node: row.on == Scope::Node,
+                effect: row.becomes,
+            });
+            for effect in &row.effects {
+                causes.by_effect.entry(effect.clone()).or_default().push(Arc::clone(&entry));
+            }
+            causes.by.push(by.clone());
+        }
+    }
+    causes
 }
 
 #[cfg(test)]

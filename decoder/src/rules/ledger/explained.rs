@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use super::causes::{CauseEntry, Effect, Explanation, causes};
 use super::{Claim, Ledger};
-use crate::finding::{Cause, Group, RuleInfo, Severity};
+use crate::finding::{Cause, Group, Key, RuleInfo, Severity};
 use crate::frame::Timestamp;
 use crate::rules::conformance::Standing;
+use crate::wire::NodeId;
 
 /// Reason for a lower severity while the protocol of the bus is only presumed.
 pub(super) const PRESUMED: &str = "protocol only presumed";
@@ -53,6 +54,9 @@ impl Ledger {
         if let Some(by) = self.taken_in_by(rule, claim) {
             return Some(Explanation { effect: Effect::Same, by: Cause::Group(by) });
         }
+        if let Some(by) = self.followed(claim) {
+            return Some(Explanation { effect: Effect::Follows, by: Cause::Group(by) });
+        }
         for cause in causes().of(rule) {
             let from = claim.now.saturating_sub(cause.within);
             // If a rule and an event kind share a name (node-lost), the rule takes precedence.
@@ -65,9 +69,10 @@ impl Ledger {
                 continue;
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
-            if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
-                && let Some(group) = self.groups.get(*place)
-                && (*seen >= from || cause.lasts && self.is_lasting(*place))
+            let is_in_time =
+                |(place, seen): &(usize, i64)| *seen >= from || cause.lasts && self.is_lasting(*place);
+            if let Some((place, _)) = self.seen_of(by, claim, node).into_iter().flatten().find(is_in_time)
+                && let Some(group) = self.groups.get(place)
             {
                 return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
             }
@@ -75,8 +80,15 @@ impl Ledger {
         None
     }
 
+    /// Groups of a rule with the times of their last occurrences: about the same subject, then the latest one.
+    fn seen_of(&self, rule: u16, claim: &Claim, node: Option<NodeId>) -> [Option<(usize, i64)>; 2] {
+        let same = self.by_key.get(&Key { rule, ..claim.key.clone() });
+        let same = same.and_then(|place| Some((*place, self.courses.get(*place)?.last)));
+        [same, self.latest.get(&(rule, claim.key.bus, node)).copied()]
+    }
+
     /// Whether the condition of a group still holds.
-    fn is_lasting(&self, place: usize) -> bool {
+    pub(super) fn is_lasting(&self, place: usize) -> bool {
         let is_open = self.groups.get(place).is_some_and(|group| group.is_open);
         is_open && self.courses.get(place).is_some_and(|course| course.is_ongoing)
     }

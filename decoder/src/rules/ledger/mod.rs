@@ -96,13 +96,22 @@ type MergeKey = (u16, BusIndex, Option<NodeId>, Option<u16>, Option<Box<str>>);
 /// A rule on a bus, at one node or at any node.
 type RulePlace = (u16, BusIndex, Option<NodeId>);
 
+/// Rules related to a device rule, by name.
+#[derive(Debug, Clone, Default)]
+pub(in crate::rules) struct RuleRelations {
+    /// Rules whose findings it absorbs.
+    pub(in crate::rules) takes_in: Vec<Arc<str>>,
+    /// Rules whose findings are the cause of its findings.
+    pub(in crate::rules) follows: Vec<Arc<str>>,
+}
+
 /// `takes_in` relations of device rules.
 #[derive(Debug, Default)]
 struct DeviceRuleCauses {
     /// Rules that absorb findings of the named rule.
     by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
-    /// Names of the rules whose findings a rule absorbs.
-    by_rule: HashMap<u16, Vec<Arc<str>>, FixedState>,
+    /// Relations of a rule.
+    by_rule: HashMap<u16, RuleRelations, FixedState>,
 }
 
 /// Groups, verdict counts and pending news of one capture.
@@ -246,7 +255,7 @@ impl Ledger {
         let merge = self.rules.get(usize::from(claim.key.rule)).map_or(Merge::Subject, |rule| rule.merge);
         let subject = match (merge, &claim.key.about) {
             (Merge::Index, About::Object(object)) => Some(object.index),
-            (Merge::Node, About::Object(_) | About::Whole) => None,
+            (Merge::Node, _) => None,
             _ => return None,
         };
         let key = (claim.key.rule, claim.key.bus, claim.key.node, subject, claim.reason.clone());

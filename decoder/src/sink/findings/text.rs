@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 
 use super::format::{FindingFormat, TextOptions, write_at_once};
+use crate::diagnosis::{Diagnosis, Setting, stories};
 use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
 use super::report::{ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing};
 use super::{conformance, coverage};
@@ -15,6 +16,9 @@ use crate::words::plural;
 
 /// Maximum number of incidents printed per capture without `--verbose`; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;
+
+/// Maximum number of stories printed per capture.
+const SHOWN_STORIES: usize = 3;
 
 /// Indentation of lines below a label.
 const INDENT: &str = "         ";
@@ -98,6 +102,7 @@ impl Page<'_> {
         let after_heading = self.out.len();
         self.quality(judged, common);
         self.incidents(judged);
+        self.stories(judged);
         conformance::write(judged, self.out);
         self.baseline(judged);
         if self.options.verbose {
@@ -147,6 +152,27 @@ impl Page<'_> {
         let ungrouped = judged.findings.ungrouped;
         if ungrouped > 0 {
             self.line("", &format!("{INDENT}{ungrouped} further occurrences not recorded (limit reached)"));
+        }
+    }
+
+    /// The stories of `why`: cause, effects and steps.
+    fn stories(&mut self, judged: &CaptureResult) {
+        let setting = Setting { zero: judged.first, latest: false };
+        let diagnosis = Diagnosis::of(&judged.findings, judged.telling(), setting);
+        for story in diagnosis.stories.iter().take(SHOWN_STORIES) {
+            self.line("", "");
+            for line in story.brief() {
+                let label = line.label.word();
+                let _ = if self.options.color {
+                    writeln!(self.out, "{BOLD}{label:14}\x1b[0m {}", escape(&line.text))
+                } else {
+                    writeln!(self.out, "{}", format!("{label:14} {}", escape(&line.text)).trim_end())
+                };
+            }
+        }
+        let rest = diagnosis.stories.len().saturating_sub(SHOWN_STORIES);
+        if rest > 0 {
+            self.line("", &format!("{INDENT}and {} more; cobscope why prints all", stories(rest)));
         }
     }
 

@@ -112,7 +112,7 @@ impl SdoNoResponse {
         let (severity, limit) =
             if duration > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
         let [milliseconds, limit] = [duration, limit].map(|time| time / 1_000_000);
-        let alarm = context.fail(event).about(about(transfer)).severity(severity);
+        let alarm = context.fail(event).about(about(transfer)).severity(severity).reason("late");
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = alarm.measure(duration as f64);
         alarm.report(|| format!("SDO response after {milliseconds} ms > {limit} ms"));
