@@ -22,6 +22,9 @@ use crate::wire::canopen::test_marker::TestResult;
 /// Number of first occurrences stored per group, and of last ones.
 pub const KEPT_OCCURRENCES: usize = 5;
 
+/// Maximum length of a chain of causes; groups can be causes of each other.
+pub const CAUSES: usize = 8;
+
 /// Maximum number of groups per capture; further findings are only counted.
 pub const GROUP_LIMIT: usize = 3_000;
 
@@ -440,6 +443,20 @@ impl Findings {
     /// Groups that have this one as their cause.
     pub fn effects(&self, id: u64) -> impl Iterator<Item = &Group> {
         self.groups.iter().filter(move |group| group.cause == Some(Cause::Group(id)))
+    }
+
+    /// Groups that are the cause of a group, nearest first, at most [`CAUSES`].
+    pub fn causes(&self, group: &Group) -> Vec<&Group> {
+        let mut chain: Vec<&Group> = Vec::new();
+        let mut next = &group.cause;
+        while let Some(Cause::Group(id)) = next
+            && chain.len() < CAUSES
+            && let Some(cause) = self.group(*id)
+        {
+            chain.push(cause);
+            next = &cause.cause;
+        }
+        chain
     }
 
     /// Looks up a group by its number.
