@@ -21,6 +21,9 @@ struct Expectation {
     expected: Vec<String>,
     /// Rules that must not report one.
     forbidden: Vec<String>,
+    /// No rule must report a finding.
+    #[serde(default)]
+    clean: bool,
     /// Lines of a bus file.
     #[serde(default)]
     bus_file: String,
@@ -53,6 +56,9 @@ fn deviations(path: &Path) -> Vec<String> {
     let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let reported: BTreeSet<&str> = findings.counting().map(|group| &*group.rule).collect();
     let mut deviations = Vec::new();
+    if expectation.clean && !reported.is_empty() {
+        deviations.push("a clean run has findings".to_owned());
+    }
     for rule in &expectation.expected {
         let is_pending = expectation.pending.contains_key(rule);
         match (reported.contains(rule.as_str()), is_pending) {
@@ -92,7 +98,8 @@ fn each_story_has_its_findings_and_no_forbidden_one() {
         assert!(fs::metadata(path.with_extension("log")).unwrap().len() < 60_000, "{}", path.display());
     }
     assert_eq!(per_device.len(), 5);
-    assert!(per_device.values().all(|count| *count >= 6), "{per_device:?}");
+    assert!(per_device.values().all(|count| *count >= 7), "{per_device:?}");
+    assert!(per_device.keys().all(|device| device.join("clean-run.toml").exists()));
 }
 
 #[test]
