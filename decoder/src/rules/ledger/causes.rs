@@ -77,12 +77,20 @@ pub(in crate::rules) struct Causes {
 }
 
 impl Causes {
-    /// Possible causes for findings of a rule, most specific first: rows of the rule, then those for all
-    /// timing rules.
-    pub(in crate::rules) fn of(&self, rule: &RuleInfo) -> impl Iterator<Item = &CauseEntry> {
+    /// Possible causes for findings of a rule, most specific first: rows of the rule, those of the rules that
+    /// it absorbs, then those for all timing rules. Absorbed rules count for timing rules only: an interval of
+    /// the device has the causes of the general interval.
+    pub(in crate::rules) fn of<'a>(
+        &'a self,
+        rule: &'a RuleInfo,
+        absorbed: &'a [Arc<str>],
+    ) -> impl Iterator<Item = &'a CauseEntry> {
+        let rows = |name: &str| self.by_effect.get(name).into_iter().flatten();
+        let is_absorbed = |entry: &&Arc<CauseEntry>| absorbed.iter().any(|name| **name == *entry.by);
+        let of_absorbed = absorbed.iter().filter(|_| rule.is_timing).flat_map(move |name| rows(name));
+        let of_absorbed = of_absorbed.filter(move |entry| !is_absorbed(entry));
         let timing = self.by_effect.get(TIMING).filter(|_| rule.is_timing);
-        let own = self.by_effect.get(&*rule.name);
-        own.into_iter().chain(timing).flatten().map(Arc::as_ref)
+        rows(&rule.name).chain(of_absorbed).chain(timing.into_iter().flatten()).map(Arc::as_ref)
     }
 
     /// Rules and event kinds that can be a cause.

@@ -53,7 +53,7 @@ impl Ledger {
         if let Some(by) = self.taken_in_by(rule, claim) {
             return Some(Explanation { effect: Effect::Same, by: Cause::Group(by) });
         }
-        for cause in causes().of(rule) {
+        for cause in causes().of(rule, self.absorbed_by(claim.key.rule)) {
             let from = claim.now.saturating_sub(cause.within);
             // If a rule and an event kind share a name (node-lost), the rule takes precedence.
             let by = self.rules.iter().position(|known| *known.name == *cause.by);
@@ -66,8 +66,8 @@ impl Ledger {
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
             if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
-                && *seen >= from
                 && let Some(group) = self.groups.get(*place)
+                && (*seen >= from || cause.effect == Effect::Same && self.is_ongoing(*place))
             {
                 return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
             }
@@ -84,10 +84,11 @@ impl Ledger {
                 links.push((place, by, Effect::Same));
                 continue;
             }
-            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
+            let causes = causes().of(rule, self.absorbed_by(group.key.rule));
+            for cause in causes.filter(|cause| cause.effect != Effect::Quality) {
                 let found = self
                     .latest_of(&cause.by, group, cause.is_on_node)
-                    .filter(|by| by.id != group.id && explains(by.began().time, group.began().time, cause));
+                    .filter(|by| by.id != group.id && explains(by, group.began().time, cause));
                 if let Some(by) = found {
                     links.push((place, by.id, cause.effect));
                     break;
@@ -102,6 +103,12 @@ impl Ledger {
         }
     }
 
+    /// Whether the condition of a finding still holds.
+    fn is_ongoing(&self, place: usize) -> bool {
+        let is_open = self.groups.get(place).is_some_and(|group| group.is_open);
+        is_open && self.courses.get(place).is_some_and(|course| course.is_ongoing)
+    }
+
     fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<&Group> {
         let place = self.rules.iter().position(|known| *known.name == *rule)?;
         let node = if is_on_node { effect.key.node } else { None };
@@ -113,11 +120,15 @@ impl Ledger {
 /// A finding reported late, at a deadline, may start up to this long after its effect, in ns.
 const TOLD_LATE: i64 = 500_000_000;
 
-/// Whether a finding that started at `cause` may explain a finding that started at `effect`.
-fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
-    let (Some(cause), Some(effect)) = (cause, effect) else { return false };
-    let after = effect.since(cause);
-    // Two reports of the same fault may occur in either order.
-    let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
-    (-earliest..=entry.within).contains(&after)
+/// Whether a finding may explain a finding that started at `effect`.
+fn explains(cause: &Group, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
+    let (Some(began), Some(effect)) = (cause.began().time, effect) else { return false };
+    let after = effect.since(began);
+    // Two reports of the same fault may occur in either order, the second one until the first has ended.
+    let (earliest, lasted) = if entry.effect == Effect::Same {
+        (entry.within, cause.lasted.unwrap_or(0))
+    } else {
+        (TOLD_LATE.min(entry.within), 0)
+    };
+    (-earliest..=entry.within.saturating_add(lasted)).contains(&after)
 }

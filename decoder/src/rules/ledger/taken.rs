@@ -37,6 +37,11 @@ impl Ledger {
         Some(place)
     }
 
+    /// Rules whose findings a device rule absorbs.
+    pub(super) fn absorbed_by(&self, rule: u16) -> &[Arc<str>] {
+        self.taken.by_rule.get(&rule).map_or(&[], Vec::as_slice)
+    }
+
     /// Finding of a device rule that absorbs this defect at its time.
     pub(super) fn taken_in_by(&self, rule: &RuleInfo, claim: &Claim) -> Option<u64> {
         let place = self.taker(rule, &claim.key)?;
