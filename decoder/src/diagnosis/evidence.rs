@@ -1,6 +1,6 @@
 //! What the capture disproves, and what it cannot show.
 
-use super::incident::Incident;
+use super::Plot;
 use crate::finding::{Findings, Scene};
 use crate::finding::phrase::length;
 use crate::wire::canopen::NmtState;
@@ -10,11 +10,11 @@ const SILENT_NODE: [&str; 4] = ["node-lost", "unexpected-boot", "guard-no-answer
 const SILENT_CONTROLLER: [&str; 2] = ["guard-late", "command-gap"];
 
 /// Causes that the capture disproves at the beginning of the story.
-pub(super) fn disproved(incident: &Incident<'_>) -> Vec<String> {
+pub(super) fn disproved(plot: &Plot<'_>) -> Vec<String> {
     let mut all = Vec::new();
-    let Some(root) = incident.findings.first().map(|it| it.group) else { return all };
+    let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
     let Some(scene) = root.scene.as_deref() else { return all };
-    let has = |rules: &[&str]| incident.findings.iter().any(|it| rules.contains(&&*it.group.rule));
+    let has = |rules: &[&str]| plot.findings.iter().any(|it| rules.contains(&&*it.group.rule));
     if let (Some(alive), false) = (&scene.alive, has(&SILENT_NODE)) {
         let (expected, age) = (length(alive.expected), length(alive.age));
         all.push(format!("node off the bus ({} {age} before, expected every {expected})", alive.by));
@@ -32,15 +32,15 @@ pub(super) fn disproved(incident: &Incident<'_>) -> Vec<String> {
 }
 
 /// What the capture cannot show.
-pub(super) fn unjudged(incident: &Incident<'_>, findings: &Findings) -> Vec<String> {
+pub(super) fn unjudged(plot: &Plot<'_>, findings: &Findings) -> Vec<String> {
     let mut all = Vec::new();
-    let scene: Option<&Scene> = incident.findings.first().and_then(|it| it.group.scene.as_deref());
+    let scene: Option<&Scene> = plot.findings.first().and_then(|it| it.group.scene.as_deref());
     if findings.error_frames == 0 {
         all.push("wiring: no error frames, and the capture does not show whether they were recorded".to_owned());
     }
     if let Some(scene) = scene {
         all.extend(scene.invisible.iter().map(|gate| format!("{gate}: not visible on the bus")));
-        if !scene.has_profile && incident.findings.first().is_some_and(|it| it.group.key.node.is_some()) {
+        if !scene.has_profile && plot.findings.first().is_some_and(|it| it.group.key.node.is_some()) {
             all.push("device states and manual: no profile assigned (--node ID=PROFILE)".to_owned());
         }
     }

@@ -1,10 +1,11 @@
 //! Lines of a story.
 
 use super::evidence::{disproved, unjudged};
-use super::incident::{Incident, IncidentFinding};
+use super::Plot;
+use super::incident::IncidentFinding;
 use super::ranking::ranking;
 use super::steps::NextStep;
-use crate::finding::phrase::{length, seconds, what};
+use crate::finding::phrase::{fact_text, length, seconds, what};
 use crate::finding::{Findings, Group, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
@@ -95,28 +96,31 @@ const NOWHERE: Occurrence = Occurrence { time: None, frames: crate::event::Frame
 
 impl Page<'_> {
     /// All lines of a story.
-    pub(super) fn lines(&self, incident: &Incident<'_>, steps: &[NextStep]) -> Vec<StoryLine> {
+    pub(super) fn lines(&self, plot: &Plot<'_>, steps: &[NextStep]) -> Vec<StoryLine> {
         let mut lines = Vec::new();
-        let Some(root) = incident.findings.first() else { return lines };
+        let Some(root) = plot.findings.first() else { return lines };
         let line = |label, text, at| StoryLine { label, text, at };
-        match ranking().record(&root.group.rule) {
-            Some(record) => {
+        let began = plot.fact.as_ref().map_or_else(|| root.group.began(), |fact| fact.at);
+        let titled = || format!("{}   {}", self.title(root.group), self.when(root.group));
+        match (&plot.fact, ranking().record(&root.group.rule)) {
+            (Some(fact), _) => {
+                let at = self.moment(fact.at).map_or_else(String::new, |at| format!("   at {at}"));
+                lines.push(line(Label::Cause, format!("{}{at}", fact_text(fact)), fact.at));
+            }
+            (None, Some(record)) => {
                 let text = format!("cause not visible in this capture; record next: {record}");
-                lines.push(line(Label::NoCause, text, root.group.began()));
-                let text = format!("{}   {}", self.title(root.group), self.when(root.group));
-                lines.push(line(Label::FirstEffect, text, root.group.began()));
+                lines.push(line(Label::NoCause, text, began));
+                lines.push(line(Label::FirstEffect, titled(), began));
             }
-            None => {
-                let text = format!("{}   {}", self.title(root.group), self.when(root.group));
-                lines.push(line(Label::Cause, text, root.group.began()));
-            }
+            (None, None) => lines.push(line(Label::Cause, titled(), began)),
         }
-        let more = self.more(root);
-        lines.extend(more.map(|more| line(Label::More, more, root.group.began())));
-        let mut effects: Vec<_> = incident.findings.iter().skip(1).collect();
+        let is_effect = plot.fact.is_some();
+        let more = self.more(root).filter(|_| !is_effect);
+        lines.extend(more.map(|more| line(Label::More, more, began)));
+        let mut effects: Vec<_> = plot.findings.iter().skip(usize::from(!is_effect)).collect();
         effects.sort_by_key(|it| (it.group.began().time, std::cmp::Reverse(it.severity())));
         for effect in effects.iter().take(SHOWN_EFFECTS) {
-            lines.push(line(Label::Effect, self.effect(root.group, effect), effect.group.began()));
+            lines.push(line(Label::Effect, self.effect((root.group, began), effect), effect.group.began()));
         }
         let rest = effects.len().saturating_sub(SHOWN_EFFECTS);
         if rest > 0 {
@@ -127,18 +131,18 @@ impl Page<'_> {
             let section = if step.section.is_empty() { String::new() } else { format!(" ({})", step.section) };
             lines.push(line(label, format!("{place} {}{section}", step.text), NOWHERE));
         }
-        let joined = [(Label::Disproved, disproved(incident)), (Label::Unjudged, unjudged(incident, self.findings))];
+        let joined = [(Label::Disproved, disproved(plot)), (Label::Unjudged, unjudged(plot, self.findings))];
         for (label, parts) in joined.into_iter().filter(|(_, parts)| !parts.is_empty()) {
             lines.push(line(label, parts.join("; "), NOWHERE));
         }
-        let manual = incident.findings.iter().find_map(|it| it.group.manual.as_deref());
+        let manual = plot.findings.iter().find_map(|it| it.group.manual.as_deref());
         lines.extend(manual.map(|manual| line(Label::Manual, manual.to_owned(), NOWHERE)));
         lines
     }
 
     /// A finding that is only a note.
-    pub(super) fn note(&self, incident: &Incident<'_>) -> Option<StoryLine> {
-        let group = incident.findings.first()?.group;
+    pub(super) fn note(&self, plot: &Plot<'_>) -> Option<StoryLine> {
+        let group = plot.findings.first()?.group;
         Some(StoryLine { label: Label::Note, text: self.title(group), at: group.began() })
     }
 
@@ -168,9 +172,14 @@ impl Page<'_> {
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 
+    /// `7.204 s`.
+    fn moment(&self, at: Occurrence) -> Option<String> {
+        Some(seconds(at.time?.since(self.zero?)))
+    }
+
     /// `at 7.204 s`, `7.204 to 10.430 s, 12 times`, `from 7.204 s to the end`.
     fn when(&self, group: &Group) -> String {
-        let moment = |at: Occurrence| Some(seconds(at.time?.since(self.zero?)));
+        let moment = |at: Occurrence| self.moment(at);
         let mut text = match (moment(group.began()), moment(group.ended())) {
             (Some(began), _) if group.lasts_to_end => format!("from {began} to the end of the capture"),
             (Some(began), _) if group.lasted.is_some_and(|lasted| lasted > 0) => {
@@ -187,9 +196,9 @@ impl Page<'_> {
     }
 
     /// `+2 ms   ACTIVE → FAULT HOLD {105}`.
-    fn effect(&self, root: &Group, finding: &IncidentFinding<'_>) -> String {
+    fn effect(&self, (root, began): (&Group, Occurrence), finding: &IncidentFinding<'_>) -> String {
         let group = finding.group;
-        let delay = group.began().time.zip(root.began().time).map(|(effect, cause)| effect.since(cause));
+        let delay = group.began().time.zip(began.time).map(|(effect, cause)| effect.since(cause));
         let delay = delay.map_or_else(String::new, |delay| {
             let sign = if delay <= -1_000_000 { '-' } else { '+' };
             format!("{sign}{}  ", length(delay.saturating_abs()))

@@ -17,9 +17,12 @@ mod steps;
 pub use lines::{Label, StoryLine};
 pub use steps::NextStep;
 
-use self::incident::{Incident, incidents};
+use std::sync::Arc;
+
+use self::incident::{Incident, IncidentFinding, incidents};
 use self::ranking::ranking;
-use crate::finding::{Findings, Group, Occurrence, Severity};
+use crate::finding::phrase::fact_text;
+use crate::finding::{Cause, FactCause, Findings, Group, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
@@ -85,11 +88,11 @@ impl Diagnosis {
         });
         let page = lines::Page { findings, zero: setting.zero, has_several_buses };
         let mut diagnosis = Self::default();
-        for incident in incidents(counting) {
-            if incident.severity == Severity::Note {
-                diagnosis.notes.extend(page.note(&incident));
+        for plot in plots(incidents(counting)) {
+            if plot.severity() == Severity::Note {
+                diagnosis.notes.extend(page.note(&plot));
             } else {
-                diagnosis.stories.extend(story(&incident, &page));
+                diagnosis.stories.extend(story(&plot, &page));
             }
         }
         diagnosis.stories.sort_by(|one, other| match setting.latest {
@@ -116,28 +119,65 @@ fn order(story: &Story) -> (Option<Timestamp>, u64) {
     (story.began.time, story.began.frames.first)
 }
 
-fn story(incident: &Incident<'_>, page: &lines::Page<'_>) -> Option<Story> {
-    let root = incident.findings.first()?.group;
+/// Findings of one story: an incident, or all incidents with the same fact as their cause.
+struct Plot<'a> {
+    /// Fact that is the cause; else the first finding is the cause.
+    fact: Option<Arc<FactCause>>,
+    findings: Vec<IncidentFinding<'a>>,
+}
+
+impl Plot<'_> {
+    fn severity(&self) -> Severity {
+        let all = self.findings.iter().map(IncidentFinding::severity);
+        all.max().unwrap_or(Severity::Note)
+    }
+
+    /// The finding that is the cause, or the first effect of a fact.
+    fn root(&self) -> Option<&Group> {
+        self.findings.first().map(|finding| finding.group)
+    }
+}
+
+/// Joins incidents with the same fact as their cause.
+fn plots(incidents: Vec<Incident<'_>>) -> Vec<Plot<'_>> {
+    let mut plots: Vec<Plot<'_>> = Vec::new();
+    for incident in incidents {
+        let fact = match incident.findings.first().and_then(|it| it.group.cause.as_ref()) {
+            Some(Cause::Fact(fact)) => Some(Arc::clone(fact)),
+            _ => None,
+        };
+        let known = plots.iter_mut().find(|plot| fact.is_some() && plot.fact == fact);
+        match known {
+            Some(plot) => plot.findings.extend(incident.findings),
+            None => plots.push(Plot { fact, findings: incident.findings }),
+        }
+    }
+    plots
+}
+
+fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
+    let root = plot.root()?;
     let ranking = ranking();
-    let weights = incident.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
-    let of_nodes = incident.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
+    let weights = plot.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
+    let of_nodes = plot.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
     let mut nodes: Vec<_> = of_nodes.collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let all = || incident.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()));
+    let all = || plot.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()));
     let ended = all().map(Group::ended).max_by_key(|at| (at.time, at.frames.last));
-    let steps = steps::steps(incident);
+    let steps = steps::steps(plot);
+    let began = plot.fact.as_ref().map_or_else(|| root.began(), |fact| fact.at);
     Some(Story {
         bus: root.key.bus,
-        node: root.key.node,
-        severity: incident.severity,
-        is_cause_visible: ranking.record(&root.rule).is_none(),
-        title: page.title(root),
+        node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
+        severity: plot.severity(),
+        is_cause_visible: plot.fact.is_some() || ranking.record(&root.rule).is_none(),
+        title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| fact_text(fact)),
         findings: all().map(|group| group.id).collect(),
         nodes,
-        began: root.began(),
+        began,
         ended: ended.unwrap_or_else(|| root.ended()),
-        lines: page.lines(incident, &steps),
+        lines: page.lines(plot, &steps),
         steps,
         rank: weights.sum(),
     })

@@ -1,6 +1,6 @@
 //! What to do now: steps from manual, rule and state machine.
 
-use super::incident::Incident;
+use super::Plot;
 use crate::finding::{Advice, Group};
 use crate::profile;
 
@@ -19,25 +19,28 @@ pub struct NextStep {
 }
 
 /// At most [`COUNT`] steps of a story, most likely cause first.
-pub(super) fn steps(incident: &Incident<'_>) -> Vec<NextStep> {
+pub(super) fn steps(plot: &Plot<'_>) -> Vec<NextStep> {
     let mut all = Vec::new();
-    let Some(root) = incident.findings.first().map(|it| it.group) else { return all };
+    let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
+    if let Some(fact) = plot.fact.as_ref().filter(|fact| !fact.next.is_empty()) {
+        add(&mut all, &fact.next, "", "rule");
+    }
     advice(root, &mut all, |it| matches!(it.by, "emcy" | "dtc"));
     let is_of_device = root.rule.contains(':');
     if is_of_device {
         rule(root, &mut all);
     }
-    if incident.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
+    if plot.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
         hints(LOST_SETTINGS, &mut all);
     }
     advice(root, &mut all, |it| it.by == "code");
     hints(&root.rule, &mut all);
-    for finding in &incident.findings {
+    for finding in &plot.findings {
         advice(finding.group, &mut all, |it| it.by == "state");
     }
     rule(root, &mut all);
     advice(root, &mut all, |it| it.by == "gate");
-    for finding in &incident.findings {
+    for finding in &plot.findings {
         rule(finding.group, &mut all);
     }
     all.truncate(COUNT);

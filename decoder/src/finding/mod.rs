@@ -157,12 +157,29 @@ pub struct Occurrence {
 }
 
 /// Cause of a finding.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Cause {
     /// Another group, by its id.
     Group(u64),
     /// A defect of the capture or the bus, as text.
     Quality(Arc<str>),
+    /// A command, a write or another fact that no rule judges.
+    Fact(Arc<FactCause>),
+}
+
+/// A fact that is the cause of a finding.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FactCause {
+    /// Node that the fact concerns; `None` for the bus or all nodes.
+    pub node: Option<NodeId>,
+    /// Name of the node in the bus file.
+    pub node_name: Option<Arc<str>>,
+    /// What happened.
+    pub text: String,
+    /// First step for the reader; empty for none.
+    pub next: Arc<str>,
+    /// When it happened, and its frames.
+    pub at: Occurrence,
 }
 
 /// Findings with the same rule, bus, node and subject.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Group, Occurrence};
+use super::{Cause, FactCause, Group, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 
@@ -11,6 +11,15 @@ pub fn who(group: &Group) -> String {
     let node = group.key.node.map(NodeId::label);
     let parts = [Some(group.bus.to_string()), node, group.node_name.as_deref().map(str::to_owned)];
     parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+/// Text of a fact with its node and frames: `7/07 mixer  1005:00 = 40000080h written {185-188}`.
+pub fn fact_text(fact: &FactCause) -> String {
+    let parts = [fact.node.map(NodeId::label), fact.node_name.as_deref().map(str::to_owned)];
+    let who = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
+    let gap = if who.is_empty() { "" } else { "  " };
+    let frames = moment(Occurrence { time: None, frames: fact.at.frames }, None);
+    format!("{who}{gap}{} {frames}", fact.text).trim_end().to_owned()
 }
 
 /// The subject of a finding and its text: `1018:01 Vendor-ID: response after 300 ms`.
@@ -96,6 +105,9 @@ pub(crate) fn notes_of(group: &Group, moment: impl Fn(Occurrence) -> String) -> 
     }
     if let Some(reason) = &group.downgraded {
         notes.push(format!("severity lowered: {reason}"));
+    }
+    if let Some(Cause::Fact(fact)) = &group.cause {
+        notes.push(format!("cause: {}", fact_text(fact)));
     }
     notes.extend(group.manual.as_ref().map(|manual| format!("manual: {manual}")));
     notes

@@ -303,13 +303,14 @@ impl<'b, 'a> Alarm<'b, 'a> {
         {
             return context.ledger.waive(rule);
         }
-        let claim = Claim {
+        let mut claim = Claim {
             key: Key { rule, bus: bus.index(), node, about },
             severity,
             measure,
             word,
             is_ongoing,
             is_presumed,
+            no_consumer: None,
             reason,
             assumed,
             now: context.now,
@@ -317,10 +318,13 @@ impl<'b, 'a> Alarm<'b, 'a> {
             since: since.or(at.time),
         };
         let is_new = !context.ledger.knows(&claim.key);
+        let (traffic, meter, now) = (context.traffic, context.meter, context.now);
+        let view = View { bus, traffic, meter, now };
+        if is_new {
+            claim.no_consumer = node.and_then(|node| view.no_consumer(node)).map(Arc::new);
+        }
         let waits = context.ledger.fail(&claim, (context.bus_name, known), text);
         if is_new {
-            let (traffic, meter, now) = (context.traffic, context.meter, context.now);
-            let view = View { bus, traffic, meter, now };
             context.ledger.set_scene(&claim.key, || view.scene(node, &claim.key.about));
         }
         if let Some(place) = waits {

@@ -2,15 +2,18 @@
 
 use super::meter::Meter;
 use super::traffic::Traffic;
-use crate::event::Certainty;
-use crate::finding::{About, Advice, Alive, CommandStream, Scene};
-use crate::profile::{self, Device, PdoDirection};
+use crate::event::{Certainty, FrameRange};
+use crate::finding::{About, Advice, Alive, CommandStream, FactCause, Occurrence, Scene};
+use crate::profile::{self, Device, PdoDirection, PdoName};
 use crate::session::{Bus, GateState, GateStatus, Node, Watch};
 use crate::wire::NodeId;
-use crate::wire::canopen::NmtState;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Maximum number of proposed steps.
 const ADVICE: usize = 8;
+
+/// Number of RPDOs of the predefined connection set.
+const RPDOS: u16 = 4;
 
 /// View of the bus at the beginning of a finding.
 pub(super) struct View<'a> {
@@ -44,6 +47,31 @@ impl View<'_> {
             has_profile: node.assigned().is_some(),
             ..bus_only
         }
+    }
+
+    /// Commands on an identifier without a known consumer, while an RPDO of the node never arrived on its own.
+    pub(super) fn no_consumer(&self, id: NodeId) -> Option<FactCause> {
+        let orphan = self.traffic.slots().iter().find(|slot| {
+            let is_rpdo = |(pdo, node): (PdoName, NodeId)| {
+                pdo.direction == PdoDirection::Receive && self.bus.node(node).is_none_or(|it| it.last_seen().0 == 0)
+            };
+            self.bus.pdo_on(slot.id).is_some_and(is_rpdo) && self.bus.pdo_users(slot.id).is_empty()
+        })?;
+        let rpdos = (1..=RPDOS).map(|number| PdoName { direction: PdoDirection::Receive, number });
+        let mut configured = rpdos.filter_map(|pdo| {
+            let (own, is_confirmed) = self.bus.pdo_identifier(id, pdo)?;
+            (is_confirmed && self.traffic.of(own).is_none()).then_some((pdo, own))
+        });
+        let (pdo, own) = configured.next()?;
+        let object = ObjectAddress::new(pdo.communication_index(), 1);
+        let text = format!(
+            "commands on {}h without a known consumer; {pdo} of {} is {own}h ({object}), never on the bus",
+            orphan.id,
+            id.label()
+        );
+        let frames = FrameRange::one(orphan.frames.0);
+        let time = self.bus.stamp_of(orphan.last);
+        Some(FactCause { node: None, node_name: None, text, next: "".into(), at: Occurrence { time, frames } })
     }
 
     /// Heartbeat or guarding response, if it arrived within its configured time.

@@ -2,6 +2,7 @@
 
 pub(super) mod causes;
 mod explained;
+mod facts;
 mod judged;
 mod manual;
 mod taken;
@@ -11,12 +12,13 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
+use self::facts::Facts;
 use self::causes::{Effect, Explanation};
 use super::conformance::{Run, Standing};
 use super::policy::Policy;
-use crate::event::{FindingNews, FrameRange};
+use crate::event::{Event, FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene, Severity,
+    About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene, Severity,
     Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
@@ -39,6 +41,8 @@ pub(super) struct Claim {
     pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
+    /// Commands to the node on an identifier without a consumer.
+    pub(super) no_consumer: Option<Arc<FactCause>>,
     /// Findings with different reasons are not merged: an abort code, a closed gate.
     pub(super) reason: Option<Box<str>>,
     /// Factory setting that the check assumed, as reason for a lower severity.
@@ -131,6 +135,8 @@ pub(super) struct Ledger {
     taken: DeviceRuleCauses,
     /// Monotonic time of the last event of a kind on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
+    /// Facts that may explain findings.
+    facts: Facts,
     ungrouped: u64,
     /// Current conformance test run.
     run: Run,
@@ -156,6 +162,7 @@ impl Ledger {
             latest: HashMap::default(),
             taken: DeviceRuleCauses::default(),
             kinds: HashMap::default(),
+            facts: Facts::default(),
             ungrouped: 0,
             run: Run::default(),
             news: Vec::new(),
@@ -197,6 +204,11 @@ impl Ledger {
     /// Records an event that may explain findings.
     pub(super) fn saw(&mut self, kind: &'static str, bus: BusIndex, now: i64) {
         self.kinds.insert((kind, bus), now);
+    }
+
+    /// Records a command, a write or an error frame that may explain findings.
+    pub(super) fn observe(&mut self, event: &Event, bus: &Bus, now: i64) {
+        self.facts.observe(event, bus, now);
     }
 
     /// Records a defect. Returns the index of its group if the caller must wait for [`QUIET`].

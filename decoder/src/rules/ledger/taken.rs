@@ -38,6 +38,11 @@ impl Ledger {
         Some(place)
     }
 
+    /// Rules whose findings a device rule absorbs.
+    pub(super) fn absorbed_by(&self, rule: u16) -> &[Arc<str>] {
+        self.taken.by_rule.get(&rule).map_or(&[], |it| it.takes_in.as_slice())
+    }
+
     /// Finding of a device rule that absorbs this defect at its time.
     pub(super) fn taken_in_by(&self, rule: &RuleInfo, claim: &Claim) -> Option<u64> {
         let place = self.taker(rule, &claim.key)?;
@@ -53,16 +58,23 @@ impl Ledger {
         (one.since(other).unsigned_abs() <= WINDOW.unsigned_abs()).then_some(by.id)
     }
 
-    /// Finding in `follows` of a device rule that explains this defect: it lasts, or was recent.
-    pub(super) fn followed(&self, claim: &Claim) -> Option<u64> {
+    /// Names in `follows` of a device rule.
+    pub(super) fn follows(&self, rule: u16) -> &[Arc<str>] {
+        self.taken.by_rule.get(&rule).map_or(&[], |it| it.follows.as_slice())
+    }
+
+    /// Finding or fact in `follows` of a device rule that explains this defect: it lasts, or was recent.
+    pub(super) fn followed(&self, claim: &Claim) -> Option<Cause> {
         let follows = &self.taken.by_rule.get(&claim.key.rule)?.follows;
         let from = claim.now.saturating_sub(causes().follows.within);
         follows.iter().find_map(|name| {
-            let rule = self.rules.iter().position(|rule| rule.name == *name)?;
+            let Some(rule) = self.rules.iter().position(|rule| rule.name == *name) else {
+                return self.facts.find(name, claim.key.bus, None, from).map(Cause::Fact);
+            };
             let key = (u16::try_from(rule).ok()?, claim.key.bus, claim.key.node);
             let (place, seen) = *self.latest.get(&key)?;
             let group = self.groups.get(place)?;
-            (seen >= from || self.is_lasting(place)).then_some(group.id)
+            (seen >= from || self.is_ongoing(place)).then_some(Cause::Group(group.id))
         })
     }
 

@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use super::format::FindingFormat;
 use super::report::{CaptureResult, Outcome, Report, Standing};
 use crate::event::FrameRange;
+use crate::finding::phrase::fact_text;
 use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally, Verdict};
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, Fields as _};
@@ -294,6 +295,7 @@ fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
     match &group.cause {
         Some(Cause::Group(id)) => line.field("cause_finding", FieldValue::Unsigned(*id)),
         Some(Cause::Quality(text)) => line.field("cause", FieldValue::Text(text)),
+        Some(Cause::Fact(fact)) => line.field("cause", FieldValue::Text(&fact_text(fact))),
         None => {}
     }
     if let Some(id) = group.member_of {

@@ -13,7 +13,7 @@ use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::diagnosis::incident::absorbed;
-use cobscope_decoder::finding::phrase::{self, moment, sentence, what, who};
+use cobscope_decoder::finding::phrase::{self, fact_text, moment, sentence, what, who};
 use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
@@ -119,6 +119,7 @@ fn cause(findings: &Findings, group: &Group) -> Option<String> {
             Some(format!("{} {} [{}]", who(cause), what(cause), cause.rule))
         }
         Cause::Quality(text) => Some(text.to_string()),
+        Cause::Fact(fact) => Some(fact_text(fact)),
     }
 }
 
