@@ -10,6 +10,7 @@ mod damaged;
 mod dbc;
 mod device_files;
 mod device_rules;
+mod diagnosis;
 mod devices;
 mod dialects;
 mod examples;

@@ -102,7 +102,7 @@ impl Page<'_> {
         let line = |label, text, at| StoryLine { label, text, at };
         let began = plot.fact.as_ref().map_or_else(|| root.group.began(), |fact| fact.at);
         let titled = || format!("{}   {}", self.title(root.group), self.when(root.group));
-        match (&plot.fact, ranking().record(&root.group.rule)) {
+        match (&plot.fact, ranking().record(root.group)) {
             (Some(fact), _) => {
                 let at = self.moment(fact.at).map_or_else(String::new, |at| format!("   at {at}"));
                 lines.push(line(Label::Cause, format!("{}{at}", fact_text(fact)), fact.at));

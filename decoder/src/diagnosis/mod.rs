@@ -171,7 +171,7 @@ fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
         bus: root.key.bus,
         node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
         severity: plot.severity(),
-        is_cause_visible: plot.fact.is_some() || ranking.record(&root.rule).is_none(),
+        is_cause_visible: plot.fact.is_some() || ranking.record(root).is_none(),
         title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| fact_text(fact)),
         findings: all().map(|group| group.id).collect(),
         nodes,

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use crate::finding::Severity;
+use crate::finding::{About, Group, Severity};
 
 /// Weights and roles of findings.
 #[derive(Debug, Default)]
@@ -13,8 +13,17 @@ pub(super) struct Ranking {
     weight: Weight,
     part: f64,
     usage: Vec<String>,
-    /// Recording to make, by rule.
-    effects: HashMap<String, String>,
+    /// Findings that state an effect, by rule.
+    effects: HashMap<String, EffectRole>,
+}
+
+/// Role of a finding that states an effect.
+#[derive(Debug, Clone)]
+struct EffectRole {
+    /// What to record next.
+    record: String,
+    /// First and last EMCY code.
+    codes: Option<[u16; 2]>,
 }
 
 #[derive(Deserialize)]
@@ -45,6 +54,8 @@ struct Usage {
 struct Row {
     rules: Vec<String>,
     record: String,
+    #[serde(default)]
+    codes: Option<[u16; 2]>,
 }
 
 impl Ranking {
@@ -58,9 +69,14 @@ impl Ranking {
         if self.usage.iter().any(|known| known == rule) { weight * self.part } else { weight }
     }
 
-    /// What to record next, if findings of the rule state an effect only.
-    pub(super) fn record(&self, rule: &str) -> Option<&str> {
-        self.effects.get(rule).map(String::as_str)
+    /// What to record next, if a finding states an effect only.
+    pub(super) fn record(&self, group: &Group) -> Option<&str> {
+        let role = self.effects.get(&*group.rule)?;
+        let is_meant = match (role.codes, &group.key.about) {
+            (Some([first, last]), About::Code(code)) => (first..=last).contains(code),
+            _ => true,
+        };
+        is_meant.then_some(role.record.as_str())
     }
 }
 
@@ -73,8 +89,8 @@ pub(super) fn ranking() -> &'static Ranking {
             return Ranking::default();
         };
         let effects = file.effect.into_iter().flat_map(|row| {
-            let record = row.record;
-            row.rules.into_iter().map(move |rule| (rule, record.clone()))
+            let role = EffectRole { record: row.record, codes: row.codes };
+            row.rules.into_iter().map(move |rule| (rule, role.clone()))
         });
         Ranking {
             weight: file.weight,
@@ -106,6 +122,5 @@ mod tests {
         let ranking = ranking();
         let weight = |rule| ranking.weight(rule, Severity::Warning);
         assert!(weight("emcy-raised") > weight("access-type"));
-        assert!(ranking.record("state-lost").is_some() && ranking.record("emcy-raised").is_none());
     }
 }
