@@ -91,7 +91,8 @@ fn without_its_frames_the_cause_is_not_visible() {
     let mut wrong = Vec::new();
     for (path, expected) in expectations() {
         let frames = fs::read_to_string(path.with_extension("log")).unwrap();
-        let numbered = (1..).zip(frames.lines()).filter(|(number, _)| !contains(&expected.cause_frames, *number));
+        let numbered =
+            (1..).zip(frames.lines()).filter(|(number, _)| !contains(&expected.cause_frames, *number));
         let cut: Vec<_> = numbered.map(|(_, line)| line).collect();
         let found = stories(&findings(&path, &expected.node, &expected.bus_file, &cut.join("\n")));
         // Where only notes remain, nothing may be named.

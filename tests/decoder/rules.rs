@@ -202,7 +202,8 @@ fn compare(capture: &Annotated, report: &mut String) {
         capture.marks.iter().partition(|(_, _, _, wanted)| wanted.contains_key("same"));
     for (number, _, rule, wanted) in absorbed {
         if !is_absorbed(&findings, *number, rule, wanted) {
-            writeln!(report, "{}: behind frame {number}: no absorbed {rule} {wanted:?}", capture.name).unwrap();
+            writeln!(report, "{}: behind frame {number}: no absorbed {rule} {wanted:?}", capture.name)
+                .unwrap();
         }
     }
     for (number, closes, rule, wanted) in marks {

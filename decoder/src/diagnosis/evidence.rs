@@ -1,8 +1,8 @@
 //! What the capture disproves, and what it cannot show.
 
-use super::Plot;
-use crate::finding::{Findings, Scene};
+use super::plot::Plot;
 use crate::finding::phrase::length;
+use crate::finding::{Findings, Scene};
 use crate::wire::canopen::NmtState;
 
 /// Rules whose findings state themselves that the node or the controller is silent.
@@ -36,10 +36,17 @@ pub(super) fn unjudged(plot: &Plot<'_>, findings: &Findings) -> Vec<String> {
     let mut all = Vec::new();
     let scene: Option<&Scene> = plot.findings.first().and_then(|it| it.group.scene.as_deref());
     if findings.error_frames == 0 {
-        all.push("wiring: no error frames, and the capture does not show whether they were recorded".to_owned());
+        all.push(
+            "wiring: no error frames, and the capture does not show whether they were recorded".to_owned(),
+        );
     }
     if let Some(scene) = scene {
-        all.extend(scene.invisible.iter().map(|gate| format!("{gate}: not visible on the bus")));
+        for gate in &scene.invisible {
+            let text = format!("{gate}: not visible on the bus");
+            if !all.contains(&text) {
+                all.push(text);
+            }
+        }
         if !scene.has_profile && plot.findings.first().is_some_and(|it| it.group.key.node.is_some()) {
             all.push("device states and manual: no profile assigned (--node ID=PROFILE)".to_owned());
         }

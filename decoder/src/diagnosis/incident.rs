@@ -35,7 +35,8 @@ impl IncidentFinding<'_> {
     /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After [`SHOWN_MEMBERS`] only their number
     /// follows.
     pub fn also(&self) -> Option<String> {
-        let shown: Vec<_> = self.members.iter().take(SHOWN_MEMBERS).map(|it| it.key.about.to_string()).collect();
+        let shown: Vec<_> =
+            self.members.iter().take(SHOWN_MEMBERS).map(|it| it.key.about.to_string()).collect();
         let rest = self.members.len().saturating_sub(SHOWN_MEMBERS);
         let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
         let total = self.members.iter().fold(self.group.count, |total, it| total.saturating_add(it.count));

@@ -1,8 +1,10 @@
 //! Lines of a story.
 
+use std::fmt::Write as _;
+
 use super::evidence::{disproved, unjudged};
-use super::Plot;
 use super::incident::IncidentFinding;
+use super::plot::Plot;
 use super::ranking::ranking;
 use super::steps::NextStep;
 use crate::finding::phrase::{fact_text, length, seconds, what};
@@ -115,7 +117,7 @@ impl Page<'_> {
             (None, None) => lines.push(line(Label::Cause, titled(), began)),
         }
         let is_effect = plot.fact.is_some();
-        let more = self.more(root).filter(|_| !is_effect);
+        let more = more(root).filter(|_| !is_effect);
         lines.extend(more.map(|more| line(Label::More, more, began)));
         let mut effects: Vec<_> = plot.findings.iter().skip(usize::from(!is_effect)).collect();
         effects.sort_by_key(|it| (it.group.began().time, std::cmp::Reverse(it.severity())));
@@ -128,7 +130,8 @@ impl Page<'_> {
         }
         for (place, step) in (1..).zip(steps) {
             let label = if place == 1 { Label::Act } else { Label::More };
-            let section = if step.section.is_empty() { String::new() } else { format!(" ({})", step.section) };
+            let section =
+                if step.section.is_empty() { String::new() } else { format!(" ({})", step.section) };
             lines.push(line(label, format!("{place} {}{section}", step.text), NOWHERE));
         }
         let joined = [(Label::Disproved, disproved(plot)), (Label::Unjudged, unjudged(plot, self.findings))];
@@ -160,18 +163,6 @@ impl Page<'_> {
         parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
     }
 
-    /// The worst occurrence, the members, and the reason for a lower severity.
-    fn more(&self, finding: &IncidentFinding<'_>) -> Option<String> {
-        let group = finding.group;
-        let mut parts = Vec::new();
-        if let Some((_, text, at)) = &group.worst {
-            parts.push(format!("worst {text}{}", frames(*at)));
-        }
-        parts.extend(finding.also());
-        parts.extend(group.downgraded.as_ref().map(|reason| format!("severity lowered: {reason}")));
-        (!parts.is_empty()).then(|| parts.join("; "))
-    }
-
     /// `7.204 s`.
     fn moment(&self, at: Occurrence) -> Option<String> {
         Some(seconds(at.time?.since(self.zero?)))
@@ -190,7 +181,7 @@ impl Page<'_> {
             (None, _) => "no time".to_owned(),
         };
         if group.count > 1 {
-            text.push_str(&format!(", {} times", group.count));
+            let _ = write!(text, ", {} times", group.count);
         }
         format!("{text} [{}]", group.rule)
     }
@@ -209,6 +200,18 @@ impl Page<'_> {
         let also = finding.also().map_or_else(String::new, |also| format!("; {also}"));
         format!("{delay}{text}{more}{also}")
     }
+}
+
+/// The worst occurrence, the members, and the reason for a lower severity.
+fn more(finding: &IncidentFinding<'_>) -> Option<String> {
+    let group = finding.group;
+    let mut parts = Vec::new();
+    if let Some((_, text, at)) = &group.worst {
+        parts.push(format!("worst {text}{}", frames(*at)));
+    }
+    parts.extend(finding.also());
+    parts.extend(group.downgraded.as_ref().map(|reason| format!("severity lowered: {reason}")));
+    (!parts.is_empty()).then(|| parts.join("; "))
 }
 
 /// Text of a finding with its first frames, unless the text already names them.

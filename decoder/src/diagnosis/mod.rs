@@ -11,6 +11,7 @@
 mod evidence;
 pub mod incident;
 mod lines;
+mod plot;
 mod ranking;
 mod steps;
 
@@ -19,10 +20,11 @@ pub use steps::NextStep;
 
 use std::sync::Arc;
 
-use self::incident::{Incident, IncidentFinding, incidents};
+use self::incident::incidents;
+use self::plot::{Plot, plots};
 use self::ranking::ranking;
 use crate::finding::phrase::fact_text;
-use crate::finding::{Cause, FactCause, Findings, Group, Occurrence, Severity};
+use crate::finding::{Findings, Group, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
@@ -31,9 +33,12 @@ use crate::wire::NodeId;
 pub struct Setting {
     /// Timestamp of the first frame, the zero of printed times.
     pub zero: Option<Timestamp>,
-    /// The latest story is first: the capture ends at the requested moment.
-    pub latest: bool,
+    /// The capture ends at this requested moment: only stories that last, or ended up to [`RECENT`] before it.
+    pub end: Option<Timestamp>,
 }
+
+/// Time in ns for which a story counts after its last finding, for a diagnosis of a moment.
+pub const RECENT: i64 = 10_000_000_000;
 
 /// Stories of a capture, most important first.
 #[derive(Debug, Clone, Default)]
@@ -59,12 +64,16 @@ pub struct Story {
     pub title: String,
     /// Ids of all findings, cause first.
     pub findings: Vec<u64>,
+    /// Rules of the findings, without those printed with another one.
+    pub rules: Vec<Arc<str>>,
     /// Nodes that the findings concern.
     pub nodes: Vec<(BusIndex, NodeId)>,
     /// First occurrence of the cause.
     pub began: Occurrence,
     /// Last occurrence of any finding.
     pub ended: Occurrence,
+    /// A condition of the story still held at the end of the capture.
+    pub lasts: bool,
     /// Steps to take, at most three.
     pub steps: Vec<NextStep>,
     /// All lines in order.
@@ -75,13 +84,19 @@ pub struct Story {
 impl Story {
     /// The cause, its effects and the steps, without evidence and manual.
     pub fn brief(&self) -> impl Iterator<Item = &StoryLine> {
-        self.lines.iter().take_while(|line| !matches!(line.label, Label::Disproved | Label::Unjudged | Label::Manual))
+        self.lines
+            .iter()
+            .take_while(|line| !matches!(line.label, Label::Disproved | Label::Unjudged | Label::Manual))
     }
 }
 
 impl Diagnosis {
     /// Diagnosis from those findings that count in the output.
-    pub fn of<'a>(findings: &'a Findings, counting: impl Iterator<Item = &'a Group>, setting: Setting) -> Self {
+    pub fn of<'a>(
+        findings: &'a Findings,
+        counting: impl Iterator<Item = &'a Group>,
+        setting: Setting,
+    ) -> Self {
         let has_several_buses = findings.groups.windows(2).any(|pair| match pair {
             [one, other] => one.key.bus != other.key.bus,
             _ => false,
@@ -95,10 +110,14 @@ impl Diagnosis {
                 diagnosis.stories.extend(story(&plot, &page));
             }
         }
-        diagnosis.stories.sort_by(|one, other| match setting.latest {
-            true => (other.ended.time, other.ended.frames.last).cmp(&(one.ended.time, one.ended.frames.last)),
-            false => other.rank.total_cmp(&one.rank).then(order(one).cmp(&order(other))),
-        });
+        if let Some(end) = setting.end {
+            diagnosis
+                .stories
+                .retain(|story| story.lasts || story.ended.time.is_none_or(|time| end.since(time) <= RECENT));
+        }
+        diagnosis
+            .stories
+            .sort_by(|one, other| other.rank.total_cmp(&one.rank).then(order(one).cmp(&order(other))));
         diagnosis
     }
 
@@ -117,42 +136,6 @@ pub fn stories(count: usize) -> String {
 
 fn order(story: &Story) -> (Option<Timestamp>, u64) {
     (story.began.time, story.began.frames.first)
-}
-
-/// Findings of one story: an incident, or all incidents with the same fact as their cause.
-struct Plot<'a> {
-    /// Fact that is the cause; else the first finding is the cause.
-    fact: Option<Arc<FactCause>>,
-    findings: Vec<IncidentFinding<'a>>,
-}
-
-impl Plot<'_> {
-    fn severity(&self) -> Severity {
-        let all = self.findings.iter().map(IncidentFinding::severity);
-        all.max().unwrap_or(Severity::Note)
-    }
-
-    /// The finding that is the cause, or the first effect of a fact.
-    fn root(&self) -> Option<&Group> {
-        self.findings.first().map(|finding| finding.group)
-    }
-}
-
-/// Joins incidents with the same fact as their cause.
-fn plots(incidents: Vec<Incident<'_>>) -> Vec<Plot<'_>> {
-    let mut plots: Vec<Plot<'_>> = Vec::new();
-    for incident in incidents {
-        let fact = match incident.findings.first().and_then(|it| it.group.cause.as_ref()) {
-            Some(Cause::Fact(fact)) => Some(Arc::clone(fact)),
-            _ => None,
-        };
-        let known = plots.iter_mut().find(|plot| fact.is_some() && plot.fact == fact);
-        match known {
-            Some(plot) => plot.findings.extend(incident.findings),
-            None => plots.push(Plot { fact, findings: incident.findings }),
-        }
-    }
-    plots
 }
 
 fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
@@ -174,9 +157,11 @@ fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
         is_cause_visible: plot.fact.is_some() || ranking.record(root).is_none(),
         title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| fact_text(fact)),
         findings: all().map(|group| group.id).collect(),
+        rules: plot.findings.iter().map(|it| Arc::clone(&it.group.rule)).collect(),
         nodes,
         began,
         ended: ended.unwrap_or_else(|| root.ended()),
+        lasts: all().any(|group| group.lasts_to_end),
         lines: page.lines(plot, &steps),
         steps,
         rank: weights.sum(),

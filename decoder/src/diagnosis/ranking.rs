@@ -64,7 +64,7 @@ impl Ranking {
         let weight = match severity {
             Severity::Error => self.weight.error,
             Severity::Warning => self.weight.warning,
-            _ => self.weight.note,
+            Severity::Note => self.weight.note,
         };
         if self.usage.iter().any(|known| known == rule) { weight * self.part } else { weight }
     }

@@ -1,6 +1,6 @@
 //! What to do now: steps from manual, rule and state machine.
 
-use super::Plot;
+use super::plot::Plot;
 use crate::finding::{Advice, Group};
 use crate::profile;
 

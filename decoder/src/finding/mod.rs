@@ -451,9 +451,8 @@ impl Findings {
 
     /// Number of reported groups of a severity; those printed with another group are not counted.
     pub fn number(&self, severity: Severity) -> usize {
-        let is_member = |group: &Group| {
-            group.member_of.and_then(|id| self.group(id)).is_some_and(Group::counts)
-        };
+        let is_member =
+            |group: &Group| group.member_of.and_then(|id| self.group(id)).is_some_and(Group::counts);
         self.counting().filter(|group| group.severity == severity && !is_member(group)).count()
     }
 

@@ -7,7 +7,7 @@ use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
 use super::{Reaction, Report, Suggestion};
-use crate::diagnosis::stories;
+use crate::diagnosis::{Label, stories};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus};
@@ -131,12 +131,18 @@ impl Page<'_> {
         let all = &report.diagnosis.stories;
         let selected = all.iter().enumerate().skip(report.story);
         let shown = if report.question.story > 0 { 1 } else { SHOWN_STORIES };
+        let mut unjudged = String::new();
         for (place, story) in selected.clone().take(shown) {
             if place > 0 {
                 self.line(0, "");
                 self.line(0, &format!("story {} of {}", place.saturating_add(1), all.len()));
             }
             for line in &story.lines {
+                if line.label == Label::Unjudged
+                    && std::mem::replace(&mut unjudged, line.text.clone()) == line.text
+                {
+                    continue;
+                }
                 self.line(0, format!("{:14} {}", line.label.word(), line.text).trim_end());
             }
         }
@@ -212,6 +218,8 @@ impl Page<'_> {
             let mut text = Text::new(&mut line, options);
             text.observe_time(self.setting.first);
             text.write(event, bus);
+            // Writing to memory cannot fail.
+            let _ = text.finish();
             drop(text);
             let line = String::from_utf8_lossy(&line).into_owned();
             self.line(1, line.trim_end());

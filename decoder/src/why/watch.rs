@@ -209,8 +209,10 @@ impl BusWatch {
         if is_known || self.of_findings.len() >= FINDINGS {
             return;
         }
-        let together =
-            self.open.as_mut().filter(|open| open.node == event.node && open.distance(event) == Distance::Together);
+        let together = self
+            .open
+            .as_mut()
+            .filter(|open| open.node == event.node && open.distance(event) == Distance::Together);
         if let Some(open) = together {
             open.findings.push(id);
             return;

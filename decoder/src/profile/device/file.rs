@@ -127,8 +127,10 @@ impl ProfileFile {
         let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
         let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
         let all = self.file.rule.iter().map(each);
-        all.flat_map(|(rule, span)| rule.takes_in.iter().chain(&rule.follows).map(move |name| (name.as_str(), span.clone())))
-            .filter(move |(name, _)| !own(name))
+        all.flat_map(|(rule, span)| {
+            rule.takes_in.iter().chain(&rule.follows).map(move |name| (name.as_str(), span.clone()))
+        })
+        .filter(move |(name, _)| !own(name))
     }
 
     /// Objects of all variants.

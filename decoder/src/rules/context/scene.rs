@@ -53,7 +53,8 @@ impl View<'_> {
     pub(super) fn no_consumer(&self, id: NodeId) -> Option<FactCause> {
         let orphan = self.traffic.slots().iter().find(|slot| {
             let is_rpdo = |(pdo, node): (PdoName, NodeId)| {
-                pdo.direction == PdoDirection::Receive && self.bus.node(node).is_none_or(|it| it.last_seen().0 == 0)
+                pdo.direction == PdoDirection::Receive
+                    && self.bus.node(node).is_none_or(|it| it.last_seen().0 == 0)
             };
             self.bus.pdo_on(slot.id).is_some_and(is_rpdo) && self.bus.pdo_users(slot.id).is_empty()
         })?;
@@ -71,7 +72,13 @@ impl View<'_> {
         );
         let frames = FrameRange::one(orphan.frames.0);
         let time = self.bus.stamp_of(orphan.last);
-        Some(FactCause { node: None, node_name: None, text, next: "".into(), at: Occurrence { time, frames } })
+        Some(FactCause {
+            node: None,
+            node_name: None,
+            text,
+            next: "".into(),
+            at: Occurrence { time, frames },
+        })
     }
 
     /// Heartbeat or guarding response, if it arrived within its configured time.
@@ -149,7 +156,8 @@ fn causes(device: &Device, about: &About, all: &mut Vec<Advice>) {
 fn ways_out(node: &Node, all: &mut Vec<Advice>) {
     for (place, machine) in node.device().machines.iter().enumerate() {
         let Some(state) = node.reported_state(place).filter(|state| state.fault) else { continue };
-        let from = machine.transitions.iter().filter(|it| it.from.0.contains(&state.name) && it.to != state.name);
+        let from =
+            machine.transitions.iter().filter(|it| it.from.0.contains(&state.name) && it.to != state.name);
         for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))) {
             let text = format!("from {} to {}: {text}", state.name, it.to);
             add(all, &text, &machine.source, "state");

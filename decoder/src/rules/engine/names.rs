@@ -11,9 +11,7 @@ const NEAREST: usize = 3;
 
 /// Rule names in a profile that do not match any general rule; `text` is the source of `file`.
 pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
-    let is_known = |name: &str| {
-        causes().is_fact(name) || declarations().any(|rule| rule.name == name)
-    };
+    let is_known = |name: &str| causes().is_fact(name) || declarations().any(|rule| rule.name == name);
     let waived = file.waived().map(|(name, span)| (name, span, "waiver"));
     let taken = file.taken_in().map(|(name, span)| (name, span, "takes_in or follows"));
     let unknown = waived.chain(taken).filter(|(name, ..)| !is_known(name));

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde::Deserialize;
 
-use super::facts::FactRow;
+use super::fact_row::FactRow;
 use crate::finding::{Cause, RuleInfo, RuleOrigin};
 
 /// Name in `by` and `effects` for device rules about a parameter of the device.
@@ -136,7 +136,11 @@ impl Causes {
         let of_absorbed = of_absorbed.filter(move |entry| !is_absorbed(entry));
         let timing = self.by_effect.get(TIMING).filter(|_| rule.is_timing);
         let of_device = rows(DEVICE_WRITE).filter(|_| rule.origin == RuleOrigin::Device);
-        rows(&rule.name).chain(of_absorbed).chain(of_device).chain(timing.into_iter().flatten()).map(Arc::as_ref)
+        rows(&rule.name)
+            .chain(of_absorbed)
+            .chain(of_device)
+            .chain(timing.into_iter().flatten())
+            .map(Arc::as_ref)
     }
 
     /// Rules and event kinds that can be a cause.

@@ -155,12 +155,12 @@ impl Ledger {
     fn link_late_facts(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            let (Some(rule), Some(began)) =
-                (self.rules.get(usize::from(group.key.rule)), group.began().time)
+            let (Some(rule), Some(began)) = (self.rules.get(usize::from(group.key.rule)), group.began().time)
             else {
                 continue;
             };
-            let follows = self.follows(group.key.rule).iter().map(|name| (&**name, causes().follows.before, false));
+            let follows =
+                self.follows(group.key.rule).iter().map(|name| (&**name, causes().follows.before, false));
             let rows = causes().of(rule, &[]).map(|row| (row.by.as_str(), row.before, row.is_on_node));
             let found = follows.chain(rows).find_map(|(name, before, is_on_node)| {
                 let node = if is_on_node { group.key.node } else { None };

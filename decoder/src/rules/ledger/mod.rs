@@ -2,6 +2,7 @@
 
 pub(super) mod causes;
 mod explained;
+mod fact_row;
 mod facts;
 mod judged;
 mod manual;
@@ -12,14 +13,14 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use self::facts::Facts;
 use self::causes::{Effect, Explanation};
+use self::facts::Facts;
 use super::conformance::{Run, Standing};
 use super::policy::Policy;
 use crate::event::{Event, FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene, Severity,
-    Tally,
+    About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene,
+    Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Node};

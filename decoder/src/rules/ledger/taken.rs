@@ -97,7 +97,8 @@ impl Ledger {
 
     /// Absorbs earlier findings when a finding of a rule with `takes_in` opens.
     pub(super) fn take_in(&mut self, claim: &Claim) {
-        let Some(effects) = self.taken.by_rule.get(&claim.key.rule).map(|it| &it.takes_in).filter(|it| !it.is_empty())
+        let Some(effects) =
+            self.taken.by_rule.get(&claim.key.rule).map(|it| &it.takes_in).filter(|it| !it.is_empty())
         else {
             return;
         };

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
-use crate::diagnosis::incident::{IncidentFinding, incidents};
 use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
 use super::text;
+use crate::diagnosis::incident::{IncidentFinding, incidents};
 use crate::finding::phrase::{sentence, who};
 use crate::finding::{Severity, SuppressionUse};
 use crate::sink::escape;
@@ -61,7 +61,10 @@ fn finding(judged: &CaptureResult, found: &IncidentFinding<'_>, out: &mut String
         Severity::Note => "notice",
     };
     let place = place(judged.file(group.began()), judged.line(group.began()));
-    let lines = [format!("{}  {}", who(group), sentence(group))].into_iter().chain(found.also()).chain(judged.notes(group));
+    let lines = [format!("{}  {}", who(group), sentence(group))]
+        .into_iter()
+        .chain(found.also())
+        .chain(judged.notes(group));
     // GitHub unescapes line ends, so each line is escaped separately.
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     command(out, level, &place, &group.rule, &text);

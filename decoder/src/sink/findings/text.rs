@@ -4,10 +4,10 @@
 use std::fmt::Write as _;
 
 use super::format::{FindingFormat, TextOptions, write_at_once};
-use crate::diagnosis::{Diagnosis, Setting, stories};
-use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
 use super::report::{ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing};
 use super::{conformance, coverage};
+use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
+use crate::diagnosis::{Diagnosis, Setting, stories};
 use crate::finding::phrase::{seconds, sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
@@ -157,7 +157,7 @@ impl Page<'_> {
 
     /// The stories of `why`: cause, effects and steps.
     fn stories(&mut self, judged: &CaptureResult) {
-        let setting = Setting { zero: judged.first, latest: false };
+        let setting = Setting { zero: judged.first, end: None };
         let diagnosis = Diagnosis::of(&judged.findings, judged.telling(), setting);
         for story in diagnosis.stories.iter().take(SHOWN_STORIES) {
             self.line("", "");

@@ -46,29 +46,25 @@ impl Bursts {
         let EventKind::CanError(error) = &event.kind else { return false };
         let known = self.0.iter_mut().find(|burst| burst.bus == event.bus);
         let known = known.filter(|burst| burst.is_alike(*error) && !burst.is_over(event.time));
-        match known {
-            Some(burst) => {
-                burst.more = burst.more.saturating_add(1);
-                burst.last = event.time;
-                burst.frames.last = event.frames.last;
-                true
-            }
-            None => {
-                self.0.retain(|burst| burst.bus != event.bus);
-                if self.0.len() < BUSES {
-                    self.0.push(Burst {
-                        bus: event.bus,
-                        name: if event.bus.0 == 0 { String::new() } else { bus.name().to_owned() },
-                        error: *error,
-                        first: event.time,
-                        last: event.time,
-                        frames: event.frames,
-                        more: 0,
-                    });
-                }
-                false
-            }
+        if let Some(burst) = known {
+            burst.more = burst.more.saturating_add(1);
+            burst.last = event.time;
+            burst.frames.last = event.frames.last;
+            return true;
         }
+        self.0.retain(|burst| burst.bus != event.bus);
+        if self.0.len() < BUSES {
+            self.0.push(Burst {
+                bus: event.bus,
+                name: if event.bus.0 == 0 { String::new() } else { bus.name().to_owned() },
+                error: *error,
+                first: event.time,
+                last: event.time,
+                frames: event.frames,
+                more: 0,
+            });
+        }
+        false
     }
 
     /// Bursts that have ended before an event, or all at the end of the output.

@@ -29,10 +29,10 @@ pub(super) fn push_source(news: &FindingNews, what: &mut String) {
 /// `warning: 1018:01: answered after 312 ms [sdo-no-response]`.
 fn words(news: &FindingNews, is_over: bool) -> LineContent {
     let mut what = String::new();
-    if !is_over {
-        let _ = write!(what, "{}: ", news.severity.name());
-    } else {
+    if is_over {
         what.push_str(if news.is_at_end { "still open at the end: " } else { "closed: " });
+    } else {
+        let _ = write!(what, "{}: ", news.severity.name());
     }
     let object = news.object.map(|object| object.to_string());
     let pgn = news.pgn.map(|pgn| format!("PGN {pgn}/{pgn:04X}"));

@@ -20,8 +20,8 @@ use super::captures::{Source, SourceSeries};
 use crate::cli::{CheckArgs, InputArgs};
 use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::read_options;
-use crate::record::format;
 use crate::cmd::selected_findings::SelectedFindings;
+use crate::record::format;
 use crate::select::Span;
 use crate::source::{self, Series};
 

@@ -135,10 +135,8 @@ fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> 
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue)?;
     let setup = setup(&arguments.input, &options.catalogue, arguments.today)?;
-    let selection = RuleSelection {
-        select: arguments.selected_rules.clone(),
-        ignore: arguments.ignored_rules.clone(),
-    };
+    let selection =
+        RuleSelection { select: arguments.selected_rules.clone(), ignore: arguments.ignored_rules.clone() };
     let setup = setup.select(selection).map_err(anyhow::Error::msg)?;
     Ok((options, Arc::new(setup)))
 }

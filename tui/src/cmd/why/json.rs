@@ -124,6 +124,7 @@ impl Page<'_> {
             "seconds": self.seconds(story.began),
             "frames": frames(story.began),
             "findings": story.findings,
+            "rules": story.rules.iter().map(|rule| &**rule).collect::<Vec<_>>(),
             "lines": story.lines.iter().map(|line| self.story_line(line)).collect::<Vec<_>>(),
         })
     }

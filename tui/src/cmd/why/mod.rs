@@ -56,8 +56,9 @@ pub fn run(arguments: &WhyArgs) -> Exit {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
         let at = at.map(|at| moment(at, first));
+        let last = decoded.decoder.last_time();
         let selected = selected.numbers(&findings.groups);
-        let diagnosis = diagnosis(&findings, &selected, first, (arguments, buses));
+        let diagnosis = diagnosis(&findings, &selected, (first, last), (arguments, buses));
         let answer = why.report(diagnosis, buses, &options.catalogue);
         match arguments.format {
             ReportFormat::Text => {
@@ -79,16 +80,17 @@ pub fn run(arguments: &WhyArgs) -> Exit {
 fn diagnosis(
     findings: &Findings,
     selected: &BTreeSet<u64>,
-    zero: Option<Timestamp>,
+    (zero, end): (Option<Timestamp>, Option<Timestamp>),
     (arguments, buses): (&WhyArgs, Buses<'_>),
 ) -> Diagnosis {
-    let setting = diagnosis::Setting { zero, latest: arguments.at.is_some() };
+    let setting = diagnosis::Setting { zero, end: end.filter(|_| arguments.at.is_some()) };
     let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
     diagnosis.stories.retain(|story| story.findings.iter().any(|id| selected.contains(id)));
     if let Some(chosen) = question(arguments).chosen {
         diagnosis.keep_node(|index, node| {
             let bus = buses.iter().find(|bus| bus.index() == index);
-            node == chosen.node && chosen.bus.as_deref().is_none_or(|name| bus.is_some_and(|bus| bus.name() == name))
+            node == chosen.node
+                && chosen.bus.as_deref().is_none_or(|name| bus.is_some_and(|bus| bus.name() == name))
         });
     }
     diagnosis

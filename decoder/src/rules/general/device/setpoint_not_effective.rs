@@ -146,7 +146,8 @@ impl Point {
         let severity = if self.assumed && !is_shown { Severity::Note } else { Severity::Warning };
         let since = self.since.and_then(|time| context.timestamp_of(time));
         let alarm = context.fail_at(context.now, Some(self.node), self.frames);
-        let alarm = alarm.about(About::Object(self.object)).severity(severity).since(since).reason(&gate.gate);
+        let alarm =
+            alarm.about(About::Object(self.object)).severity(severity).since(since).reason(&gate.gate);
         alarm.report(|| {
             let detail = if gate.detail.is_empty() { String::new() } else { format!(" ({})", gate.detail) };
             format!("{} without effect: gate {} closed{detail}", self.text, gate.gate)
