@@ -35,12 +35,13 @@ fn gates(point: &Value) -> Vec<(&str, &str)> {
 
 /// Rules of the findings of the first story.
 fn findings(answer: &Value) -> Vec<&str> {
-    answer["stories"][0]["rules"].as_array().unwrap().iter().map(|rule| rule.as_str().unwrap()).collect()
+    let rules = answer.pointer("/stories/0/rules").and_then(Value::as_array).unwrap();
+    rules.iter().map(|rule| rule.as_str().unwrap()).collect()
 }
 
 /// A line of the first story.
 fn story_line(answer: &Value, place: usize) -> &str {
-    answer["stories"][0]["lines"][place]["text"].as_str().unwrap()
+    answer.pointer(&format!("/stories/0/lines/{place}/text")).and_then(Value::as_str).unwrap()
 }
 
 fn checks(answer: &Value) -> Vec<&str> {
@@ -347,7 +348,7 @@ fn operational_left_without_a_command() {
     assert_eq!(found["fault"]["kinds"], json!(["left-operational"]));
     assert_eq!(frames(&found["fault"]["events"]), [(4, 4)]);
     // For one second after a command, the node may still report its old state.
-    let settling = "(1700000000.0) can0 000#0105\n(1700000000.1) can0 705#05\n(1700000000.5) can0 705#7F\n";
+    let settling = "(1700000000.0) can0 705#05\n(1700000000.1) can0 000#8005\n(1700000000.2) can0 705#05\n(1700000000.5) can0 705#7F\n";
     assert_eq!(answer(&["-"], settling)["fault"], Value::Null);
 }
 
@@ -374,8 +375,13 @@ fn several_captures_and_several_buses() {
     // The error on the second bus is the first one.
     let log = "(1700000000.0) can0 705#05\n(1700000000.0) can1 705#05\n(1700000000.1) can1 085#3081110000000000\n\
                (1700000000.9) can0 085#3081110000000000\n";
-    assert!(text(&["-"], log).starts_with("first fault at 0.100 s, node 5/05 on can1\n"));
-    assert!(text(&["--node", "can0:5"], log).starts_with("first fault at 0.900 s, node 5/05 on can0\n"));
+    let first = |arguments: &[&str]| {
+        let page = text(arguments, log);
+        page.lines().find(|line| line.starts_with("FIRST EFFECT")).unwrap().to_owned()
+    };
+    assert!(first(&["-"]).contains("can1 5/05  EMCY 8130") && first(&["-"]).contains("0.100 s"));
+    let own = first(&["--node", "can0:5"]);
+    assert!(own.contains("can0 5/05  EMCY 8130") && own.contains("0.900 s"), "{own}");
 }
 
 #[test]

@@ -30,19 +30,10 @@ struct LineKey {
     word: &'static str,
 }
 
-/// Whether a finding may state the same fact as an event.
+/// Whether a finding may state the same fact as an event. PDOs and messages are too frequent to be held, and no
+/// finding repeats them.
 pub(super) fn may_be_judged(event: &Event) -> bool {
-    matches!(
-        event.kind,
-        EventKind::Emcy(_)
-            | EventKind::Dtc(_)
-            | EventKind::DeviceState(_)
-            | EventKind::NmtState(_)
-            | EventKind::NodeLost(_)
-            | EventKind::BootUp { .. }
-            | EventKind::SetPoint(_)
-            | EventKind::Procedure(_)
-    )
+    !matches!(event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_))
 }
 
 impl HeldLine {
