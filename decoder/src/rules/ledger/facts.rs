@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use super::causes::causes;
 use super::fact_row::FactEvent;
-use super::occurrence;
 use crate::event::{Event, EventKind};
-use crate::finding::FactCause;
+use crate::finding::{FactCause, Occurrence};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -80,7 +79,7 @@ impl Facts {
             self.0.remove(0);
         }
         let name = node.and_then(|id| bus.node(id)).and_then(|node| node.name());
-        let at = occurrence(event.time, event.frames);
+        let at = Occurrence { time: event.time, frames: event.frames };
         let next = causes().facts.get(row).map_or_else(|| "".into(), |row| row.next.as_str().into());
         let fact = Arc::new(FactCause { node, node_name: name.map(Arc::from), text, next, at });
         self.0.push(KnownFact { row, bus: event.bus, node, now, is_over: false, fact });
