@@ -1,15 +1,17 @@
 //! Diagnosis of captures with a known root cause: `fixtures/diagnosis/<name>.toml` was written from the manual
 //! before the program was run.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::diagnosis::{Diagnosis, Label, Setting, Story};
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::{Findings, Severity};
+use cobscope_decoder::session::SessionOptions;
 use serde::Deserialize;
 
-use crate::rules::{judge, parse};
-use crate::support::workspace;
+use crate::rules::{judge, judge_capture, parse, plain_setup};
+use crate::support::{corpus, skip, workspace};
 
 /// Expectation for one capture; texts for the reader are not compared.
 #[derive(Deserialize)]
@@ -124,4 +126,39 @@ fn a_clean_capture_has_no_story() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Maximum number of stories with an error that a real capture may have.
+const ERRORS: usize = 8;
+
+/// The stories of recordings of other projects are those of `corpus.txt`, which was read against the recordings.
+#[test]
+fn the_stories_of_recordings_are_the_reviewed_ones() {
+    let reviewed = fs::read_to_string(folder().join("corpus.txt")).unwrap();
+    let mut found = String::new();
+    for line in reviewed.lines().filter(|line| line.starts_with("#")) {
+        writeln!(found, "{line}").unwrap();
+    }
+    for name in reviewed.lines().filter_map(|line| line.strip_prefix("== ")) {
+        let path = corpus().join(name);
+        let Ok(capture) = fs::read(&path) else {
+            return skip("corpus", &format!("{} is not there", path.display()));
+        };
+        let (_, findings) = judge_capture(&capture, &SessionOptions::default(), plain_setup());
+        let stories = stories(&findings);
+        let errors = stories.iter().filter(|story| story.severity == Severity::Error).count();
+        assert!(errors <= ERRORS, "{name}: {errors} stories with an error");
+        writeln!(found, "== {name}").unwrap();
+        for story in stories {
+            let cause = if story.is_cause_visible { "" } else { "cause not visible: " };
+            writeln!(found, "{:8} {cause}{}", story.severity.name(), story.title).unwrap();
+            for rule in story.rules.iter().skip(1) {
+                writeln!(found, "           then {rule}").unwrap();
+            }
+        }
+    }
+    if std::env::var_os("COBSCOPE_BLESS").is_some() {
+        fs::write(folder().join("corpus.txt"), &found).unwrap();
+    }
+    assert_eq!(found, reviewed);
 }

@@ -123,7 +123,16 @@ pub fn plain_setup() -> Setup {
 
 /// Events of findings with the number of the frame that caused them, and all findings.
 pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
-    let mut reader = Reader::open(frames.as_bytes(), &ReadOptions::default()).unwrap();
+    judge_capture(frames.as_bytes(), options, setup)
+}
+
+/// Like [`judge`], for a capture in any format.
+pub fn judge_capture(
+    capture: &[u8],
+    options: &SessionOptions,
+    setup: Setup,
+) -> (Vec<(u64, Event)>, Findings) {
+    let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options.clone());
     let mut engine = Engine::new(Arc::new(setup));
     let mut batch = Batch::new();
