@@ -125,7 +125,7 @@ fn a_master_that_stopped_guarding() {
         assert_eq!(gates(point)[0], ("ACTIVE reported", "closed"));
     }
     // The cause is the master: hints of the rule, and the story names both.
-    assert_eq!(checks(&answer)[0], "check: the master: guarding stopped, or the program halted");
+    assert_eq!(checks(&answer)[0], "check the master: guarding stopped, or the program halted");
     assert_eq!(findings(&answer), ["guard-late", "emcy-raised", "state-lost", "setpoint-not-effective"]);
 }
 
@@ -145,7 +145,7 @@ fn looking_back_from_a_moment() {
         assert_eq!(gates(point).iter().filter(|gate| gate.1 == "closed").count(), 1);
         assert_eq!(gates(point)[0], ("operational", "closed"));
     }
-    assert_eq!(checks(&answer)[0], "check: the master: guarding stopped, or the program halted");
+    assert_eq!(checks(&answer)[0], "check the master: guarding stopped, or the program halted");
     assert_eq!(findings(&answer), ["guard-late", "emcy-raised"]);
     let page = text(&arguments, "");
     assert!(page.starts_with("MOST LIKELY    2/02  guarding requests missing (life time 1500 ms"), "{page}");
@@ -180,14 +180,14 @@ fn a_restart_nobody_asked_for() {
     assert_eq!(answer["fault"]["kinds"], json!(["restart"]));
     assert_eq!(frames(&answer["fault"]["events"]), [(79, 79)]);
     assert_eq!(answer["nodes"][0]["name"], "auxpump");
-    assert!(checks(&answer)[0].starts_with("check: lost settings: write them after every boot"), "{answer}");
+    assert!(checks(&answer)[0].starts_with("write the lost settings after every boot"), "{answer}");
     let title = answer["stories"][0]["title"].as_str().unwrap();
     assert!(title.starts_with("63/3F auxpump  unexpected boot-up"), "{title}");
     assert!(story_line(&answer, 1).contains("14 settings lost"), "{answer}");
     // The same node without its profile: the restart is reported, the lost settings are not.
     let plain = self::answer(&[capture], "");
     assert_eq!(frames(&plain["fault"]["events"]), [(79, 79)]);
-    assert!(checks(&plain)[0].starts_with("check: supply of the node"), "{plain}");
+    assert!(checks(&plain)[0].starts_with("check supply of the node"), "{plain}");
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn a_silent_node_in_plain_canopen() {
     // The node restarts at 7.000 s; why it was silent is not in the capture.
     assert!(page.contains("FIRST EFFECT   2/02  no heartbeat after {21} (last state operational)"), "{page}");
     assert!(page.contains("\n  operational, silent\n"), "{page}");
-    assert!(page.contains("1 check: supply and connector of the node"), "{page}");
+    assert!(page.contains("1 check supply and connector of the node"), "{page}");
     assert_eq!(
         text(&["--node", "5", capture], "").lines().next().unwrap(),
         "no fault of node 5/05 in this capture"
@@ -228,7 +228,7 @@ fn errors_of_the_bus() {
     assert_eq!(frames(&answer["fault"]["events"]), [(10, 10), (11, 11), (12, 12)]);
     // The preceding warning levels, frames 8 and 9; of the two lost arbitrations the later one, frame 4.
     assert_eq!(frames(&answer["before"]), [(2, 2), (4, 4), (6, 6), (7, 7), (8, 8), (9, 9)]);
-    assert!(checks(&answer)[0].starts_with("check: termination"), "{answer}");
+    assert!(checks(&answer)[0].starts_with("measure the termination"), "{answer}");
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn a_refused_write_where_there_is_nothing_else() {
         (&second["fault"]["grade"], frames(&second["fault"]["events"])),
         (&json!("refused"), vec![(3, 4)])
     );
-    assert!(checks(&second)[0].starts_with("check: the value compared with the range"), "{second}");
+    assert!(checks(&second)[0].starts_with("compare the value with the range"), "{second}");
 }
 
 #[test]

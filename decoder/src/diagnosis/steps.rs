@@ -52,7 +52,7 @@ const LOST_SETTINGS: &str = "config-lost";
 
 fn add(all: &mut Vec<NextStep>, text: &str, section: &str, by: &'static str) {
     let text = match by {
-        "rule" | "state" => text.to_owned(),
+        "rule" | "state" | "general" => text.to_owned(),
         _ => format!("check: {}", clause(text)),
     };
     if !all.iter().any(|known| known.text == text) {

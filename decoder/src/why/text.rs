@@ -318,9 +318,9 @@ impl Page<'_> {
     fn checks(&mut self, report: &Report) {
         let has_section = report.checks.iter().any(|check| !check.section.is_empty());
         if has_section && !report.document.is_empty() {
-            self.line(0, &format!("check ({})", report.document));
+            self.line(0, &format!("steps ({})", report.document));
         } else if !report.checks.is_empty() {
-            self.line(0, "check");
+            self.line(0, "steps");
         }
         for (number, check) in (1..).zip(&report.checks) {
             let section =
