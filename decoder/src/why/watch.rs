@@ -7,7 +7,7 @@ use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
 use super::moment::{Distance, Moment};
 use super::state::NodeState;
-use crate::event::{Effective, Event, EventKind, SetPoint};
+use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
 use crate::session::Bus;
@@ -116,7 +116,12 @@ impl BusWatch {
         if self.open.as_ref().is_some_and(|open| open.distance(event) == Distance::Over) {
             self.close();
         }
-        self.judge_idle(event);
+        if !self.idle.is_empty() {
+            self.judge_idle(event);
+        }
+        if let (EventKind::Pdo(pdo), None) = (&event.kind, &self.open) {
+            return self.pdo(pdo, event);
+        }
         let was_operational = self.learn(event);
         let node = event.node.and_then(|id| bus.node(id));
         let kind = fault::of(event, node, was_operational).filter(|_| self.is_asked_for(event));
@@ -141,6 +146,17 @@ impl BusWatch {
             }
             None => {}
         }
+    }
+
+    /// Processes a PDO outside a moment: it is neither a fault nor a change.
+    #[inline]
+    fn pdo(&mut self, pdo: &Pdo, event: &Event) {
+        let Some(id) = event.node else { return };
+        let node = self.node(id);
+        if !pdo.is_request && pdo.name.direction == PdoDirection::Receive {
+            node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
+        }
+        node.reactions.event(event);
     }
 
     /// Whether an event concerns the chosen node; faults of the bus always do.
