@@ -63,6 +63,7 @@ mod ascii;
 pub mod bus_file;
 pub mod capture;
 pub mod decoder;
+pub mod diagnosis;
 pub mod event;
 pub mod finding;
 pub mod frame;

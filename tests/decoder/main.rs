@@ -11,6 +11,7 @@ mod dbc;
 mod device_files;
 mod device_rules;
 mod devices;
+mod diagnosis;
 mod dialects;
 mod examples;
 mod expectations;

@@ -22,7 +22,7 @@ use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::{Cause, Findings};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
@@ -123,7 +123,16 @@ pub fn plain_setup() -> Setup {
 
 /// Events of findings with the number of the frame that caused them, and all findings.
 pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
-    let mut reader = Reader::open(frames.as_bytes(), &ReadOptions::default()).unwrap();
+    judge_capture(frames.as_bytes(), options, setup)
+}
+
+/// Like [`judge`], for a capture in any format.
+pub fn judge_capture(
+    capture: &[u8],
+    options: &SessionOptions,
+    setup: Setup,
+) -> (Vec<(u64, Event)>, Findings) {
+    let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options.clone());
     let mut engine = Engine::new(Arc::new(setup));
     let mut batch = Batch::new();
@@ -178,11 +187,35 @@ fn keys(event: &Event) -> (bool, String, BTreeMap<String, String>) {
     (matches!(event.kind, EventKind::FindingClosed(_)), news.rule.to_string(), keys)
 }
 
+/// Whether a finding with this evidence counts with another one, whose rule is the value of `same`.
+fn is_absorbed(findings: &Findings, number: u64, rule: &str, wanted: &BTreeMap<String, String>) -> bool {
+    findings.groups.iter().any(|group| {
+        let cause = match group.cause {
+            Some(Cause::Group(id)) => findings.group(id).map(|cause| cause.rule.to_string()),
+            _ => None,
+        };
+        let node = group.key.node.map(|node| node.to_string());
+        group.is_absorbed
+            && *group.rule == *rule
+            && group.began().frames.last == number
+            && cause.as_ref() == wanted.get("same")
+            && node.as_ref() == wanted.get("node")
+    })
+}
+
 /// Compares findings with marks: every mark needs its finding, every opening its mark; closings need no mark.
 fn compare(capture: &Annotated, report: &mut String) {
-    let (news, _) = judge(&capture.frames, &capture.options, capture.setup.clone());
+    let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let mut told: Vec<_> = news.iter().map(|(number, event)| (*number, keys(event))).collect();
-    for (number, closes, rule, wanted) in &capture.marks {
+    let (absorbed, marks): (Vec<_>, Vec<_>) =
+        capture.marks.iter().partition(|(_, _, _, wanted)| wanted.contains_key("same"));
+    for (number, _, rule, wanted) in absorbed {
+        if !is_absorbed(&findings, *number, rule, wanted) {
+            writeln!(report, "{}: behind frame {number}: no absorbed {rule} {wanted:?}", capture.name)
+                .unwrap();
+        }
+    }
+    for (number, closes, rule, wanted) in marks {
         let found = told.iter().position(|(at, (is_over, name, keys))| {
             at == number
                 && is_over == closes

@@ -1,11 +1,13 @@
 //! Stories of failing devices: `fixtures/stories/<device>/<name>.story` was written from the manual before the
-//! program was run; `.toml` contains the same expectation as data, `.log` the capture of the simulator.
+//! program was run; `.toml` contains the same expectation as data, `.log` the capture of the simulator. Also the
+//! captures of `fixtures/diagnosis/`, which the same simulators write.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use serde::Deserialize;
 
 use crate::rules::{judge, parse};
@@ -21,6 +23,9 @@ struct Expectation {
     expected: Vec<String>,
     /// Rules that must not report one.
     forbidden: Vec<String>,
+    /// No rule must report a finding.
+    #[serde(default)]
+    clean: bool,
     /// Lines of a bus file.
     #[serde(default)]
     bus_file: String,
@@ -33,13 +38,12 @@ fn folder() -> PathBuf {
     workspace().join("fixtures").join("stories")
 }
 
-/// Paths of all files with this extension, one folder per device.
+/// Paths of all files with this extension in a folder and in the folders of the devices.
 fn files(root: &Path, extension: &str) -> BTreeSet<PathBuf> {
-    let devices = fs::read_dir(root).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
-    devices
-        .flat_map(|device| fs::read_dir(device).unwrap().map(|entry| entry.unwrap().path()))
-        .filter(|path| path.extension().is_some_and(|found| found == extension))
-        .collect()
+    let entries = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let devices = entries(root).filter(|path| path.is_dir());
+    let all = devices.flat_map(|device| entries(&device).collect::<Vec<_>>()).chain(entries(root));
+    all.filter(|path| path.extension().is_some_and(|found| found == extension)).collect()
 }
 
 /// Deviations of the program from the story.
@@ -51,8 +55,22 @@ fn deviations(path: &Path) -> Vec<String> {
     head.extend(expectation.bus_file.lines().map(|line| format!("#| {line}")));
     let capture = parse(&path.display().to_string(), &format!("{}\n{frames}", head.join("\n")));
     let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
+    let diagnosis = Diagnosis::of(&findings, findings.counting(), Setting::default());
+    let told = diagnosis.stories.first().map(|story| story.findings.clone()).unwrap_or_default();
+    let told: BTreeSet<&str> = told.iter().filter_map(|id| Some(&*findings.group(*id)?.rule)).collect();
+    let is_only_notes = diagnosis.stories.is_empty() && !diagnosis.notes.is_empty();
+    if !expectation.expected.is_empty()
+        && !is_only_notes
+        && !expectation.expected.iter().any(|rule| told.contains(rule.as_str()))
+    {
+        let text = format!("{}: the first story has none of the expected findings: {told:?}", path.display());
+        return vec![text];
+    }
     let reported: BTreeSet<&str> = findings.counting().map(|group| &*group.rule).collect();
     let mut deviations = Vec::new();
+    if expectation.clean && !reported.is_empty() {
+        deviations.push("a clean run has findings".to_owned());
+    }
     for rule in &expectation.expected {
         let is_pending = expectation.pending.contains_key(rule);
         match (reported.contains(rule.as_str()), is_pending) {
@@ -92,26 +110,28 @@ fn each_story_has_its_findings_and_no_forbidden_one() {
         assert!(fs::metadata(path.with_extension("log")).unwrap().len() < 60_000, "{}", path.display());
     }
     assert_eq!(per_device.len(), 5);
-    assert!(per_device.values().all(|count| *count >= 6), "{per_device:?}");
+    assert!(per_device.values().all(|count| *count >= 7), "{per_device:?}");
+    assert!(per_device.keys().all(|device| device.join("clean-run.toml").exists()));
 }
 
-#[test]
-fn the_simulators_write_the_committed_captures() {
+/// Runs the script of a folder of fixtures and compares the captures.
+fn regenerate(name: &str) {
     let Some(python) = python() else {
-        return skip("python", "captures of the stories are not generated again");
+        return skip("python", &format!("captures of fixtures/{name} are not generated again"));
     };
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("stories");
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     if target.exists() {
         fs::remove_dir_all(&target).unwrap();
     }
     fs::create_dir_all(&target).unwrap();
-    let script = folder().join("make_stories.py");
+    let folder = workspace().join("fixtures").join(name);
+    let script = folder.join(format!("make_{name}.py"));
     let output = Command::new(python).arg(script).arg(&target).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let committed = files(&folder(), "log");
+    let committed = files(&folder, "log");
     assert_eq!(files(&target, "log").len(), committed.len());
     for path in committed {
-        let again = target.join(path.strip_prefix(folder()).unwrap());
+        let again = target.join(path.strip_prefix(&folder).unwrap());
         assert_eq!(
             fs::read_to_string(&path).unwrap(),
             fs::read_to_string(again).unwrap(),
@@ -119,4 +139,14 @@ fn the_simulators_write_the_committed_captures() {
             path.display()
         );
     }
+}
+
+#[test]
+fn the_simulators_write_the_committed_stories() {
+    regenerate("stories");
+}
+
+#[test]
+fn the_simulators_write_the_committed_root_causes() {
+    regenerate("diagnosis");
 }

@@ -39,9 +39,11 @@ const LAYERS: &[(&str, &[&str])] = &[
             "statistics",
         ],
     ),
+    ("diagnosis", &["words", "frame", "wire", "profile", "event", "finding"]),
     (
         "sink",
         &[
+            "diagnosis",
             "words",
             "ascii",
             "frame",
@@ -59,6 +61,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "why",
         &[
+            "diagnosis",
+            "finding",
             "words",
             "frame",
             "wire",

@@ -144,6 +144,55 @@ fn what_is_written_is_as_the_schema_says() {
     }
 }
 
+/// Captures with stories of CANopen and J1939, with and without a profile, and one without a fault.
+const STORIES: [&[&str]; 5] = [
+    &["--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"],
+    &["--node", "2=rexroth-sydfec", "--at", "141", "fixtures/devices/sydfec.log"],
+    &["fixtures/canopen/error_frames.log"],
+    &["fixtures/devices/pve_j1939.log"],
+    &["fixtures/rules/clean/canopen.log"],
+];
+
+/// Asserts that an object has exactly the keys of its schema.
+fn has_keys_of(value: &Value, schema: &Value) {
+    let (Some(members), Some(known)) = (value.as_object(), schema["properties"].as_object()) else { return };
+    let (found, expected): (Vec<_>, Vec<_>) = (members.keys().collect(), known.keys().collect());
+    assert_eq!(found, expected);
+    for (name, inner) in members {
+        let own = &known[name];
+        has_keys_of(inner, own);
+        inner.as_array().into_iter().flatten().for_each(|item| has_keys_of(item, &own["items"]));
+    }
+}
+
+#[test]
+fn the_schema_of_why_has_its_keys() {
+    let schema = fs::read_to_string(workspace().join("docs/why.schema.json")).unwrap();
+    let schema: Value = serde_json::from_str(&schema).unwrap();
+    for arguments in STORIES {
+        let output = run(&[&["why", "-f", "json"], arguments].concat(), "").stdout;
+        has_keys_of(&serde_json::from_str(&output).unwrap(), &schema);
+    }
+}
+
+#[test]
+fn another_validator_agrees_with_the_schema_of_why() {
+    let Some(python) = python() else { return skip("python", "no Python for oracles") };
+    let has = Command::new(&python).args(["-c", "import jsonschema"]).output();
+    if !has.is_ok_and(|output| output.status.success()) {
+        return skip("python", "it has no jsonschema");
+    }
+    let script = "import json, sys, jsonschema\n\
+        schema = json.load(open('docs/why.schema.json'))\n\
+        jsonschema.Draft202012Validator.check_schema(schema)\n\
+        check = jsonschema.Draft202012Validator(schema)\n\
+        for line in sys.argv[1:]: check.validate(json.loads(line))\n";
+    let lines = STORIES.map(|arguments| run(&[&["why", "-f", "json"], arguments].concat(), "").stdout);
+    let output =
+        Command::new(python).current_dir(workspace()).args(["-c", script]).args(lines).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// Runs a script in a Python with these modules on an output file of `check`.
 fn oracle(format: &str, modules: &str, script: &str) {
     let Some(python) = python() else { return skip("python", "no Python for oracles") };

@@ -61,8 +61,9 @@ const fn key(
     Binding { keys, action, short, help, group }
 }
 
-/// Keys of the first nine panes.
-const DIGITS: [&[&str]; 9] = [&["1"], &["2"], &["3"], &["4"], &["5"], &["6"], &["7"], &["8"], &["9"]];
+/// Keys of the panes.
+const DIGITS: [&[&str]; 10] =
+    [&["0"], &["1"], &["2"], &["3"], &["4"], &["5"], &["6"], &["7"], &["8"], &["9"]];
 
 /// Keys of actions.
 const ACTIONS: &[Binding] = &[
@@ -134,7 +135,7 @@ const PROGRAM: &[Binding] = &[
 /// All bindings in the order of the help.
 pub fn keymap() -> impl Iterator<Item = Binding> {
     let panes =
-        DIGITS.into_iter().zip(PaneId::ALL).zip(1..).map(|((keys, pane), number)| {
+        DIGITS.into_iter().zip(PaneId::ALL).zip(0..).map(|((keys, pane), number)| {
             key(keys, Action::Pane(number), "pane", pane.title(), Group::Program)
         });
     ACTIONS.iter().copied().chain(panes).chain(PROGRAM.iter().copied())

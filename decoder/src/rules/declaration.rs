@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::finding::{RuleInfo, RuleOrigin, Severity};
+use crate::finding::{Merge, RuleInfo, RuleOrigin, Severity};
 
 /// Headings of every rule documentation, in this order.
 pub const HEADINGS: [&str; 5] =
@@ -48,6 +48,8 @@ pub struct Declaration {
     pub is_timing: bool,
     /// The rule does not receive events with frames before and after a hole: frames may be missing in it.
     pub skips_holes: bool,
+    /// Which of its findings are printed as one, if they have the same reason.
+    pub merge: Merge,
     /// The rule is active by default.
     pub is_on: bool,
     /// KIND column of its events in text output, at most six letters.
@@ -68,6 +70,7 @@ impl Declaration {
         tolerances: &[],
         is_timing: false,
         skips_holes: false,
+        merge: Merge::Index,
         is_on: true,
         word: "RULE",
     };
@@ -84,6 +87,7 @@ impl Declaration {
             shows: self.shows.iter().map(|case| Arc::from(*case)).collect(),
             origin: RuleOrigin::General,
             is_timing: self.is_timing,
+            merge: self.merge,
             is_on: self.is_on,
             word: self.word,
             source: self.section("Source").map(|text| text.trim().into()),

@@ -18,6 +18,7 @@ mod general;
 mod ledger;
 mod policy;
 mod rule;
+mod selection;
 
 pub use context::meter::{Meter, Second};
 pub(crate) use context::nodes::{NodeMap, NodeSet};
@@ -33,3 +34,4 @@ pub use general::REGISTRY;
 pub use general::declarations;
 pub use policy::Policy;
 pub use rule::{Entry, Rule};
+pub use selection::RuleSelection;

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::declaration::Declaration;
+use super::selection::{self, RuleSelection};
 use crate::bus_file::Suppression;
 use crate::finding::{About, Group, RuleInfo, Severity, SuppressionUse};
 use crate::wire::NodeId;
@@ -15,6 +16,8 @@ pub struct Policy {
     pub(super) severities: HashMap<String, Severity>,
     /// Device rules that are switched off.
     pub(super) off: Vec<String>,
+    /// Rules selected on the command line.
+    pub(super) selection: RuleSelection,
     pub(super) tolerances: HashMap<(&'static str, &'static str), f64>,
     pub(super) suppressions: Vec<Suppression>,
     pub(super) today: Option<String>,
@@ -25,6 +28,11 @@ impl Policy {
     /// is identified.
     pub(super) fn knows(&self, rule: &str) -> bool {
         rule.contains(':') || self.rules.iter().any(|known| *known.name == *rule)
+    }
+
+    /// Whether a pattern on the command line means a rule; one with a colon may mean a device rule.
+    pub(super) fn knows_pattern(&self, pattern: &str) -> bool {
+        pattern.contains(':') || self.rules.iter().any(|known| selection::matches(pattern, &known.name))
     }
 
     /// Value of a tolerance: from the bus file, else the default.
@@ -48,7 +56,7 @@ impl Policy {
 
     /// Whether a device rule is switched off.
     pub(super) fn is_off(&self, rule: &str) -> bool {
-        self.off.iter().any(|off| off == rule)
+        !self.selection.admits(rule) || self.off.iter().any(|off| off == rule)
     }
 
     /// Reason of the suppression that applies to a group.

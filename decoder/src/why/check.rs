@@ -42,7 +42,7 @@ pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Check> {
     }
     causes(ground, &mut all);
     if ground.lost_settings {
-        hints("settings-lost", &mut all);
+        hints("config-lost", &mut all);
     }
     if whole_node {
         general(ground, &mut all);
@@ -124,12 +124,12 @@ fn codes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
 
 fn general(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     for kind in ground.kinds {
-        hints(kind.name(), all);
+        hints(kind.rule(), all);
     }
 }
 
-fn hints(fault: &str, all: &mut Vec<Check>) {
-    for text in profile::fault_hints(fault) {
+fn hints(rule: &str, all: &mut Vec<Check>) {
+    for text in profile::fault_hints(rule) {
         add(all, text, "", "general");
     }
 }

@@ -52,7 +52,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// The name used in all output, and in `lookups/fault_hints.toml`.
+    /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Emcy(_) => "emcy",
@@ -68,6 +68,23 @@ impl FaultKind {
             Self::LeftActive => "left-active",
             Self::Procedure => "procedure",
             Self::Refused(_) => "sdo-refused",
+        }
+    }
+
+    /// Rule that reports such a fault; its name is the key in `lookups/fault_hints.toml`.
+    pub(super) const fn rule(self) -> &'static str {
+        match self {
+            Self::Emcy(_) => "emcy-raised",
+            Self::Dtc(..) => "trouble-code",
+            Self::DeviceState | Self::LeftActive | Self::CommandedFault => "state-lost",
+            Self::LifeGuard => "guard-late",
+            Self::NodeLost => "node-lost",
+            Self::Restart => "unexpected-boot",
+            Self::LeftOperational => "operational-lost",
+            Self::BusError => "bus-health",
+            Self::SetPoint => "setpoint-not-effective",
+            Self::Procedure => "calibration",
+            Self::Refused(_) => "sdo-download-refused",
         }
     }
 
@@ -203,10 +220,10 @@ mod tests {
             FaultKind::Refused(0),
         ];
         for kind in all {
-            assert_eq!(profile::fault_hints(kind.name()).len(), 3, "{}", kind.name());
+            assert_eq!(profile::fault_hints(kind.rule()).len(), 3, "{}", kind.name());
         }
-        assert!(!profile::fault_hints("settings-lost").is_empty());
-        assert!(profile::fault_hints("no such fault").is_empty());
+        assert!(!profile::fault_hints("config-lost").is_empty());
+        assert!(profile::fault_hints("no such rule").is_empty());
     }
 
     #[test]

@@ -1,12 +1,13 @@
-//! Why: the first fault of a capture, the changes before it, the gates closed at that time, and things to
-//! check.
+//! Why: the diagnosis of a capture, with the changes before a story and the gates closed at that time.
 //!
 //! ```text
-//! Event ─Why::event─▶ changes per node, one open moment per bus ─Why::report─▶ Report ─text─▶ lines
+//! Event ─Why::event─▶ changes per node, moments of findings ─┐
+//! Findings ─diagnosis─▶ stories ─────────────────────────────┴─Why::report─▶ Report ─text─▶ lines
 //! ```
 //!
-//! All state is bounded. Simultaneous faults are one moment. A fault of a lower grade (set point without
-//! effect, rejected write) is reported only if there is none of a higher grade.
+//! All state is bounded. Without a story, faults that no rule judges are reported: simultaneous ones are one
+//! moment; one of a lower grade (set point without effect, rejected write) only if there is none of a higher
+//! grade.
 
 mod cadence;
 mod change;
@@ -25,6 +26,7 @@ pub use fault::{FaultGrade, FaultKind};
 pub use moment::Moment;
 pub use state::{NodeState, PointState};
 
+use crate::diagnosis::{Diagnosis, Story};
 use crate::event::Event;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
@@ -45,6 +47,8 @@ pub struct Question {
     pub chosen: Option<NodeChoice>,
     /// Report the latest fault instead of the first; the capture ends at the requested moment.
     pub latest: bool,
+    /// Number of the story to report, from 1.
+    pub story: usize,
 }
 
 /// A node on one bus or on any bus.
@@ -67,7 +71,6 @@ impl NodeChoice {
 pub struct Why {
     question: Question,
     buses: Vec<BusWatch>,
-    is_done: bool,
 }
 
 /// Reaction time of the controller to one TPDO of a node.
@@ -86,7 +89,11 @@ pub struct Reaction {
 pub struct Report {
     /// Scope of the report.
     pub question: Question,
-    /// The moment of the reported fault.
+    /// Stories within the scope, the selected one first.
+    pub diagnosis: Diagnosis,
+    /// Number of the selected story.
+    pub story: usize,
+    /// The moment of the selected story, else of a fault that no rule judges.
     pub moment: Option<Moment>,
     /// Whether the protocol of the faulty bus is unconfirmed: there is a fault only if the bus is CANopen or
     /// J1939.
@@ -128,7 +135,7 @@ impl Why {
     /// Takes an event; it can be the reported fault only if `may_report`. All events count as changes.
     pub fn observe(&mut self, event: &Event, bus: &Bus, may_report: bool) {
         let chosen = self.question.chosen.as_ref();
-        if self.is_done || chosen.is_some_and(|chosen| !chosen.is_on(bus)) {
+        if chosen.is_some_and(|chosen| !chosen.is_on(bus)) {
             return;
         }
         if !self.buses.iter().any(|watch| watch.index() == bus.index()) {
@@ -137,18 +144,16 @@ impl Why {
         }
         if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
             watch.event(event, bus, may_report);
-            self.is_done = watch.is_settled();
         }
     }
 
-    /// Whether further events cannot change the report.
-    pub fn is_done(&self) -> bool {
-        self.is_done
-    }
-
     /// Creates the report; `buses` are in the state after the last event.
-    pub fn report(mut self, buses: Buses<'_>, catalogue: &Catalogue) -> Report {
-        let moment = self.moment(buses);
+    pub fn report(mut self, diagnosis: Diagnosis, buses: Buses<'_>, catalogue: &Catalogue) -> Report {
+        let story = self.question.story.saturating_sub(1);
+        let moment = match diagnosis.stories.get(story) {
+            Some(story) => self.of_story(story),
+            None => self.moment(buses),
+        };
         let (since, nodes, quiet) = match &moment {
             Some(moment) if !self.question.latest => {
                 (Vec::new(), moment.state.clone().into_iter().collect(), moment.quiet.clone())
@@ -169,9 +174,10 @@ impl Why {
                 .iter()
                 .flat_map(|bus| bus.sdo_dialogues().into_iter().map(|pair| (bus.index(), pair)))
                 .collect(),
-            // If reading stopped early, the node may appear later.
-            others: self.others(buses).filter(|_| !self.is_done),
+            others: self.others(buses),
             question: self.question,
+            story,
+            diagnosis,
             moment,
             since,
             nodes,
@@ -206,12 +212,21 @@ impl Why {
         (checks, device.map_or_else(String::new, |device| device.source.clone()))
     }
 
+    /// Moment at which the cause of a story began, else its first finding with a moment.
+    fn of_story(&mut self, story: &Story) -> Option<Moment> {
+        for watch in &mut self.buses {
+            watch.finish();
+        }
+        let watches = || self.buses.iter().filter(|watch| watch.index() == story.bus);
+        story.findings.iter().find_map(|id| watches().find_map(|watch| watch.of_finding(*id))).cloned()
+    }
+
     /// Moment with the highest grade of all buses; among equals the first, or the latest if requested.
     fn moment(&mut self, buses: Buses<'_>) -> Option<Moment> {
         let latest = self.question.latest;
         let found = self.buses.iter_mut().filter_map(|watch| {
-            let bus = find(buses, watch.index()).filter(|bus| bus.doubt().is_none() || bus.is_j1939())?;
-            watch.finish(bus)
+            find(buses, watch.index()).filter(|bus| bus.doubt().is_none() || bus.is_j1939())?;
+            watch.finish()
         });
         found.reduce(|best, other| {
             let earlier = other.order() < best.order();

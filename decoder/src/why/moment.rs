@@ -31,8 +31,10 @@ pub(super) enum Distance {
 /// A moment with a fault.
 #[derive(Debug, Clone)]
 pub struct Moment {
-    /// Kinds of fault in order of time.
+    /// Kinds of fault in order of time; empty if a rule found the fault.
     pub kinds: Vec<FaultKind>,
+    /// Findings that began at this moment.
+    pub findings: Vec<u64>,
     /// Time of the first fault.
     pub time: Option<Timestamp>,
     /// Frame of the first fault.
@@ -58,9 +60,10 @@ pub struct Moment {
 
 impl Moment {
     /// Starts a moment with `event`.
-    pub(super) fn new(kind: FaultKind, event: &Event, sequence: u64) -> Self {
+    pub(super) fn new(kind: Option<FaultKind>, event: &Event, sequence: u64) -> Self {
         Self {
-            kinds: vec![kind],
+            kinds: kind.into_iter().collect(),
+            findings: Vec::new(),
             time: event.time,
             frame: event.frames.last,
             bus: event.bus,

@@ -7,6 +7,7 @@ use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
 use super::{Reaction, Report, Suggestion};
+use crate::diagnosis::{Label, stories};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus};
@@ -14,6 +15,12 @@ use crate::sink::text::{PdoLines, Text, TextOptions};
 use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
 use crate::words::plural;
+
+/// Maximum number of stories in one report.
+const SHOWN_STORIES: usize = 3;
+
+/// Maximum number of notes in one report.
+const SHOWN_NOTES: usize = 3;
 
 /// Context for the text.
 #[derive(Debug, Clone, Copy)]
@@ -32,9 +39,18 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     for (bus, reason) in &report.doubts {
         page.line(0, &format!("bus {} not detected as CANopen: {reason}", page.bus_name(*bus)));
     }
-    page.headline(report);
+    page.absent(report);
+    if report.diagnosis.stories.is_empty() {
+        page.headline(report);
+        page.notes(report);
+        if let Some(moment) = &report.moment {
+            page.events(&moment.events);
+            page.more(moment.more);
+        }
+    }
+    page.stories(report);
     if let Some(moment) = &report.moment {
-        page.moment(moment);
+        page.before(moment);
     }
     page.quiet(report);
     if !report.since.is_empty() {
@@ -43,7 +59,9 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     }
     page.states(report);
     page.reactions(report);
-    page.checks(report);
+    if report.diagnosis.stories.is_empty() {
+        page.checks(report);
+    }
     page.suggestions(&report.suggestions);
     page.dialogues(report);
 }
@@ -91,24 +109,70 @@ impl Page<'_> {
         }
     }
 
-    fn headline(&mut self, report: &Report) {
-        let end = match self.setting.at {
+    fn end(&self) -> String {
+        match self.setting.at {
             Some(at) => format!("up to {at}"),
             None => "in this capture".into(),
-        };
+        }
+    }
+
+    /// Writes which nodes are present, if the chosen one is not.
+    fn absent(&mut self, report: &Report) {
+        let end = self.end();
         if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
             let others: Vec<_> = others.iter().map(ToString::to_string).collect();
             let others = if others.is_empty() { "none".into() } else { others.join(", ") };
             self.line(0, &format!("{} not present {end}; nodes present: {others}", chosen.node.words()));
         }
+    }
+
+    /// Writes all stories, the selected one first.
+    fn stories(&mut self, report: &Report) {
+        let all = &report.diagnosis.stories;
+        let selected = all.iter().enumerate().skip(report.story);
+        let shown = if report.question.story > 0 { 1 } else { SHOWN_STORIES };
+        let mut unjudged = String::new();
+        for (place, story) in selected.clone().take(shown) {
+            if place > 0 {
+                self.line(0, "");
+                self.line(0, &format!("story {} of {}", place.saturating_add(1), all.len()));
+            }
+            for line in &story.lines {
+                if line.label == Label::Unjudged
+                    && std::mem::replace(&mut unjudged, line.text.clone()) == line.text
+                {
+                    continue;
+                }
+                self.line(0, format!("{:14} {}", line.label.word(), line.text).trim_end());
+            }
+        }
+        let rest = selected.count().saturating_sub(shown);
+        if rest > 0 && shown > 1 {
+            self.line(0, &format!("and {} more; --story N prints one", stories(rest)));
+        }
+    }
+
+    /// Writes findings that are notes only.
+    fn notes(&mut self, report: &Report) {
+        let notes = &report.diagnosis.notes;
+        for line in notes.iter().take(SHOWN_NOTES) {
+            self.line(0, &format!("{:14} {}", line.label.word(), line.text));
+        }
+        let rest = notes.len().saturating_sub(SHOWN_NOTES);
+        if rest > 0 {
+            self.line(0, &format!("and {}", plural(rest, "further note")));
+        }
+    }
+
+    fn headline(&mut self, report: &Report) {
+        let end = self.end();
         let Some(moment) = &report.moment else {
             let of = report
                 .question
                 .chosen
                 .as_ref()
                 .map_or(String::new(), |it| format!(" of {}", it.node.words()));
-            let rules = if self.setting.at.is_none() { "; for rule findings use cobscope check" } else { "" };
-            return self.line(0, &format!("no fault{of} {end}{rules}"));
+            return self.line(0, &format!("no fault{of} {end}"));
         };
         let which = if report.question.latest { "last" } else { "first" };
         let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());
@@ -131,11 +195,13 @@ impl Page<'_> {
         self.line(0, &format!("{fault} {at} {when}, {place}{presumed}"));
     }
 
-    fn moment(&mut self, moment: &Moment) {
-        self.events(&moment.events);
-        if moment.more > 0 {
-            self.line(1, &format!("and {} more", moment.more));
+    fn more(&mut self, more: u64) {
+        if more > 0 {
+            self.line(1, &format!("and {more} more"));
         }
+    }
+
+    fn before(&mut self, moment: &Moment) {
         self.line(0, "changes before");
         if moment.before.is_empty() {
             self.line(1, "none");
@@ -152,6 +218,8 @@ impl Page<'_> {
             let mut text = Text::new(&mut line, options);
             text.observe_time(self.setting.first);
             text.write(event, bus);
+            // Writing to memory cannot fail.
+            let _ = text.finish();
             drop(text);
             let line = String::from_utf8_lossy(&line).into_owned();
             self.line(1, line.trim_end());

@@ -26,6 +26,9 @@ const IDLE_POINTS: usize = 64;
 const IDLE: i64 = 500_000_000;
 const IDLE_FRAMES: u64 = 100;
 
+/// Maximum number of moments of findings per bus.
+const FINDINGS: usize = 64;
+
 /// Time after an NMT command during which a node may still report its old state, in ns.
 const SETTLING: i64 = 1_000_000_000;
 
@@ -72,8 +75,8 @@ pub(super) struct BusWatch {
     open: Option<Moment>,
     /// One moment per grade.
     found: [Option<Moment>; 3],
-    /// Whether later events cannot change the result.
-    is_settled: bool,
+    /// Moments at which findings began, at most [`FINDINGS`].
+    of_findings: Vec<Moment>,
 }
 
 impl BusWatch {
@@ -92,7 +95,7 @@ impl BusWatch {
             idle: Vec::new(),
             open: None,
             found: [const { None }; 3],
-            is_settled: false,
+            of_findings: Vec::new(),
         }
     }
 
@@ -102,18 +105,16 @@ impl BusWatch {
         chosen.flat_map(|(id, watch)| watch.reactions.pairs().iter().map(|pair| (*id, pair)))
     }
 
-    /// Whether later events cannot change the result.
-    pub(super) fn is_settled(&self) -> bool {
-        self.is_settled
-    }
-
     /// Processes an event; `bus` is in the state after it.
     pub(super) fn event(&mut self, event: &Event, bus: &Bus, may_report: bool) {
         self.may_report = may_report;
         self.sequence = self.sequence.saturating_add(1);
         self.time = event.time.or(self.time);
+        if let EventKind::FindingOpened(news) = &event.kind {
+            return self.finding(news.id, event, bus);
+        }
         if self.open.as_ref().is_some_and(|open| open.distance(event) == Distance::Over) {
-            self.close(bus);
+            self.close();
         }
         self.judge_idle(event);
         let was_operational = self.learn(event);
@@ -194,12 +195,37 @@ impl BusWatch {
                 open.join(kind, event, sequence);
             }
         } else {
-            self.close(bus);
+            self.close();
             if self.latest || self.found(kind.grade()).is_none() {
-                self.open = Some(self.begin(kind, event, event.node));
+                self.open = Some(self.begin(Some(kind), event, event.node));
             }
         }
         self.refresh(bus);
+    }
+
+    /// Keeps the moment at which a finding began.
+    fn finding(&mut self, id: u64, event: &Event, bus: &Bus) {
+        let is_known = self.of_findings.iter().any(|moment| moment.findings.contains(&id));
+        if is_known || self.of_findings.len() >= FINDINGS {
+            return;
+        }
+        let together = self
+            .open
+            .as_mut()
+            .filter(|open| open.node == event.node && open.distance(event) == Distance::Together);
+        if let Some(open) = together {
+            open.findings.push(id);
+            return;
+        }
+        let mut moment = self.begin(None, event, event.node);
+        moment.findings.push(id);
+        moment.state = event.node.or(self.chosen).map(|node| self.state(bus, node));
+        self.of_findings.push(moment);
+    }
+
+    /// The moment at which a finding began.
+    pub(super) fn of_finding(&self, id: u64) -> Option<&Moment> {
+        self.of_findings.iter().find(|moment| moment.findings.contains(&id))
     }
 
     /// Adds an event without a fault to the open moment, if it belongs there.
@@ -214,7 +240,7 @@ impl BusWatch {
     }
 
     /// Starts a moment with the changes before it.
-    fn begin(&self, kind: FaultKind, event: &Event, node: Option<NodeId>) -> Moment {
+    fn begin(&self, kind: Option<FaultKind>, event: &Event, node: Option<NodeId>) -> Moment {
         let mut moment = Moment::new(kind, event, self.sequence);
         moment.before = self.changes_of(node.or(self.chosen), 0);
         moment.quiet = self.quiet(node.or(self.chosen), event.time);
@@ -246,15 +272,12 @@ impl BusWatch {
         }
     }
 
-    fn close(&mut self, bus: &Bus) {
-        if let Some(open) = self.open.take() {
-            self.keep(open);
+    fn close(&mut self) {
+        let Some(open) = self.open.take() else { return };
+        if !open.findings.is_empty() {
+            self.of_findings.push(open.clone());
         }
-        // Until the protocol is confirmed, an apparent fault may be none.
-        let is_sure = bus.is_canopen()
-            || bus.is_j1939()
-            || self.found(FaultGrade::Fault).is_some_and(|it| it.node.is_none());
-        self.is_settled = !self.latest && is_sure && self.found(FaultGrade::Fault).is_some();
+        self.keep(open);
     }
 
     /// Tracks set points without effect; they are reported if the condition persists.
@@ -270,7 +293,7 @@ impl BusWatch {
             None if is_idle && self.idle.len() < IDLE_POINTS => {
                 let is_wanted = self.latest || self.found(FaultGrade::Minor).is_none();
                 let moment = is_wanted.then(|| {
-                    let mut moment = self.begin(FaultKind::SetPoint, event, Some(id));
+                    let mut moment = self.begin(Some(FaultKind::SetPoint), event, Some(id));
                     moment.state = Some(self.state(bus, id));
                     moment
                 });
@@ -299,8 +322,8 @@ impl BusWatch {
     }
 
     /// Moment with the highest grade at the end of the capture.
-    pub(super) fn finish(&mut self, bus: &Bus) -> Option<Moment> {
-        self.close(bus);
+    pub(super) fn finish(&mut self) -> Option<Moment> {
+        self.close();
         self.found.iter_mut().rev().find_map(Option::take)
     }
 

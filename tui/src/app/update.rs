@@ -118,7 +118,7 @@ impl App {
         match action {
             Action::Quit => self.outputs.push(Output::Quit),
             Action::Help => self.mode = Mode::Help(0),
-            Action::Pane(number) => match PaneId::ALL.get(usize::from(number).saturating_sub(1)) {
+            Action::Pane(number) => match PaneId::ALL.get(usize::from(number)) {
                 Some(pane) => self.show(*pane),
                 None => self.core.refuse(&format!("no pane {number}")),
             },

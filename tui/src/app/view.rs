@@ -51,7 +51,7 @@ pub(super) fn parts(area: Rect) -> Parts {
 /// Numbered titles of the panes; without spaces around them if `width` is too small.
 fn tabs(width: u16) -> Vec<(PaneId, String)> {
     let all = |is_wide: bool| {
-        let title = move |pane: &PaneId| match (*pane as usize + 1, is_wide) {
+        let title = move |pane: &PaneId| match (*pane as usize, is_wide) {
             (number, true) => format!(" {number} {} ", pane.title()),
             (number, false) => format!("{number}{} ", pane.title()),
         };

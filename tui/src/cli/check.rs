@@ -26,6 +26,12 @@ pub struct CheckArgs {
     /// Exit with status 1 for findings at or above SEVERITY
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,
+    /// Check with these rules only (repeatable, or separated by commas; pdo-* for a prefix)
+    #[arg(long = "select", value_name = "RULE", value_delimiter = ',')]
+    pub selected_rules: Vec<String>,
+    /// Check without these rules (repeatable, or separated by commas; pdo-* for a prefix)
+    #[arg(long = "ignore", value_name = "RULE", value_delimiter = ',')]
+    pub ignored_rules: Vec<String>,
     /// Accept the findings in a baseline FILE; only new or more severe ones fail (JSON, see
     /// --update-baseline)
     #[arg(long, value_name = "FILE")]

@@ -12,10 +12,13 @@ pub struct WhyArgs {
     pub input: InputArgs,
     #[command(flatten)]
     pub select: SelectArgs,
-    /// Show the latest fault before TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
+    /// Show the latest story before TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
+    /// Show story N only; stories are numbered by importance
+    #[arg(long, value_name = "N")]
+    pub story: Option<std::num::NonZeroUsize>,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,

@@ -246,6 +246,22 @@ pub(super) const OBJECTS: Legend = Legend {
     marks: &[look("red Value", Role::Bad, "value outside the permitted range")],
 };
 
+/// Legend of the Why pane.
+pub(super) const WHY: Legend = Legend {
+    purpose: "stories: the most likely cause, what followed, what to do",
+    columns: &[],
+    marks: &[
+        look("MOST LIKELY", Role::Bad, "cause that explains most findings; Enter goes to its frames"),
+        look("UNKNOWN", Role::Caution, "no cause in the capture, and what to record next"),
+        entry("FIRST EFFECT", "first finding of a story without a visible cause"),
+        entry("then", "consequence with its delay"),
+        entry("DO NOW", "steps from the manual, the rule or the state machine"),
+        entry("NOT THE CAUSE", "what the capture disproves"),
+        entry("NOT JUDGED", "what the capture cannot show"),
+        entry("MANUAL", "manual and section"),
+    ],
+};
+
 /// Legend of the Findings pane.
 pub(super) const FINDINGS: Legend = Legend {
     purpose: "findings of the rules by cause, worst first",

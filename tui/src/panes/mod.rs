@@ -15,6 +15,7 @@ mod objects;
 mod pane;
 mod signals;
 mod transfers;
+mod why;
 
 pub use effect::Effect;
 pub use legend::{COMMON, Legend, LegendEntry};
@@ -29,7 +30,7 @@ macro_rules! panes {
         }
 
         impl PaneId {
-            /// All panes in the order of their keys.
+            /// All panes in the order of their keys, from 0.
             pub const ALL: &[Self] = &[$(Self::$id),*];
 
             /// Name on the command line.
@@ -50,6 +51,7 @@ macro_rules! panes {
 }
 
 panes! {
+    Why "why" "Why" why::Why::default();
     Nodes "nodes" "Nodes" nodes::Nodes::default();
     Events "events" "Events" events::Events::default();
     Frames "frames" "Frames" frames::Frames::default();

@@ -1,6 +1,7 @@
 //! Results about the whole capture: findings, transfers, errors, load. Filled by
 //! [`threads::survey`](super::threads::survey).
 
+use cobscope_decoder::diagnosis::Diagnosis;
 use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
@@ -35,6 +36,8 @@ pub struct Survey {
     pub news: Vec<OpenedFinding>,
     /// Findings in groups; None until the end.
     pub findings: Option<Findings>,
+    /// Stories of the findings; None until the end.
+    pub diagnosis: Option<Diagnosis>,
     /// Positions of the kept occurrences of findings, in order.
     pub places: Vec<FindingOccurrence>,
     /// SDO transfers, J1939 transport sessions and UDS exchanges.

@@ -34,7 +34,9 @@ impl Check<'_> {
     }
 
     fn rule(&mut self, rule: &DeviceRule, span: &Range<usize>) {
-        for name in rule.takes_in.iter().chain([&rule.name]).filter(|name| !is_kebab(name)) {
+        for name in
+            rule.takes_in.iter().chain(&rule.follows).chain([&rule.name]).filter(|name| !is_kebab(name))
+        {
             self.report(span, format!("invalid rule name '{name}'; expected a-z, 0-9 and hyphens"));
         }
         if rule.takes_in.contains(&rule.name) {

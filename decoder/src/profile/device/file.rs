@@ -122,13 +122,15 @@ impl ProfileFile {
         self.file.waiver.iter().map(|waiver| (waiver.rule.get_ref().as_str(), waiver.rule.span()))
     }
 
-    /// Rules outside this profile that its rules list in `takes_in`, with the position of the rule.
+    /// Rules outside this profile that its rules list in `takes_in` or `follows`, with the position of the rule.
     pub(crate) fn taken_in(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         let own = |name: &str| self.file.rule.iter().any(|rule| rule.get_ref().name == name);
         let each = |rule| -> (&DeviceRule, Range<usize>) { (Spanned::get_ref(rule), Spanned::span(rule)) };
         let all = self.file.rule.iter().map(each);
-        all.flat_map(|(rule, span)| rule.takes_in.iter().map(move |name| (name.as_str(), span.clone())))
-            .filter(move |(name, _)| !own(name))
+        all.flat_map(|(rule, span)| {
+            rule.takes_in.iter().chain(&rule.follows).map(move |name| (name.as_str(), span.clone()))
+        })
+        .filter(move |(name, _)| !own(name))
     }
 
     /// Objects of all variants.

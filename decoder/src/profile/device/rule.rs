@@ -126,6 +126,10 @@ pub struct DeviceRule {
     /// and are listed under a finding of this rule.
     #[serde(default)]
     pub takes_in: Vec<String>,
+    /// Rules of this profile, otherwise general rules, whose finding on the same node is the cause of a finding
+    /// of this rule while it lasts.
+    #[serde(default)]
+    pub follows: Vec<String>,
     /// Variants it applies to; all if empty.
     #[serde(default)]
     pub only: VariantFilter,

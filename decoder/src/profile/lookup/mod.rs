@@ -166,12 +166,12 @@ pub fn emcy_codes() -> &'static Codes {
     TABLE.get_or_init(|| parse("lookups/emcy_codes.toml"))
 }
 
-/// Points to check after a kind of fault, most likely first; empty for an unknown kind.
-pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
+/// Points to check after a finding of a rule, most likely first; empty for a rule without hints.
+pub(crate) fn fault_hints(rule: &str) -> &'static [String] {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Hint {
-        fault: String,
+        rule: String,
         texts: Vec<String>,
     }
     #[derive(Default, Deserialize)]
@@ -181,7 +181,7 @@ pub(crate) fn fault_hints(fault: &str) -> &'static [String] {
     }
     static TABLE: OnceLock<LookupFile> = OnceLock::new();
     let file = TABLE.get_or_init(|| parse("lookups/fault_hints.toml"));
-    file.hint.iter().find(|hint| hint.fault == fault).map_or(&[], |hint| &hint.texts)
+    file.hint.iter().find(|hint| hint.rule == rule).map_or(&[], |hint| &hint.texts)
 }
 
 /// Bits of the error register, object 0x1001.

@@ -20,6 +20,9 @@ pub(super) fn finding(news: &FindingNews, fields: &mut dyn Fields) {
     if let Some(cause) = news.cause {
         fields.field("cause_finding", FieldValue::Unsigned(cause));
     }
+    if let Some(id) = news.member_of {
+        fields.field("member_of", FieldValue::Unsigned(id));
+    }
     if let Some(reason) = &news.downgraded {
         fields.field("downgraded", FieldValue::Text(reason));
     }

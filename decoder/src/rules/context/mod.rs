@@ -2,6 +2,7 @@
 
 pub(super) mod meter;
 pub(super) mod nodes;
+mod scene;
 pub(super) mod traffic;
 
 use std::cmp::Reverse;
@@ -9,6 +10,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use self::meter::Meter;
+use self::scene::View;
 use self::traffic::Traffic;
 use super::ledger::{Claim, Ledger, occurrence};
 use crate::event::{Certainty, Event, FrameRange};
@@ -167,6 +169,7 @@ pub struct Alarm<'b, 'a> {
     is_ongoing: bool,
     is_presumed: bool,
     is_reported: bool,
+    reason: Option<Box<str>>,
     assumed: Option<&'static str>,
     at: Occurrence,
     since: Option<Timestamp>,
@@ -184,6 +187,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             is_ongoing: false,
             is_presumed,
             is_reported: false,
+            reason: None,
             assumed: None,
             at,
             since: None,
@@ -250,6 +254,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self
     }
 
+    /// Sets the reason that findings printed as one have in common: an abort code, a closed gate.
+    pub(crate) fn reason(mut self, reason: &str) -> Self {
+        self.reason = Some(reason.into());
+        self
+    }
+
     /// Marks a condition that lasts until [`Context::close`].
     pub(crate) fn ongoing(mut self) -> Self {
         self.is_ongoing = true;
@@ -274,6 +284,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             is_ongoing,
             is_presumed,
             is_reported,
+            reason,
             assumed,
             at,
             since,
@@ -292,19 +303,31 @@ impl<'b, 'a> Alarm<'b, 'a> {
         {
             return context.ledger.waive(rule);
         }
-        let claim = Claim {
+        let mut claim = Claim {
             key: Key { rule, bus: bus.index(), node, about },
             severity,
             measure,
             word,
             is_ongoing,
             is_presumed,
+            no_consumer: None,
+            reason,
             assumed,
             now: context.now,
             at,
             since: since.or(at.time),
         };
-        if let Some(place) = context.ledger.fail(&claim, (context.bus_name, known), text) {
+        let is_new = !context.ledger.knows(&claim.key);
+        let (traffic, meter, now) = (context.traffic, context.meter, context.now);
+        let view = View { bus, traffic, meter, now };
+        if is_new {
+            claim.no_consumer = node.and_then(|node| view.no_consumer(node)).map(Arc::new);
+        }
+        let waits = context.ledger.fail(&claim, (context.bus_name, known), text);
+        if is_new {
+            context.ledger.set_scene(&claim.key, || view.scene(node, &claim.key.about));
+        }
+        if let Some(place) = waits {
             let quiet = context.now.saturating_add(super::ledger::QUIET);
             context.wakes.push(Reverse((quiet, LEDGER, place as u64)));
         }

@@ -2,20 +2,24 @@
 
 use std::sync::Arc;
 
-use crate::finding::{RuleInfo, RuleOrigin};
+use crate::finding::{Merge, RuleInfo, RuleOrigin};
 use crate::profile::Device;
 use crate::profile::device::{DeviceRule, RuleKind};
+use crate::rules::ledger::RuleRelations;
 
 /// Name of a device rule in output: `rexroth-sydfec:mapping-is-static`.
 fn name(device: &Device, rule: &str) -> Arc<str> {
     format!("{}:{rule}", device.id).into()
 }
 
-/// Full names of the rules in `takes_in`: of the same profile, else general rules.
-pub(super) fn takes_in(device: &Device, rule: &DeviceRule) -> Vec<Arc<str>> {
+/// Full names of the rules in `takes_in` and `follows`: of the same profile, else general rules.
+pub(super) fn relations(device: &Device, rule: &DeviceRule) -> RuleRelations {
     let is_own = |wanted: &str| device.rules.iter().any(|own| own.name == wanted);
     let full = |wanted: &String| if is_own(wanted) { name(device, wanted) } else { wanted.as_str().into() };
-    rule.takes_in.iter().map(full).collect()
+    RuleRelations {
+        takes_in: rule.takes_in.iter().map(full).collect(),
+        follows: rule.follows.iter().map(full).collect(),
+    }
 }
 
 /// Description of a device rule.
@@ -39,6 +43,7 @@ pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
         shows: Vec::new(),
         origin: RuleOrigin::Device,
         is_timing: matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::Follow),
+        merge: Merge::Index,
         is_on: true,
         word: word(rule.kind),
         source: Some(source.into()),

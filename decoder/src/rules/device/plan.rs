@@ -67,7 +67,7 @@ impl RulePlan {
             "link",
         ];
         for (number, rule) in device.rules.iter().enumerate() {
-            let place = ledger.add_rule(info::of(device, rule), info::takes_in(device, rule));
+            let place = ledger.add_rule(info::of(device, rule), info::relations(device, rule));
             plan.places.push(place);
             if place.is_some() {
                 plan.take(number, rule, &mut names);

@@ -31,6 +31,9 @@ const STAMPS_JUDGED: u64 = 1_000;
 /// Event kinds that limit the significance of verdicts.
 const LIMITING: [&str; 6] = ["unreadable", "lost-frames", "clock-step", "bus-silent", "link", "sdo-transfer"];
 
+/// Event kinds with facts that may explain findings.
+const FACTS: [&str; 3] = ["nmt-command", "sdo-transfer", "can-error"];
+
 /// Maximum wake-ups in one step of time. Timestamps can leap over years; a rule that requests a wake-up again
 /// and again then gets the next one at the end of the leap.
 const WAKES_AT_ONCE: usize = 1_000;
@@ -109,7 +112,9 @@ impl Shared {
 impl Engine {
     /// Creates an engine in its initial state.
     pub fn new(setup: Arc<Setup>) -> Self {
-        let explaining = KindSet::by_name(|name| causes().explaining().iter().any(|by| by == name));
+        let explaining = KindSet::by_name(|name| {
+            FACTS.contains(&name) || causes().explaining().iter().any(|by| by == name)
+        });
         let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
             ledger: Ledger::new(&setup.policy),
@@ -145,6 +150,7 @@ impl Engine {
             let explains = self.explaining.contains(&event.kind);
             if explains {
                 self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+                self.ledger.observe(event, bus, judge.shared.now);
             }
             if explains || is_evidence(&event.kind) {
                 self.quality.event(event);
@@ -187,7 +193,8 @@ impl Engine {
         }
         let mut notes = self.quality.limits();
         notes.extend(buses.iter().flat_map(|bus| profile_notes(bus, buses.len() == 1)));
-        self.ledger.into_findings(is_timed, notes)
+        let error_frames = self.quality.error_frames;
+        Findings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
     }
 
     /// Emits new findings; those about times are held back until times are known to be real.

@@ -1,18 +1,19 @@
-//! Checks the rule names in profiles: waivers and `takes_in`.
+//! Checks the rule names in profiles: waivers, `takes_in` and `follows`.
 
 use crate::profile::TextError;
 use crate::profile::device::ProfileFile;
 use crate::query::fields::distance;
 use crate::rules::declarations;
+use crate::rules::ledger::causes::causes;
 
 /// Number of suggestions for an unknown name.
 const NEAREST: usize = 3;
 
 /// Rule names in a profile that do not match any general rule; `text` is the source of `file`.
 pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
-    let is_known = |name: &str| declarations().any(|rule| rule.name == name);
+    let is_known = |name: &str| causes().is_fact(name) || declarations().any(|rule| rule.name == name);
     let waived = file.waived().map(|(name, span)| (name, span, "waiver"));
-    let taken = file.taken_in().map(|(name, span)| (name, span, "takes_in"));
+    let taken = file.taken_in().map(|(name, span)| (name, span, "takes_in or follows"));
     let unknown = waived.chain(taken).filter(|(name, ..)| !is_known(name));
     let wrong = unknown.map(|(name, span, key)| {
         let message = format!("unknown rule '{name}' in {key}; similar rules: {}", near(name));
@@ -62,7 +63,7 @@ mod tests {
         };
         assert_eq!(errors(&format!("{}{}", rule("a", "b"), rule("b", "sdo-size"))), [""; 0]);
         let found = errors(&rule("a", "node-lots"));
-        let told = "2:1: unknown rule 'node-lots' in takes_in; similar rules: node-lost, ";
+        let told = "2:1: unknown rule 'node-lots' in takes_in or follows; similar rules: node-lost, ";
         assert!(found.len() == 1 && found[0].starts_with(told), "{found:?}");
     }
 }

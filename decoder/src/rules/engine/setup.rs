@@ -13,6 +13,7 @@ use crate::rules::declaration::Declaration;
 use crate::rules::expectation::Expectation;
 use crate::rules::general::declarations;
 use crate::rules::policy::Policy;
+use crate::rules::selection::RuleSelection;
 use crate::session::Buses;
 
 /// Configured rules and expectations.
@@ -58,6 +59,24 @@ impl Setup {
             }
         }
         Ok(Self { policy: Arc::new(policy), expectations })
+    }
+
+    /// Activates only the selected rules.
+    ///
+    /// # Errors
+    /// A name that means no rule; the text suggests a similar one.
+    pub fn select(mut self, selection: RuleSelection) -> Result<Self, String> {
+        let policy = Arc::make_mut(&mut self.policy);
+        for pattern in selection.select.iter().chain(&selection.ignore) {
+            if !policy.knows_pattern(pattern) {
+                return Err(unknown(policy, pattern));
+            }
+        }
+        for rule in &mut policy.rules {
+            rule.is_on &= selection.admits(&rule.name);
+        }
+        policy.selection = selection;
+        Ok(self)
     }
 
     /// Checks a rule name given on the command line.

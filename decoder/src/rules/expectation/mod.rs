@@ -34,7 +34,7 @@ use self::task::Task;
 use super::{Context, Rule};
 use crate::bus_file;
 use crate::event::{Event, EventKind};
-use crate::finding::{RuleInfo, RuleOrigin};
+use crate::finding::{Merge, RuleInfo, RuleOrigin};
 use crate::profile::TextError;
 use crate::query::KindSet;
 use crate::wire::NodeId;
@@ -130,6 +130,7 @@ fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
         shows: Vec::new(),
         origin: RuleOrigin::Expectation,
         is_timing: plan.is_timing(),
+        merge: Merge::Subject,
         is_on: true,
         word: WORD,
         source: Some(Arc::clone(reason)),

@@ -5,7 +5,11 @@ use std::sync::{Arc, OnceLock};
 
 use serde::Deserialize;
 
-use crate::finding::{Cause, RuleInfo};
+use super::fact_row::FactRow;
+use crate::finding::{Cause, RuleInfo, RuleOrigin};
+
+/// Name in `by` and `effects` for device rules about a parameter of the device.
+pub(super) const DEVICE_WRITE: &str = "device-write";
 
 /// Name in `effects` for all rules that check times.
 const TIMING: &str = "timing";
@@ -23,7 +27,7 @@ pub(in crate::rules) enum Effect {
 }
 
 /// A cause found for a finding.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(in crate::rules) struct Explanation {
     pub(in crate::rules) effect: Effect,
     pub(in crate::rules) by: Cause,
@@ -38,6 +42,17 @@ pub(in crate::rules) struct CauseEntry {
     pub(in crate::rules) text: Arc<str>,
     /// Maximum time from cause to effect, in ns.
     pub(in crate::rules) within: i64,
+    /// Maximum time from effect to cause, in ns: a device may report an effect first, and a deadline ends after
+    /// its effects.
+    pub(in crate::rules) before: i64,
+    /// An ongoing cause explains effects until it ends, without `within`.
+    pub(in crate::rules) lasts: bool,
+    /// Reason that the effect must have, such as a gate.
+    pub(in crate::rules) reason: Option<Box<str>>,
+    /// The effect must be about a parameter of the device.
+    pub(in crate::rules) is_of_parameter: bool,
+    /// First and last EMCY code that the effect must have.
+    pub(in crate::rules) codes: Option<[u16; 2]>,
     /// Cause and effect must be at the same node.
     pub(in crate::rules) is_on_node: bool,
     /// Consequence for the effect.
@@ -47,7 +62,25 @@ pub(in crate::rules) struct CauseEntry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CausesFile {
+    follows: Limits,
+    fact: Vec<FactRow>,
     cause: Vec<Row>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Limits {
+    seconds: f64,
+    before: f64,
+}
+
+/// Limits for rules in `follows` of a device rule.
+#[derive(Debug, Default)]
+pub(in crate::rules) struct FollowLimits {
+    /// Maximum time from the end of the cause to the effect, in ns.
+    pub(in crate::rules) within: i64,
+    /// Maximum time from the effect to the report of the cause, in ns.
+    pub(in crate::rules) before: i64,
 }
 
 #[derive(Deserialize)]
@@ -56,10 +89,18 @@ struct Row {
     by: Vec<String>,
     effects: Vec<String>,
     seconds: f64,
+    #[serde(default)]
+    before: f64,
+    #[serde(default)]
+    lasts: bool,
     on: Scope,
     becomes: Effect,
     #[serde(default)]
     text: String,
+    #[serde(default)]
+    reason: Option<Box<str>>,
+    #[serde(default)]
+    codes: Option<[u16; 2]>,
 }
 
 #[derive(Deserialize, PartialEq, Eq)]
@@ -72,22 +113,44 @@ enum Scope {
 /// All rows, by the rule of the effect.
 #[derive(Debug, Default)]
 pub(in crate::rules) struct Causes {
+    /// Limits for rules in `follows` of a device rule.
+    pub(in crate::rules) follows: FollowLimits,
+    /// Facts that can be a cause.
+    pub(super) facts: Vec<FactRow>,
     by_effect: HashMap<String, Vec<Arc<CauseEntry>>>,
     by: Vec<String>,
 }
 
 impl Causes {
-    /// Possible causes for findings of a rule, most specific first: rows of the rule, then those for all
-    /// timing rules.
-    pub(in crate::rules) fn of(&self, rule: &RuleInfo) -> impl Iterator<Item = &CauseEntry> {
+    /// Possible causes for findings of a rule, most specific first: rows of the rule, those of the rules that
+    /// it absorbs, then those for all timing rules. Absorbed rules count for timing rules only: an interval of
+    /// the device has the causes of the general interval.
+    pub(in crate::rules) fn of<'a>(
+        &'a self,
+        rule: &'a RuleInfo,
+        absorbed: &'a [Arc<str>],
+    ) -> impl Iterator<Item = &'a CauseEntry> {
+        let rows = |name: &str| self.by_effect.get(name).into_iter().flatten();
+        let is_absorbed = |entry: &&Arc<CauseEntry>| absorbed.iter().any(|name| **name == *entry.by);
+        let of_absorbed = absorbed.iter().filter(|_| rule.is_timing).flat_map(move |name| rows(name));
+        let of_absorbed = of_absorbed.filter(move |entry| !is_absorbed(entry));
         let timing = self.by_effect.get(TIMING).filter(|_| rule.is_timing);
-        let own = self.by_effect.get(&*rule.name);
-        own.into_iter().chain(timing).flatten().map(Arc::as_ref)
+        let of_device = rows(DEVICE_WRITE).filter(|_| rule.origin == RuleOrigin::Device);
+        rows(&rule.name)
+            .chain(of_absorbed)
+            .chain(of_device)
+            .chain(timing.into_iter().flatten())
+            .map(Arc::as_ref)
     }
 
     /// Rules and event kinds that can be a cause.
     pub(in crate::rules) fn explaining(&self) -> &[String] {
         &self.by
+    }
+
+    /// Whether a fact has this name.
+    pub(in crate::rules) fn is_fact(&self, name: &str) -> bool {
+        self.facts.iter().any(|fact| fact.name == name)
     }
 
     /// Rules that can be an effect.
@@ -102,27 +165,43 @@ pub(in crate::rules) fn causes() -> &'static Causes {
     static CAUSES: OnceLock<Causes> = OnceLock::new();
     CAUSES.get_or_init(|| {
         // A unit test checks that the file is valid; an invalid file would yield an empty table.
-        let file: CausesFile =
-            toml::from_str(include_str!("causes.toml")).unwrap_or(CausesFile { cause: Vec::new() });
-        let mut causes = Causes::default();
-        for row in file.cause {
-            for by in &row.by {
-                #[expect(clippy::cast_possible_truncation, reason = "seconds of a table of our own")]
-                let entry = Arc::new(CauseEntry {
-                    by: by.clone(),
-                    text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
-                    within: (row.seconds * 1e9) as i64,
-                    is_on_node: row.on == Scope::Node,
-                    effect: row.becomes,
-                });
-                for effect in &row.effects {
-                    causes.by_effect.entry(effect.clone()).or_default().push(Arc::clone(&entry));
-                }
-                causes.by.push(by.clone());
-            }
-        }
-        causes
+        toml::from_str::<CausesFile>(include_str!("causes.toml")).map_or_else(|_| Causes::default(), table)
     })
+}
+
+/// Seconds of a table of our own, in ns.
+#[expect(clippy::cast_possible_truncation, reason = "seconds of a table of our own")]
+fn nanoseconds(seconds: f64) -> i64 {
+    (seconds * 1e9) as i64
+}
+
+fn table(file: CausesFile) -> Causes {
+    let mut causes = Causes::default();
+    causes.follows.within = nanoseconds(file.follows.seconds);
+    causes.follows.before = nanoseconds(file.follows.before);
+    causes.facts = file.fact;
+    for row in file.cause {
+        for by in &row.by {
+            let entry = |is_of_parameter| CauseEntry {
+                by: by.clone(),
+                text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
+                within: nanoseconds(row.seconds),
+                before: nanoseconds(row.before),
+                lasts: row.lasts,
+                reason: row.reason.clone(),
+                codes: row.codes,
+                is_on_node: row.on == Scope::Node,
+                effect: row.becomes,
+                is_of_parameter,
+            };
+            for effect in &row.effects {
+                let entry = Arc::new(entry(effect == DEVICE_WRITE));
+                causes.by_effect.entry(effect.clone()).or_default().push(entry);
+            }
+            causes.by.push(by.clone());
+        }
+    }
+    causes
 }
 
 #[cfg(test)]
@@ -137,10 +216,11 @@ mod tests {
         toml::from_str::<CausesFile>(include_str!("causes.toml")).unwrap();
         assert!(!causes().explaining().is_empty());
         for name in causes().explaining() {
-            assert!(rules.contains(&name.as_str()) || KindSet::ALL.contains_name(name), "{name}");
+            let is_other = causes().is_fact(name) || KindSet::ALL.contains_name(name) || name == DEVICE_WRITE;
+            assert!(rules.contains(&name.as_str()) || is_other, "{name}");
         }
         for name in causes().explained() {
-            assert!(name == TIMING || rules.contains(&name.as_str()), "{name}");
+            assert!(name == TIMING || name == DEVICE_WRITE || rules.contains(&name.as_str()), "{name}");
         }
     }
 }

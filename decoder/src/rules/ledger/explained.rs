@@ -3,11 +3,12 @@
 
 use std::sync::Arc;
 
-use super::causes::{CauseEntry, Effect, Explanation, causes};
+use super::causes::{CauseEntry, DEVICE_WRITE, Effect, Explanation, causes};
 use super::{Claim, Ledger};
-use crate::finding::{Cause, Group, RuleInfo, Severity};
+use crate::finding::{About, Cause, FactCause, Group, Key, RuleInfo, RuleOrigin, Severity};
 use crate::frame::Timestamp;
 use crate::rules::conformance::Standing;
+use crate::wire::NodeId;
 
 /// Reason for a lower severity while the protocol of the bus is only presumed.
 pub(super) const PRESUMED: &str = "protocol only presumed";
@@ -53,11 +54,22 @@ impl Ledger {
         if let Some(by) = self.taken_in_by(rule, claim) {
             return Some(Explanation { effect: Effect::Same, by: Cause::Group(by) });
         }
-        for cause in causes().of(rule) {
+        if let Some(by) = self.followed(claim) {
+            return Some(Explanation { effect: Effect::Follows, by });
+        }
+        for cause in causes().of(rule, self.absorbed_by(claim.key.rule)).filter(|it| it.applies_to(claim)) {
             let from = claim.now.saturating_sub(cause.within);
             // If a rule and an event kind share a name (node-lost), the rule takes precedence.
             let by = self.rules.iter().position(|known| *known.name == *cause.by);
             let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else {
+                if let Some(fact) = self.fact(cause, claim, from) {
+                    return Some(Explanation { effect: cause.effect, by: Cause::Fact(fact) });
+                }
+                if cause.by == DEVICE_WRITE
+                    && let Some(by) = self.write_of_device(claim, from)
+                {
+                    return Some(Explanation { effect: cause.effect, by: Cause::Group(by) });
+                }
                 if self.kinds.get(&(cause.by.as_str(), claim.key.bus)).is_some_and(|seen| *seen >= from) {
                     let by = Cause::Quality(Arc::clone(&cause.text));
                     return Some(Explanation { effect: cause.effect, by });
@@ -65,9 +77,10 @@ impl Ledger {
                 continue;
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
-            if let Some((place, seen)) = self.latest.get(&(by, claim.key.bus, node))
-                && *seen >= from
-                && let Some(group) = self.groups.get(*place)
+            let holds = cause.lasts || cause.effect == Effect::Same;
+            let is_in_time = |(place, seen): &(usize, i64)| *seen >= from || holds && self.is_ongoing(*place);
+            if let Some((place, _)) = self.seen_of(by, claim, node).into_iter().flatten().find(is_in_time)
+                && let Some(group) = self.groups.get(place)
             {
                 return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
             }
@@ -75,31 +88,97 @@ impl Ledger {
         None
     }
 
+    /// Fact that explains a finding.
+    fn fact(&self, cause: &CauseEntry, claim: &Claim, from: i64) -> Option<Arc<FactCause>> {
+        let row = causes().facts.iter().find(|row| row.name == cause.by)?;
+        if row.is_no_consumer() {
+            let fact = FactCause { next: row.next.as_str().into(), ..claim.no_consumer.as_deref()?.clone() };
+            return Some(Arc::new(fact));
+        }
+        let node = if cause.is_on_node { claim.key.node } else { None };
+        self.facts.find(&cause.by, claim.key.bus, node, from)
+    }
+
+    /// The last finding of a device rule about a parameter of the device, at the node of a claim.
+    fn write_of_device(&self, claim: &Claim, from: i64) -> Option<u64> {
+        let is_recent = |place: usize| self.courses.get(place).is_some_and(|course| course.last >= from);
+        let is_of_device = |group: &Group| {
+            let rule = self.rules.get(usize::from(group.key.rule));
+            rule.is_some_and(|rule| rule.origin == RuleOrigin::Device)
+        };
+        let mut all = self.groups.iter().enumerate().rev().filter(|(place, group)| {
+            (group.key.bus, group.key.node) == (claim.key.bus, claim.key.node)
+                && is_parameter(&group.key.about)
+                && is_of_device(group)
+                && is_recent(*place)
+        });
+        all.next().map(|(_, group)| group.id)
+    }
+
+    /// Groups of a rule with the times of their last occurrences: about the same subject, then the latest one.
+    fn seen_of(&self, rule: u16, claim: &Claim, node: Option<NodeId>) -> [Option<(usize, i64)>; 2] {
+        let same = self.by_key.get(&Key { rule, ..claim.key.clone() });
+        let same = same.and_then(|place| Some((*place, self.courses.get(*place)?.last)));
+        [same, self.latest.get(&(rule, claim.key.bus, node)).copied()]
+    }
+
     /// Links findings to causes that were reported after them, by the times of their first occurrences.
     pub(super) fn link_late_causes(&mut self) {
         let mut links = Vec::new();
-        for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
+        for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| !has_group(group)) {
             let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
             if let Some(by) = self.taken_in_late(rule, group) {
                 links.push((place, by, Effect::Same));
                 continue;
             }
-            for cause in causes().of(rule).filter(|cause| cause.effect != Effect::Quality) {
+            let causes = causes().of(rule, self.absorbed_by(group.key.rule));
+            for cause in causes.filter(|cause| cause.effect != Effect::Quality) {
                 let found = self
                     .latest_of(&cause.by, group, cause.is_on_node)
-                    .filter(|by| by.id != group.id && explains(by.began().time, group.began().time, cause));
+                    .filter(|by| by.id != group.id && explains(by, group.began().time, cause));
                 if let Some(by) = found {
                     links.push((place, by.id, cause.effect));
                     break;
                 }
             }
         }
+        self.link_late_facts();
         for (place, by, effect) in links {
             if let Some(group) = self.groups.get_mut(place) {
                 group.cause = Some(Cause::Group(by));
                 group.is_absorbed |= effect == Effect::Same;
             }
         }
+    }
+
+    /// Links findings to facts that were reported shortly after them.
+    fn link_late_facts(&mut self) {
+        let mut links = Vec::new();
+        for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
+            let (Some(rule), Some(began)) = (self.rules.get(usize::from(group.key.rule)), group.began().time)
+            else {
+                continue;
+            };
+            let follows =
+                self.follows(group.key.rule).iter().map(|name| (&**name, causes().follows.before, false));
+            let rows = causes().of(rule, &[]).map(|row| (row.by.as_str(), row.before, row.is_on_node));
+            let found = follows.chain(rows).find_map(|(name, before, is_on_node)| {
+                let node = if is_on_node { group.key.node } else { None };
+                self.facts.find_later(name, group.key.bus, node, (began, before))
+            });
+            links.extend(found.map(|fact| (place, fact)));
+        }
+        for (place, fact) in links {
+            if let Some(group) = self.groups.get_mut(place) {
+                group.cause = Some(Cause::Fact(fact));
+            }
+        }
+    }
+
+    /// Whether the condition of a finding still holds.
+    pub(super) fn is_ongoing(&self, place: usize) -> bool {
+        let is_open = self.groups.get(place).is_some_and(|group| group.is_open);
+        is_open && self.courses.get(place).is_some_and(|course| course.is_ongoing)
     }
 
     fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<&Group> {
@@ -110,14 +189,36 @@ impl Ledger {
     }
 }
 
-/// A finding reported late, at a deadline, may start up to this long after its effect, in ns.
-const TOLD_LATE: i64 = 500_000_000;
+/// Whether a finding is about a parameter of the device: not a communication object other than a PDO.
+const fn is_parameter(about: &About) -> bool {
+    match about {
+        About::Object(object) => !matches!(object.index, 0x1000..=0x13FF | 0x1C00..=0x1FFF),
+        _ => false,
+    }
+}
 
-/// Whether a finding that started at `cause` may explain a finding that started at `effect`.
-fn explains(cause: Option<Timestamp>, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
-    let (Some(cause), Some(effect)) = (cause, effect) else { return false };
-    let after = effect.since(cause);
-    // Two reports of the same fault may occur in either order.
-    let earliest = if entry.effect == Effect::Same { entry.within } else { TOLD_LATE.min(entry.within) };
-    (-earliest..=entry.within).contains(&after)
+/// Whether the cause of a group is another group; a fact is only the nearest explanation.
+fn has_group(group: &Group) -> bool {
+    matches!(group.cause, Some(Cause::Group(_) | Cause::Quality(_)))
+}
+
+impl CauseEntry {
+    /// Whether the row is about the reason and the EMCY code of a finding.
+    fn applies_to(&self, claim: &Claim) -> bool {
+        let has_code = |[first, last]: [u16; 2]| match claim.key.about {
+            About::Code(code) => (first..=last).contains(&code),
+            _ => true,
+        };
+        (!self.is_of_parameter || is_parameter(&claim.key.about))
+            && self.codes.is_none_or(has_code)
+            && self.reason.as_ref().is_none_or(|reason| claim.reason.as_ref() == Some(reason))
+    }
+}
+
+/// Whether a finding may explain a finding that started at `effect`.
+fn explains(cause: &Group, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
+    let (Some(began), Some(effect)) = (cause.began().time, effect) else { return false };
+    let holds = entry.lasts || entry.effect == Effect::Same;
+    let lasted = cause.lasted.filter(|_| holds).unwrap_or(0);
+    (-entry.before..=entry.within.saturating_add(lasted)).contains(&effect.since(began))
 }

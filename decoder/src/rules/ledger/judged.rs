@@ -46,6 +46,7 @@ impl Ledger {
             quality,
             suppressions,
             conformance,
+            error_frames: 0,
         }
     }
 

@@ -2,6 +2,8 @@
 
 pub(super) mod causes;
 mod explained;
+mod fact_row;
+mod facts;
 mod judged;
 mod manual;
 mod taken;
@@ -12,11 +14,13 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use self::causes::{Effect, Explanation};
+use self::facts::Facts;
 use super::conformance::{Run, Standing};
 use super::policy::Policy;
-use crate::event::{FindingNews, FrameRange};
+use crate::event::{Event, FindingNews, FrameRange};
 use crate::finding::{
-    About, Cause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Occurrence, RuleInfo, Severity, Tally,
+    About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene,
+    Severity, Tally,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Node};
@@ -25,6 +29,9 @@ use crate::wire::canopen::test_marker::TestMarker;
 
 /// A finding is closed after this time without an occurrence, in ns.
 pub(super) const QUIET: i64 = 5_000_000_000;
+
+/// Maximum number of groups with a scene.
+const SCENE_LIMIT: usize = 500;
 
 /// A defect reported by a rule.
 pub(super) struct Claim {
@@ -35,6 +42,10 @@ pub(super) struct Claim {
     pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
+    /// Commands to the node on an identifier without a consumer.
+    pub(super) no_consumer: Option<Arc<FactCause>>,
+    /// Findings with different reasons are not merged: an abort code, a closed gate.
+    pub(super) reason: Option<Box<str>>,
     /// Factory setting that the check assumed, as reason for a lower severity.
     pub(super) assumed: Option<&'static str>,
     pub(super) now: i64,
@@ -84,16 +95,28 @@ pub(super) enum GroupChange {
     Ended,
 }
 
+/// Rule, bus, node, object index and reason of findings that are printed as one.
+type MergeKey = (u16, BusIndex, Option<NodeId>, Option<u16>, Option<Box<str>>);
+
 /// A rule on a bus, at one node or at any node.
 type RulePlace = (u16, BusIndex, Option<NodeId>);
+
+/// Rules related to a device rule, by name.
+#[derive(Debug, Clone, Default)]
+pub(in crate::rules) struct RuleRelations {
+    /// Rules whose findings it absorbs.
+    pub(in crate::rules) takes_in: Vec<Arc<str>>,
+    /// Rules whose findings are the cause of its findings.
+    pub(in crate::rules) follows: Vec<Arc<str>>,
+}
 
 /// `takes_in` relations of device rules.
 #[derive(Debug, Default)]
 struct DeviceRuleCauses {
     /// Rules that absorb findings of the named rule.
     by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
-    /// Names of the rules whose findings a rule absorbs.
-    by_rule: HashMap<u16, Vec<Arc<str>>, FixedState>,
+    /// Relations of a rule.
+    by_rule: HashMap<u16, RuleRelations, FixedState>,
 }
 
 /// Groups, verdict counts and pending news of one capture.
@@ -106,11 +129,15 @@ pub(super) struct Ledger {
     groups: Vec<Group>,
     courses: Vec<GroupState>,
     by_key: HashMap<Key, usize, FixedState>,
+    /// First group of those that are printed as one.
+    merged: HashMap<MergeKey, u64, FixedState>,
     /// Latest group of a rule on a bus (and at a node), with the monotonic time of its last occurrence.
     latest: HashMap<RulePlace, (usize, i64), FixedState>,
     taken: DeviceRuleCauses,
     /// Monotonic time of the last event of a kind on a bus.
     kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
+    /// Facts that may explain findings.
+    facts: Facts,
     ungrouped: u64,
     /// Current conformance test run.
     run: Run,
@@ -132,9 +159,11 @@ impl Ledger {
             groups: Vec::new(),
             courses: Vec::new(),
             by_key: HashMap::default(),
+            merged: HashMap::default(),
             latest: HashMap::default(),
             taken: DeviceRuleCauses::default(),
             kinds: HashMap::default(),
+            facts: Facts::default(),
             ungrouped: 0,
             run: Run::default(),
             news: Vec::new(),
@@ -178,6 +207,11 @@ impl Ledger {
         self.kinds.insert((kind, bus), now);
     }
 
+    /// Records a command, a write or an error frame that may explain findings.
+    pub(super) fn observe(&mut self, event: &Event, bus: &Bus, now: i64) {
+        self.facts.observe(event, bus, now);
+    }
+
     /// Records a defect. Returns the index of its group if the caller must wait for [`QUIET`].
     pub(super) fn fail(
         &mut self,
@@ -216,6 +250,32 @@ impl Ledger {
         self.open(place, claim, severity, opens, rises)
     }
 
+    /// Whether a group with this key exists.
+    pub(super) fn knows(&self, key: &Key) -> bool {
+        self.by_key.contains_key(key)
+    }
+
+    /// Adds the state of node and bus to a new group.
+    pub(super) fn set_scene(&mut self, key: &Key, scene: impl FnOnce() -> Scene) {
+        let place = self.by_key.get(key).copied().filter(|place| *place < SCENE_LIMIT);
+        if let Some(group) = place.and_then(|place| self.groups.get_mut(place)) {
+            group.scene = Some(Box::new(scene()));
+        }
+    }
+
+    /// Earlier group of the same rule that is printed in place of a new one.
+    fn representative(&mut self, claim: &Claim, id: u64) -> Option<u64> {
+        let merge = self.rules.get(usize::from(claim.key.rule)).map_or(Merge::Subject, |rule| rule.merge);
+        let subject = match (merge, &claim.key.about) {
+            (Merge::Index, About::Object(object)) => Some(object.index),
+            (Merge::Node, _) => None,
+            _ => return None,
+        };
+        let key = (claim.key.rule, claim.key.bus, claim.key.node, subject, claim.reason.clone());
+        let first = *self.merged.entry(key).or_insert(id);
+        (first != id).then_some(first)
+    }
+
     fn add_group(&mut self, claim: &Claim, (bus, node): Subject<'_>) -> usize {
         let place = self.groups.len();
         let rule = self.rules.get(usize::from(claim.key.rule));
@@ -238,6 +298,8 @@ impl Ledger {
             last: VecDeque::new(),
             cause: None,
             is_absorbed: false,
+            member_of: self.representative(claim, place as u64 + 1),
+            scene: None,
             downgraded: None,
             suppressed: None,
             is_open: false,

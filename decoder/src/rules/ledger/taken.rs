@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Claim, Ledger};
+use super::causes::causes;
+use super::{Claim, Ledger, RuleRelations};
 use crate::finding::{About, Cause, Group, Key, RuleInfo, RuleOrigin, Tally};
 
 /// Maximum number of device rules of a capture.
@@ -15,7 +16,7 @@ const WINDOW: i64 = 60_000_000_000;
 impl Ledger {
     /// Registers a device rule and returns its index; None if it is switched off or [`DEVICE_RULE_LIMIT`] is
     /// reached.
-    pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, takes_in: Vec<Arc<str>>) -> Option<u16> {
+    pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, relations: RuleRelations) -> Option<u16> {
         if let Some(place) = self.rules.iter().position(|known| known.name == info.name) {
             let is_on = self.rules.get(place).is_some_and(|rule| rule.is_on);
             return u16::try_from(place).ok().filter(|_| is_on);
@@ -30,11 +31,16 @@ impl Ledger {
         if !is_on {
             return None;
         }
-        for effect in &takes_in {
+        for effect in &relations.takes_in {
             self.taken.by_effect.entry(Arc::clone(effect)).or_default().push(place);
         }
-        self.taken.by_rule.insert(place, takes_in);
+        self.taken.by_rule.insert(place, relations);
         Some(place)
+    }
+
+    /// Rules whose findings a device rule absorbs.
+    pub(super) fn absorbed_by(&self, rule: u16) -> &[Arc<str>] {
+        self.taken.by_rule.get(&rule).map_or(&[], |it| it.takes_in.as_slice())
     }
 
     /// Finding of a device rule that absorbs this defect at its time.
@@ -50,6 +56,26 @@ impl Ledger {
         let by = self.groups.get(self.taker(rule, &group.key)?)?;
         let (one, other) = group.began().time.zip(by.began().time)?;
         (one.since(other).unsigned_abs() <= WINDOW.unsigned_abs()).then_some(by.id)
+    }
+
+    /// Names in `follows` of a device rule.
+    pub(super) fn follows(&self, rule: u16) -> &[Arc<str>] {
+        self.taken.by_rule.get(&rule).map_or(&[], |it| it.follows.as_slice())
+    }
+
+    /// Finding or fact in `follows` of a device rule that explains this defect: it lasts, or was recent.
+    pub(super) fn followed(&self, claim: &Claim) -> Option<Cause> {
+        let follows = &self.taken.by_rule.get(&claim.key.rule)?.follows;
+        let from = claim.now.saturating_sub(causes().follows.within);
+        follows.iter().find_map(|name| {
+            let Some(rule) = self.rules.iter().position(|rule| rule.name == *name) else {
+                return self.facts.find(name, claim.key.bus, None, from).map(Cause::Fact);
+            };
+            let key = (u16::try_from(rule).ok()?, claim.key.bus, claim.key.node);
+            let (place, seen) = *self.latest.get(&key)?;
+            let group = self.groups.get(place)?;
+            (seen >= from || self.is_ongoing(place)).then_some(Cause::Group(group.id))
+        })
     }
 
     /// Index of the absorbing finding at the same node.
@@ -71,7 +97,8 @@ impl Ledger {
 
     /// Absorbs earlier findings when a finding of a rule with `takes_in` opens.
     pub(super) fn take_in(&mut self, claim: &Claim) {
-        let Some(effects) = self.taken.by_rule.get(&claim.key.rule).filter(|effects| !effects.is_empty())
+        let Some(effects) =
+            self.taken.by_rule.get(&claim.key.rule).map(|it| &it.takes_in).filter(|it| !it.is_empty())
         else {
             return;
         };

@@ -11,6 +11,10 @@ use crate::wire::NodeId;
 /// Time in ns after which a fault reset bit that stays 1 is reported as held.
 const HELD: i64 = 300_000_000;
 
+/// Max time in ns from a control word to the transition that it commands. A device that still reports its state
+/// later does not execute the command.
+const TRANSITION: i64 = 1_000_000_000;
+
 impl Node {
     /// State reported by the machine `place`.
     pub fn reported_state(&self, place: usize) -> Option<&State> {
@@ -24,14 +28,18 @@ impl Node {
         self.behaviour.machines.get(place)?.undefined
     }
 
-    /// Whether the present control word leads from the reported state to one of `states`.
-    pub(in crate::session) fn is_commanded(&self, place: usize, states: &[String]) -> bool {
+    /// Whether the present control word leads from the reported state to one of `states`, and the device may still
+    /// be on its way there.
+    pub(in crate::session) fn is_commanded(&self, place: usize, states: &[String], now: i64) -> bool {
         let (Some(known), Some(machine)) =
             (self.behaviour.machines.get(place), self.device.machines.get(place))
         else {
             return false;
         };
         let Some(from) = self.reported_state(place) else { return false };
+        if now.saturating_sub(known.since.max(known.control_since)) > TRANSITION {
+            return false;
+        }
         let control = known.control.unwrap_or(0);
         states.iter().any(|to| leads(machine, &from.name, to, control, known.rising))
     }

@@ -103,7 +103,7 @@ impl DeviceFacts for NodeFacts<'_> {
     }
 
     fn is_commanded(&self, channel: Option<u8>, states: &[String]) -> bool {
-        self.machine(channel).is_some_and(|place| self.node.is_commanded(place, states))
+        self.machine(channel).is_some_and(|place| self.node.is_commanded(place, states, self.now))
     }
 
     fn sync_age(&self) -> Option<i64> {

@@ -5,10 +5,11 @@ use std::fmt::Write as _;
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
-use super::incident::incidents;
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, sentence, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
 use super::text;
-use crate::finding::{Group, Severity, SuppressionUse};
+use crate::diagnosis::incident::{IncidentFinding, incidents};
+use crate::finding::phrase::{sentence, who};
+use crate::finding::{Severity, SuppressionUse};
 use crate::sink::escape;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
@@ -34,8 +35,8 @@ fn write(report: &Report, out: &mut String) {
         for known in &judged.comparison.gone {
             command(out, "notice", &place(judged.first_file(), None), "gone", &known.line());
         }
-        for (_, group) in incidents(judged.telling()).iter().flat_map(|incident| &incident.groups) {
-            finding(judged, group, out);
+        for found in incidents(judged.telling()).iter().flat_map(|incident| &incident.findings) {
+            finding(judged, found, out);
         }
     }
     for rule in &report.missing {
@@ -52,14 +53,18 @@ fn write(report: &Report, out: &mut String) {
     let _ = writeln!(out, "{}", text::total(report));
 }
 
-fn finding(judged: &CaptureResult, group: &Group, out: &mut String) {
-    let level = match group.severity {
+fn finding(judged: &CaptureResult, found: &IncidentFinding<'_>, out: &mut String) {
+    let group = found.group;
+    let level = match found.severity() {
         Severity::Error => "error",
         Severity::Warning => "warning",
         Severity::Note => "notice",
     };
     let place = place(judged.file(group.began()), judged.line(group.began()));
-    let lines = [format!("{}  {}", who(group), sentence(group))].into_iter().chain(judged.notes(group));
+    let lines = [format!("{}  {}", who(group), sentence(group))]
+        .into_iter()
+        .chain(found.also())
+        .chain(judged.notes(group));
     // GitHub unescapes line ends, so each line is escaped separately.
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     command(out, level, &place, &group.rule, &text);

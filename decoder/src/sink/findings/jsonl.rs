@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use super::format::FindingFormat;
 use super::report::{CaptureResult, Outcome, Report, Standing};
 use crate::event::FrameRange;
+use crate::finding::phrase::fact_text;
 use crate::finding::{Cause, Group, Occurrence, Severity, SuppressionUse, Tally, Verdict};
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, Fields as _};
@@ -139,6 +140,13 @@ pub const KEYS: &[Key] = &[
         "Number of the finding that is the cause, in the same capture",
     ),
     key(FINDING, "cause", KeyType::Text, false, "Other cause"),
+    key(
+        FINDING,
+        "member_of",
+        KeyType::Count,
+        false,
+        "Number of the finding that text output prints for this one: the same fault with another subject",
+    ),
     key(FINDING, "downgraded", KeyType::Text, false, "Reason for a severity lower than the rule's"),
     key(FINDING, "manual", KeyType::Text, false, "Manual and section of a finding about a device"),
     key(FINDING, "suppressed", KeyType::Text, false, "Reason for the suppression, from the bus file"),
@@ -287,7 +295,11 @@ fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
     match &group.cause {
         Some(Cause::Group(id)) => line.field("cause_finding", FieldValue::Unsigned(*id)),
         Some(Cause::Quality(text)) => line.field("cause", FieldValue::Text(text)),
+        Some(Cause::Fact(fact)) => line.field("cause", FieldValue::Text(&fact_text(fact))),
         None => {}
+    }
+    if let Some(id) = group.member_of {
+        line.field("member_of", FieldValue::Unsigned(id));
     }
     optional(&mut line, "downgraded", group.downgraded.as_deref());
     optional(&mut line, "manual", group.manual.as_deref());

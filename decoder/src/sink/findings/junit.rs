@@ -1,12 +1,16 @@
 //! JUnit XML: one suite per capture, one test case per rule.
 
+use std::time::Duration;
+
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::format::{FindingFormat, write_at_once};
-use super::incident::incidents;
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, sentence, what, who};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
+use crate::diagnosis::incident::{IncidentFinding, incidents};
+use crate::finding::phrase::{sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
+use crate::words::plural;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "junit",
@@ -38,17 +42,19 @@ fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
     let quality = judged.findings.quality.iter().map(|note| escape(note).into_owned());
     let gone =
         judged.comparison.gone.iter().map(|known| escape(&format!("gone: {}", known.line())).into_owned());
-    let notes: Vec<_> = quality.chain(gone).collect();
+    let skipped = judged.verdicts(Verdict::NotExercised);
+    let skipped = (skipped > 0).then(|| format!("{} not exercised", plural(skipped, "rule")));
+    let notes: Vec<_> = quality.chain(gone).chain(skipped).collect();
     if !notes.is_empty() {
         suite.set_system_out(xml_lines(&notes.join("\n")));
     }
-    let findings: Vec<&Group> = incidents(judged.telling())
-        .into_iter()
-        .flat_map(|incident| incident.groups)
-        .map(|(_, group)| group)
-        .collect();
+    let incidents = incidents(judged.telling());
+    let findings: Vec<_> = incidents.iter().flat_map(|incident| &incident.findings).collect();
+    if let Some(length) = judged.first.zip(judged.last).map(|(first, last)| last.since(first)) {
+        suite.set_time(time(length));
+    }
     for (rule, tally) in judged.rules() {
-        let own: Vec<&Group> = findings.iter().copied().filter(|group| group.rule == rule.name).collect();
+        let own: Vec<_> = findings.iter().copied().filter(|it| it.group.rule == rule.name).collect();
         let suppressed = suppressed(judged, &rule.name);
         let is_silent = judged.comparison.silent.iter().any(|silent| **silent == *rule.name);
         let mut case = TestCase::new(xml(&rule.name), status(&own, judged, least));
@@ -58,8 +64,7 @@ fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
             case.status = TestCaseStatus::skipped();
             case.status.set_message(xml_lines(&suppressed.join("; ")));
         } else if own.is_empty() && tally.verdict() == Verdict::NotExercised {
-            case.status = TestCaseStatus::skipped();
-            case.status.set_message(xml(&format!("not exercised: needs {}", rule.needs)));
+            continue;
         } else if !own.is_empty() {
             let text = if fails(&own, least) { String::new() } else { texts(&own, judged) };
             let lines: Vec<_> =
@@ -69,9 +74,15 @@ fn suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
             }
         }
         case.set_classname(xml(&judged.capture));
+        case.set_time(time(own.iter().filter_map(|it| it.group.duration()).max().unwrap_or(0)));
         suite.add_test_case(case);
     }
     suite
+}
+
+/// Time of a suite: the length of the capture; of a case: how long its longest finding was present.
+fn time(nanoseconds: i64) -> Duration {
+    Duration::from_nanos(u64::try_from(nanoseconds).unwrap_or(0))
 }
 
 /// A suite of failed test cases; `None` if there are no cases.
@@ -106,15 +117,19 @@ fn suppressed(judged: &CaptureResult, rule: &str) -> Vec<String> {
     suppressed.collect()
 }
 
-fn fails(groups: &[&Group], least: Option<Severity>) -> bool {
-    groups.iter().any(|group| least.is_some_and(|least| group.severity >= least))
+fn fails(findings: &[&IncidentFinding<'_>], least: Option<Severity>) -> bool {
+    findings.iter().any(|finding| least.is_some_and(|least| finding.severity() >= least))
 }
 
-fn status(groups: &[&Group], judged: &CaptureResult, least: Option<Severity>) -> TestCaseStatus {
-    match groups.iter().max_by_key(|group| group.severity) {
-        Some(worst) if fails(groups, least) => {
-            let message = format!("{}  {}", who(worst), sentence(worst));
-            failure(worst.severity.name(), &message, &texts(groups, judged))
+fn status(
+    findings: &[&IncidentFinding<'_>],
+    judged: &CaptureResult,
+    least: Option<Severity>,
+) -> TestCaseStatus {
+    match findings.iter().max_by_key(|finding| finding.severity()) {
+        Some(worst) if fails(findings, least) => {
+            let message = format!("{}  {}", who(worst.group), sentence(worst.group));
+            failure(worst.severity().name(), &message, &texts(findings, judged))
         }
         _ => TestCaseStatus::success(),
     }
@@ -127,16 +142,27 @@ fn failure(kind: &str, message: &str, text: &str) -> TestCaseStatus {
 }
 
 /// Findings with their notes, as lines.
-fn texts(groups: &[&Group], judged: &CaptureResult) -> String {
+fn texts(findings: &[&IncidentFinding<'_>], judged: &CaptureResult) -> String {
     let mut lines = Vec::new();
-    for group in groups {
-        lines.push(format!("{} {}  {}", group.severity.name(), who(group), sentence(group)));
+    for finding in findings {
+        let group = finding.group;
+        lines.push(format!("{} {}  {}", finding.severity().name(), who(group), sentence(group)));
+        lines.extend(finding.also().map(|also| format!("    {also}")));
+        lines.extend(cause(group, judged).map(|cause| format!("    cause: {cause}")));
         lines.extend(judged.notes(group).into_iter().map(|note| format!("    {note}")));
         if let Some(line) = judged.line(group.began()) {
             lines.push(format!("    {}:{line}", judged.file(group.began())));
         }
     }
     lines.iter().map(|line| escape(line).into_owned()).collect::<Vec<_>>().join("\n")
+}
+
+/// All causes of a finding, nearest first.
+fn cause(group: &Group, judged: &CaptureResult) -> Option<String> {
+    let causes = judged.findings.causes(group);
+    let chain: Vec<_> =
+        causes.iter().map(|cause| format!("{}  {} [{}]", who(cause), what(cause), cause.rule)).collect();
+    (!chain.is_empty()).then(|| chain.join(", by "))
 }
 
 /// Text from a capture, with control characters escaped.

@@ -11,7 +11,6 @@ mod conformance;
 mod coverage;
 mod format;
 mod github;
-pub mod incident;
 pub mod jsonl;
 mod junit;
 mod report;
@@ -19,9 +18,7 @@ mod sarif;
 mod text;
 
 pub use format::{FindingFormat, TextOptions};
-pub use report::{
-    CapturePart, CaptureResult, Coverage, Outcome, Report, Standing, moment, notes, sentence, what, who,
-};
+pub use report::{CapturePart, CaptureResult, Coverage, Outcome, Report, Standing};
 
 /// All findings formats.
 pub const FINDING_FORMATS: &[FindingFormat] =

@@ -8,8 +8,9 @@ use serde_json::{Value, json};
 
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing, sentence, what, who};
-use crate::finding::{Cause, Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
+use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing};
+use crate::finding::phrase::{sentence, what, who};
+use crate::finding::{Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
 use crate::sink::escape;
 
@@ -185,9 +186,7 @@ fn result(
     if let Some((_, text, at)) = &group.worst {
         related.push(location(group, judged, place, *at, Some(&format!("worst: {text}"))));
     }
-    if let Some(Cause::Group(id)) = group.cause
-        && let Some(cause) = judged.findings.group(id)
-    {
+    for cause in judged.findings.causes(group) {
         let text = format!("follows from: {}", what(cause));
         related.push(location(cause, judged, place, cause.began(), Some(&text)));
     }

@@ -4,11 +4,11 @@
 use std::fmt::Write as _;
 
 use super::format::{FindingFormat, TextOptions, write_at_once};
-use super::incident::{AbsorbedFindings, absorbed, incidents};
-use super::report::{
-    ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing, seconds, sentence, what, who,
-};
+use super::report::{ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Standing};
 use super::{conformance, coverage};
+use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
+use crate::diagnosis::{Diagnosis, Setting, stories};
+use crate::finding::phrase::{seconds, sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
 use crate::sink::escape;
 use crate::sink::table::{Align, Table};
@@ -16,6 +16,9 @@ use crate::words::plural;
 
 /// Maximum number of incidents printed per capture without `--verbose`; the others are counted.
 const SHOWN_INCIDENTS: usize = 50;
+
+/// Maximum number of stories printed per capture.
+const SHOWN_STORIES: usize = 3;
 
 /// Indentation of lines below a label.
 const INDENT: &str = "         ";
@@ -99,6 +102,7 @@ impl Page<'_> {
         let after_heading = self.out.len();
         self.quality(judged, common);
         self.incidents(judged);
+        self.stories(judged);
         conformance::write(judged, self.out);
         self.baseline(judged);
         if self.options.verbose {
@@ -135,10 +139,10 @@ impl Page<'_> {
         let incidents = incidents(judged.telling());
         let absorbed = absorbed(&judged.findings);
         let shown = if self.options.verbose { usize::MAX } else { SHOWN_INCIDENTS };
-        for (depth, group) in incidents.iter().take(shown).flat_map(|incident| &incident.groups) {
-            self.group(*depth, group, judged, absorbed.get(&group.id));
+        for finding in incidents.iter().take(shown).flat_map(|incident| &incident.findings) {
+            self.finding(finding, judged, absorbed.get(&finding.group.id));
         }
-        let rest: usize = incidents.iter().skip(shown).map(|incident| incident.groups.len()).sum();
+        let rest: usize = incidents.iter().skip(shown).map(|incident| incident.findings.len()).sum();
         if rest > 0 {
             self.line(
                 "",
@@ -151,17 +155,41 @@ impl Page<'_> {
         }
     }
 
-    fn group(
+    /// The stories of `why`: cause, effects and steps.
+    fn stories(&mut self, judged: &CaptureResult) {
+        let setting = Setting { zero: judged.first, end: None };
+        let diagnosis = Diagnosis::of(&judged.findings, judged.telling(), setting);
+        for story in diagnosis.stories.iter().take(SHOWN_STORIES) {
+            self.line("", "");
+            for line in story.brief() {
+                let label = line.label.word();
+                let _ = if self.options.color {
+                    writeln!(self.out, "{BOLD}{label:14}\x1b[0m {}", escape(&line.text))
+                } else {
+                    writeln!(self.out, "{}", format!("{label:14} {}", escape(&line.text)).trim_end())
+                };
+            }
+        }
+        let rest = diagnosis.stories.len().saturating_sub(SHOWN_STORIES);
+        if rest > 0 {
+            self.line("", &format!("{INDENT}and {} more; cobscope why prints all", stories(rest)));
+        }
+    }
+
+    fn finding(
         &mut self,
-        depth: usize,
-        group: &Group,
+        finding: &IncidentFinding<'_>,
         judged: &CaptureResult,
         absorbed: Option<&AbsorbedFindings>,
     ) {
+        let IncidentFinding { depth, group, .. } = *finding;
         let who = who(group);
         let gap = if who.is_empty() { "" } else { "  " };
         let text = format!("{who}{gap}{} [{}]", sentence(group), group.rule);
-        self.labelled(depth, label(group.severity), &text);
+        self.labelled(depth, label(finding.severity()), &text);
+        if let Some(also) = finding.also() {
+            self.below(depth, &also);
+        }
         for note in judged.notes(group) {
             self.below(depth, &note);
         }

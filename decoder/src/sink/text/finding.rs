@@ -15,11 +15,24 @@ pub(super) fn closed(news: &FindingNews) -> LineContent {
     words(news, true)
 }
 
-/// `1018:01: answered after 312 ms [sdo-no-response]`.
+/// Appends the reason for a lower severity, the manual and the rule.
+pub(super) fn push_source(news: &FindingNews, what: &mut String) {
+    if let Some(reason) = &news.downgraded {
+        let _ = write!(what, " (severity lowered: {reason})");
+    }
+    if let Some(manual) = news.source.as_ref().filter(|_| news.is_manual) {
+        let _ = write!(what, " ({manual})");
+    }
+    let _ = write!(what, " [{}]", news.rule);
+}
+
+/// `warning: 1018:01: answered after 312 ms [sdo-no-response]`.
 fn words(news: &FindingNews, is_over: bool) -> LineContent {
     let mut what = String::new();
     if is_over {
         what.push_str(if news.is_at_end { "still open at the end: " } else { "closed: " });
+    } else {
+        let _ = write!(what, "{}: ", news.severity.name());
     }
     let object = news.object.map(|object| object.to_string());
     let pgn = news.pgn.map(|pgn| format!("PGN {pgn}/{pgn:04X}"));
@@ -31,13 +44,7 @@ fn words(news: &FindingNews, is_over: bool) -> LineContent {
     if is_over && news.count > 1 {
         let _ = write!(what, ", {} times", news.count);
     }
-    if let Some(reason) = &news.downgraded {
-        let _ = write!(what, " ({}: {reason})", news.severity.name());
-    }
-    if let Some(manual) = news.source.as_ref().filter(|_| news.is_manual) {
-        let _ = write!(what, " ({manual})");
-    }
-    let _ = write!(what, " [{}]", news.rule);
+    push_source(news, &mut what);
     let tone = match news.severity {
         _ if is_over => Tone::Quiet,
         Severity::Error => Tone::Bad,

@@ -4,6 +4,7 @@ use super::parts::{EventWords, LineContent, node_label, push_node};
 use super::tone::Tone;
 use super::{bus, device, emcy, finding, j1939, node, pdo, sdo, uds};
 use crate::event::{Event, EventKind};
+use crate::frame::{BusIndex, CanId};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 
@@ -18,7 +19,12 @@ pub(super) struct Columns {
     pub(super) what: Vec<u8>,
     /// Emphasis of the line.
     pub(super) tone: Tone,
+    /// PDOs whose missing mapping is already printed.
+    unmapped: Vec<(BusIndex, CanId)>,
 }
+
+/// Maximum number of PDOs whose missing mapping is printed once only.
+const UNMAPPED: usize = 256;
 
 /// Event as text in columns, with control characters not yet escaped.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -56,7 +62,11 @@ impl Columns {
                 if let Some(users) = bus.other_users(pdo.cob_id) {
                     pdo::push_users(pdo, event, users, bus, &mut self.what);
                 }
-                if pdo.layout.is_none() {
+                let place = (event.bus, pdo.cob_id);
+                if pdo.layout.is_none() && !self.unmapped.contains(&place) {
+                    if self.unmapped.len() < UNMAPPED {
+                        self.unmapped.push(place);
+                    }
                     pdo::push_missing(pdo, event, device_of(event, bus), &mut self.what);
                 }
             }

@@ -7,11 +7,13 @@
 //!
 //! `?` after a value or state marks it as presumed. Repeated events are printed only with `TextOptions::all`.
 
+mod burst;
 mod bus;
 mod detail;
 mod device;
 mod emcy;
 mod finding;
+mod held;
 mod j1939;
 mod line;
 mod news;
@@ -30,10 +32,12 @@ pub use line::Line;
 pub use news::News;
 pub use tone::Tone;
 
+use self::burst::{BurstEnd, Bursts};
+use self::held::HeldLine;
 use super::escape::{escape, push_escaped};
 use super::event_sink::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_blanks;
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, FindingNews};
 use crate::frame::Timestamp;
 use crate::session::Bus;
 
@@ -55,6 +59,8 @@ pub struct Text<W> {
     columns: line::Columns,
     news: News,
     line: Vec<u8>,
+    held: HeldLine,
+    bursts: Bursts,
     error: Option<io::Error>,
 }
 
@@ -70,6 +76,8 @@ impl<W: Write> Text<W> {
             columns: line::Columns::default(),
             news: News::default(),
             line,
+            held: HeldLine::default(),
+            bursts: Bursts::default(),
             error: None,
         }
     }
@@ -79,6 +87,18 @@ impl<W: Write> Text<W> {
     // Separate from `write`, because most events are filtered out there.
     #[inline(never)]
     fn write_line(&mut self, event: &Event, bus: &Bus) {
+        if let EventKind::FindingOpened(news) = &event.kind
+            && self.held.is_about(event, news)
+        {
+            return self.add_finding(news);
+        }
+        self.complete();
+        for burst in self.bursts.ended(Some(event)) {
+            self.write_burst(&burst);
+        }
+        if !self.options.all && self.bursts.takes(event, bus) {
+            return;
+        }
         self.columns.fill(event, bus);
         let (columns, line) = (&self.columns, &mut self.line);
         line.clear();
@@ -104,14 +124,57 @@ impl<W: Write> Text<W> {
         if event.presumed {
             line.push(b'?');
         }
-        if colored {
+        let kind = columns.kind;
+        self.held.colored = colored;
+        self.held.below = if self.options.verbose { detail::lines(event, bus) } else { String::new() };
+        self.held.hold(event, kind);
+        if !held::may_be_judged(event) {
+            self.complete();
+        }
+    }
+
+    /// Adds a finding to the held line about the same fact, and writes the line.
+    fn add_finding(&mut self, news: &FindingNews) {
+        let known = String::from_utf8_lossy(&self.columns.what);
+        let new = held::news_of(&known, self.columns.kind, &news.text);
+        let mut text = format!("; {}", news.severity.name());
+        if !new.is_empty() {
+            text.push_str(": ");
+            text.push_str(new);
+        }
+        finding::push_source(news, &mut text);
+        push_escaped(&mut self.line, text.as_bytes());
+        self.complete();
+    }
+
+    /// Writes the held line.
+    fn complete(&mut self) {
+        if !self.held.is_held() {
+            return;
+        }
+        self.held.release();
+        let line = &mut self.line;
+        if self.held.colored {
             line.extend_from_slice(b"\x1b[0m");
         }
-        parts::push_frames(event.frames, line);
+        parts::push_frames(self.held.frames, line);
         line.push(b'\n');
-        if self.options.verbose {
-            line.extend_from_slice(detail::lines(event, bus).as_bytes());
-        }
+        line.extend_from_slice(self.held.below.as_bytes());
+        self.error = self.output.write_all(line).err();
+    }
+
+    /// Writes the line at the end of a burst of error frames.
+    fn write_burst(&mut self, burst: &BurstEnd) {
+        let line = &mut self.line;
+        line.clear();
+        self.clock.column(burst.time, line);
+        line.extend_from_slice(b"  ");
+        push_escaped(line, burst.bus.as_bytes());
+        push_blanks(line, 16, characters(burst.bus.as_bytes()));
+        line.extend_from_slice(b"  ERROR  ");
+        line.extend_from_slice(burst.text.as_bytes());
+        parts::push_frames(burst.frames, line);
+        line.push(b'\n');
         self.error = self.output.write_all(line).err();
     }
 
@@ -129,6 +192,9 @@ impl<W: Write> Text<W> {
                 PdoLines::Change => !event.routine,
                 PdoLines::None => false,
             },
+            EventKind::FindingOpened(news) | EventKind::FindingClosed(news) if news.member_of.is_some() => {
+                self.options.all
+            }
             _ => !event.routine || self.options.all,
         }
     }
@@ -137,6 +203,7 @@ impl<W: Write> Text<W> {
 impl<W: Write> EventSink for Text<W> {
     /// Writes a heading with the capture name.
     fn begin_capture(&mut self, name: &str) {
+        self.complete();
         if self.error.is_none() {
             self.error = writeln!(self.output, "== {}", escape(name)).err();
         }
@@ -158,10 +225,18 @@ impl<W: Write> EventSink for Text<W> {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.finish()
+        self.complete();
+        match self.error.take() {
+            Some(error) => Err(error),
+            None => self.output.flush(),
+        }
     }
 
     fn finish(&mut self) -> io::Result<()> {
+        self.complete();
+        for burst in self.bursts.ended(None) {
+            self.write_burst(&burst);
+        }
         match self.error.take() {
             Some(error) => Err(error),
             None => self.output.flush(),

@@ -9,8 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
 use cobscope_decoder::capture::{Batch, BusNames, CaptureError, is_compressed};
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Cause, Group};
+use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Observer, SessionOptions};
@@ -21,8 +20,9 @@ use super::captures::{Source, SourceSeries};
 use crate::cli::{CheckArgs, InputArgs};
 use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::read_options;
+use crate::cmd::selected_findings::SelectedFindings;
 use crate::record::format;
-use crate::select::{Selection, Span};
+use crate::select::Span;
 use crate::source::{self, Series};
 
 /// Result for one file.
@@ -117,7 +117,7 @@ impl JudgeInputs<'_> {
         let (frames, end) = (decoded.decoder.frames(), decoded.decoder.last_time());
         let failure = decoded.failure.map(|failure| format!("{failure:#}"));
         let mut messages = decoded.warnings;
-        let missed = selected.as_ref().and_then(|selected| selected.selection.missed(frames, end));
+        let missed = selected.as_ref().and_then(|selected| selected.missed(frames, end));
         messages.extend(missed.map(|missed| format!("{capture}: {missed}")));
         let selected = selected.map(|selected| selected.numbers(&findings.groups));
         messages.extend(failure.iter().map(|failure| escape(failure).into_owned()));
@@ -145,40 +145,7 @@ impl JudgeInputs<'_> {
         let select = &self.arguments.select;
         // Checked before.
         let selection = select.is_any().then(|| select.selection().ok()).flatten()?;
-        Some(SelectedFindings { selection, numbers: BTreeSet::new() })
-    }
-}
-
-/// Findings that pass the filter and concern a selected node.
-struct SelectedFindings {
-    selection: Selection,
-    numbers: BTreeSet<u64>,
-}
-
-impl SelectedFindings {
-    fn see(&mut self, event: &Event, bus: &Bus) {
-        if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = &event.kind
-            && self.selection.admits_content(event, bus)
-        {
-            self.numbers.insert(news.id);
-        }
-    }
-
-    /// Numbers of the findings with a part in the range. A finding that covers one of them is selected.
-    fn numbers(mut self, groups: &[Group]) -> BTreeSet<u64> {
-        let mut all = BTreeSet::new();
-        for group in groups {
-            let is_match = !self.selection.has_filter() || self.numbers.contains(&group.id);
-            // Called for all, because it also detects a range after the end.
-            if !self.selection.overlaps(group) || !is_match {
-                continue;
-            }
-            all.insert(group.id);
-            if let (true, Some(Cause::Group(cause))) = (group.is_absorbed, &group.cause) {
-                all.insert(*cause);
-            }
-        }
-        all
+        Some(SelectedFindings::new(selection))
     }
 }
 
@@ -283,7 +250,7 @@ impl CaptureObserver for Watch {
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
         match &mut self.selected {
-            Some(selected) => selected.selection.begin(first, span),
+            Some(selected) => selected.begin(first, span),
             None => Ok(()),
         }
     }
@@ -296,7 +263,7 @@ impl CaptureObserver for Watch {
         self.last = frame.time;
         self.engine.frame(frame);
         if let Some(selected) = &mut self.selected {
-            selected.selection.admits_frame(frame);
+            selected.frame(frame);
         }
         true
     }

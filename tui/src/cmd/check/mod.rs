@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use cobscope_decoder::query::KindSet;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::{RuleSelection, Setup};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
 use cobscope_decoder::words::plural;
@@ -135,6 +135,9 @@ fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> 
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue)?;
     let setup = setup(&arguments.input, &options.catalogue, arguments.today)?;
+    let selection =
+        RuleSelection { select: arguments.selected_rules.clone(), ignore: arguments.ignored_rules.clone() };
+    let setup = setup.select(selection).map_err(anyhow::Error::msg)?;
     Ok((options, Arc::new(setup)))
 }
 

@@ -94,6 +94,8 @@ fn decoded(
         }
         see(event);
     });
+    // Writing to memory cannot fail.
+    let _ = text.finish();
     drop(text);
     String::from_utf8_lossy(&lines).into_owned()
 }

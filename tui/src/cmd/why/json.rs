@@ -1,6 +1,8 @@
 //! The report as one JSON object; events have the form of `decode -f jsonl`.
 
+use cobscope_decoder::diagnosis::{Story, StoryLine};
 use cobscope_decoder::event::{Certainty, Event};
+use cobscope_decoder::finding::Occurrence;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::EventSink as _;
@@ -44,10 +46,18 @@ pub(super) fn line(
             "bus_file": it.bus_file(),
         })
     });
+    let stories = (1..).zip(&report.diagnosis.stories).map(|(number, it)| page.story(number, it));
+    let notes = report.diagnosis.notes.iter().map(|it| page.story_line(it));
+    let steps = report.diagnosis.stories.get(report.story).map(|story| &story.steps);
+    let steps = steps.into_iter().flatten();
+    let steps = steps.map(|it| json!({"text": it.text, "section": it.section, "by": it.by}));
+    let checks: Vec<_> = steps.chain(checks.filter(|_| report.diagnosis.stories.is_empty())).collect();
     let members = [
         ("capture", json!(capture).to_string()),
         ("node", json!(chosen.map(|chosen| chosen.node.number())).to_string()),
         ("at", json!(at).to_string()),
+        ("stories", list(stories)),
+        ("notes", list(notes)),
         ("fault", fault),
         ("presumed", report.is_presumed.to_string()),
         ("before", page.events(before)),
@@ -55,7 +65,7 @@ pub(super) fn line(
         ("silent", list(report.quiet.iter().map(quiet))),
         ("nodes", list(report.nodes.iter().map(|state| page.node(state)))),
         ("reactions", list(report.reactions.iter().map(|it| page.reaction(it)))),
-        ("checks", list(checks)),
+        ("checks", list(checks.into_iter())),
         ("document", json!(report.document).to_string()),
         ("suggestions", list(suggestions)),
         ("not_canopen", list(doubts)),
@@ -101,6 +111,37 @@ impl Page<'_> {
             "max_at": self.first.map(|first| Timestamp(at.saturating_sub(first.0)).to_string()),
             "max_frame": frame,
         })
+    }
+
+    fn story(&self, number: usize, story: &Story) -> Value {
+        json!({
+            "story": number,
+            "severity": story.severity.name(),
+            "bus": self.bus_name(story.bus),
+            "node": story.node.map(NodeId::number),
+            "title": story.title,
+            "cause_visible": story.is_cause_visible,
+            "seconds": self.seconds(story.began),
+            "frames": frames(story.began),
+            "findings": story.findings,
+            "rules": story.rules.iter().map(|rule| &**rule).collect::<Vec<_>>(),
+            "lines": story.lines.iter().map(|line| self.story_line(line)).collect::<Vec<_>>(),
+        })
+    }
+
+    fn story_line(&self, line: &StoryLine) -> Value {
+        json!({
+            "label": line.label.key(),
+            "text": line.text,
+            "seconds": self.seconds(line.at),
+            "frames": frames(line.at),
+        })
+    }
+
+    fn seconds(&self, at: Occurrence) -> Option<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "only for display")]
+        let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
+        Some(seconds(at.time?.since(self.first?)))
     }
 
     fn bus_name(&self, index: BusIndex) -> Option<&str> {
@@ -158,6 +199,10 @@ impl Page<'_> {
             "set_points": state.set_points.iter().map(point).collect::<Vec<_>>(),
         })
     }
+}
+
+fn frames(at: Occurrence) -> Option<[u64; 2]> {
+    (at.frames.last > 0).then_some([at.frames.first, at.frames.last])
 }
 
 fn point(state: &PointState) -> Value {

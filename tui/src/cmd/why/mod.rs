@@ -1,20 +1,27 @@
-//! `cobscope why`: the first fault, the changes before it, the gates closed at that time, and things to
-//! check.
+//! `cobscope why`: the diagnosis as stories, the changes before the first one, and the gates closed at that
+//! time.
 
 mod json;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::event::Event;
+use cobscope_decoder::diagnosis::{self, Diagnosis};
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::rules::{Engine, Judge};
+use cobscope_decoder::session::{Bus, Buses, Observer};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{NodeChoice, Question, Why};
 
 use super::decoding::{CaptureObserver, decode_capture, report};
+use super::input::setup;
 use super::messages::complain;
+use super::selected_findings::SelectedFindings;
 use crate::cli::{ReportFormat, WhyArgs};
 use crate::exit_code::Exit;
 use crate::select::{Bound, BoundSide, Selection, Span};
@@ -27,19 +34,32 @@ pub fn run(arguments: &WhyArgs) -> Exit {
     }
     let several = arguments.input.captures.len() > 1;
     report(&arguments.input, |series, options, output| {
-        let selection = arguments.select.selection()?;
-        let mut watch =
-            Watch { why: Why::new(question(arguments)), selection, at: arguments.at, first: None };
+        let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
+        let mut watch = Watch {
+            engine: Engine::new(setup),
+            facts: Facts {
+                why: Why::new(question(arguments)),
+                selection: arguments.select.selection()?,
+                findings: SelectedFindings::new(arguments.select.selection()?),
+            },
+            at: arguments.at,
+            first: None,
+        };
         let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
         let name = series.name();
         decoded.report_unreadable(&name);
         let buses = decoded.decoder.buses();
-        let Watch { why, selection, at, first } = watch;
+        let Watch { engine, mut facts, at, first } = watch;
+        let findings = engine.finish(buses, &mut facts);
+        let Facts { why, selection, findings: selected } = facts;
         if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
         let at = at.map(|at| moment(at, first));
-        let answer = why.report(buses, &options.catalogue);
+        let last = decoded.decoder.last_time();
+        let selected = selected.numbers(&findings.groups);
+        let diagnosis = diagnosis(&findings, &selected, (first, last), (arguments, buses));
+        let answer = why.report(diagnosis, buses, &options.catalogue);
         match arguments.format {
             ReportFormat::Text => {
                 if several && !series.is_joined_from(&arguments.input.captures) {
@@ -56,6 +76,26 @@ pub fn run(arguments: &WhyArgs) -> Exit {
     })
 }
 
+/// Stories with a selected finding, about the chosen node.
+fn diagnosis(
+    findings: &Findings,
+    selected: &BTreeSet<u64>,
+    (zero, end): (Option<Timestamp>, Option<Timestamp>),
+    (arguments, buses): (&WhyArgs, Buses<'_>),
+) -> Diagnosis {
+    let setting = diagnosis::Setting { zero, end: end.filter(|_| arguments.at.is_some()) };
+    let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
+    diagnosis.stories.retain(|story| story.findings.iter().any(|id| selected.contains(id)));
+    if let Some(chosen) = question(arguments).chosen {
+        diagnosis.keep_node(|index, node| {
+            let bus = buses.iter().find(|bus| bus.index() == index);
+            node == chosen.node
+                && chosen.bus.as_deref().is_none_or(|name| bus.is_some_and(|bus| bus.name() == name))
+        });
+    }
+    diagnosis
+}
+
 /// A node without a profile is the chosen node.
 fn question(arguments: &WhyArgs) -> Question {
     let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
@@ -64,7 +104,8 @@ fn question(arguments: &WhyArgs) -> Question {
         _ => None,
     };
     let chosen = chosen.or(only).map(|node| NodeChoice { bus: node.bus.clone(), node: node.id });
-    Question { chosen, latest: arguments.at.is_some() }
+    let story = arguments.story.map_or(0, usize::from);
+    Question { chosen, latest: arguments.at.is_some(), story }
 }
 
 /// A moment as text.
@@ -80,37 +121,56 @@ fn moment(at: Bound, first: Option<Timestamp>) -> String {
     format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
-/// Observer that ends the capture at `--at`.
-struct Watch {
+/// Facts of the capture, and findings within the selection.
+struct Facts {
     why: Why,
     selection: Selection,
+    findings: SelectedFindings,
+}
+
+impl Observer for Facts {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
+            self.findings.see(event, bus);
+            self.why.observe(event, bus, true);
+        } else {
+            let may_report = self.selection.admits(event, bus);
+            self.why.observe(event, bus, may_report);
+        }
+    }
+}
+
+/// Observer that ends the capture at `--at`.
+struct Watch {
+    engine: Engine,
+    facts: Facts,
     at: Option<Bound>,
     first: Option<Timestamp>,
 }
 
 impl Observer for Watch {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        let may_report = self.selection.admits(event, bus);
-        self.why.observe(event, bus, may_report);
+        Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
     }
 }
 
 impl CaptureObserver for Watch {
-    fn is_done(&self) -> bool {
-        self.why.is_done()
-    }
-
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
         self.at = self.at.map(|at| at.resolve(BoundSide::At, first, span)).transpose()?;
-        self.selection.begin(first, span)
+        self.facts.selection.begin(first, span)?;
+        self.facts.findings.begin(first, span)
     }
 
     fn wants_frames(&self) -> bool {
-        self.at.is_some()
+        true
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        !self.at.is_some_and(|at| at.is_before(frame, self.first))
+        if self.at.is_some_and(|at| at.is_before(frame, self.first)) {
+            return false;
+        }
+        self.engine.frame(frame);
+        true
     }
 }

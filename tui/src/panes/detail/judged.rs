@@ -6,6 +6,7 @@
 //!   What it checks: …
 //! ```
 
+use cobscope_decoder::finding::phrase::fact_text;
 use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
 use cobscope_decoder::rules::{declarations, manual, sections};
 
@@ -77,6 +78,10 @@ fn chain(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>)
             }
             Some(Cause::Quality(text)) => {
                 items.push(Item::quiet(&format!("  explained by {text}")));
+                break;
+            }
+            Some(Cause::Fact(fact)) => {
+                items.push(Item::quiet(&format!("  caused by {}", fact_text(fact))));
                 break;
             }
             None => break,

@@ -9,11 +9,11 @@
 //! look first   Its error register, what was commanded before.
 //! ```
 
+use cobscope_decoder::diagnosis::incident::absorbed;
+use cobscope_decoder::finding::phrase::{self, fact_text, moment, sentence, what, who};
 use cobscope_decoder::finding::{Cause, Findings, Group, SuppressionUse};
 use cobscope_decoder::rules::section;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::incident::absorbed;
-use cobscope_decoder::sink::findings::{self, moment, sentence, what, who};
 use cobscope_decoder::words::plural;
 use ratatui::text::{Line, Span};
 
@@ -67,8 +67,7 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
     if let Some(reason) = &group.suppressed {
         lines.push(labelled("  suppressed", reason));
     }
-    lines
-        .extend(findings::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
+    lines.extend(phrase::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
     if let Some(cause) = cause(findings, group) {
         lines.push(labelled("  caused by", &cause));
     }
@@ -119,6 +118,7 @@ fn cause(findings: &Findings, group: &Group) -> Option<String> {
             Some(format!("{} {} [{}]", who(cause), what(cause), cause.rule))
         }
         Cause::Quality(text) => Some(text.to_string()),
+        Cause::Fact(fact) => Some(fact_text(fact)),
     }
 }
 

@@ -8,11 +8,11 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
+use cobscope_decoder::diagnosis::incident::{IncidentFinding, incidents};
+use cobscope_decoder::finding::phrase::what;
 use cobscope_decoder::finding::{Findings, Group, Severity};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::incident::incidents;
-use cobscope_decoder::sink::findings::what;
 use cobscope_decoder::wire::NodeId;
 
 use super::chosen::FilterResult;
@@ -95,11 +95,12 @@ fn tree(
     for incident in incidents(findings.counting().filter(|group| is_chosen(group.id))) {
         // Findings deeper than this are hidden.
         let mut hidden_below = usize::MAX;
-        for (at, (depth, group)) in incident.groups.iter().enumerate() {
+        let rows: Vec<_> = incident.findings.iter().flat_map(rows).collect();
+        for (at, (depth, group)) in rows.iter().enumerate() {
             if *depth > hidden_below {
                 continue;
             }
-            let has_effects = incident.groups.get(at + 1).is_some_and(|(next, _)| next > depth);
+            let has_effects = rows.get(at + 1).is_some_and(|(next, _)| next > depth);
             let is_folded = has_effects && !is_flat && folded.contains(&group.id);
             hidden_below = if is_folded { *depth } else { usize::MAX };
             let depth = u8::try_from(*depth).unwrap_or(u8::MAX);
@@ -109,6 +110,13 @@ fn tree(
     let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some() && is_chosen(group.id));
     items.extend(suppressed.map(|group| item(group, 0, None)));
     items
+}
+
+/// A finding, and below it the findings printed as one with it.
+fn rows<'a>(finding: &IncidentFinding<'a>) -> Vec<(usize, &'a Group)> {
+    let below = finding.depth.saturating_add(1);
+    let members = finding.members.iter().map(|group| (below, *group));
+    [(finding.depth, finding.group)].into_iter().chain(members).collect()
 }
 
 fn item(group: &Group, depth: u8, open: Option<bool>) -> Item {

@@ -4,10 +4,11 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
 };
-use cobscope_decoder::frame::Frame;
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Buses};
@@ -80,6 +81,8 @@ struct Surveyor {
     kept: (usize, usize, usize),
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
+    /// Timestamp of the first frame.
+    first: Option<Timestamp>,
 }
 
 impl Surveyor {
@@ -101,10 +104,14 @@ impl Surveyor {
             kept: (0, 0, 0),
             more_exchanges: 0,
             bit_rate_change: None,
+            first: None,
         }
     }
 
     fn frame(&mut self, frame: &Frame) {
+        if frame.number == 1 {
+            self.first = frame.time;
+        }
         self.engine.frame(frame);
         self.statistics.frame(frame);
         let bus = usize::from(frame.bus.0);
@@ -177,8 +184,11 @@ impl Surveyor {
         }
         places.sort_by_key(|place| (place.frame, place.id));
         places.dedup();
+        let setting = Setting { zero: self.first, end: None };
+        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.places = places;
+        survey.diagnosis = Some(diagnosis);
         survey.statistics.withdraw(buses);
         survey.findings = Some(findings);
         survey.buses = names;

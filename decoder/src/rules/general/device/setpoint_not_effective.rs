@@ -1,7 +1,7 @@
 //! Set points without effect.
 
 use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, SetPoint};
-use crate::finding::{About, Severity};
+use crate::finding::{About, Merge, Severity};
 use crate::profile::Carrier;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
@@ -31,6 +31,7 @@ declare_rule! {
     "setpoint-not-effective", Warning, "set point without effect",
     kinds: ["set-point", "procedure", "boot-up"],
     needs: "a set point of the profile other than 0",
+    merge: Merge::Node,
     is_timing: true,
     word: "SETPT",
     tolerances: &[tolerance("time-ms", 500.0, "ms", "permitted duration without effect")],
@@ -145,7 +146,8 @@ impl Point {
         let severity = if self.assumed && !is_shown { Severity::Note } else { Severity::Warning };
         let since = self.since.and_then(|time| context.timestamp_of(time));
         let alarm = context.fail_at(context.now, Some(self.node), self.frames);
-        let alarm = alarm.about(About::Object(self.object)).severity(severity).since(since);
+        let alarm =
+            alarm.about(About::Object(self.object)).severity(severity).since(since).reason(&gate.gate);
         alarm.report(|| {
             let detail = if gate.detail.is_empty() { String::new() } else { format!(" ({})", gate.detail) };
             format!("{} without effect: gate {} closed{detail}", self.text, gate.gate)

@@ -13,6 +13,8 @@ declare_rule! {
     /// # What it checks
     /// A consumer time (1016) must be longer than the producer time (1017) of the monitored node. A consumer
     /// must not report 8130 unless a monitored producer is late. Only values that were written or read count.
+    /// If a consumer reports a communication error (81xx) while a monitored heartbeat is late, its time must be at
+    /// least 1.5 × the usual interval of the heartbeat.
     ///
     /// # Why it matters
     /// A consumer time that is too short stops the machine repeatedly without a reason.
@@ -42,6 +44,9 @@ const CONTRACT_LIMIT: usize = 1024;
 /// Heartbeat error (CiA 301 table 26).
 const HEARTBEAT_ERROR: u16 = 0x8130;
 
+/// Class of communication errors.
+const COMMUNICATION: u16 = 0x8100;
+
 struct Contract {
     consumer: NodeId,
     sub: u8,
@@ -54,7 +59,29 @@ struct HeartbeatConsumer {
     contracts: Vec<Contract>,
     /// Consumers with a changed list.
     changed: Vec<NodeId>,
-    beats: NodeMap<i64>,
+    beats: NodeMap<Beat>,
+}
+
+/// Heartbeats of a producer, in ns.
+#[derive(Debug, Clone, Copy, Default)]
+struct Beat {
+    last: i64,
+    /// Interval before the last heartbeat.
+    interval: Option<i64>,
+    /// Two successive intervals that differ by at most a tenth.
+    usual: Option<i64>,
+}
+
+impl Beat {
+    fn add(&mut self, now: i64) {
+        let interval = now.saturating_sub(self.last);
+        let is_usual = self.interval.is_some_and(|known| interval.saturating_sub(known).abs() <= known / 10);
+        if is_usual {
+            self.usual = Some(interval);
+        }
+        self.interval = (self.last != 0).then_some(interval);
+        self.last = now;
+    }
 }
 
 fn new(_policy: &Policy) -> HeartbeatConsumer {
@@ -81,8 +108,8 @@ impl HeartbeatConsumer {
 
     fn beat(&mut self, event: &Event, node: &Node, context: &mut Context<'_>) {
         let producer = node.id();
-        if let Some(last) = self.beats.entry(producer) {
-            *last = context.now;
+        if let Some(beat) = self.beats.entry(producer) {
+            beat.add(context.now);
         }
         let Some(period) = confirmed_number(node, 0x1017, 0).and_then(|time| i64::try_from(time).ok()) else {
             return;
@@ -105,6 +132,30 @@ impl HeartbeatConsumer {
         }
     }
 
+    /// Checks the margin of the consumer times after a communication error of their consumer.
+    fn margin(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
+        for contract in self.contracts.iter().filter(|contract| contract.consumer == node.id()) {
+            let Some(beat) = self.beats.get(contract.producer) else { continue };
+            let Some(usual) = beat.usual else { continue };
+            let rests = context.now.saturating_sub(beat.last);
+            let was_late = rests >= contract.time || beat.interval.is_some_and(|it| it >= contract.time);
+            let is_short = contract.time < usual.saturating_add(usual / 2);
+            if !was_late || !is_short || contract.time <= usual {
+                continue;
+            }
+            let [time, usual] = [contract.time, usual].map(|time| (time + 500_000) / 1_000_000);
+            let late = rests.max(beat.interval.unwrap_or(0)) / 1_000_000;
+            let alarm = context.fail(event).about(About::Object(ObjectAddress::new(0x1016, contract.sub)));
+            alarm.report(|| {
+                let producer = contract.producer.words();
+                format!(
+                    "consumer time {time} ms for {producer} < 1.5 × its heartbeat interval {usual} ms; {late} ms since \
+                     its last heartbeat"
+                )
+            });
+        }
+    }
+
     /// Checks an EMCY 8130 against the heartbeats of the monitored producers.
     fn complained(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
         let count = confirmed_number(node, 0x1016, 0)
@@ -121,8 +172,8 @@ impl HeartbeatConsumer {
             return;
         }
         let late = own.any(|contract| {
-            let last = self.beats.get(contract.producer);
-            last.is_none_or(|last| context.now.saturating_sub(*last) >= contract.time / 10 * 9)
+            let beat = self.beats.get(contract.producer);
+            beat.is_none_or(|beat| context.now.saturating_sub(beat.last) >= contract.time / 10 * 9)
         });
         if late {
             return context.pass();
@@ -145,8 +196,13 @@ impl Rule for HeartbeatConsumer {
         let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
         match &event.kind {
             EventKind::Heartbeat { .. } => self.beat(event, node, context),
-            EventKind::Emcy(emergency) if emergency.code == Some(HEARTBEAT_ERROR) => {
-                self.complained(event, node, context);
+            EventKind::Emcy(emergency) => {
+                if emergency.code == Some(HEARTBEAT_ERROR) {
+                    self.complained(event, node, context);
+                }
+                if emergency.code.is_some_and(|code| code & 0xFF00 == COMMUNICATION) {
+                    self.margin(event, node, context);
+                }
             }
             EventKind::SdoTransfer(transfer) if is_list(transfer) && !self.changed.contains(&id) => {
                 self.changed.push(id);

@@ -1,6 +1,7 @@
 //! SDO access against the access type in the object dictionary.
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::finding::Merge;
 use crate::profile::PdoName;
 use crate::profile::object::Access;
 use crate::rules::general::facts::{INVALID, about, confirmed_number, source_name};
@@ -31,6 +32,7 @@ declare_rule! {
     "access-type", Warning, "object access differs from the dictionary",
     kinds: ["sdo-transfer"],
     needs: "SDO access to an object of an EDS or profile",
+    merge: Merge::Node,
     cases: &[
         "2.2", "2.3", "2.4", "2.5", "2.6", "3.1", "3.2", "4.1", "4.3", "4.4", "4.5", "4.7", "4.9", "7.1", "7.5",
         "7.101", "7.201",

@@ -14,14 +14,14 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// An object that the device stores at each write is written too often (`minute-writes`, `hour-writes`).
-    /// Control words and set points (6040, 6300, 6380 of each channel) are exempt.
+    /// An object that the device stores at each write, or the store command 1010, is written too often
+    /// (`minute-writes`, `hour-writes`). Control words and set points (6040, 6300, 6380 of each channel) are exempt.
     ///
     /// # Why it matters
     /// Non-volatile memory endures a limited number of writes. Cyclic writes wear it out within days.
     ///
     /// # Source
-    /// Objects that are stored at each write: manual of the device.
+    /// Objects that are stored at each write: manual of the device. CiA 301 §7.5.2.13 (store parameters)
     ///
     /// # What to look at first
     /// Write the object once, or only on change.
@@ -30,7 +30,7 @@ declare_rule! {
     /// repeat the download of a stored object ten times
     "eeprom-wear", Error, "frequent writes to non-volatile memory",
     kinds: ["sdo-transfer"],
-    needs: "repeated writes to an object that the device stores at each write",
+    needs: "repeated writes to 1010 or to an object that the device stores at each write",
     is_timing: true,
     word: "EEPROM",
     tolerances: &[
@@ -96,8 +96,11 @@ impl EepromWear {
     }
 }
 
-/// Whether the object is a setting that the device stores at each write.
+/// Whether the object is the store command, or a setting that the device stores at each write.
 fn is_stored(event: &Event, object: ObjectAddress, context: &Context<'_>) -> bool {
+    if object.index == 0x1010 {
+        return true;
+    }
     let Some(node) = context.node(event) else { return false };
     let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
     if entry.is_none_or(|entry| entry.storage != Storage::EachWrite) {

@@ -1,7 +1,7 @@
 //! PDO remapping in another order than CiA 301 requires.
 
 use crate::event::{DeviceCause, DeviceState, Direction, Event, EventKind, Outcome, SdoTransfer};
-use crate::finding::About;
+use crate::finding::{About, Merge};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::declare_rule;
@@ -33,6 +33,7 @@ declare_rule! {
     "mapping-procedure", Warning, "PDO remapped in the wrong order",
     kinds: ["sdo-transfer", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
     needs: "a write to a PDO mapping, and the COB-ID of that PDO",
+    merge: Merge::Node,
     cases: &["3.22", "3.23", "3.24"],
     word: "MAP",
 }

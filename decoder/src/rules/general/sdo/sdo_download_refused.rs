@@ -1,7 +1,7 @@
 //! SDO downloads that a device refuses.
 
 use crate::event::{Abort, Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
-use crate::finding::About;
+use crate::finding::{About, Merge};
 use crate::profile::abort_codes;
 use crate::query::record;
 use crate::rules::general::facts::about;
@@ -30,6 +30,7 @@ declare_rule! {
     "sdo-download-refused", Error, "SDO download refused",
     kinds: ["sdo-transfer"],
     needs: "an SDO download",
+    merge: Merge::Node,
     word: "REFUSE",
 }
 
@@ -63,7 +64,7 @@ impl SdoDownloadRefused {
         let device = record::device(event, context.bus);
         let own = device.abort(code, transfer.object).map(|own| own.text.as_str());
         let text = own.unwrap_or_else(|| abort_codes().text(code));
-        context.fail(event).about(about).report(|| {
+        context.fail(event).about(about).reason(text).report(|| {
             let further = if is_one_of_many { " to a further object" } else { "" };
             format!("write of {}{further} refused: {code:08X} {text}", value(transfer))
         });

@@ -1,7 +1,7 @@
 //! Missing and late SDO responses.
 
 use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, StateChange};
-use crate::finding::Severity;
+use crate::finding::{Merge, Severity};
 use crate::rules::general::facts::about;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
@@ -31,6 +31,7 @@ declare_rule! {
     "sdo-no-response", Error, "no SDO response in time",
     kinds: ["sdo-transfer", "nmt-state"],
     needs: "an SDO transfer",
+    merge: Merge::Node,
     is_timing: true,
     word: "SDO",
     tolerances: &[
@@ -111,7 +112,7 @@ impl SdoNoResponse {
         let (severity, limit) =
             if duration > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
         let [milliseconds, limit] = [duration, limit].map(|time| time / 1_000_000);
-        let alarm = context.fail(event).about(about(transfer)).severity(severity);
+        let alarm = context.fail(event).about(about(transfer)).severity(severity).reason("late");
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = alarm.measure(duration as f64);
         alarm.report(|| format!("SDO response after {milliseconds} ms > {limit} ms"));

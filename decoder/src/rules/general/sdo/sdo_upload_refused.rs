@@ -1,6 +1,7 @@
 //! SDO uploads that a device refuses.
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome};
+use crate::finding::Merge;
 use crate::profile::abort_codes;
 use crate::query::record;
 use crate::rules::general::facts::about;
@@ -26,6 +27,7 @@ declare_rule! {
     "sdo-upload-refused", Note, "SDO upload refused",
     kinds: ["sdo-transfer"],
     needs: "an SDO upload",
+    merge: Merge::Node,
     is_on: false,
     word: "REFUSE",
     tolerances: &[tolerance("missing", 5.0, "", "reads of missing objects before they count as a scan")],
@@ -64,6 +66,7 @@ impl Rule for SdoUploadRefused {
         }
         let own = record::device(event, context.bus).abort(code, transfer.object);
         let text = own.map_or_else(|| abort_codes().text(code), |own| &own.text);
-        context.fail(event).about(about(transfer)).report(|| format!("read refused: {code:08X} {text}"));
+        let alarm = context.fail(event).about(about(transfer)).reason(text);
+        alarm.report(|| format!("read refused: {code:08X} {text}"));
     }
 }

@@ -11,39 +11,109 @@ use crate::words::plural;
 pub struct Incident<'a> {
     /// Highest severity in the incident.
     pub severity: Severity,
-    /// Groups with their indentation depth, cause first.
-    pub groups: Vec<(usize, &'a Group)>,
+    /// Findings with their indentation depth, cause first.
+    pub findings: Vec<IncidentFinding<'a>>,
+}
+
+/// A finding of an incident.
+#[derive(Debug, Clone)]
+pub struct IncidentFinding<'a> {
+    /// Indentation depth: 0 for the cause.
+    pub depth: usize,
+    /// The group that is printed.
+    pub group: &'a Group,
+    /// Groups of the same fault with other subjects, in order of appearance.
+    pub members: Vec<&'a Group>,
+}
+
+impl IncidentFinding<'_> {
+    /// Highest severity of the group and its members.
+    pub fn severity(&self) -> Severity {
+        self.members.iter().fold(self.group.severity, |highest, member| highest.max(member.severity))
+    }
+
+    /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After [`SHOWN_MEMBERS`] only their number
+    /// follows.
+    pub fn also(&self) -> Option<String> {
+        let shown: Vec<_> =
+            self.members.iter().take(SHOWN_MEMBERS).map(|it| it.key.about.to_string()).collect();
+        let rest = self.members.len().saturating_sub(SHOWN_MEMBERS);
+        let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
+        let total = self.members.iter().fold(self.group.count, |total, it| total.saturating_add(it.count));
+        (!shown.is_empty()).then(|| format!("also {}{more}; {total} times in all", shown.join(", ")))
+    }
+}
+
+/// Maximum number of members listed with a finding.
+const SHOWN_MEMBERS: usize = 8;
+
+/// Number of printed findings of a severity: members count with their group.
+pub fn number<'a>(telling: impl Iterator<Item = &'a Group>, severity: Severity) -> usize {
+    let all = incidents(telling);
+    let findings = all.iter().flat_map(|incident| &incident.findings);
+    findings.filter(|finding| finding.severity() == severity).count()
 }
 
 /// Groups findings by cause, most severe incident first.
 pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'a>> {
-    let by_id: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
+    let all: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
+    let (by_id, members) = merged(all);
+    let represented = members.iter().flat_map(|(id, members)| members.iter().map(|it| (it.id, *id)));
+    let represented: BTreeMap<u64, u64> = represented.collect();
+    let cause = |group: &Group| match group.cause {
+        Some(Cause::Group(id)) => {
+            let id = represented.get(&id).copied().unwrap_or(id);
+            by_id.get(&id).copied().filter(|cause| cause.id != group.id)
+        }
+        _ => None,
+    };
     let mut effects: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
     for group in by_id.values() {
-        if let Some(cause) = cause(group, &by_id) {
+        if let Some(cause) = cause(group) {
             effects.entry(cause.id).or_default().push(group);
         }
     }
     let mut incidents = Vec::new();
     let mut seen = BTreeSet::new();
     // Groups that are causes of each other have no root; each such cycle starts at its earliest group.
-    let roots = by_id.values().filter(|group| cause(group, &by_id).is_none());
+    let roots = by_id.values().filter(|group| cause(group).is_none());
     for root in roots.chain(by_id.values()) {
         let groups = below(root, &effects, &mut seen);
-        let severity = groups.iter().map(|(_, group)| group.severity).max();
-        incidents.extend(severity.map(|severity| Incident { severity, groups }));
+        let of = |(depth, group): (usize, &'a Group)| IncidentFinding {
+            depth,
+            group,
+            members: members.get(&group.id).cloned().unwrap_or_default(),
+        };
+        let findings: Vec<_> = groups.into_iter().map(of).collect();
+        let severity = findings.iter().map(IncidentFinding::severity).max();
+        incidents.extend(severity.map(|severity| Incident { severity, findings }));
     }
     incidents.sort_by_key(|incident| {
-        (Reverse(incident.severity), incident.groups.first().map(|(_, group)| group.id))
+        (Reverse(incident.severity), incident.findings.first().map(|finding| finding.group.id))
     });
     incidents
 }
 
-fn cause<'a>(group: &Group, by_id: &BTreeMap<u64, &'a Group>) -> Option<&'a Group> {
-    match group.cause {
-        Some(Cause::Group(id)) => by_id.get(&id).copied(),
-        _ => None,
+/// Groups that are printed, and the members of each by its id. If the first group of a fault is not printed,
+/// the next one represents the others.
+fn merged(all: BTreeMap<u64, &Group>) -> (BTreeMap<u64, &Group>, BTreeMap<u64, Vec<&Group>>) {
+    let mut printed: BTreeMap<u64, &Group> = BTreeMap::new();
+    let mut members: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
+    // An effect of another cause is not the same fault.
+    let mut first: BTreeMap<(u64, Option<u64>), u64> = BTreeMap::new();
+    for (id, group) in all {
+        let cause = match group.cause {
+            Some(Cause::Group(cause)) => Some(cause),
+            _ => None,
+        };
+        let first = *first.entry((group.member_of.unwrap_or(id), cause)).or_insert(id);
+        if first == id {
+            printed.insert(id, group);
+        } else {
+            members.entry(first).or_default().push(group);
+        }
     }
+    (printed, members)
 }
 
 /// A group and all its consequences that are not yet in `seen`.
@@ -120,6 +190,8 @@ mod tests {
             last: std::collections::VecDeque::new(),
             cause: cause.map(Cause::Group),
             is_absorbed: false,
+            member_of: None,
+            scene: None,
             downgraded: None,
             suppressed: None,
             is_open: false,
@@ -130,7 +202,7 @@ mod tests {
         let findings = Findings { groups, ..Findings::default() };
         let all = incidents(findings.counting());
         all.iter()
-            .map(|incident| incident.groups.iter().map(|(depth, group)| (*depth, group.id)).collect())
+            .map(|incident| incident.findings.iter().map(|it| (it.depth, it.group.id)).collect())
             .collect()
     }
 

@@ -3,10 +3,14 @@
 //! Occurrences with the same rule, bus, node and subject form one [`Group`]. This key is also the fingerprint
 //! in baselines and SARIF.
 
+pub mod phrase;
+mod scene;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::Arc;
 
+pub use self::scene::{Advice, Alive, CommandStream, Scene};
 pub use crate::profile::device::Severity;
 
 use crate::event::{FindingNews, FrameRange};
@@ -17,6 +21,9 @@ use crate::wire::canopen::test_marker::TestResult;
 
 /// Number of first occurrences stored per group, and of last ones.
 pub const KEPT_OCCURRENCES: usize = 5;
+
+/// Maximum length of a chain of causes; groups can be causes of each other.
+pub const CAUSES: usize = 8;
 
 /// Maximum number of groups per capture; further findings are only counted.
 pub const GROUP_LIMIT: usize = 3_000;
@@ -44,6 +51,19 @@ impl RuleOrigin {
     }
 }
 
+/// Findings of a rule at one node that are printed as one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Merge {
+    /// Each subject is its own finding.
+    Subject,
+    /// Subindices of one object index.
+    #[default]
+    Index,
+    /// All subjects of the node.
+    Node,
+}
+
 /// Description of a rule.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -67,6 +87,8 @@ pub struct RuleInfo {
     pub origin: RuleOrigin,
     /// The rule checks times. Skipped if the capture has no usable timestamps.
     pub is_timing: bool,
+    /// Which of its findings are printed as one, if they have the same reason.
+    pub merge: Merge,
     /// Whether the rule is active.
     pub is_on: bool,
     /// KIND column of its events in text output.
@@ -135,12 +157,29 @@ pub struct Occurrence {
 }
 
 /// Cause of a finding.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Cause {
     /// Another group, by its id.
     Group(u64),
     /// A defect of the capture or the bus, as text.
     Quality(Arc<str>),
+    /// A command, a write or another fact that no rule judges.
+    Fact(Arc<FactCause>),
+}
+
+/// A fact that is the cause of a finding.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FactCause {
+    /// Node that the fact concerns; `None` for the bus or all nodes.
+    pub node: Option<NodeId>,
+    /// Name of the node in the bus file.
+    pub node_name: Option<Arc<str>>,
+    /// What happened.
+    pub text: String,
+    /// First step for the reader; empty for none.
+    pub next: Arc<str>,
+    /// When it happened, and its frames.
+    pub at: Occurrence,
 }
 
 /// Findings with the same rule, bus, node and subject.
@@ -183,6 +222,11 @@ pub struct Group {
     pub cause: Option<Cause>,
     /// The finding reports the same fault as its cause and is not printed.
     pub is_absorbed: bool,
+    /// Group that represents this one: the same fault with another subject, printed there. It counts and has
+    /// its own fingerprint.
+    pub member_of: Option<u64>,
+    /// State of node and bus when the finding began; None above a limit of groups.
+    pub scene: Option<Box<Scene>>,
     /// Reason for a lower severity than that of the rule.
     pub downgraded: Option<String>,
     /// Reason of the suppression in the bus file.
@@ -228,6 +272,7 @@ impl Group {
             pgn,
             about,
             cause,
+            member_of: self.member_of,
             downgraded: self.downgraded.clone(),
             count: self.count,
             is_at_end: false,
@@ -394,6 +439,8 @@ pub struct Findings {
     pub suppressions: Vec<SuppressionUse>,
     /// Verdicts on marked conformance test cases, in order.
     pub conformance: Vec<CaseVerdict>,
+    /// Number of error frames in the capture.
+    pub error_frames: u64,
 }
 
 impl Findings {
@@ -402,9 +449,11 @@ impl Findings {
         self.groups.iter().filter(|group| group.counts())
     }
 
-    /// Number of reported groups of a severity.
+    /// Number of reported groups of a severity; those printed with another group are not counted.
     pub fn number(&self, severity: Severity) -> usize {
-        self.counting().filter(|group| group.severity == severity).count()
+        let is_member =
+            |group: &Group| group.member_of.and_then(|id| self.group(id)).is_some_and(Group::counts);
+        self.counting().filter(|group| group.severity == severity && !is_member(group)).count()
     }
 
     /// Groups that have this one as their cause.
@@ -412,8 +461,24 @@ impl Findings {
         self.groups.iter().filter(move |group| group.cause == Some(Cause::Group(id)))
     }
 
+    /// Groups that are the cause of a group, nearest first, at most [`CAUSES`].
+    pub fn causes(&self, group: &Group) -> Vec<&Group> {
+        let mut chain: Vec<&Group> = Vec::new();
+        let mut next = &group.cause;
+        while let Some(Cause::Group(id)) = next
+            && chain.len() < CAUSES
+            && let Some(cause) = self.group(*id)
+        {
+            chain.push(cause);
+            next = &cause.cause;
+        }
+        chain
+    }
+
     /// Looks up a group by its number.
     pub fn group(&self, id: u64) -> Option<&Group> {
-        self.groups.iter().find(|group| group.id == id)
+        // Ids follow the order of the groups, from 1; some groups may have been removed.
+        let place = self.groups.partition_point(|group| group.id < id);
+        self.groups.get(place).filter(|group| group.id == id)
     }
 }

@@ -1,0 +1,230 @@
+//! Lines of a story.
+
+use std::fmt::Write as _;
+
+use super::evidence::{disproved, unjudged};
+use super::incident::IncidentFinding;
+use super::plot::Plot;
+use super::ranking::ranking;
+use super::steps::NextStep;
+use crate::finding::phrase::{fact_text, length, seconds, what};
+use crate::finding::{Findings, Group, Occurrence};
+use crate::frame::Timestamp;
+use crate::wire::NodeId;
+use crate::words::plural;
+
+/// Maximum number of effects listed in a story.
+const SHOWN_EFFECTS: usize = 6;
+
+/// Meaning of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Label {
+    /// The most likely cause.
+    Cause,
+    /// The capture does not show the cause.
+    NoCause,
+    /// First effect of a cause that is not visible.
+    FirstEffect,
+    /// Continuation of the line before.
+    More,
+    /// A consequence.
+    Effect,
+    /// A step to take.
+    Act,
+    /// Causes that the capture disproves.
+    Disproved,
+    /// What the capture cannot show.
+    Unjudged,
+    /// Manual and section.
+    Manual,
+    /// A note.
+    Note,
+}
+
+impl Label {
+    /// The word at the beginning of the line.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Cause => "MOST LIKELY",
+            Self::NoCause => "UNKNOWN",
+            Self::FirstEffect => "FIRST EFFECT",
+            Self::More => "",
+            Self::Effect => "  then",
+            Self::Act => "DO NOW",
+            Self::Disproved => "NOT THE CAUSE",
+            Self::Unjudged => "NOT JUDGED",
+            Self::Manual => "MANUAL",
+            Self::Note => "NOTE",
+        }
+    }
+
+    /// Key of the line in JSON.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Cause => "cause",
+            Self::NoCause => "no-cause",
+            Self::FirstEffect => "first-effect",
+            Self::More => "more",
+            Self::Effect => "effect",
+            Self::Act => "act",
+            Self::Disproved => "disproved",
+            Self::Unjudged => "not-judged",
+            Self::Manual => "manual",
+            Self::Note => "note",
+        }
+    }
+}
+
+/// One line of a story.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoryLine {
+    /// Meaning of the line.
+    pub label: Label,
+    /// Text without the label. It can contain names of the capture: escape it for output.
+    pub text: String,
+    /// Time and frames that show it; without frames for a line about the whole story.
+    pub at: Occurrence,
+}
+
+/// Context of the texts.
+pub(super) struct Page<'a> {
+    pub(super) findings: &'a Findings,
+    pub(super) zero: Option<Timestamp>,
+    pub(super) has_several_buses: bool,
+}
+
+const NOWHERE: Occurrence = Occurrence { time: None, frames: crate::event::FrameRange::one(0) };
+
+impl Page<'_> {
+    /// All lines of a story.
+    pub(super) fn lines(&self, plot: &Plot<'_>, steps: &[NextStep]) -> Vec<StoryLine> {
+        let mut lines = Vec::new();
+        let Some(root) = plot.findings.first() else { return lines };
+        let line = |label, text, at| StoryLine { label, text, at };
+        let began = plot.fact.as_ref().map_or_else(|| root.group.began(), |fact| fact.at);
+        let titled = || format!("{}   {}", self.title(root.group), self.when(root.group));
+        match (&plot.fact, ranking().record(root.group)) {
+            (Some(fact), _) => {
+                let at = self.moment(fact.at).map_or_else(String::new, |at| format!("   at {at}"));
+                lines.push(line(Label::Cause, format!("{}{at}", fact_text(fact)), fact.at));
+            }
+            (None, Some(record)) => {
+                let text = format!("cause not visible in this capture; record next: {record}");
+                lines.push(line(Label::NoCause, text, began));
+                lines.push(line(Label::FirstEffect, titled(), began));
+            }
+            (None, None) => lines.push(line(Label::Cause, titled(), began)),
+        }
+        let is_effect = plot.fact.is_some();
+        let more = more(root).filter(|_| !is_effect);
+        lines.extend(more.map(|more| line(Label::More, more, began)));
+        let mut effects: Vec<_> = plot.findings.iter().skip(usize::from(!is_effect)).collect();
+        effects.sort_by_key(|it| (it.group.began().time, std::cmp::Reverse(it.severity())));
+        for effect in effects.iter().take(SHOWN_EFFECTS) {
+            lines.push(line(Label::Effect, self.effect((root.group, began), effect), effect.group.began()));
+        }
+        let rest = effects.len().saturating_sub(SHOWN_EFFECTS);
+        if rest > 0 {
+            lines.push(line(Label::More, format!("and {}", plural(rest, "further effect")), NOWHERE));
+        }
+        for (place, step) in (1..).zip(steps) {
+            let label = if place == 1 { Label::Act } else { Label::More };
+            let section =
+                if step.section.is_empty() { String::new() } else { format!(" ({})", step.section) };
+            lines.push(line(label, format!("{place} {}{section}", step.text), NOWHERE));
+        }
+        let joined = [(Label::Disproved, disproved(plot)), (Label::Unjudged, unjudged(plot, self.findings))];
+        for (label, parts) in joined.into_iter().filter(|(_, parts)| !parts.is_empty()) {
+            lines.push(line(label, parts.join("; "), NOWHERE));
+        }
+        let manual = plot.findings.iter().find_map(|it| it.group.manual.as_deref());
+        lines.extend(manual.map(|manual| line(Label::Manual, manual.to_owned(), NOWHERE)));
+        lines
+    }
+
+    /// A finding that is only a note.
+    pub(super) fn note(&self, plot: &Plot<'_>) -> Option<StoryLine> {
+        let group = plot.findings.first()?.group;
+        Some(StoryLine { label: Label::Note, text: self.title(group), at: group.began() })
+    }
+
+    /// Node and text of a finding with its first frames: `32/20 boom  EMCY 8305 spool position error {104}`.
+    pub(super) fn title(&self, group: &Group) -> String {
+        let who = self.who(group);
+        let gap = if who.is_empty() { "" } else { "  " };
+        format!("{who}{gap}{}", cited(group))
+    }
+
+    fn who(&self, group: &Group) -> String {
+        let bus = self.has_several_buses.then(|| group.bus.to_string());
+        let node = group.key.node.map(NodeId::label);
+        let parts = [bus, node, group.node_name.as_deref().map(str::to_owned)];
+        parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
+    }
+
+    /// `7.204 s`.
+    fn moment(&self, at: Occurrence) -> Option<String> {
+        Some(seconds(at.time?.since(self.zero?)))
+    }
+
+    /// `at 7.204 s`, `7.204 to 10.430 s, 12 times`, `from 7.204 s to the end`.
+    fn when(&self, group: &Group) -> String {
+        let moment = |at: Occurrence| self.moment(at);
+        let mut text = match (moment(group.began()), moment(group.ended())) {
+            (Some(began), _) if group.lasts_to_end => format!("from {began} to the end of the capture"),
+            (Some(began), _) if group.lasted.is_some_and(|lasted| lasted > 0) => {
+                format!("from {began} for {}", length(group.lasted.unwrap_or(0)))
+            }
+            (Some(began), Some(ended)) if began != ended => format!("{began} to {ended}"),
+            (Some(began), _) => format!("at {began}"),
+            (None, _) => "no time".to_owned(),
+        };
+        if group.count > 1 {
+            let _ = write!(text, ", {} times", group.count);
+        }
+        format!("{text} [{}]", group.rule)
+    }
+
+    /// `+2 ms   ACTIVE → FAULT HOLD {105}`.
+    fn effect(&self, (root, began): (&Group, Occurrence), finding: &IncidentFinding<'_>) -> String {
+        let group = finding.group;
+        let delay = group.began().time.zip(began.time).map(|(effect, cause)| effect.since(cause));
+        let delay = delay.map_or_else(String::new, |delay| {
+            let sign = if delay <= -1_000_000 { '-' } else { '+' };
+            format!("{sign}{}  ", length(delay.saturating_abs()))
+        });
+        let is_same_node = group.key.node == root.key.node && group.key.bus == root.key.bus;
+        let text = if is_same_node { cited(group) } else { self.title(group) };
+        let more = if group.count > 1 { format!(", {} times", group.count) } else { String::new() };
+        let also = finding.also().map_or_else(String::new, |also| format!("; {also}"));
+        format!("{delay}{text}{more}{also}")
+    }
+}
+
+/// The worst occurrence, the members, and the reason for a lower severity.
+fn more(finding: &IncidentFinding<'_>) -> Option<String> {
+    let group = finding.group;
+    let mut parts = Vec::new();
+    if let Some((_, text, at)) = &group.worst {
+        parts.push(format!("worst {text}{}", frames(*at)));
+    }
+    parts.extend(finding.also());
+    parts.extend(group.downgraded.as_ref().map(|reason| format!("severity lowered: {reason}")));
+    (!parts.is_empty()).then(|| parts.join("; "))
+}
+
+/// Text of a finding with its first frames, unless the text already names them.
+fn cited(group: &Group) -> String {
+    let (text, frames) = (what(group), frames(group.began()));
+    if text.contains(frames.trim_start()) { text } else { format!("{text}{frames}") }
+}
+
+/// ` {12-13}`; empty without a frame.
+fn frames(at: Occurrence) -> String {
+    match (at.frames.first, at.frames.last) {
+        (_, 0) => String::new(),
+        (first, last) if first == last || first == 0 => format!(" {{{last}}}"),
+        (first, last) => format!(" {{{first}-{last}}}"),
+    }
+}

@@ -1,0 +1,169 @@
+//! Diagnosis: findings as stories, each with its cause, what followed, what to do, and what the capture
+//! disproves or cannot show.
+//!
+//! ```text
+//! Findings ─incidents─▶ causes with effects ─ranking.toml─▶ stories in order ─lines─▶ text of every output
+//! ```
+//!
+//! One diagnosis serves `why`, `check` and the UI. It depends on findings only: each finding carries the state
+//! of its node and bus when it began ([`Scene`](crate::finding::Scene)).
+
+mod evidence;
+pub mod incident;
+mod lines;
+mod plot;
+mod ranking;
+mod steps;
+
+pub use lines::{Label, StoryLine};
+pub use steps::NextStep;
+
+use std::sync::Arc;
+
+use self::incident::incidents;
+use self::plot::{Plot, plots};
+use self::ranking::ranking;
+use crate::finding::phrase::fact_text;
+use crate::finding::{Findings, Group, Occurrence, Severity};
+use crate::frame::{BusIndex, Timestamp};
+use crate::wire::NodeId;
+
+/// Context of a diagnosis.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Setting {
+    /// Timestamp of the first frame, the zero of printed times.
+    pub zero: Option<Timestamp>,
+    /// The capture ends at this requested moment: only stories that last, or ended up to [`RECENT`] before it.
+    pub end: Option<Timestamp>,
+}
+
+/// Time in ns for which a story counts after its last finding, for a diagnosis of a moment.
+pub const RECENT: i64 = 10_000_000_000;
+
+/// Stories of a capture, most important first.
+#[derive(Debug, Clone, Default)]
+pub struct Diagnosis {
+    /// Stories with a warning or an error.
+    pub stories: Vec<Story>,
+    /// Findings that are notes only, each as one line.
+    pub notes: Vec<StoryLine>,
+}
+
+/// A cause with all findings that it explains.
+#[derive(Debug, Clone)]
+pub struct Story {
+    /// Bus and node of the cause; no node for a finding about the bus.
+    pub bus: BusIndex,
+    /// Node of the cause.
+    pub node: Option<NodeId>,
+    /// Highest severity of its findings.
+    pub severity: Severity,
+    /// Whether the capture shows the cause; else the first finding is only its first effect.
+    pub is_cause_visible: bool,
+    /// Text of the cause, or of the first effect.
+    pub title: String,
+    /// Ids of all findings, cause first.
+    pub findings: Vec<u64>,
+    /// Rules of the findings, without those printed with another one.
+    pub rules: Vec<Arc<str>>,
+    /// Nodes that the findings concern.
+    pub nodes: Vec<(BusIndex, NodeId)>,
+    /// First occurrence of the cause.
+    pub began: Occurrence,
+    /// Last occurrence of any finding.
+    pub ended: Occurrence,
+    /// A condition of the story still held at the end of the capture.
+    pub lasts: bool,
+    /// Steps to take, at most three.
+    pub steps: Vec<NextStep>,
+    /// All lines in order.
+    pub lines: Vec<StoryLine>,
+    rank: f64,
+}
+
+impl Story {
+    /// The cause, its effects and the steps, without evidence and manual.
+    pub fn brief(&self) -> impl Iterator<Item = &StoryLine> {
+        self.lines
+            .iter()
+            .take_while(|line| !matches!(line.label, Label::Disproved | Label::Unjudged | Label::Manual))
+    }
+}
+
+impl Diagnosis {
+    /// Diagnosis from those findings that count in the output.
+    pub fn of<'a>(
+        findings: &'a Findings,
+        counting: impl Iterator<Item = &'a Group>,
+        setting: Setting,
+    ) -> Self {
+        let has_several_buses = findings.groups.windows(2).any(|pair| match pair {
+            [one, other] => one.key.bus != other.key.bus,
+            _ => false,
+        });
+        let page = lines::Page { findings, zero: setting.zero, has_several_buses };
+        let mut diagnosis = Self::default();
+        for plot in plots(incidents(counting)) {
+            if plot.severity() == Severity::Note {
+                diagnosis.notes.extend(page.note(&plot));
+            } else {
+                diagnosis.stories.extend(story(&plot, &page));
+            }
+        }
+        if let Some(end) = setting.end {
+            diagnosis
+                .stories
+                .retain(|story| story.lasts || story.ended.time.is_none_or(|time| end.since(time) <= RECENT));
+        }
+        diagnosis
+            .stories
+            .sort_by(|one, other| other.rank.total_cmp(&one.rank).then(order(one).cmp(&order(other))));
+        diagnosis
+    }
+
+    /// Keeps stories that concern a node.
+    pub fn keep_node(&mut self, is_meant: impl Fn(BusIndex, NodeId) -> bool) {
+        self.stories.retain(|story| {
+            story.nodes.is_empty() || story.nodes.iter().any(|(bus, node)| is_meant(*bus, *node))
+        });
+    }
+}
+
+/// `1 story`, `2 stories`.
+pub fn stories(count: usize) -> String {
+    if count == 1 { "1 story".to_owned() } else { format!("{count} stories") }
+}
+
+fn order(story: &Story) -> (Option<Timestamp>, u64) {
+    (story.began.time, story.began.frames.first)
+}
+
+fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
+    let root = plot.root()?;
+    let ranking = ranking();
+    let weights = plot.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
+    let of_nodes = plot.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
+    let mut nodes: Vec<_> = of_nodes.collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let all = || plot.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()));
+    let ended = all().map(Group::ended).max_by_key(|at| (at.time, at.frames.last));
+    let steps = steps::steps(plot);
+    let began = plot.fact.as_ref().map_or_else(|| root.began(), |fact| fact.at);
+    Some(Story {
+        bus: root.key.bus,
+        node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
+        severity: plot.severity(),
+        is_cause_visible: plot.fact.is_some() || ranking.record(root).is_none(),
+        title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| fact_text(fact)),
+        findings: all().map(|group| group.id).collect(),
+        rules: plot.findings.iter().map(|it| Arc::clone(&it.group.rule)).collect(),
+        nodes,
+        began,
+        ended: ended.unwrap_or_else(|| root.ended()),
+        lasts: all().any(|group| group.lasts_to_end),
+        lines: page.lines(plot, &steps),
+        steps,
+        rank: weights.sum(),
+    })
+}

@@ -1,0 +1,43 @@
+//! Findings of one story.
+
+use std::sync::Arc;
+
+use super::incident::{Incident, IncidentFinding};
+use crate::finding::{Cause, FactCause, Group, Severity};
+
+/// Findings of one story: an incident, or all incidents with the same fact as their cause.
+pub(super) struct Plot<'a> {
+    /// Fact that is the cause; else the first finding is the cause.
+    pub(super) fact: Option<Arc<FactCause>>,
+    pub(super) findings: Vec<IncidentFinding<'a>>,
+}
+
+impl Plot<'_> {
+    /// Highest severity of the findings.
+    pub(super) fn severity(&self) -> Severity {
+        let all = self.findings.iter().map(IncidentFinding::severity);
+        all.max().unwrap_or(Severity::Note)
+    }
+
+    /// The finding that is the cause, or the first effect of a fact.
+    pub(super) fn root(&self) -> Option<&Group> {
+        self.findings.first().map(|finding| finding.group)
+    }
+}
+
+/// Joins incidents with the same fact as their cause.
+pub(super) fn plots(incidents: Vec<Incident<'_>>) -> Vec<Plot<'_>> {
+    let mut plots: Vec<Plot<'_>> = Vec::new();
+    for incident in incidents {
+        let fact = match incident.findings.first().and_then(|it| it.group.cause.as_ref()) {
+            Some(Cause::Fact(fact)) => Some(Arc::clone(fact)),
+            _ => None,
+        };
+        let known = plots.iter_mut().find(|plot| fact.is_some() && plot.fact == fact);
+        match known {
+            Some(plot) => plot.findings.extend(incident.findings),
+            None => plots.push(Plot { fact, findings: incident.findings }),
+        }
+    }
+    plots
+}

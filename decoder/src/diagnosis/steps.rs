@@ -1,0 +1,108 @@
+//! What to do now: steps from manual, rule and state machine.
+
+use super::plot::Plot;
+use crate::finding::{Advice, Group};
+use crate::profile;
+
+/// Maximum number of steps of a story.
+const COUNT: usize = 3;
+
+/// One step.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NextStep {
+    /// Instruction, without a full stop.
+    pub text: String,
+    /// Section of the device manual; empty if not from the manual.
+    pub section: String,
+    /// Origin: `emcy`, `dtc`, `gate`, `state`, `code`, `rule`, `general`.
+    pub by: &'static str,
+}
+
+/// At most [`COUNT`] steps of a story, most likely cause first.
+pub(super) fn steps(plot: &Plot<'_>) -> Vec<NextStep> {
+    let mut all = Vec::new();
+    let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
+    if let Some(fact) = plot.fact.as_ref().filter(|fact| !fact.next.is_empty()) {
+        add(&mut all, &fact.next, "", "rule");
+    }
+    advice(root, &mut all, |it| matches!(it.by, "emcy" | "dtc"));
+    let is_of_device = root.rule.contains(':');
+    if is_of_device {
+        rule(root, &mut all);
+    }
+    if plot.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
+        hints(LOST_SETTINGS, &mut all);
+    }
+    advice(root, &mut all, |it| it.by == "code");
+    hints(&root.rule, &mut all);
+    for finding in &plot.findings {
+        advice(finding.group, &mut all, |it| it.by == "state");
+    }
+    rule(root, &mut all);
+    advice(root, &mut all, |it| it.by == "gate");
+    for finding in &plot.findings {
+        rule(finding.group, &mut all);
+    }
+    all.truncate(COUNT);
+    all
+}
+
+/// Rule of lost settings: its hint precedes those of the restart that lost them.
+const LOST_SETTINGS: &str = "config-lost";
+
+fn add(all: &mut Vec<NextStep>, text: &str, section: &str, by: &'static str) {
+    let text = match by {
+        "rule" | "state" => text.to_owned(),
+        _ => format!("check: {}", clause(text)),
+    };
+    if !all.iter().any(|known| known.text == text) {
+        all.push(NextStep { text, section: section.to_owned(), by });
+    }
+}
+
+/// A sentence as a clause: `Measure the supply.` becomes `measure the supply`.
+fn clause(text: &str) -> String {
+    let text = text.trim_end_matches('.');
+    let mut letters = text.chars();
+    let first = letters.next();
+    let is_word = letters.clone().next().is_some_and(char::is_lowercase);
+    let text = match first {
+        Some(first) if is_word => format!("{}{}", first.to_lowercase(), letters.as_str()),
+        _ => text.to_owned(),
+    };
+    text.strip_prefix("check ").map(str::to_owned).unwrap_or(text)
+}
+
+/// Adds advice of the moment when the finding began.
+fn advice(group: &Group, all: &mut Vec<NextStep>, is_wanted: impl Fn(&Advice) -> bool) {
+    let known = group.scene.iter().flat_map(|scene| &scene.advice);
+    for advice in known.filter(|advice| is_wanted(advice)) {
+        add(all, &advice.text, &advice.section, advice.by);
+    }
+}
+
+/// Adds the next step that the rule proposes.
+fn rule(group: &Group, all: &mut Vec<NextStep>) {
+    if let Some(next) = &group.next_step {
+        add(all, next, "", "rule");
+    }
+}
+
+fn hints(rule: &str, all: &mut Vec<NextStep>) {
+    for text in profile::fault_hints(rule) {
+        add(all, text, "", "general");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_become_clauses() {
+        assert_eq!(clause("Measure the supply at the device."), "measure the supply at the device");
+        assert_eq!(clause("Check the outputs."), "the outputs");
+        assert_eq!(clause("EMCY 8305 first."), "EMCY 8305 first");
+        assert_eq!(clause(""), "");
+    }
+}

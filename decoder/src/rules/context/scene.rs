@@ -1,0 +1,166 @@
+//! State of a node and its bus when a finding begins, as evidence for the diagnosis.
+
+use super::meter::Meter;
+use super::traffic::Traffic;
+use crate::event::{Certainty, FrameRange};
+use crate::finding::{About, Advice, Alive, CommandStream, FactCause, Occurrence, Scene};
+use crate::profile::{self, Device, PdoDirection, PdoName};
+use crate::session::{Bus, GateState, GateStatus, Node, Watch};
+use crate::wire::NodeId;
+use crate::wire::canopen::{NmtState, ObjectAddress};
+
+/// Maximum number of proposed steps.
+const ADVICE: usize = 8;
+
+/// Number of RPDOs of the predefined connection set.
+const RPDOS: u16 = 4;
+
+/// View of the bus at the beginning of a finding.
+pub(super) struct View<'a> {
+    pub(super) bus: &'a Bus,
+    pub(super) traffic: &'a Traffic,
+    pub(super) meter: &'a Meter,
+    /// Time of the traffic, in ns.
+    pub(super) now: i64,
+}
+
+impl View<'_> {
+    /// Scene of a finding about a node.
+    pub(super) fn scene(&self, node: Option<NodeId>, about: &About) -> Scene {
+        let bus_only = Scene {
+            error_frames: self.meter.errors,
+            recent_error_frames: self.meter.last.errors,
+            ..Scene::default()
+        };
+        let Some(node) = node.and_then(|id| self.bus.node(id)) else { return bus_only };
+        let gates = self.bus.gates(node.id());
+        let invisible = gates.iter().filter(|gate| gate.status == GateStatus::Invisible);
+        let mut invisible: Vec<_> = invisible.map(|gate| gate.gate.clone()).collect();
+        invisible.dedup();
+        let confirmed = node.nmt().filter(|nmt| nmt.certainty == Certainty::Confirmed);
+        Scene {
+            nmt: confirmed.map(|nmt| nmt.state),
+            alive: self.alive(node),
+            commands: self.commands(node.id()),
+            advice: advice(node, about, &gates),
+            invisible,
+            has_profile: node.assigned().is_some(),
+            ..bus_only
+        }
+    }
+
+    /// Commands on an identifier without a known consumer, while an RPDO of the node never arrived on its own.
+    pub(super) fn no_consumer(&self, id: NodeId) -> Option<FactCause> {
+        let orphan = self.traffic.slots().iter().find(|slot| {
+            let is_rpdo = |(pdo, node): (PdoName, NodeId)| {
+                pdo.direction == PdoDirection::Receive
+                    && self.bus.node(node).is_none_or(|it| it.last_seen().0 == 0)
+            };
+            self.bus.pdo_on(slot.id).is_some_and(is_rpdo) && self.bus.pdo_users(slot.id).is_empty()
+        })?;
+        let rpdos = (1..=RPDOS).map(|number| PdoName { direction: PdoDirection::Receive, number });
+        let mut configured = rpdos.filter_map(|pdo| {
+            let (own, is_confirmed) = self.bus.pdo_identifier(id, pdo)?;
+            (is_confirmed && self.traffic.of(own).is_none()).then_some((pdo, own))
+        });
+        let (pdo, own) = configured.next()?;
+        let object = ObjectAddress::new(pdo.communication_index(), 1);
+        let text = format!(
+            "commands on {}h without a known consumer; {pdo} of {} is {own}h ({object}), never on the bus",
+            orphan.id,
+            id.label()
+        );
+        let frames = FrameRange::one(orphan.frames.0);
+        let time = self.bus.stamp_of(orphan.last);
+        Some(FactCause {
+            node: None,
+            node_name: None,
+            text,
+            next: "".into(),
+            at: Occurrence { time, frames },
+        })
+    }
+
+    /// Heartbeat or guarding response, if it arrived within its configured time.
+    fn alive(&self, node: &Node) -> Option<Alive> {
+        let sign = self.bus.sign_of_life(node.id())?;
+        let by = match sign.by {
+            Watch::Heartbeat => "heartbeat",
+            Watch::Guarding => "guarding response",
+            Watch::Message(_) | Watch::Boot | Watch::Any => return None,
+        };
+        let (expected, age) = (sign.expected?, self.bus.now().saturating_sub(sign.last));
+        let is_timely = age <= expected.saturating_add(expected / 2) && !node.is_lost();
+        is_timely.then_some(Alive { by, expected, age })
+    }
+
+    /// The RPDO of the node with the shortest usual interval, if it arrived within twice this interval.
+    fn commands(&self, id: NodeId) -> Option<CommandStream> {
+        let streams = self.traffic.slots().iter().filter_map(|slot| {
+            let (pdo, node) = self.bus.pdo_on(slot.id)?;
+            let is_command = node == id && pdo.direction == PdoDirection::Receive;
+            let (period, age) = (slot.median?, self.now.saturating_sub(slot.last));
+            (is_command && age <= period.saturating_mul(2)).then_some(CommandStream { pdo, period, age })
+        });
+        streams.min_by_key(|stream| stream.period)
+    }
+}
+
+/// Causes in the manual, conditions of closed gates, ways out of a fault, and hints of code tables.
+fn advice(node: &Node, about: &About, gates: &[GateState]) -> Vec<Advice> {
+    let mut all = Vec::new();
+    let device = node.device();
+    causes(device, about, &mut all);
+    for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
+        let text = match (gate.check.as_str(), gate.text.as_str()) {
+            ("", "") => gate.gate.clone(),
+            ("", text) => format!("{}: {text}", gate.gate),
+            (check, _) => check.to_owned(),
+        };
+        add(&mut all, &text, &gate.source, "gate");
+    }
+    // Control words have no effect outside operational.
+    if node.nmt().is_none_or(|nmt| nmt.state == NmtState::Operational) {
+        ways_out(node, &mut all);
+    }
+    let code = match about {
+        About::Code(code) => profile::emcy_codes().find(u32::from(*code)),
+        About::Fault(_, fmi) => profile::failure_modes().find(u32::from(*fmi)),
+        _ => None,
+    };
+    add(&mut all, code.map_or("", |entry| &entry.hint), "", "code");
+    all.truncate(ADVICE);
+    all
+}
+
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
+    if !text.is_empty() && !all.iter().any(|known: &Advice| known.text == text) {
+        all.push(Advice { text: text.to_owned(), section: section.to_owned(), by });
+    }
+}
+
+/// Adds causes that the device manual lists for the code.
+fn causes(device: &Device, about: &About, all: &mut Vec<Advice>) {
+    let (known, by) = match about {
+        About::Code(code) => (device.error(*code).map(|error| (&error.causes, &error.source)), "emcy"),
+        About::Fault(spn, fmi) => (device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source)), "dtc"),
+        _ => (None, ""),
+    };
+    let Some((causes, source)) = known else { return };
+    for cause in causes {
+        add(all, cause, source, by);
+    }
+}
+
+/// Adds transitions out of a fault state, from the device manual.
+fn ways_out(node: &Node, all: &mut Vec<Advice>) {
+    for (place, machine) in node.device().machines.iter().enumerate() {
+        let Some(state) = node.reported_state(place).filter(|state| state.fault) else { continue };
+        let from =
+            machine.transitions.iter().filter(|it| it.from.0.contains(&state.name) && it.to != state.name);
+        for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))) {
+            let text = format!("from {} to {}: {text}", state.name, it.to);
+            add(all, &text, &machine.source, "state");
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Findings within a selection.
+
+use std::collections::BTreeSet;
+
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::{Cause, Group};
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::session::Bus;
+
+use crate::select::{Selection, Span};
+
+/// Findings that pass the filter and concern a selected node.
+pub(super) struct SelectedFindings {
+    selection: Selection,
+    numbers: BTreeSet<u64>,
+}
+
+impl SelectedFindings {
+    /// No finding yet.
+    pub(super) fn new(selection: Selection) -> Self {
+        Self { selection, numbers: BTreeSet::new() }
+    }
+
+    /// Prepares the selection for a capture; see [`Selection::begin`].
+    ///
+    /// # Errors
+    /// If a bound is not possible for this capture.
+    pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.selection.begin(first, span)
+    }
+
+    /// Takes a frame, in order to detect a range after the end.
+    pub(super) fn frame(&mut self, frame: &Frame) {
+        self.selection.admits_frame(frame);
+    }
+
+    /// Message for a range after the end of the capture; see [`Selection::missed`].
+    pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+        self.selection.missed(frame, last)
+    }
+
+    /// Takes an event of a finding.
+    pub(super) fn see(&mut self, event: &Event, bus: &Bus) {
+        if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = &event.kind
+            && self.selection.admits_content(event, bus)
+        {
+            self.numbers.insert(news.id);
+        }
+    }
+
+    /// Numbers of the findings with a part in the range. A finding that covers one of them is selected.
+    pub(super) fn numbers(mut self, groups: &[Group]) -> BTreeSet<u64> {
+        let mut all = BTreeSet::new();
+        for group in groups {
+            let is_match = !self.selection.has_filter() || self.numbers.contains(&group.id);
+            // Called for all, because it also detects a range after the end.
+            if !self.selection.overlaps(group) || !is_match {
+                continue;
+            }
+            all.insert(group.id);
+            if let (true, Some(Cause::Group(cause))) = (group.is_absorbed, &group.cause) {
+                all.insert(*cause);
+            }
+        }
+        all
+    }
+}
