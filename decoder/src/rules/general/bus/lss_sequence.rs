@@ -83,9 +83,9 @@ impl Rule for LssSequence {
                 let names = [command, wanted].map(|command| lss().title(command).to_owned());
                 alarm.report(|| format!("{} received ({} expected)", names[0], names[1]));
             }
-            (true, content) => {
+            (true, sent) => {
                 self.next = None;
-                self.requested = if let Content::NodeId(id) = content { Some(*id) } else { None };
+                self.requested = if let Content::NodeId(id) = sent { Some(*id) } else { None };
             }
             (false, Content::NodeId(id)) => Self::node_id(event, *id, "reported", context),
             (false, Content::Result { code: 0, .. }) if command == CONFIGURE_NODE_ID => {

@@ -180,18 +180,12 @@ impl Rule for CommandsPerSync {
                 self.forget();
                 self.may_wait = may_wait(context.bus);
             }
-            EventKind::SdoTransfer(transfer) => {
-                if transfer.object.is_some_and(is_type) {
-                    self.forget();
-                    self.may_wait = true;
-                }
+            EventKind::SdoTransfer(transfer) if transfer.object.is_some_and(is_type) => {
+                self.forget();
+                self.may_wait = true;
             }
             EventKind::BootUp { .. } => self.forget(),
-            EventKind::Emcy(emergency) => {
-                if emergency.boot.is_some() {
-                    self.forget();
-                }
-            }
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget(),
             EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }

@@ -76,18 +76,15 @@ impl Registers {
     fn add(&mut self, emergency: &Emergency, frame: u64) {
         let register = emergency.register;
         self.last = register.map(|register| (register, frame));
-        match (emergency.action, emergency.code) {
-            (EmcyAction::Raised, Some(code)) => {
-                self.active.retain(|error| error.code != code);
-                if self.active.len() >= ERROR_LIMIT {
-                    self.active.remove(0);
-                }
-                self.active.extend(register.map(|register| ActiveError { code, register }));
+        if let (EmcyAction::Raised, Some(code)) = (emergency.action, emergency.code) {
+            self.active.retain(|error| error.code != code);
+            if self.active.len() >= ERROR_LIMIT {
+                self.active.remove(0);
             }
-            _ => {
-                self.active.clear();
-                self.remaining = register.unwrap_or(0);
-            }
+            self.active.extend(register.map(|register| ActiveError { code, register }));
+        } else {
+            self.active.clear();
+            self.remaining = register.unwrap_or(0);
         }
     }
 
@@ -138,8 +135,8 @@ impl EmcyRegister {
         }
         alarm.report(|| match &registers.active[..] {
             [_, _, ..] => {
-                let note = if may_have_ended { "; or an error ended without EMCY" } else { "" };
-                format!("read as {read:02X}h, but {all:02X}h active ({}){note}", registers.sources())
+                let reason = if may_have_ended { "; or an error ended without EMCY" } else { "" };
+                format!("read as {read:02X}h, but {all:02X}h active ({}){reason}", registers.sources())
             }
             _ => format!("read as {read:02X}h, but {last:02X}h in the last EMCY {{{frame}}}"),
         });
