@@ -1,8 +1,11 @@
 //! Rules of devices: their start, the nodes they follow, and their relation to general rules.
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use cobscope_decoder::finding::{Cause, Findings, Severity};
+use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
 
 use crate::rules::{judge, parse};
@@ -197,6 +200,32 @@ fn the_bus_file_sets_times_and_counts_of_rules_of_devices() {
     for (capture, rule, strict, lenient) in cases {
         assert_eq!((fired(capture, rule, strict), fired(capture, rule, lenient)), (1, 0), "{rule}");
     }
+}
+
+/// The profile has a rule about EMCY 0000 and one about EMCY 3422.
+#[test]
+fn an_emcy_without_error_is_a_trigger_as_any_code() {
+    const PROFILE: &str = "id = \"acme-pump\"\ntitle = \"PUMP\"\n\
+        [[emcy.code]]\ncode = 0x3422\ntext = \"undervoltage\"\n\
+        [[rule]]\nname = \"error-ends\"\nseverity = \"note\"\nkind = \"never\"\non = { emcy = 0 }\n\
+        text = \"end\"\nnext = \"check\"\nsource = \"1\"\n\
+        [[rule]]\nname = \"error-begins\"\nseverity = \"note\"\nkind = \"never\"\non = { emcy = 0x3422 }\n\
+        text = \"begin\"\nnext = \"check\"\nsource = \"1\"\n";
+    let mut catalogue = Catalogue::default();
+    catalogue.add_text("pump.toml", PROFILE).unwrap();
+    let device = catalogue.device("acme-pump").unwrap();
+    let count = |frames: &str| {
+        let mut capture = parse("a capture", frames);
+        let node = 5.into();
+        let device = Arc::clone(&device);
+        capture.options.assignments.push(Assignment { bus: None, node, device, by: AssignedBy::Option });
+        let findings = judge(&capture.frames, &capture.options, capture.setup).1;
+        ["acme-pump:error-begins", "acme-pump:error-ends"]
+            .map(|rule| findings.groups.iter().filter(|group| *group.rule == *rule).count())
+    };
+    let begin = "(1700000000.000000) can0 705#00\n(1700000000.100000) can0 085#2234050000000000\n";
+    let end = "(1700000000.300000) can0 085#0000000000000000\n";
+    assert_eq!((count(begin), count(&format!("{begin}{end}"))), ([1, 0], [1, 1]));
 }
 
 const PUMP: &str = "#! --node 2=rexroth-sydfec";

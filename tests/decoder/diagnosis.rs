@@ -136,7 +136,7 @@ const ERRORS: usize = 8;
 fn the_stories_of_recordings_are_the_reviewed_ones() {
     let reviewed = fs::read_to_string(folder().join("corpus.txt")).unwrap();
     let mut found = String::new();
-    for line in reviewed.lines().filter(|line| line.starts_with("#")) {
+    for line in reviewed.lines().filter(|line| line.starts_with('#')) {
         writeln!(found, "{line}").unwrap();
     }
     for name in reviewed.lines().filter_map(|line| line.strip_prefix("== ")) {

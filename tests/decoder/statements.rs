@@ -130,12 +130,16 @@ fn is_shown(devices: &[Arc<Device>], part: &str) -> bool {
     }
 }
 
+/// Name of a rule in the output. A rule of the profile takes precedence over a general rule of the same name.
+fn full_name(profile: &str, rule: &str, own: &BTreeSet<String>) -> String {
+    let full = format!("{profile}:{rule}");
+    if own.contains(&full) { full } else { rule.to_owned() }
+}
+
 /// Judged statements of a manual, with the full names of the rules that judge them.
 pub fn judged_statements(profile: &str) -> BTreeMap<String, BTreeSet<String>> {
-    let general: BTreeSet<_> = declarations().map(|rule| rule.name).collect();
-    let full = |rule: &String| {
-        if general.contains(rule.as_str()) { rule.clone() } else { format!("{profile}:{rule}") }
-    };
+    let own = device_rules();
+    let full = |rule: &String| full_name(profile, rule, &own);
     let all = described().into_iter().filter(|described| described.manual.profile == profile);
     all.flat_map(|described| described.manual.statement)
         .filter(|statement| !statement.judged_by.is_empty())
@@ -185,20 +189,20 @@ fn every_rule_of_a_device_has_its_statement() {
 }
 
 /// Rule as a link into `docs/rules.md`.
-fn rule_link(profile: &str, rule: &str, general: &BTreeSet<&str>) -> String {
-    let full = if general.contains(rule) { rule.to_owned() } else { format!("{profile}:{rule}") };
+fn rule_link(profile: &str, rule: &str, own: &BTreeSet<String>) -> String {
+    let full = full_name(profile, rule, own);
     format!("[{rule}](rules.md#{})", full.replace(':', ""))
 }
 
 /// Last column of a statement.
-fn verdict(profile: &str, statement: &Statement, general: &BTreeSet<&str>) -> String {
+fn verdict(profile: &str, statement: &Statement, own: &BTreeSet<String>) -> String {
     if !statement.not_observable.is_empty() {
         return format!("not observable: {}", statement.not_observable);
     }
     if !statement.not_judged.is_empty() {
         return format!("not judged: {}", statement.not_judged);
     }
-    let rules: Vec<_> = statement.judged_by.iter().map(|rule| rule_link(profile, rule, general)).collect();
+    let rules: Vec<_> = statement.judged_by.iter().map(|rule| rule_link(profile, rule, own)).collect();
     let mut parts = Vec::new();
     if !rules.is_empty() {
         parts.push(rules.join(", "));
@@ -222,7 +226,7 @@ fn counts(manual: &Manual) -> [usize; 5] {
 }
 
 fn document(all: &[Described]) -> String {
-    let general: BTreeSet<_> = declarations().map(|rule| rule.name).collect();
+    let own = device_rules();
     let mut text = String::from(
         "# Statements of the device manuals\n\nGenerated from `<device>.statements.toml` next to each profile. Each \
          statement of a manual is listed in our own words with its section. Its last column names the rules that judge it, \
@@ -240,7 +244,7 @@ fn document(all: &[Described]) -> String {
         writeln!(text, "\n## {}\n", manual.profile).unwrap();
         writeln!(text, "| section | kind | statement | outcome |\n| --- | --- | --- | --- |").unwrap();
         for statement in &manual.statement {
-            let outcome = verdict(&manual.profile, statement, &general);
+            let outcome = verdict(&manual.profile, statement, &own);
             let Statement { source, text: words, kind, .. } = statement;
             writeln!(text, "| {source} | {} | {words} | {outcome} |", kind.name()).unwrap();
         }

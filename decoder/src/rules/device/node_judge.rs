@@ -259,7 +259,7 @@ impl NodeJudge<'_> {
     }
 
     fn on_emcy(&mut self, emergency: &Emergency, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        if let Some(code) = emergency.code.filter(|code| *code != 0) {
+        if let Some(code) = emergency.code {
             self.judge(&TriggerEvent::Emcy(code), occasion, context);
         }
         let is_about =

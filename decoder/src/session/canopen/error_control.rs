@@ -9,9 +9,9 @@ use crate::session::context::Context;
 use crate::session::machine::{Machine, Timed};
 use crate::session::presence::{emit_node_lost, mark_alive};
 use crate::session::timers::Subject;
-use crate::wire::NodeId;
 use crate::wire::canopen::error_control::{self, ErrorControl as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{Malformed, NodeId};
 
 /// Intervals without a heartbeat after which the node is lost.
 const LOST_AFTER: i64 = 2;
@@ -76,6 +76,10 @@ impl Machine for ErrorControl {
             on_guard_reply(id, message, frame, cx);
         } else {
             on_heartbeat(id, message, frame, cx);
+        }
+        if frame.length > 1 {
+            let error = Malformed { layer: "error-control", offset: 1, needed: 0, available: frame.length };
+            cx.emit_malformed(frame, id, error, "error control has one byte");
         }
     }
 }

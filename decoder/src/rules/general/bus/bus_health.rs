@@ -1,5 +1,6 @@
 //! Error frames, error states of the CAN controller, and bus load.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange};
@@ -10,9 +11,9 @@ use crate::wire::error_frame::ErrorFrame;
 
 declare_rule! {
     /// # What it checks
-    /// Error frames exceed `errors-percent` of all frames or `errors-per-second`, or the CAN controller of
-    /// the capturing interface is error passive or bus-off. If the bus file states the bit rate, the bus load
-    /// per second is checked too. Interfaces that do not report error frames leave the rule without data.
+    /// Error frames exceed `errors-percent` of all frames, or `errors-per-second` within any second. Or the CAN
+    /// controller of the capturing interface is error passive or bus-off. If the bus file states the bit rate,
+    /// the bus load per second is checked too. Interfaces that do not report error frames leave the rule without data.
     ///
     /// # Why it matters
     /// A disturbed frame is sent again, which delays messages. A controller with too many errors goes
@@ -45,7 +46,15 @@ const ONLY_ERRORS: u64 = 5;
 /// Minimum number of frames for a meaningful share of error frames.
 const JUDGED: u64 = 1_000;
 
-/// Class bits and controller bits of SocketCAN error frames.
+/// One second in ns.
+const SECOND: i64 = 1_000_000_000;
+
+/// Maximum number of error frames kept for a second; more than fit on a bus of 1 Mbit/s.
+const KEPT: usize = 32_768;
+
+/// Class bits and controller bits of SocketCAN error frames. A frame is disturbed by a protocol error, a missing
+/// acknowledgement or a bus error.
+const DISTURBED: u32 = 0x008 | 0x020 | 0x080;
 const CONTROLLER: u32 = 0x004;
 const BUS_OFF: u32 = 0x040;
 const RESTARTED: u32 = 0x100;
@@ -60,6 +69,10 @@ struct BusHealth {
     busy: Arc<str>,
     passive: Arc<str>,
     off: Arc<str>,
+    /// Time and frame of the error frames of the last second.
+    recent: VecDeque<(i64, u64)>,
+    /// Maximum number of error frames within a second since the last verdict, and their frames.
+    worst: (usize, FrameRange),
 }
 
 fn new(policy: &Policy) -> BusHealth {
@@ -72,6 +85,8 @@ fn new(policy: &Policy) -> BusHealth {
         busy: "load".into(),
         passive: "error passive".into(),
         off: "bus-off".into(),
+        recent: VecDeque::new(),
+        worst: (0, FrameRange::default()),
     }
 }
 
@@ -97,24 +112,41 @@ impl BusHealth {
         }
     }
 
-    fn judge(&self, second: &Second, context: &mut Context<'_>) {
+    /// Adds an error frame to the sliding second.
+    fn disturbed(&mut self, frame: u64, context: &Context<'_>) {
+        if !context.has_time {
+            return;
+        }
+        let now = context.now;
+        while self.recent.len() >= KEPT
+            || self.recent.front().is_some_and(|(time, _)| now.saturating_sub(*time) >= SECOND)
+        {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((now, frame));
+        let count = self.recent.len();
+        if let Some((_, first)) = self.recent.front().filter(|_| count > self.worst.0) {
+            self.worst = (count, FrameRange { first: *first, last: frame });
+        }
+    }
+
+    /// Judges the sliding seconds that ended since the last verdict.
+    fn judge_errors(&mut self, second: &Second, context: &mut Context<'_>) {
+        let (count, frames) = std::mem::take(&mut self.worst);
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
-        let errors = second.errors as f64;
+        let (errors, all) = (count as f64, second.errors as f64);
         let about = About::Name(Arc::clone(&self.errors));
         if second.count >= ONLY_ERRORS && second.errors == second.count {
-            let alarm =
-                context.fail_at(context.now, None, second.frames).about(about).measure(errors).certain();
-            alarm.report(|| format!("{errors} error frames/s and no other frames (wrong bit rate?)"));
+            let alarm = context.fail_at(context.now, None, second.frames).about(about).measure(all).certain();
+            alarm.report(|| format!("{all} error frames/s and no other frames (wrong bit rate?)"));
         } else if errors > self.in_second {
-            let alarm = context.fail_at(context.now, None, second.frames).about(about);
+            self.recent.clear();
+            let alarm = context.fail_at(context.now, None, frames).about(about);
             let limit = self.in_second;
             let alarm = alarm.severity(Severity::Warning).measure(errors).certain();
             alarm.report(|| format!("{errors} error frames/s (limit {limit}/s)"));
         } else {
             context.pass();
-        }
-        if let Some(rate) = context.meter.bit_rate {
-            self.load(second, rate, context);
         }
     }
 
@@ -148,6 +180,9 @@ impl Rule for BusHealth {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::CanError(error) = event.kind {
             self.controller(event, error, context);
+            if error.classes & DISTURBED != 0 {
+                self.disturbed(event.frames.last, context);
+            }
         }
     }
 
@@ -155,11 +190,18 @@ impl Rule for BusHealth {
         // With generated timestamps, a second is meaningless.
         if context.meter.has_varied {
             let second = context.meter.last;
-            self.judge(&second, context);
+            self.judge_errors(&second, context);
+            if let Some(rate) = context.meter.bit_rate {
+                self.load(&second, rate, context);
+            }
         }
     }
 
     fn finish(&mut self, context: &mut Context<'_>) {
+        // Errors after the last complete second.
+        if context.meter.has_varied && self.worst.0 > 0 {
+            self.judge_errors(&Second::default(), context);
+        }
         let (errors, frames) = (context.meter.errors, context.meter.frames);
         if frames < JUDGED {
             return;

@@ -11,6 +11,7 @@ declare_rule! {
     /// # What it checks
     /// The heartbeat state of a node alternates between two values without an NMT command. Or its heartbeat
     /// intervals alternate between two phases of the producer time (1017), or it boots twice within 500 ms.
+    /// Equal intervals are exempt, since one producer with half the time sends the same.
     ///
     /// # Why it matters
     /// Two devices respond to the same SDO requests and execute the same commands. Settings for one device
@@ -78,7 +79,7 @@ impl Watch {
         let both = interval.saturating_add(last);
         (both - time).abs() <= tolerance
             && (interval - before).abs() <= tolerance
-            && interval < time - tolerance
+            && (interval - last).abs() > tolerance
     }
 
     fn forget(&mut self) {

@@ -12,7 +12,8 @@ use crate::wire::canopen::lss::Content;
 declare_rule! {
     /// # What it checks
     /// The four messages of switch state selective must arrive in this order: vendor, product, revision,
-    /// serial number. A device must accept node-ID, bit timing and store commands (result 0).
+    /// serial number. A device must accept node-ID, bit timing and store commands (result 0), and refuse a
+    /// node-ID other than 1 to 127 or 255 (none).
     ///
     /// # Why it matters
     /// The device keeps its old node-ID or bit rate, or loses the new one at power-off.
@@ -31,6 +32,9 @@ declare_rule! {
     word: "LSS",
 }
 
+/// Command specifier of configure node-ID (CiA 305 §3.9.3.1).
+const CONFIGURE_NODE_ID: u8 = 0x11;
+
 /// First and last command specifier of switch state selective.
 const VENDOR: u8 = 0x40;
 const SERIAL: u8 = 0x43;
@@ -39,10 +43,28 @@ const SERIAL: u8 = 0x43;
 struct LssSequence {
     /// Next command specifier of switch state selective.
     next: Option<u8>,
+    /// Requested node-ID, until the response.
+    requested: Option<u8>,
 }
 
 fn new(_policy: &Policy) -> LssSequence {
     LssSequence::default()
+}
+
+/// Node-ID that CiA 305 does not permit; 255 is a device without one.
+const fn is_undefined(id: u8) -> bool {
+    matches!(id, 0 | 128..=254)
+}
+
+impl LssSequence {
+    /// Judges a node-ID that a device accepts or reports.
+    fn node_id(event: &Event, id: u8, verb: &str, context: &mut Context<'_>) {
+        if !is_undefined(id) {
+            return context.pass();
+        }
+        let alarm = context.fail(event).about(About::Name(Arc::from("node-ID")));
+        alarm.report(|| format!("node-ID {id} {verb} (1 to 127, or 255 = none)"));
+    }
 }
 
 impl Rule for LssSequence {
@@ -61,7 +83,17 @@ impl Rule for LssSequence {
                 let names = [command, wanted].map(|command| lss().title(command).to_owned());
                 alarm.report(|| format!("{} received ({} expected)", names[0], names[1]));
             }
-            (true, _) => self.next = None,
+            (true, sent) => {
+                self.next = None;
+                self.requested = if let Content::NodeId(id) = sent { Some(*id) } else { None };
+            }
+            (false, Content::NodeId(id)) => Self::node_id(event, *id, "reported", context),
+            (false, Content::Result { code: 0, .. }) if command == CONFIGURE_NODE_ID => {
+                match self.requested.take() {
+                    Some(id) => Self::node_id(event, id, "accepted", context),
+                    None => context.pass(),
+                }
+            }
             (false, Content::Result { code: 0, .. }) => context.pass(),
             (false, Content::Result { code, specific }) => {
                 let alarm = context.fail(event).about(About::Name(Arc::from(lss().service(command))));

@@ -4,21 +4,25 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
+use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
     /// More than `note-count` RPDOs of one identifier are sent between two SYNCs, although the RPDO takes
-    /// effect at SYNC according to the device manual. Only the last one is effective.
+    /// effect at SYNC: according to its transmission type (14xx:02 written or read, 0 to 240), otherwise to
+    /// the device manual. Only the last one is effective. Transmission types 254 and 255 are exempt.
     ///
     /// # Why it matters
     /// The other commands are lost. A device may also report an overflow.
     ///
     /// # Source
-    /// RPDOs that take effect at SYNC: device manual; CiA 301 §7.2.2.2 (synchronous PDOs)
+    /// RPDOs that take effect at SYNC: device manual; CiA 301 §7.2.2.2 (synchronous PDOs), §7.5.2.35
+    /// (transmission type)
     ///
     /// # What to look at first
     /// Send SYNC and commands in the same controller cycle.
@@ -26,8 +30,8 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several RPDOs in one SYNC interval",
-    kinds: ["rpdo", "sync", "node-identified", "node-id-change"],
-    needs: "SYNC, and RPDOs that take effect at SYNC according to the profile",
+    kinds: ["rpdo", "sync", "sdo-transfer", "boot-up", "emcy", "node-identified", "node-id-change"],
+    needs: "SYNC, and RPDOs that take effect at SYNC according to 14xx:02 or the profile",
     word: "SYNC",
     tolerances: &[
         tolerance("note-count", 1.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a note"),
@@ -37,6 +41,9 @@ declare_rule! {
 
 /// Maximum SYNC interval, in nanoseconds; other rules report a SYNC that has stopped.
 const ALIVE: i64 = 1_000_000_000;
+
+/// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
+const LAST_SYNCHRONOUS: u64 = 240;
 
 /// One RPDO, stored by its index in [`crate::rules::Traffic`].
 #[derive(Default)]
@@ -85,9 +92,7 @@ impl CommandsPerSync {
     #[cold]
     fn look_up(&mut self, event: &Event, pdo: &Pdo, place: usize, context: &Context<'_>) {
         let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
-        let device = context.node(event).map(Node::device);
-        let spec = device.and_then(|device| device.pdos.iter().find(|spec| spec.pdo == pdo.name));
-        let waits = spec.is_some_and(|spec| spec.effect == PdoEffect::AtSync);
+        let waits = context.node(event).is_some_and(|node| waits_for_sync(node, pdo.name));
         commands.waits = Some(waits);
         if waits {
             commands.of = Some((id, pdo.name));
@@ -123,10 +128,27 @@ impl CommandsPerSync {
     }
 }
 
-/// Whether any device has an RPDO that takes effect at SYNC.
+/// Whether an RPDO takes effect at SYNC. The profile overrides a synchronous transmission type only.
+fn waits_for_sync(node: &Node, name: PdoName) -> bool {
+    let kind = confirmed_number(node, name.communication_index(), 2);
+    let spec = node.device().pdos.iter().find(|spec| spec.pdo == name);
+    match (spec.map(|spec| spec.effect).unwrap_or_default(), kind) {
+        (PdoEffect::AtOnce, _) => false,
+        (PdoEffect::AtSync, None) => true,
+        (_, kind) => kind.is_some_and(|kind| kind <= LAST_SYNCHRONOUS),
+    }
+}
+
+/// Whether an object is the transmission type of an RPDO.
+const fn is_type(object: ObjectAddress) -> bool {
+    matches!(object.index, 0x1400..=0x15FF) && object.sub == 2
+}
+
+/// Whether any device may have an RPDO that takes effect at SYNC.
 fn may_wait(bus: &Bus) -> bool {
-    let waits = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
-    bus.nodes().any(waits)
+    let by_profile = |node: &Node| node.device().pdos.iter().any(|spec| spec.effect == PdoEffect::AtSync);
+    let by_type = |node: &Node| node.store().sorted().iter().any(|(object, _)| is_type(*object));
+    bus.nodes().any(|node| by_profile(node) || by_type(node))
 }
 
 impl Commands {
@@ -158,6 +180,12 @@ impl Rule for CommandsPerSync {
                 self.forget();
                 self.may_wait = may_wait(context.bus);
             }
+            EventKind::SdoTransfer(transfer) if transfer.object.is_some_and(is_type) => {
+                self.forget();
+                self.may_wait = true;
+            }
+            EventKind::BootUp { .. } => self.forget(),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget(),
             EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }

@@ -1,17 +1,21 @@
 //! Error register (1001) against the EMCY messages of a node.
 
-use crate::event::{Direction, Emergency, Event, EventKind};
+use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind};
 use crate::finding::{About, Severity};
+use crate::profile::device::ClearMeaning;
 use crate::rules::general::facts::number;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::session::Node;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// The error register (1001) must read the same as in the last EMCY of the node. With `generic-bit = 1`,
-    /// bit 0 must also be set in each EMCY with an error; many devices do not set it.
+    /// The error register (1001) must read as the OR of the registers of all active EMCY; after an EMCY 0000,
+    /// as the register in it. For a device without a profile, the register of the last EMCY is permitted too.
+    /// It is a note if bits of an error are missing whose end the device does not report. With
+    /// `generic-bit = 1`, bit 0 must also be set in each EMCY with an error; many devices do not set it.
     ///
     /// # Why it matters
     /// A master that polls the register sees another device state than a consumer of its EMCY messages.
@@ -25,7 +29,7 @@ declare_rule! {
     ///
     /// # Mutation
     /// change the value in the response to an upload of 1001
-    "emcy-register", Warning, "error register differs from the last EMCY",
+    "emcy-register", Warning, "error register differs from the active EMCY",
     kinds: ["emcy", "sdo-transfer", "boot-up"],
     needs: "an EMCY, then a read of 1001:00",
     cases: &["5.2", "5.5"],
@@ -36,23 +40,71 @@ declare_rule! {
 
 const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);
 
+/// Maximum number of active errors per node; the oldest one is dropped.
+const ERROR_LIMIT: usize = 64;
+
+/// An active error as reported.
+#[derive(Clone, Copy)]
+struct ActiveError {
+    code: u16,
+    register: u8,
+}
+
+/// Registers that a node reported since its boot.
+#[derive(Default)]
+struct Registers {
+    /// Content of 1001 in the last EMCY 0000: the errors that remained, without their codes.
+    remaining: u8,
+    active: Vec<ActiveError>,
+    /// Register and frame of the last EMCY; `None` if it had no register.
+    last: Option<(u8, u64)>,
+}
+
 struct EmcyRegister {
     wants_generic: bool,
-    /// Register and frame of the last EMCY.
-    last: NodeMap<Option<(u8, u64)>>,
+    nodes: NodeMap<Registers>,
 }
 
 fn new(policy: &Policy) -> EmcyRegister {
     EmcyRegister {
         wants_generic: policy.tolerance(&DECLARATION, "generic-bit") > 0.0,
-        last: NodeMap::default(),
+        nodes: NodeMap::default(),
+    }
+}
+
+impl Registers {
+    fn add(&mut self, emergency: &Emergency, frame: u64) {
+        let register = emergency.register;
+        self.last = register.map(|register| (register, frame));
+        if let (EmcyAction::Raised, Some(code)) = (emergency.action, emergency.code) {
+            self.active.retain(|error| error.code != code);
+            if self.active.len() >= ERROR_LIMIT {
+                self.active.remove(0);
+            }
+            self.active.extend(register.map(|register| ActiveError { code, register }));
+        } else {
+            self.active.clear();
+            self.remaining = register.unwrap_or(0);
+        }
+    }
+
+    fn all(&self) -> u8 {
+        self.active.iter().fold(self.remaining, |all, error| all | error.register)
+    }
+
+    /// `05h of EMCY 3422 | 21h of EMCY 8301`
+    fn sources(&self) -> String {
+        let remaining = (self.remaining != 0).then(|| format!("{:02X}h of EMCY 0000", self.remaining));
+        let active =
+            self.active.iter().map(|error| format!("{:02X}h of EMCY {:04X}", error.register, error.code));
+        remaining.into_iter().chain(active).collect::<Vec<_>>().join(" | ")
     }
 }
 
 impl EmcyRegister {
     fn emcy(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
-        if let Some(last) = self.last.entry(node) {
-            *last = emergency.register.map(|register| (register, event.frames.last));
+        if let Some(registers) = self.nodes.entry(node) {
+            registers.add(emergency, event.frames.last);
         }
         let (Some(register), Some(code)) = (emergency.register, emergency.code) else { return };
         if self.wants_generic && code != 0 && register & 1 == 0 {
@@ -62,12 +114,32 @@ impl EmcyRegister {
     }
 
     fn read(&self, event: &Event, node: NodeId, read: u64, context: &mut Context<'_>) {
-        let Some((reported, frame)) = self.last.get(node).copied().flatten() else { return };
-        if u64::from(reported) == read {
+        let Some(registers) = self.nodes.get(node) else { return };
+        let Some((last, frame)) = registers.last else { return };
+        let all = registers.all();
+        // CiA 301 §7.2.7.1: the register in an EMCY is the content of 1001.
+        let is_plain = context.node(event).is_none_or(|node| node.assigned().is_none());
+        if read == u64::from(all) || (is_plain && read == u64::from(last)) {
             return context.pass();
         }
-        let alarm = context.fail(event).about(About::Object(REGISTER));
-        alarm.report(|| format!("read as {read:02X}h, but {reported:02X}h in the last EMCY {{{frame}}}"));
+        // Without an EMCY 0000 for each error, an error may have ended without notice.
+        let reports_end = context
+            .node(event)
+            .map(Node::device)
+            .is_none_or(|device| device.emcy.cleared == ClearMeaning::Each);
+        let is_part = read != 0 && read & !u64::from(all) == 0;
+        let may_have_ended = is_part && !reports_end;
+        let mut alarm = context.fail(event).about(About::Object(REGISTER));
+        if may_have_ended {
+            alarm = alarm.severity(Severity::Note);
+        }
+        alarm.report(|| match &registers.active[..] {
+            [_, _, ..] => {
+                let reason = if may_have_ended { "; or an error ended without EMCY" } else { "" };
+                format!("read as {read:02X}h, but {all:02X}h active ({}){reason}", registers.sources())
+            }
+            _ => format!("read as {read:02X}h, but {last:02X}h in the last EMCY {{{frame}}}"),
+        });
     }
 }
 
@@ -75,9 +147,14 @@ impl Rule for EmcyRegister {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Emcy(emergency) => self.emcy(event, node, emergency, context),
+            EventKind::Emcy(emergency) => {
+                if emergency.boot.is_some() {
+                    self.nodes.remove(node);
+                }
+                self.emcy(event, node, emergency, context);
+            }
             EventKind::BootUp { .. } => {
-                self.last.remove(node);
+                self.nodes.remove(node);
             }
             EventKind::SdoTransfer(transfer) => {
                 let is_read =

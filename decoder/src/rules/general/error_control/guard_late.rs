@@ -17,7 +17,7 @@ declare_rule! {
     /// first request. If 100C and 100D were neither written nor read, the factory settings of the device
     /// profile are assumed, with a lower severity: only after one interval within them, and until the node
     /// tolerates a longer one without its EMCY. If the life time is unknown, only the EMCY of the node about
-    /// its expired life time counts.
+    /// its expired life time counts. That EMCY is exempt within 1 s of NMT stop or reset, which can cause it too.
     ///
     /// # Why it matters
     /// When its life time expires, a node assumes that the master is lost and enters its safe state.
@@ -54,6 +54,9 @@ const ASSUMED: &str = "life time assumed: factory setting of 100C and 100D";
 /// Rounding error of timestamps, in nanoseconds.
 const SLACK: i64 = 1_000_000;
 
+/// Time in ns after NMT stop or reset in which an EMCY may report the command instead of an expired life time.
+const REACTION: i64 = 1_000_000_000;
+
 #[derive(Default)]
 struct Guarded {
     /// Time and frame of the last request.
@@ -66,6 +69,8 @@ struct Guarded {
     has_expired: bool,
     /// The node tolerated a longer interval than the factory settings permit.
     is_default_refuted: bool,
+    /// Time of the last NMT stop or reset.
+    commanded: Option<i64>,
 }
 
 impl Guarded {
@@ -182,6 +187,9 @@ impl GuardLate {
         }
         let life = life_time(Some(known));
         let Some(guarded) = self.nodes.get_mut(node) else { return };
+        if guarded.commanded.is_some_and(|at| context.now.saturating_sub(at) <= REACTION) {
+            return;
+        }
         guarded.has_expired = true;
         // The EMCY confirms a finding that depends on an assumed life time.
         if guarded.is_told && life.is_some_and(|life| !life.is_assumed) {
@@ -199,6 +207,21 @@ impl GuardLate {
             });
             format!("life guarding expired: no guarding request for {milliseconds} ms{life}, EMCY {code:04X}")
         });
+    }
+
+    fn command(&mut self, service: NmtService, target: u8, context: &mut Context<'_>) {
+        let is_reset = matches!(service, NmtService::ResetNode | NmtService::ResetCommunication);
+        if !is_reset && service != NmtService::Stop {
+            return;
+        }
+        for node in (1..=127).filter(|number| target == 0 || target == *number).map(NodeId::Canopen) {
+            if is_reset {
+                self.forget(node, context);
+            }
+            if let Some(guarded) = self.nodes.get_mut(node) {
+                guarded.commanded = Some(context.now);
+            }
+        }
     }
 
     fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
@@ -226,19 +249,7 @@ impl Rule for GuardLate {
             (EventKind::Emcy(emergency), Some(node)) => self.emergency(event, node, emergency, context),
             // After a restart, life guarding starts with the first request.
             (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
-            (
-                EventKind::NmtCommand {
-                    service: NmtService::ResetNode | NmtService::ResetCommunication,
-                    target,
-                    ..
-                },
-                _,
-            ) => {
-                let all = (1..=127).filter(|number| *target == 0 || target == number);
-                for number in all {
-                    self.forget(NodeId::Canopen(number), context);
-                }
-            }
+            (EventKind::NmtCommand { service, target, .. }, _) => self.command(*service, *target, context),
             _ => {}
         }
     }

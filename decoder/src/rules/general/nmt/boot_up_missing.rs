@@ -13,8 +13,8 @@ declare_rule! {
     /// # What it checks
     /// After an NMT reset, a known node must send its boot-up message, or the boot sign that its manual
     /// states, within `error-ms`. A boot-up under another node-ID also counts, and so does an EMCY with an
-    /// error from a device whose boot sign is an empty EMCY. It is a note for an unknown
-    /// device without an earlier boot-up.
+    /// error from a device whose boot sign is an empty EMCY; a boot-up message in its place does not. It is a
+    /// note for an unknown device without an earlier boot-up.
     ///
     /// # Why it matters
     /// The master waits for the boot-up before it configures the node. A node that does not return is out of
@@ -104,6 +104,10 @@ impl Rule for BootUpMissing {
             }
             (EventKind::NmtCommand { to: Some(NmtState::Initialising), .. }, Some(node)) => {
                 self.reset(event, node, context);
+            }
+            // The boot sign may follow the boot-up message.
+            (EventKind::BootUp { .. }, Some(node)) if reports_its_start_by_emcy(node, context) => {
+                self.booted.insert(node);
             }
             (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
             (EventKind::NodeIdChange { from: Some(from), .. }, _) => {

@@ -2,16 +2,21 @@
 
 use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::Merge;
+use crate::profile::PdoName;
 use crate::profile::object::Access;
-use crate::rules::general::facts::{about, source_name};
+use crate::rules::general::facts::{INVALID, about, confirmed_number, source_name};
 use crate::rules::general::sdo::sdo_situation::{access, is_described, situations};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
+use crate::session::Node;
+use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
     /// A device accepts a write to a read-only object, or a read of a write-only object. Or it refuses access
-    /// that its dictionary (EDS or profile) permits, with "read-only", "write-only" or "does not exist".
+    /// that its dictionary (EDS or profile) permits, with "read-only", "write-only" or "does not exist". PDO
+    /// parameters are exempt where the state of the PDO permits the refusal: a write while the PDO may be
+    /// valid, and a mapping entry beyond the number of mapped objects.
     ///
     /// # Why it matters
     /// Device and dictionary have different versions, so tools that use the EDS write a wrong configuration.
@@ -35,6 +40,12 @@ declare_rule! {
     word: "ACCESS",
 }
 
+/// Abort codes (CiA 301 table 22) that contradict the dictionary.
+const WRITE_ONLY: u32 = 0x0601_0001;
+const READ_ONLY: u32 = 0x0601_0002;
+const NO_OBJECT: u32 = 0x0602_0000;
+const NO_SUB_INDEX: u32 = 0x0609_0011;
+
 struct AccessType;
 
 fn new(_policy: &Policy) -> AccessType {
@@ -56,13 +67,28 @@ fn wrong(
         (Outcome::Complete, _) if !may && direction == Direction::Download => Some("write accepted"),
         (Outcome::Complete, _) if !may => Some("read accepted"),
         (Outcome::Aborted, Some(Abort { code, by_client: false })) if may && is_free => match code {
-            0x0601_0001 => Some("refused as write-only"),
-            0x0601_0002 => Some("refused as read-only"),
-            0x0602_0000 => Some("missing"),
-            0x0609_0011 => Some("sub-index missing"),
+            WRITE_ONLY => Some("refused as write-only"),
+            READ_ONLY => Some("refused as read-only"),
+            NO_OBJECT => Some("missing"),
+            NO_SUB_INDEX => Some("sub-index missing"),
             _ => None,
         },
         _ => None,
+    }
+}
+
+/// Whether the state of a PDO permits the refusal (CiA 301 §7.5.2.36): a valid PDO is not remapped, and entries beyond
+/// the number of mapped objects need not exist.
+fn depends_on_pdo(transfer: &SdoTransfer, object: ObjectAddress, node: &Node) -> bool {
+    let Some(name) = PdoName::of_parameter(object.index) else { return false };
+    match transfer.abort.map(|abort| abort.code) {
+        Some(NO_SUB_INDEX) if object.index != name.communication_index() => {
+            confirmed_number(node, object.index, 0).is_none_or(|count| u64::from(object.sub) > count)
+        }
+        Some(READ_ONLY) => {
+            confirmed_number(node, name.communication_index(), 1).is_none_or(|cob_id| cob_id & INVALID == 0)
+        }
+        _ => false,
     }
 }
 
@@ -81,8 +107,8 @@ impl Rule for AccessType {
             return;
         }
         // A refusal may depend on the state of the PDO, or on another error in the request.
-        let is_free = !(0x1400..=0x1BFF).contains(&object.index)
-            && (transfer.outcome == Outcome::Complete || situations(transfer, node).is_empty());
+        let is_free = transfer.outcome == Outcome::Complete
+            || !depends_on_pdo(transfer, object, node) && situations(transfer, node).is_empty();
         let Some(what) = wrong(transfer, access, direction, is_free) else { return context.pass() };
         let device = node.device();
         let alarm = context.fail(event).about(about(transfer));

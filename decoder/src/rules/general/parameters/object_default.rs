@@ -37,6 +37,9 @@ declare_rule! {
     word: "DEFLT",
 }
 
+/// Last sub-index of 1010 and 1011 with an area defined in CiA 301.
+const LAST_AREA: u8 = 3;
+
 #[derive(Default)]
 struct StartState {
     /// The node has restarted in this capture.
@@ -45,8 +48,8 @@ struct StartState {
     loading: Option<u8>,
     /// Sub-index of 1011 of the restore that is in effect.
     restored: Option<u8>,
-    /// Parameters were saved, so the next restart restores the saved values.
-    is_saved: bool,
+    /// Highest sub-index of 1010 that saved parameters, so that the next restart restores the saved values.
+    saved: Option<u8>,
     /// Objects with non-default values written since the restore, and whether also since the restart. A
     /// device that stores values by itself keeps them.
     written: Vec<(ObjectAddress, bool)>,
@@ -131,8 +134,8 @@ impl ObjectDefault {
         let loaded = started.loading.take();
         *started = StartState {
             has_restarted: true,
-            restored: loaded.or(started.restored).filter(|_| !started.is_saved),
-            is_saved: started.is_saved && loaded.is_none(),
+            restored: loaded.or(started.restored).filter(|_| started.saved.is_none()),
+            saved: started.saved.filter(|_| loaded.is_none()),
             written: std::mem::take(&mut started.written),
             is_full: started.is_full,
             loading: None,
@@ -167,14 +170,16 @@ impl ObjectDefault {
 impl StartState {
     fn wrote(&mut self, node: &Node, object: ObjectAddress, data: &[u8]) {
         match (object.index, object.sub) {
-            (0x1010, 1..) => {
-                self.is_saved = true;
+            (0x1010, sub @ 1..) => {
+                self.saved = self.saved.max(Some(sub));
                 self.loading = None;
                 self.restored = None;
             }
             (0x1011, sub @ 1..) if data == b"load" => {
                 self.loading = Some(sub);
-                self.is_saved &= sub != 1;
+                // The communication objects are in sub-index 1 and 2; the area of a manufacturer sub-index is unknown.
+                let is_undone = sub == 1 || sub == 2 && self.saved.is_none_or(|saved| saved <= LAST_AREA);
+                self.saved = self.saved.filter(|_| !is_undone);
             }
             _ => {}
         }

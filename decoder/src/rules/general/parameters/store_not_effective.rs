@@ -3,7 +3,7 @@
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
 use crate::event::{BootCause, Event, EventKind, SdoTransfer};
 use crate::finding::Severity;
-use crate::profile::little_endian;
+use crate::profile::{Role, little_endian};
 use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, NodeMap, Policy, Rule};
@@ -12,10 +12,10 @@ use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A setting that was written and saved (1010) has another value after a restart. An unsaved setting that
-    /// is still present, although the device stores on command only, is a note. Settings are communication
-    /// objects and objects that the profile marks as saved, unless rewritten since or not affected by the
-    /// restart.
+    /// A setting that was written and saved (1010) has another value after a restart, or one that the device
+    /// stores at each write according to its profile. An unsaved setting that is still present, although the
+    /// device stores on command only, is a note. Settings are communication objects and objects that the profile
+    /// marks as saved, unless rewritten since or not affected by the restart.
     ///
     /// # Why it matters
     /// From the next power-on, the device works with other settings than commissioned.
@@ -31,7 +31,7 @@ declare_rule! {
     /// change a value read after save and restart
     "store-not-effective", Warning, "saved setting not effective after restart",
     kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
-    needs: "a store (1010), a restart, then a read",
+    needs: "a stored setting, a restart, then a read",
     cases: &["2.29", "2.30", "6.8", "6.10", "8.2", "8.4", "8.6", "8.8", "8.9", "9.1"],
     word: "STORE",
 }
@@ -76,8 +76,15 @@ fn is_setting(object: ObjectAddress, transfer: &SdoTransfer) -> bool {
     match object.index {
         0x1001..=0x1003 | 0x1010 | 0x1011 | 0x1013 | 0x1023..=0x1026 | 0x1F50..=0x1FFF => false,
         0x1000..COMMUNICATION_END => transfer.persists != Some("no"),
-        _ => transfer.persists == Some("needs-save"),
+        _ => transfer.persists == Some("needs-save") || is_stored(transfer),
     }
+}
+
+/// Whether the device stores the value at each write, as the profile states. Commands and set points have a role.
+fn is_stored(transfer: &SdoTransfer) -> bool {
+    let role = transfer.meaning.as_ref().and_then(|meaning| meaning.role);
+    transfer.persists == Some("yes")
+        && !matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual))
 }
 
 /// Flags of a COB-ID that the device may set.
@@ -116,7 +123,7 @@ impl StoredSettings {
         let before = transfer.previous.as_deref().filter(|_| !transfer.previous_assumed);
         let before = before.filter(|bytes| bytes.len() <= LONGEST).map(little_endian);
         let before = before.filter(|before| *before != value);
-        self.settings.push(Setting { object, value, frame, before, is_saved: false });
+        self.settings.push(Setting { object, value, frame, before, is_saved: is_stored(transfer) });
     }
 
     fn booted(&mut self, is_partial: bool, on_command: bool) {
@@ -148,7 +155,7 @@ impl StoreNotEffective {
             (true, false) if is_void => {}
             (true, false) => {
                 let alarm = context.fail(event).about(about(transfer));
-                alarm.report(|| format!("{found:X}h after the restart, but {value:X}h saved {{{frame}}}"));
+                alarm.report(|| format!("{found:X}h after the restart, but {value:X}h stored {{{frame}}}"));
             }
             (false, true) if stored.on_command && before.is_some() => {
                 let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);

@@ -2,17 +2,20 @@
 
 use std::sync::Arc;
 
-use crate::event::{Direction, Event, EventKind, Outcome, Pdo, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome, Pdo, SdoTransfer, UdsExchange};
 use crate::finding::About;
 use crate::profile::{Field, IntegerPosition, Layout, Meaning, SignalId, Value};
+use crate::rules::general::uds::uds_negative::subject;
 use crate::rules::rule::declare_rule;
 use crate::rules::{BySlot, Context, Policy, Rule};
 use crate::session::Node;
+use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
     /// # What it checks
-    /// A value accepted by SDO or sent in a PDO is outside the range in the device manual. PDO values are
-    /// checked when the payload changes. Values that depend on an assumed mapping, scale or mode are exempt.
+    /// A value accepted or sent by SDO or UDS, or sent in a PDO, is outside the range in the device manual. PDO
+    /// values are checked when the payload changes. Values that depend on an assumed mapping, scale or mode are
+    /// exempt, and so are counts of the error history (1003:00), whose range applies to writes only.
     ///
     /// # Why it matters
     /// Devices clip such values, ignore them or report an error later.
@@ -26,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "value outside the permitted range",
-    kinds: ["pdo-mapped-changed", "sdo-transfer"],
+    kinds: ["pdo-mapped-changed", "sdo-transfer", "uds-exchange"],
     needs: "a value of an object with a range in the profile or EDS",
     word: "RANGE",
 }
@@ -129,35 +132,56 @@ fn has_range(meaning: &Meaning) -> bool {
     meaning.range.is_some() || meaning.limits.is_some()
 }
 
-fn written(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
-    let SdoTransfer { direction: Some(Direction::Download), outcome: Outcome::Complete, .. } = transfer
-    else {
+/// Whether a range limits only what may be written: 0 to 1003:00 clears the history (CiA 301 §7.5.2.4).
+fn is_for_writes(object: ObjectAddress) -> bool {
+    object == ObjectAddress::new(0x1003, 0)
+}
+
+fn transferred(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    let (Some(direction), Some(object)) = (transfer.direction, transfer.object) else { return };
+    let is_read = direction == Direction::Upload;
+    let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated;
+    if !is_whole || is_read && (transfer.cut_start || is_for_writes(object)) {
         return;
-    };
+    }
     let node = context.node(event);
-    let meaning =
-        transfer.meaning.as_ref().filter(|meaning| has_confirmed_range(meaning, node) && !transfer.truncated);
+    let meaning = transfer.meaning.as_ref().filter(|meaning| has_confirmed_range(meaning, node));
     let Some(meaning) = meaning else { return };
     let value = meaning.decode(&transfer.data);
     if meaning.is_outside(&value) {
-        report_value(event, meaning, &value, "SDO", context);
+        let by = if is_read { "SDO upload" } else { "SDO" };
+        report_value(event, meaning, &value, by, context);
     } else {
         context.pass();
     }
 }
 
+fn exchanged(event: &Event, exchange: &UdsExchange, context: &mut Context<'_>) {
+    let meaning = exchange.meaning.as_ref().filter(|meaning| !meaning.assumed && has_range(meaning));
+    let is_positive = exchange.outcome == ExchangeOutcome::Positive;
+    let (Some(meaning), Some(value), true) = (meaning, exchange.decoded(), is_positive) else { return };
+    if !meaning.is_outside(&value) {
+        return context.pass();
+    }
+    let alarm = context.fail(event).about(About::Name(subject(event, exchange)));
+    alarm.report(|| out_of_range(meaning, &value, "UDS"));
+}
+
 #[cold]
 fn report_value(event: &Event, meaning: &Meaning, value: &Value, by: &str, context: &mut Context<'_>) {
     let alarm = context.fail(event).about(About::Object(meaning.object));
-    alarm.report(|| {
-        let permitted = match (meaning.range, meaning.limits) {
-            (_, Some([least, most])) => format!("{least} to {most} {}", meaning.unit),
-            (Some([least, most]), None) => format!("{least} to {most} raw"),
-            (None, None) => String::new(),
-        };
-        let (shown, permitted) = (meaning.show(value), permitted.trim_end());
-        format!("{shown} by {by} out of range {permitted} (raw {value})")
-    });
+    alarm.report(|| out_of_range(meaning, value, by));
+}
+
+/// `500 bar by SDO out of range 1 to 450 bar (raw 500)`
+fn out_of_range(meaning: &Meaning, value: &Value, by: &str) -> String {
+    let permitted = match (meaning.range, meaning.limits) {
+        (_, Some([least, most])) => format!("{least} to {most} {}", meaning.unit),
+        (Some([least, most]), None) => format!("{least} to {most} raw"),
+        (None, None) => String::new(),
+    };
+    let (shown, permitted) = (meaning.show(value), permitted.trim_end());
+    format!("{shown} by {by} out of range {permitted} (raw {value})")
 }
 
 impl Rule for ValueOutOfRange {
@@ -165,7 +189,8 @@ impl Rule for ValueOutOfRange {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
-            EventKind::SdoTransfer(transfer) => written(event, transfer, context),
+            EventKind::SdoTransfer(transfer) => transferred(event, transfer, context),
+            EventKind::UdsExchange(exchange) => exchanged(event, exchange, context),
             _ => {}
         }
     }

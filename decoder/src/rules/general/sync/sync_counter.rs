@@ -4,13 +4,14 @@ use crate::event::{Event, EventKind};
 use crate::rules::general::facts::{PRODUCES, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
-use crate::session::Bus;
+use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
 declare_rule! {
     /// # What it checks
     /// The SYNC counter must count up by one from 1. If the producer is known (bit 30 of its 1005), its
-    /// overflow value (1019) determines whether there is a counter, and its maximum.
+    /// overflow value (1019) determines whether there is a counter, and its maximum. If it is unknown, no node
+    /// may have the overflow value 0 while SYNC has a counter.
     ///
     /// # Why it matters
     /// TPDOs with a SYNC start value lose their position in the cycle.
@@ -48,6 +49,11 @@ fn producer(bus: &Bus) -> Option<(NodeId, u64)> {
     Some((one.id(), confirmed_number(one, 0x1019, 0)?))
 }
 
+/// First node that expects SYNC without a counter.
+fn consumer(bus: &Bus) -> Option<NodeId> {
+    bus.nodes().find(|node| confirmed_number(node, 0x1019, 0) == Some(0)).map(Node::id)
+}
+
 impl Rule for SyncCounter {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Sync { counter, expected } = event.kind else { return };
@@ -80,6 +86,11 @@ impl Rule for SyncCounter {
                 alarm.report(|| format!("SYNC counter {counter} > {overflow} (1019:00)"));
             }
             (None, None) => {}
+            (None, Some(counter)) => {
+                let Some(node) = consumer(context.bus) else { return context.pass() };
+                let alarm = context.fail(event).node(Some(node));
+                alarm.report(|| format!("SYNC with counter {counter}, but 1019:00 = 0 in this node"));
+            }
             _ => context.pass(),
         }
     }

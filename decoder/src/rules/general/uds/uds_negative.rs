@@ -50,7 +50,7 @@ fn new(_policy: &Policy) -> UdsNegative {
 }
 
 /// `20: 2E 0102`: server, service, identifier. The server is omitted if the finding has a node.
-pub(super) fn subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
+pub(in crate::rules::general) fn subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
     let mut text = String::new();
     if event.node.is_none() {
         let _ = match (&exchange.ends.server, exchange.ends.target) {

@@ -31,10 +31,17 @@ impl Transfer {
     pub(super) fn answers_with_segment(&mut self, segment: &Segment<'_>, frame: u64) {
         // The server repeats the bit of a request, so the client skipped it.
         let side = if self.segments.asked.is_some() { Side::Client } else { Side::Server };
-        if self.is_doubtful(segment.toggle, frame) {
+        let is_doubtful = self.is_doubtful(segment.toggle, frame);
+        if is_doubtful && !self.ends_with(segment) {
             self.skip_segment(!segment.toggle);
         }
         self.take_segment(segment, side, frame);
+    }
+
+    /// Whether a segment is the last one and reaches the announced size exactly, so that none before it is missing.
+    fn ends_with(&self, segment: &Segment<'_>) -> bool {
+        let size = self.size.saturating_add(segment.data.len() as u64);
+        segment.last && self.announced.is_some_and(|announced| u64::from(announced) == size)
     }
 
     /// Applies a segment of a download.
@@ -213,6 +220,20 @@ mod tests {
         assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (9, 0, 0));
         assert_eq!(transfer.data, [1, 1, 1, 1, 1, 1, 1, 3, 3]);
         assert!(transfer.irregularity.is_some_and(|found| found.by_client && found.frame == 2));
+    }
+
+    /// The server repeats the bit of the segment before in the last one; the announced size leaves no gap.
+    #[test]
+    fn a_wrong_bit_in_the_last_segment_is_a_violation() {
+        let mut transfer = upload(Some(9));
+        transfer.asks_segment(false);
+        transfer.answers_with_segment(&segment(false, false, &[1; 7]), 1);
+        transfer.asks_segment(true);
+        transfer.answers_with_segment(&segment(false, true, &[3; 2]), 2);
+        transfer.complete();
+        assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (9, 0, 0));
+        assert_eq!(transfer.data, [1, 1, 1, 1, 1, 1, 1, 3, 3]);
+        assert!(transfer.irregularity.is_some_and(|found| !found.by_client && found.frame == 2));
     }
 
     #[test]
