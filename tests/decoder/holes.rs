@@ -3,12 +3,19 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::sync::Arc;
 
+use cobscope_decoder::capture::{Batch, Item, Notice, ReadOptions, Reader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Findings, Group};
+use cobscope_decoder::frame::BusIndex;
+use cobscope_decoder::rules::{Engine, Judge};
+use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
 
 use crate::mutator::{Line, lines, text};
-use crate::rules::{Annotated, judge, parse};
+use crate::rules::{Annotated, judge, parse, plain_setup};
 use crate::support::workspace;
 
 /// Frames of a clean capture, with its options.
@@ -48,6 +55,63 @@ fn statements(findings: &Findings) -> Vec<&String> {
     findings.quality.iter().filter(|note| note.starts_with("no frame for")).collect()
 }
 
+/// Heartbeats of node 5 every 100 ms, its producer time being read; from the 20th on one hour later.
+fn heartbeats() -> String {
+    let mut log =
+        "(1700000000.000000) can0 605#4017100000000000\n(1700000000.001000) can0 585#4B17100064000000\n"
+            .to_owned();
+    for number in 1..40 {
+        let hour = if number < 20 { 0 } else { 3_600 };
+        let (second, tenth) = (1_700_000_000 + hour + number / 10, number % 10);
+        writeln!(log, "({second}.{tenth}00{:03}) can0 705#05", number * 7 % 90).unwrap();
+    }
+    log
+}
+
+/// Findings of the heartbeats, and the steps of the clock; with the notice of a live source that the clock was set.
+fn judged_live(is_noticed: bool) -> (Vec<String>, Vec<i64>) {
+    let log = heartbeats();
+    let mut reader = Reader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut decoder = Decoder::new(SessionOptions::default());
+    let mut engine = Engine::new(Arc::new(plain_setup()));
+    let mut batch = Batch::new();
+    let mut steps = Vec::new();
+    let mut last = None;
+    let mut see = |event: &Event, _: &Bus| {
+        if let EventKind::ClockStep { step } = event.kind {
+            steps.push(step);
+        }
+    };
+    while reader.read(&mut batch).unwrap() {
+        for item in batch.items() {
+            let Item::Frame(frame) = item else { continue };
+            let time = frame.time.unwrap();
+            let step = last.map_or(0, |last| time.since(last));
+            if is_noticed && step > 3_000_000_000_000 {
+                let notice = Notice::ClockSet { bus: BusIndex(0), time, step };
+                let mut judge = Judge { engine: &mut engine, out: &mut see };
+                decoder.notice(&notice, reader.buses(), &mut judge);
+            }
+            last = Some(time);
+            engine.frame(frame);
+            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut see });
+        }
+    }
+    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut see });
+    let findings = engine.finish(decoder.buses(), &mut see);
+    (findings.counting().map(|group| group.rule.to_string()).collect(), steps)
+}
+
+/// The source reports that the clock was set by an hour: one event, and no heartbeat is late. Without the report,
+/// one producer alone may as well have been silent.
+#[test]
+fn a_clock_set_during_a_live_capture_is_an_event_and_no_finding() {
+    let (rules, steps) = judged_live(true);
+    assert_eq!((rules, steps.len()), (Vec::<String>::new(), 1));
+    assert!((3_599_000_000_000..3_601_000_000_000).contains(&steps[0]), "{steps:?}");
+    assert_eq!(judged_live(false), (vec!["node-lost".to_owned()], Vec::new()));
+}
+
 /// Frames after which three producers, two with heartbeats and one of SYNC, have sent three messages each.
 const KNOWN: f64 = 0.4;
 
@@ -65,6 +129,37 @@ fn check_one_statement(findings: &Findings) -> Result<(), TestCaseError> {
     prop_assert_eq!(rules(findings), "");
     prop_assert_eq!(statements(findings).len(), 1, "{:?}", findings.quality);
     Ok(())
+}
+
+/// Captures of failing devices, below `fixtures/`.
+const FAULTY: [&str; 8] = [
+    "stories/wandfluh-md2/fault-reset-held",
+    "stories/danfoss-pve-ci/enable-in-fault-hold",
+    "stories/rexroth-vpcd/settings-lost",
+    "diagnosis/wrong-remap",
+    "diagnosis/enable-wrong-order",
+    "diagnosis/eeprom-wear",
+    "diagnosis/sync-producer-twice",
+    "diagnosis/mode-write-ignored",
+];
+
+/// Frames and options of a capture of a failing device.
+fn faulty(name: &str) -> (Vec<Line>, String) {
+    let path = workspace().join("fixtures").join(name);
+    let table = fs::read_to_string(path.with_extension("toml")).unwrap();
+    let table: toml::Table = toml::from_str(&table).unwrap();
+    let nodes = table["node"].as_array().unwrap().iter().filter_map(toml::Value::as_str);
+    let nodes: Vec<String> = nodes.map(|node| format!("#! --node {node}\n")).collect();
+    let bus_file = table.get("bus_file").and_then(toml::Value::as_str).unwrap_or_default();
+    let bus_file: Vec<String> = bus_file.lines().map(|line| format!("#| {line}\n")).collect();
+    let log = fs::read_to_string(path.with_extension("log")).unwrap();
+    (lines(&log), [nodes.concat(), bus_file.concat()].concat())
+}
+
+/// Whether the frames of a finding, or of one of its causes, are on both sides of a frame.
+fn spans(findings: &Findings, group: &Group, at: u64) -> bool {
+    let is_across = |group: &Group| group.began().frames.first <= at && group.ended().frames.last > at;
+    is_across(group) || findings.causes(group).into_iter().any(is_across)
 }
 
 proptest! {
@@ -103,6 +198,28 @@ proptest! {
         let is_late = |group: &&Group| group.first[0].time.is_some_and(|time| time.0 > unusual);
         for group in findings.groups.iter().filter(is_late) {
             prop_assert!(group.text.contains("or a hole in the capture"), "{}: {}", group.rule, group.text);
+        }
+    }
+
+    /// A shift takes no finding away whose evidence is on one side of it.
+    #[test]
+    fn no_finding_disappears_beside_a_shift(
+        name in proptest::sample::select(&FAULTY[..]),
+        place in 0.05..0.95_f64,
+        factor in 11_i64..10_000,
+    ) {
+        let (mut frames, options) = faulty(name);
+        let before = judged(name, &frames, &options);
+        let at = index(&frames, place);
+        let delay = longest(&frames, at) * factor;
+        for line in &mut frames[at..] {
+            line.time += delay;
+        }
+        let after = judged(name, &frames, &options);
+        let at = u64::try_from(at).unwrap();
+        for group in before.counting().filter(|group| !spans(&before, group, at)) {
+            let is_there = after.counting().any(|other| other.fingerprint() == group.fingerprint());
+            prop_assert!(is_there, "{}: {} is gone", name, group.fingerprint());
         }
     }
 }

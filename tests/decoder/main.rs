@@ -6,6 +6,7 @@
 mod corpus;
 mod corpus_conformance;
 mod corpus_j1939;
+mod coverage;
 mod damaged;
 mod dbc;
 mod device_files;
