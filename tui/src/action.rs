@@ -25,7 +25,7 @@ pub enum Action {
     Back,
     /// Expand, collapse or choose the selected item.
     Toggle,
-    /// Show the pane with this number, from 1.
+    /// Show the pane with this number, from 0.
     Pane(u8),
     /// Show the next pane.
     NextPane,
@@ -49,6 +49,10 @@ pub enum Action {
     NextFinding,
     /// Go to the previous finding.
     PreviousFinding,
+    /// Go to the next story of the diagnosis.
+    NextStory,
+    /// Go to the previous story of the diagnosis.
+    PreviousStory,
     /// Go to the next error event.
     NextError,
     /// Go to the previous error event.

@@ -80,6 +80,8 @@ const ACTIONS: &[Binding] = &[
     key(&["x"], Action::Toggle, "expand", "expand, collapse or choose the selected row", Group::Move),
     key(&["]"], Action::NextFinding, "finding", "go to the next finding", Group::Time),
     key(&["["], Action::PreviousFinding, "finding", "go to the previous finding", Group::Time),
+    key(&["}"], Action::NextStory, "story", "go to the next story of the diagnosis", Group::Time),
+    key(&["{"], Action::PreviousStory, "story", "go to the previous story of the diagnosis", Group::Time),
     key(&["e"], Action::NextError, "error", "go to the next error event", Group::Time),
     key(&["E"], Action::PreviousError, "error", "go to the previous error event", Group::Time),
     key(

@@ -31,6 +31,8 @@ pub struct App {
     pub(super) early: Vec<KeyEvent>,
     /// The survey has reported its end.
     pub(super) is_surveyed: bool,
+    /// The view opens at the first story: no position was requested and no key pressed.
+    pub(super) opens_at_story: bool,
 }
 
 /// Input mode: the meaning of keys.
@@ -76,6 +78,9 @@ impl App {
             News::Indexed if self.core.is_pending() => self.core.refresh(),
             News::Surveyed => {
                 self.is_surveyed = true;
+                if std::mem::take(&mut self.opens_at_story) {
+                    self.go_to_story(0);
+                }
                 self.core.report_unknown_buses();
             }
             News::Indexed | News::Traced => {}

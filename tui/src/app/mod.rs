@@ -8,6 +8,7 @@
 mod application;
 mod ask;
 mod assign;
+mod diagnosis;
 mod header;
 mod help;
 mod news;

@@ -1,4 +1,6 @@
-//! Jumps to the next finding and the next error.
+//! Jumps to the next finding, story and error.
+
+use cobscope_decoder::sink::escape;
 
 use super::application::App;
 use crate::state::JumpPlace;
@@ -25,6 +27,40 @@ impl App {
             None if is_complete => self.core.refuse("no further finding in this direction"),
             None => self.core.refuse("no further finding yet; the rules still run"),
         }
+        self.refresh_panes();
+    }
+
+    /// Goes to the story that is `by` stories after the one at the cursor; without one at the cursor, to the first.
+    pub(super) fn step_story(&mut self, by: isize) {
+        let survey = self.core.timeline.survey();
+        let Some(diagnosis) = &survey.diagnosis else {
+            drop(survey);
+            return self.core.refuse("no story yet; the rules still run");
+        };
+        let frames: Vec<u64> = diagnosis.stories.iter().map(|story| story.began.frames.last).collect();
+        drop(survey);
+        let at = frames.iter().position(|frame| *frame == self.core.cursor.frame);
+        let next = match at {
+            Some(at) => at.checked_add_signed(by),
+            None => Some(0),
+        };
+        match next.filter(|next| *next < frames.len()) {
+            Some(next) => self.go_to_story(next),
+            None => self.core.refuse("no further story in this direction"),
+        }
+    }
+
+    /// Goes to the first frame of a story.
+    pub(super) fn go_to_story(&mut self, index: usize) {
+        let survey = self.core.timeline.survey();
+        let stories = survey.diagnosis.as_ref().map(|diagnosis| &diagnosis.stories);
+        let count = stories.map_or(0, Vec::len);
+        let story = stories.and_then(|stories| stories.get(index));
+        let told = story.map(|story| (story.began.frames.last, escape(&story.title).into_owned()));
+        drop(survey);
+        let Some((frame, title)) = told.filter(|(frame, _)| *frame > 0) else { return };
+        self.core.go(JumpPlace::Frame(frame));
+        self.core.notify(&format!("story {} of {count}: {title}", index.saturating_add(1)));
         self.refresh_panes();
     }
 

@@ -55,6 +55,7 @@ impl App {
             clicked: None,
             early: Vec::new(),
             is_surveyed: false,
+            opens_at_story: start.at.is_none() && !start.follows,
         };
         if start.follows {
             app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");

@@ -32,6 +32,7 @@ impl App {
     }
 
     fn one_key(&mut self, key: KeyEvent) {
+        self.opens_at_story = false;
         if self.core.window.is_none() && keymap::action(&key) != Some(Action::Quit) {
             if self.early.len() < MOST_EARLY {
                 self.early.push(key);
@@ -79,6 +80,9 @@ impl App {
 
     /// Handles a mouse event.
     pub fn mouse(&mut self, event: MouseEvent) {
+        if !matches!(event.kind, MouseEventKind::Moved) {
+            self.opens_at_story = false;
+        }
         // Some terminals report coordinate 0 as 65535.
         let x = event.column.min(self.area.width.saturating_sub(1));
         let y = event.row.min(self.area.height.saturating_sub(1));
@@ -132,6 +136,8 @@ impl App {
             Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),
             Action::SearchPrevious => self.core.search(true),
+            Action::NextStory => self.step_story(1),
+            Action::PreviousStory => self.step_story(-1),
             Action::NextFinding => self.finding(true),
             Action::PreviousFinding => self.finding(false),
             Action::NextError => self.error(true),

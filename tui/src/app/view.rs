@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! can0 250k  load 34 %  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
-//! 1 Nodes  2 Events  3 Frames …                                                        panes
+//! 0 Why  1 Nodes  2 Events  3 Frames …                                                 panes
+//! 2 errors 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s  ] finding  0 why diagnosis
 //! ┌─────────────────────────────────────────────────────────────────────────────────┐
 //! │ the pane                                                                        │
 //! └─────────────────────────────────────────────────────────────────────────────────┘
@@ -16,7 +17,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::application::{App, Mode};
-use super::header;
+use super::{diagnosis, header};
 use crate::keymap;
 use crate::panes::PaneId;
 use crate::theme::Role;
@@ -26,10 +27,15 @@ use crate::widgets::draw;
 /// Width of the progress bar of the index.
 const GAUGE: u16 = 20;
 
+/// Height from which the line of the diagnosis is shown.
+const LOW: u16 = 10;
+
 /// Areas of the screen.
 pub(super) struct Parts {
     pub(super) header: Rect,
     pub(super) tabs: Rect,
+    /// One line of the diagnosis; empty on low screens.
+    pub(super) diagnosis: Rect,
     pub(super) body: Rect,
     pub(super) status: Rect,
     pub(super) footer: Rect,
@@ -39,10 +45,17 @@ pub(super) struct Parts {
 pub(super) fn parts(area: Rect) -> Parts {
     let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
     let below = |from_end: u16| line(area.height.saturating_sub(from_end));
+    let diagnosis = u16::from(area.height >= LOW);
+    let above = 2 + diagnosis;
     Parts {
         header: line(0),
         tabs: line(1),
-        body: Rect { y: area.y + 2.min(area.height), height: area.height.saturating_sub(4), ..area },
+        diagnosis: if diagnosis > 0 { line(2) } else { Rect::ZERO },
+        body: Rect {
+            y: area.y + above.min(area.height),
+            height: area.height.saturating_sub(above + 2),
+            ..area
+        },
         status: if area.height > 3 { below(2) } else { Rect::ZERO },
         footer: if area.height > 2 { below(1) } else { Rect::ZERO },
     }
@@ -79,6 +92,7 @@ impl App {
         let parts = parts(area);
         header::draw(&self.core, parts.header, buf);
         self.draw_tabs(parts.tabs, buf);
+        diagnosis::draw(&self.core, parts.diagnosis, buf);
         match &self.mode {
             Mode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
             _ => {

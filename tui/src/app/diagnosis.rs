@@ -1,0 +1,71 @@
+//! The line of the diagnosis: counts and the first story.
+//!
+//! ```text
+//! 1 error 3 warnings: 32/20  EMCY 8305 spool position error, 7.204 s             } story  0 why
+//! ```
+
+use cobscope_decoder::finding::{Severity, Verdict};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::text::Line;
+
+use crate::figures::seconds;
+use crate::state::Core;
+use crate::theme::Role;
+use crate::timeline::Survey;
+use crate::widgets::draw;
+
+/// Keys that lead on.
+const KEYS: &str = "} story  0 why";
+
+/// Draws the line. The title of the story is cut before counts, time and keys.
+pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
+    if area.is_empty() {
+        return;
+    }
+    let survey = core.timeline.survey();
+    let (text, end, role) = words(core, &survey);
+    let keys = if end.is_empty() { "" } else { KEYS };
+    let room = area.width.saturating_sub(draw::width(keys).saturating_add(2));
+    let room = room.saturating_sub(draw::width(&end));
+    let style = core.theme.style(role);
+    draw::line(
+        buf,
+        Rect { width: room, ..area },
+        &Line::styled(text.clone(), style),
+        draw::Align::Left,
+        &core.theme,
+    );
+    let used = draw::width(&text).min(room);
+    draw::put(buf, area.x + used, area.y, draw::width(&end), &end, style);
+    let quiet = core.theme.style(Role::Quiet);
+    draw::line(buf, area, &Line::styled(keys, quiet), draw::Align::Right, &core.theme);
+}
+
+/// Text, its time, and its role.
+fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
+    let (Some(diagnosis), Some(findings)) = (&survey.diagnosis, &survey.findings) else {
+        return ("rules run …".to_owned(), String::new(), Role::Quiet);
+    };
+    let Some(story) = diagnosis.stories.first() else {
+        let rules = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
+        let missing = rules.filter(|(_, tally)| tally.verdict() == Verdict::NotExercised).count();
+        let text = format!("no findings; {} not exercised", plural(missing, "rule"));
+        return (text, String::new(), Role::Good);
+    };
+    let count = |severity, name| match findings.number(severity) {
+        0 => None,
+        number => Some(plural(number, name)),
+    };
+    let counts = [count(Severity::Error, "error"), count(Severity::Warning, "warning")];
+    let counts: Vec<_> = counts.into_iter().flatten().collect();
+    // The frames are in the Why pane.
+    let title = story.title.split(" {").next().unwrap_or_default();
+    let text = format!("{}: {}", counts.join(" "), escape(title));
+    let time = story.began.time.zip(core.zero()).map(|(time, zero)| seconds(time.since(zero)));
+    let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time} s"));
+    let role = if story.severity == Severity::Error { Role::Bad } else { Role::Caution };
+    (text, end, role)
+}
