@@ -40,7 +40,8 @@ fn fixtures() -> Vec<(String, String)> {
     for path in stories.iter().filter(|path| path.with_extension("log").exists()) {
         let table: toml::Table = toml::from_str(&fs::read_to_string(path).unwrap()).unwrap();
         let nodes = table["node"].as_array().unwrap().iter().filter_map(toml::Value::as_str);
-        let mut text: String = nodes.map(|node| format!("#! --node {node}\n")).collect();
+        let nodes: Vec<String> = nodes.map(|node| format!("#! --node {node}\n")).collect();
+        let mut text = nodes.concat();
         let bus_file = table.get("bus_file").and_then(toml::Value::as_str).unwrap_or_default();
         text.extend(bus_file.lines().map(|line| format!("#| {line}\n")));
         text += &fs::read_to_string(path.with_extension("log")).unwrap();

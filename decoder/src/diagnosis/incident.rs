@@ -32,7 +32,7 @@ impl IncidentFinding<'_> {
         self.members.iter().fold(self.group.severity, |highest, member| highest.max(member.severity))
     }
 
-    /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After [`SHOWN_MEMBERS`] only their number
+    /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After eight, only their number
     /// follows.
     pub fn also(&self) -> Option<String> {
         let shown: Vec<_> =
