@@ -61,7 +61,8 @@ impl Session {
     }
 
     fn view(arguments: &[&str]) -> Self {
-        let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope")).arg("view").args(arguments);
+        let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
+        let command = command.args(["view", "--at", "0"]).args(arguments);
         let command = command.current_dir(workspace());
         Self::start(command, 24, 80)
     }
@@ -200,7 +201,7 @@ fn a_terminal_that_is_gone_ends_the_program() {
 #[test]
 fn a_capture_from_a_pipe_leaves_the_keys_to_the_terminal() {
     let program = env!("CARGO_BIN_EXE_cobscope");
-    let script = format!("cat fixtures/devices/pve.log | {program} view --node 32=danfoss-pve-ci -");
+    let script = format!("cat fixtures/devices/pve.log | {program} view --at 0 --node 32=danfoss-pve-ci -");
     let session =
         Session::start(PtyCommand::new("sh").args(["-c", &script]).current_dir(workspace()), 24, 80);
     session.wait_text("BOOT");

@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 
 use super::output::Output;
 use crate::panes::{PaneId, Panes};
-use crate::state::Core;
+use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
 
@@ -78,8 +78,10 @@ impl App {
             News::Indexed if self.core.is_pending() => self.core.refresh(),
             News::Surveyed => {
                 self.is_surveyed = true;
-                if std::mem::take(&mut self.opens_at_story) {
-                    self.go_to_story(0);
+                if std::mem::take(&mut self.opens_at_story)
+                    && let Some((frame, _)) = self.story(0)
+                {
+                    self.core.go(JumpPlace::Frame(frame));
                 }
                 self.core.report_unknown_buses();
             }

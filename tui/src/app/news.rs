@@ -44,24 +44,21 @@ impl App {
             Some(at) => at.checked_add_signed(by),
             None => Some(0),
         };
-        match next.filter(|next| *next < frames.len()) {
-            Some(next) => self.go_to_story(next),
-            None => self.core.refuse("no further story in this direction"),
-        }
+        let count = frames.len();
+        let Some((next, (frame, title))) = next.and_then(|next| Some((next, self.story(next)?))) else {
+            return self.core.refuse("no further story in this direction");
+        };
+        self.core.go(JumpPlace::Frame(frame));
+        self.core.notify(&format!("story {} of {count}: {title}", next.saturating_add(1)));
+        self.refresh_panes();
     }
 
-    /// Goes to the first frame of a story.
-    pub(super) fn go_to_story(&mut self, index: usize) {
+    /// First frame and title of a story.
+    pub(super) fn story(&self, index: usize) -> Option<(u64, String)> {
         let survey = self.core.timeline.survey();
-        let stories = survey.diagnosis.as_ref().map(|diagnosis| &diagnosis.stories);
-        let count = stories.map_or(0, Vec::len);
-        let story = stories.and_then(|stories| stories.get(index));
-        let told = story.map(|story| (story.began.frames.last, escape(&story.title).into_owned()));
-        drop(survey);
-        let Some((frame, title)) = told.filter(|(frame, _)| *frame > 0) else { return };
-        self.core.go(JumpPlace::Frame(frame));
-        self.core.notify(&format!("story {} of {count}: {title}", index.saturating_add(1)));
-        self.refresh_panes();
+        let story = survey.diagnosis.as_ref()?.stories.get(index)?;
+        let frame = Some(story.began.frames.last).filter(|frame| *frame > 0)?;
+        Some((frame, escape(&story.title).into_owned()))
     }
 
     pub(super) fn error(&mut self, is_forward: bool) {
