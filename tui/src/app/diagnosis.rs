@@ -11,7 +11,6 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use crate::figures::seconds;
 use crate::state::Core;
 use crate::theme::Role;
 use crate::timeline::Survey;
@@ -64,8 +63,8 @@ fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
     // The frames are in the Why pane.
     let title = story.title.split(" {").next().unwrap_or_default();
     let text = format!("{}: {}", counts.join(" "), escape(title));
-    let time = story.began.time.zip(core.zero()).map(|(time, zero)| seconds(time.since(zero)));
-    let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time} s"));
+    let time = core.seconds(story.began.time);
+    let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time:.3} s"));
     let role = if story.severity == Severity::Error { Role::Bad } else { Role::Caution };
     (text, end, role)
 }
