@@ -194,8 +194,9 @@ fn table(file: CausesFile) -> Causes {
                 effect: row.becomes,
                 is_of_parameter,
             };
+            let common = Arc::new(entry(false));
             for effect in &row.effects {
-                let entry = Arc::new(entry(effect == DEVICE_WRITE));
+                let entry = if effect == DEVICE_WRITE { Arc::new(entry(true)) } else { Arc::clone(&common) };
                 causes.by_effect.entry(effect.clone()).or_default().push(entry);
             }
             causes.by.push(by.clone());
