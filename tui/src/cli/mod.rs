@@ -113,7 +113,7 @@ pub enum Command {
     #[command(after_help = notes::OBJECTS)]
     #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
     Objects(ObjectsArgs),
-    /// Show the first fault, the changes before it, and what to check
+    /// Show the most likely cause, its effects, and the steps to take
     ///
     /// --node 5 selects the node; --node 5=PROFILE assigns its profile. They can be combined.
     #[command(after_help = notes::WHY)]
