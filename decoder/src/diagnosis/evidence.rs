@@ -1,7 +1,7 @@
 //! What the capture disproves, and what it cannot show.
 
 use super::plot::Plot;
-use crate::finding::phrase::length;
+use crate::finding::phrase::interval;
 use crate::finding::{Findings, Scene};
 use crate::wire::canopen::NmtState;
 
@@ -16,11 +16,11 @@ pub(super) fn disproved(plot: &Plot<'_>) -> Vec<String> {
     let Some(scene) = root.scene.as_deref() else { return all };
     let has = |rules: &[&str]| plot.findings.iter().any(|it| rules.contains(&&*it.group.rule));
     if let (Some(alive), false) = (&scene.alive, has(&SILENT_NODE)) {
-        let (expected, age) = (length(alive.expected), length(alive.age));
+        let (expected, age) = (interval(alive.expected), interval(alive.age));
         all.push(format!("node off the bus ({} {age} before, expected every {expected})", alive.by));
     }
     if let (Some(commands), false) = (&scene.commands, has(&SILENT_CONTROLLER)) {
-        all.push(format!("controller silent ({} every {})", commands.pdo, length(commands.period)));
+        all.push(format!("controller silent ({} every {})", commands.pdo, interval(commands.period)));
     }
     if scene.nmt == Some(NmtState::Operational) && !has(&["operational-lost"]) && !has(&SILENT_NODE) {
         all.push("NMT state (operational)".to_owned());

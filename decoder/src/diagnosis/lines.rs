@@ -7,7 +7,7 @@ use super::incident::IncidentFinding;
 use super::plot::Plot;
 use super::ranking::ranking;
 use super::steps::NextStep;
-use crate::finding::phrase::{fact_text, length, seconds, what};
+use crate::finding::phrase::{fact_text, interval, length, seconds, what};
 use crate::finding::{Findings, Group, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
@@ -191,8 +191,8 @@ impl Page<'_> {
         let group = finding.group;
         let delay = group.began().time.zip(began.time).map(|(effect, cause)| effect.since(cause));
         let delay = delay.map_or_else(String::new, |delay| {
-            let sign = if delay <= -1_000_000 { '-' } else { '+' };
-            format!("{sign}{}  ", length(delay.saturating_abs()))
+            let sign = if delay <= -500_000 { '-' } else { '+' };
+            format!("{sign}{}  ", interval(delay.saturating_abs()))
         });
         let is_same_node = group.key.node == root.key.node && group.key.bus == root.key.bus;
         let text = if is_same_node { cited(group) } else { self.title(group) };

@@ -65,6 +65,11 @@ pub(crate) fn length(nanoseconds: i64) -> String {
     format!("{}.{} s", tenths / 10, tenths % 10)
 }
 
+/// A duration as [`length`], rounded: intervals are measured a few microseconds off.
+pub(crate) fn interval(nanoseconds: i64) -> String {
+    length(nanoseconds.saturating_add(500_000))
+}
+
 /// `1.300 s {12-13}`.
 pub fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
     let frames = at.frames;
