@@ -6,9 +6,8 @@ use super::evidence::{disproved, unjudged};
 use super::incident::IncidentFinding;
 use super::plot::Plot;
 use super::ranking::ranking;
-use super::steps::NextStep;
 use crate::finding::phrase::{fact_text, interval, length, seconds, what};
-use crate::finding::{Findings, Group, Occurrence};
+use crate::finding::{Advice, Findings, Group, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 use crate::words::plural;
@@ -98,7 +97,7 @@ const NOWHERE: Occurrence = Occurrence { time: None, frames: crate::event::Frame
 
 impl Page<'_> {
     /// All lines of a story.
-    pub(super) fn lines(&self, plot: &Plot<'_>, steps: &[NextStep]) -> Vec<StoryLine> {
+    pub(super) fn lines(&self, plot: &Plot<'_>, steps: &[Advice]) -> Vec<StoryLine> {
         let mut lines = Vec::new();
         let Some(root) = plot.findings.first() else { return lines };
         let line = |label, text, at| StoryLine { label, text, at };

@@ -16,7 +16,6 @@ mod ranking;
 mod steps;
 
 pub use lines::{Label, StoryLine};
-pub use steps::NextStep;
 
 use std::sync::Arc;
 
@@ -24,7 +23,7 @@ use self::incident::incidents;
 use self::plot::{Plot, plots};
 use self::ranking::ranking;
 use crate::finding::phrase::fact_text;
-use crate::finding::{Findings, Group, Occurrence, Severity};
+use crate::finding::{Advice, Findings, Group, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
@@ -75,7 +74,7 @@ pub struct Story {
     /// A condition of the story still held at the end of the capture.
     pub lasts: bool,
     /// Steps to take, at most three.
-    pub steps: Vec<NextStep>,
+    pub steps: Vec<Advice>,
     /// All lines in order.
     pub lines: Vec<StoryLine>,
     rank: f64,

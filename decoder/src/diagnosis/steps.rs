@@ -7,19 +7,8 @@ use crate::profile;
 /// Maximum number of steps of a story.
 const COUNT: usize = 3;
 
-/// One step.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct NextStep {
-    /// Instruction, without a full stop.
-    pub text: String,
-    /// Section of the device manual; empty if not from the manual.
-    pub section: String,
-    /// Origin: `emcy`, `dtc`, `gate`, `state`, `code`, `rule`, `general`.
-    pub by: &'static str,
-}
-
 /// At most [`COUNT`] steps of a story, most likely cause first.
-pub(super) fn steps(plot: &Plot<'_>) -> Vec<NextStep> {
+pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
     let mut all = Vec::new();
     let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
     if let Some(fact) = plot.fact.as_ref().filter(|fact| !fact.next.is_empty()) {
@@ -50,13 +39,13 @@ pub(super) fn steps(plot: &Plot<'_>) -> Vec<NextStep> {
 /// Rule of lost settings: its hint precedes those of the restart that lost them.
 const LOST_SETTINGS: &str = "config-lost";
 
-fn add(all: &mut Vec<NextStep>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
     let text = match by {
         "rule" | "state" | "general" => text.to_owned(),
         _ => format!("check: {}", clause(text)),
     };
     if !all.iter().any(|known| known.text == text) {
-        all.push(NextStep { text, section: section.to_owned(), by });
+        all.push(Advice { text, section: section.to_owned(), by });
     }
 }
 
@@ -74,7 +63,7 @@ fn clause(text: &str) -> String {
 }
 
 /// Adds advice of the moment when the finding began.
-fn advice(group: &Group, all: &mut Vec<NextStep>, is_wanted: impl Fn(&Advice) -> bool) {
+fn advice(group: &Group, all: &mut Vec<Advice>, is_wanted: impl Fn(&Advice) -> bool) {
     let known = group.scene.iter().flat_map(|scene| &scene.advice);
     for advice in known.filter(|advice| is_wanted(advice)) {
         add(all, &advice.text, &advice.section, advice.by);
@@ -82,13 +71,13 @@ fn advice(group: &Group, all: &mut Vec<NextStep>, is_wanted: impl Fn(&Advice) ->
 }
 
 /// Adds the next step that the rule proposes.
-fn rule(group: &Group, all: &mut Vec<NextStep>) {
+fn rule(group: &Group, all: &mut Vec<Advice>) {
     if let Some(next) = &group.next_step {
         add(all, next, "", "rule");
     }
 }
 
-fn hints(rule: &str, all: &mut Vec<NextStep>) {
+fn hints(rule: &str, all: &mut Vec<Advice>) {
     for text in profile::fault_hints(rule) {
         add(all, text, "", "general");
     }

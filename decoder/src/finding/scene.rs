@@ -50,7 +50,7 @@ pub struct CommandStream {
 /// One proposed step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Advice {
-    /// Instruction for the user.
+    /// Instruction for the user, without a full stop in a story.
     pub text: String,
     /// Section of the device manual; empty if not from the manual.
     pub section: String,
