@@ -2,22 +2,12 @@
 
 use super::fault::FaultKind;
 use super::state::NodeState;
+use crate::finding::Advice;
 use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 
 /// Maximum number of things to check.
 const COUNT: usize = 3;
-
-/// One thing to check.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Check {
-    /// Instruction for the user.
-    pub text: String,
-    /// Section of the device manual; empty if not from the manual.
-    pub section: String,
-    /// Origin: `emcy`, `dtc`, `gate`, `state`, `code`, `general`.
-    pub by: &'static str,
-}
 
 /// Input for the list of checks.
 pub(super) struct FaultContext<'a> {
@@ -34,7 +24,7 @@ pub(super) struct FaultContext<'a> {
 }
 
 /// At most [`COUNT`] checks, most likely cause first.
-pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Check> {
+pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Advice> {
     let mut all = Vec::new();
     let whole_node = ground.kinds.first().is_some_and(|kind| kind.is_of_the_whole_node());
     if ground.gates_first {
@@ -55,14 +45,14 @@ pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Check> {
     all
 }
 
-fn add(all: &mut Vec<Check>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
     if !text.is_empty() && !all.iter().any(|known| known.text == text) {
-        all.push(Check { text: text.to_owned(), section: section.to_owned(), by });
+        all.push(Advice { text: text.to_owned(), section: section.to_owned(), by });
     }
 }
 
 /// Adds causes that the device manual lists for the code.
-fn causes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
+fn causes(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     let Some(device) = ground.device else { return };
     for kind in ground.kinds {
         let known = match kind {
@@ -78,19 +68,14 @@ fn causes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
 }
 
 /// Adds the conditions of closed gates.
-fn gates(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
+fn gates(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     for gate in ground.state.into_iter().flat_map(NodeState::closed) {
-        let text = match (gate.check.as_str(), gate.text.as_str()) {
-            ("", "") => gate.gate.clone(),
-            ("", text) => format!("{}: {text}", gate.gate),
-            (check, _) => check.to_owned(),
-        };
-        add(all, &text, &gate.source, "gate");
+        add(all, &gate.advice(), &gate.source, "gate");
     }
 }
 
 /// Adds transitions out of a fault state, from the device manual.
-fn ways_out(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
+fn ways_out(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     let (Some(device), Some(state)) = (ground.device, ground.state) else { return };
     // Control words have no effect outside operational.
     if state.nmt.is_some_and(|nmt| nmt.state != NmtState::Operational) {
@@ -110,7 +95,7 @@ fn ways_out(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
 }
 
 /// Adds hints of the code tables.
-fn codes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
+fn codes(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     for kind in ground.kinds {
         let entry = match kind {
             FaultKind::Emcy(code) => profile::emcy_codes().find(u32::from(*code)),
@@ -122,13 +107,13 @@ fn codes(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
     }
 }
 
-fn general(ground: &FaultContext<'_>, all: &mut Vec<Check>) {
+fn general(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     for kind in ground.kinds {
         hints(kind.rule(), all);
     }
 }
 
-fn hints(rule: &str, all: &mut Vec<Check>) {
+fn hints(rule: &str, all: &mut Vec<Advice>) {
     for text in profile::fault_hints(rule) {
         add(all, text, "", "general");
     }

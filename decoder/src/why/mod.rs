@@ -21,13 +21,13 @@ mod watch;
 pub use crate::suggestion::Suggestion;
 pub use cadence::{Rhythm, StoppedMessage};
 pub use change::SHOWN;
-pub use check::Check;
 pub use fault::{FaultGrade, FaultKind};
 pub use moment::Moment;
 pub use state::{NodeState, PointState};
 
 use crate::diagnosis::{Diagnosis, Story};
 use crate::event::Event;
+use crate::finding::Advice;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
 use crate::session::{Bus, Buses, Node, Observer, SdoPairHint};
@@ -105,7 +105,7 @@ pub struct Report {
     /// Periodic messages that had stopped.
     pub quiet: Vec<StoppedMessage>,
     /// Things to check, most likely cause first.
-    pub checks: Vec<Check>,
+    pub checks: Vec<Advice>,
     /// Manual that the sections in `checks` refer to.
     pub document: String,
     /// Reaction times of the controller: of the faulty or chosen node, else the longest ones.
@@ -194,7 +194,7 @@ impl Why {
         buses: Buses<'_>,
         moment: Option<&Moment>,
         state: Option<&NodeState>,
-    ) -> (Vec<Check>, String) {
+    ) -> (Vec<Advice>, String) {
         let kinds = match (moment, state) {
             (Some(moment), _) => moment.kinds.clone(),
             (None, Some(state)) if state.has_closed_gate() => vec![FaultKind::SetPoint],

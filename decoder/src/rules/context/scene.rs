@@ -112,12 +112,7 @@ fn advice(node: &Node, about: &About, gates: &[GateState]) -> Vec<Advice> {
     let device = node.device();
     causes(device, about, &mut all);
     for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
-        let text = match (gate.check.as_str(), gate.text.as_str()) {
-            ("", "") => gate.gate.clone(),
-            ("", text) => format!("{}: {text}", gate.gate),
-            (check, _) => check.to_owned(),
-        };
-        add(&mut all, &text, &gate.source, "gate");
+        add(&mut all, &gate.advice(), &gate.source, "gate");
     }
     // Control words have no effect outside operational.
     if node.nmt().is_none_or(|nmt| nmt.state == NmtState::Operational) {

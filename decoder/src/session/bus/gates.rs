@@ -34,6 +34,17 @@ pub struct GateState {
     pub source: String,
 }
 
+impl GateState {
+    /// What to do about the closed gate: the action that opens it, else its name with its effect.
+    pub fn advice(&self) -> String {
+        match (self.check.as_str(), self.text.as_str()) {
+            ("", "") => self.gate.clone(),
+            ("", text) => format!("{}: {text}", self.gate),
+            (check, _) => check.to_owned(),
+        }
+    }
+}
+
 /// Result of all gates of a set point.
 pub(in crate::session) struct Verdict {
     pub(in crate::session) effective: Effective,
