@@ -72,6 +72,7 @@ impl App {
                 }
             }
             News::Exported(told) => self.core.exported(told),
+            News::Changed(text) => self.core.refuse(&text),
             News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),

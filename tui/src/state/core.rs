@@ -53,8 +53,8 @@ pub struct Core {
     is_waiting: bool,
     /// Number of running exports.
     exports: usize,
-    /// Number of frames when the cursor last moved to the end.
-    followed: u64,
+    /// Last event when the cursor last moved to the end.
+    followed: EventPosition,
 }
 
 impl Core {
@@ -81,7 +81,7 @@ impl Core {
             asked: None,
             is_waiting: false,
             exports: 0,
-            followed: 0,
+            followed: EventPosition::default(),
         }
     }
 
@@ -223,12 +223,13 @@ impl Core {
 
     /// Moves to the end while following, and requests a position again that was not read yet.
     pub fn follow(&mut self) {
-        let frames = self.timeline.progress().frames();
         if self.is_pending() && !self.is_waiting {
             self.refresh();
         }
-        if self.is_following && !self.is_waiting && frames > self.followed {
-            self.followed = frames;
+        // Events without a frame count too: a link that closes, a node that is lost.
+        let end = self.timeline.progress().spot();
+        if self.is_following && !self.is_waiting && end != self.followed {
+            self.followed = end;
             self.go(JumpPlace::End);
         }
     }
@@ -303,7 +304,9 @@ impl Core {
                 row.filter(is_there).and_then(|row| row.event.time)
             }
         };
-        event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
+        // Without a state, only the start has a known time.
+        let first = || self.timeline.first().filter(|_| self.cursor.frame <= 1);
+        event.or_else(|| self.world()?.time()).or_else(first)
     }
 
     /// Time of the first frame.

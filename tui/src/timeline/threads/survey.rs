@@ -4,18 +4,18 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
 };
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::replay::{EventPosition, PlacedEvent};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::Line;
 use cobscope_decoder::statistics::Statistics;
 
+use super::diagnosing::{Diagnosing, diagnose};
 use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
@@ -37,33 +37,42 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
         let mut next = STRIDE;
         let mut told = Instant::now();
         while !shared.is_over() {
-            // The next frame may take long to arrive.
-            if walk.is_drained() && told.elapsed() >= TELL {
-                told = Instant::now();
-                surveyor.publish(shared, walk.world.frames());
+            // The next frame may take long to arrive: until then, everything known is published.
+            if walk.is_drained() {
+                while !shared.is_over() && surveyor.has_unpublished() {
+                    if told.elapsed() >= TELL {
+                        told = Instant::now();
+                        surveyor.publish(shared, &walk.world);
+                        shared.report_growth(news);
+                    }
+                    if shared.waits_for_growth(walk.offset(), TELL) {
+                        break;
+                    }
+                }
             }
             match walk.peek() {
                 Ok(Some(frame)) => surveyor.frame(frame),
                 // A notice: time may have advanced without a frame.
                 Ok(None) => surveyor.advance(walk.world.buses()),
-                Err(_) => {}
+                Err(error) => shared.fail(&error),
             }
             match walk.step(&mut |told: PlacedEvent<'_>| surveyor.event(&told)) {
                 Ok(true) => {}
                 Ok(false) => break,
-                Err(_) => {
+                Err(error) => {
+                    shared.fail(&error);
                     walk.close(&mut |told: PlacedEvent<'_>| surveyor.event(&told));
                     break;
                 }
             }
             if walk.world.frames() >= next {
                 next = walk.world.frames() + STRIDE;
-                surveyor.publish(shared, walk.world.frames());
+                surveyor.publish(shared, &walk.world);
             }
         }
-        surveyor.publish(shared, walk.world.frames());
+        surveyor.publish(shared, &walk.world);
         let names = walk.names().to_vec();
-        surveyor.finish(shared, walk.world.buses(), names);
+        surveyor.finish(shared, &walk.world, names);
     }
     shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;
     // The application may have ended.
@@ -81,15 +90,17 @@ struct Surveyor {
     kept: (usize, usize, usize),
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
-    /// Timestamp of the first frame.
-    first: Option<Timestamp>,
+    /// Frames or events since the last publication.
+    has_news: bool,
+    diagnosing: Diagnosing,
 }
 
 impl Surveyor {
     /// Advances the time of the rules to that of the buses.
     fn advance(&mut self, buses: Buses<'_>) {
+        let (engine, diagnosing) = (&mut self.engine, &mut self.diagnosing);
         for bus in buses {
-            self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
+            engine.advance(bus, &mut |event: &Event, _: &Bus| diagnosing.see(event));
         }
     }
 
@@ -104,14 +115,13 @@ impl Surveyor {
             kept: (0, 0, 0),
             more_exchanges: 0,
             bit_rate_change: None,
-            first: None,
+            has_news: false,
+            diagnosing: Diagnosing::default(),
         }
     }
 
     fn frame(&mut self, frame: &Frame) {
-        if frame.number == 1 {
-            self.first = frame.time;
-        }
+        self.has_news = true;
         self.engine.frame(frame);
         self.statistics.frame(frame);
         let bus = usize::from(frame.bus.0);
@@ -125,8 +135,10 @@ impl Surveyor {
 
     fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
-        let (news, kept) = (&mut self.news, &mut self.kept);
+        self.has_news = true;
+        let (news, kept, diagnosing) = (&mut self.news, &mut self.kept, &mut self.diagnosing);
         let mut opened = |event: &Event, _: &Bus| {
+            diagnosing.see(event);
             if let EventKind::FindingOpened(finding) = &event.kind
                 && kept.0 < MOST_NEWS
             {
@@ -153,9 +165,20 @@ impl Surveyor {
         }
     }
 
-    fn publish(&mut self, shared: &Shared, frames: u64) {
+    /// Whether something is known that the survey does not contain.
+    fn has_unpublished(&self) -> bool {
+        self.has_news || self.diagnosing.is_pending()
+    }
+
+    fn publish(&mut self, shared: &Shared, world: &ReplayState) {
+        self.has_news = false;
+        let so_far = self.diagnosing.is_due(Instant::now());
+        let so_far = so_far.then(|| diagnose(&self.engine.so_far(world.buses()), world.zero(), true));
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
-        survey.frames = frames;
+        if let Some(so_far) = so_far {
+            survey.set_diagnosis(so_far);
+        }
+        survey.frames = world.frames();
         survey.places.extend(self.news.iter().map(|opened| FindingOccurrence {
             frame: opened.spot.frame,
             time: opened.time,
@@ -171,7 +194,8 @@ impl Surveyor {
         survey.statistics.clone_from(&self.statistics);
     }
 
-    fn finish(self, shared: &Shared, buses: Buses<'_>, names: Vec<String>) {
+    fn finish(self, shared: &Shared, world: &ReplayState, names: Vec<String>) {
+        let buses = world.buses();
         let findings = self.engine.finish(buses, &mut |_: &Event, _: &Bus| ());
         let mut places = Vec::new();
         for group in findings.counting() {
@@ -184,11 +208,10 @@ impl Surveyor {
         }
         places.sort_by_key(|place| (place.frame, place.id));
         places.dedup();
-        let setting = Setting { zero: self.first, end: None };
-        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
+        let diagnosed = diagnose(&findings, world.zero(), false);
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.places = places;
-        survey.diagnosis = Some(diagnosis);
+        survey.set_diagnosis(diagnosed);
         survey.statistics.withdraw(buses);
         survey.findings = Some(findings);
         survey.buses = names;
