@@ -4,7 +4,7 @@ use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
 use super::output::Output;
-use crate::panes::{PaneId, Panes};
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
@@ -14,6 +14,12 @@ pub struct App {
     pub(super) core: Core,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
+    /// Panes that are shown together.
+    pub(super) arrangement: Arrangement,
+    /// The strip of time is shown.
+    pub(super) has_strip: bool,
+    /// The mouse was pressed in the strip and not released.
+    pub(super) is_dragging: bool,
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,

@@ -11,9 +11,12 @@ mod assign;
 mod diagnosis;
 mod header;
 mod help;
+mod hints;
 mod news;
 mod output;
+mod panes;
 mod start;
+mod strip;
 mod update;
 mod view;
 
