@@ -26,8 +26,9 @@ const LAYERS: &[(&str, &[&str])] = &[
             "keymap",
         ],
     ),
-    ("terminal", &["timeline", "app"]),
-    ("cli", &["select", "panes"]),
+    ("terminal", &["theme", "timeline", "app"]),
+    ("cli", &["theme", "select", "panes"]),
+    ("config", &["theme", "panes", "keymap"]),
     (
         "cmd",
         &[
@@ -39,15 +40,18 @@ const LAYERS: &[(&str, &[&str])] = &[
             "record",
             "source",
             "timeline",
+            "panes",
+            "keymap",
             "app",
             "terminal",
             "cli",
+            "config",
         ],
     ),
 ];
 
 /// Commands that start the terminal UI; no other command may import it.
-const START_UI: [&str; 2] = ["cmd/live/screen", "cmd/view"];
+const START_UI: [&str; 3] = ["cmd/live/screen", "cmd/screen_settings", "cmd/view"];
 
 #[test]
 fn every_layer_imports_only_those_before_it() {

@@ -97,6 +97,8 @@ pub enum Action {
     Export,
     /// Switch to the next theme.
     Theme,
+    /// Discard the remembered view: layout, split, strip, theme.
+    Forget,
     /// Show the legend of the pane and all keys.
     Help,
     /// Quit the program.

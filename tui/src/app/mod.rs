@@ -15,6 +15,7 @@ mod hints;
 mod news;
 mod output;
 mod panes;
+mod preferences;
 mod start;
 mod strip;
 mod update;
@@ -22,4 +23,5 @@ mod view;
 
 pub use application::App;
 pub use output::Output;
+pub use preferences::Preferences;
 pub use start::{Start, quoted};

@@ -20,8 +20,10 @@ const HIGH: u16 = 40;
 /// Minimum height of a pane with its title.
 const LEAST_ROWS: u16 = 8;
 
-/// Share of the left column, in per cent: default, step and limits.
-const SPLIT: u16 = 58;
+/// Default share of the left column, in per cent.
+pub const SPLIT: u16 = 58;
+
+/// Step and limits of the share.
 const SPLIT_STEP: u16 = 4;
 const SPLIT_LIMITS: (u16, u16) = (30, 78);
 

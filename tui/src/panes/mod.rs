@@ -19,7 +19,7 @@ mod transfers;
 mod why;
 
 pub use effect::Effect;
-pub use layout::{Arrangement, Cell, Layout};
+pub use layout::{Arrangement, Cell, Layout, SPLIT};
 pub use legend::{COMMON, Legend, LegendEntry};
 pub use pane::Pane;
 
