@@ -225,6 +225,14 @@ mod tests {
     }
 
     #[test]
+    fn the_documented_file_is_valid_and_names_everything() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/config.toml");
+        let config = Config::read(Path::new(path)).unwrap();
+        assert!(config.theme.is_some() && config.ascii.is_some() && config.pane.is_some());
+        assert!(config.layout.is_some() && config.split.is_some() && config.strip.is_some());
+    }
+
+    #[test]
     fn errors_name_the_place() {
         let wrong = |text: &str| Config::parse(text).map(|_| ()).unwrap_err();
         let (at, reason) = wrong("theme = \"drak\"");

@@ -105,9 +105,27 @@ pub struct Arrangement {
 }
 
 impl Layout {
+    /// All layouts in the order of the key.
+    pub const ALL: [Self; 4] = [Self::One, Self::Diagnose, Self::List, Self::Signals];
+
     /// Name on the command line.
     pub fn name(self) -> &'static str {
         PLANS.iter().find(|plan| plan.layout == self).map_or("", |plan| plan.name)
+    }
+
+    /// Panes of the left and the right column in a wide terminal.
+    pub fn columns(self) -> [&'static [PaneId]; 2] {
+        self.plan().map_or([&[], &[]], |plan| plan.wide)
+    }
+
+    /// Panes below each other in a narrow terminal.
+    pub fn stack(self) -> &'static [PaneId] {
+        self.plan().map_or(&[], |plan| plan.narrow)
+    }
+
+    /// The pane whose place another one takes.
+    pub fn main(self) -> PaneId {
+        self.plan().map_or(Events, |plan| plan.main)
     }
 
     fn plan(self) -> Option<&'static Plan> {
