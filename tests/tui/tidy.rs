@@ -16,7 +16,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("source", &["record"]),
     ("widgets", &["bucket", "theme"]),
     ("timeline", &["bucket", "record", "source"]),
-    ("state", &["theme", "words", "select", "timeline"]),
+    ("state", &["figures", "theme", "words", "select", "timeline"]),
     ("panes", &["figures", "bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
     ("keymap", &["action", "panes"]),
     (

@@ -69,6 +69,8 @@ pub enum Action {
     PreviousError,
     /// Open the prompt for a time or frame.
     GoTo,
+    /// Switch times between seconds, UTC and local time.
+    Clock,
     /// Set a mark at the cursor.
     SetMark,
     /// Go to a mark.

@@ -164,6 +164,7 @@ impl App {
             Action::PreviousFinding => self.finding(false),
             Action::NextError => self.error(true),
             Action::PreviousError => self.error(false),
+            Action::Clock => self.core.next_clock(),
             Action::SetMark => self.mode = Mode::Letter { is_new: true },
             Action::ToMark => self.mode = Mode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),
