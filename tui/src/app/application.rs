@@ -4,7 +4,9 @@ use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
 use super::output::Output;
-use crate::panes::{PaneId, Panes};
+use super::preferences::Preferences;
+use crate::keymap::Keymap;
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
@@ -14,6 +16,12 @@ pub struct App {
     pub(super) core: Core,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
+    /// Panes that are shown together.
+    pub(super) arrangement: Arrangement,
+    /// The strip of time is shown.
+    pub(super) has_strip: bool,
+    /// The mouse was pressed in the strip and not released.
+    pub(super) is_dragging: bool,
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
@@ -23,6 +31,11 @@ pub struct App {
     pub(super) typed: Vec<(PromptPurpose, String)>,
     pub(super) outputs: Vec<Output>,
     pub(super) area: Rect,
+    pub(super) keymap: Keymap,
+    /// Layout, strip and colours without a remembered view.
+    pub(super) defaults: Preferences,
+    /// The user discarded the remembered view.
+    pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
     pub(super) command: String,
     /// Position of the last click, to detect a double click.
@@ -150,9 +163,11 @@ mod tests {
     use cobscope_decoder::frame::{BusIndex, CanId, Frame, LinkState, Timestamp};
     use ratatui::buffer::Buffer;
 
+    use super::super::preferences::Preferences;
     use super::super::start::Start;
     use super::*;
     use crate::action::Action;
+    use crate::keymap::Keymap;
     use crate::source::Store;
     use crate::source::live::LiveState;
     use crate::theme::{Borders, Depth, Palette, Theme};
@@ -188,6 +203,9 @@ mod tests {
             let start = Start {
                 command: "cobscope live can0".into(),
                 pane: PaneId::Events,
+                preferences: Preferences::default(),
+                defaults: Preferences::default(),
+                keymap: Keymap::default(),
                 at: None,
                 filter: None,
                 all: false,
@@ -207,7 +225,7 @@ mod tests {
             self.writer.flush().unwrap();
         }
 
-        fn screen(&self) -> String {
+        fn screen(&mut self) -> String {
             let area = Rect::new(0, 0, 80, 24);
             let mut buffer = Buffer::empty(area);
             self.app.draw(area, &mut buffer);

@@ -4,7 +4,7 @@ use cobscope_decoder::query::Filter;
 
 use super::application::{App, Mode, PromptPurpose};
 use crate::select::Bound;
-use crate::state::{JumpPlace, SearchPattern, pattern};
+use crate::state::{JumpPlace, SearchPattern, TimeDisplay, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -94,7 +94,7 @@ impl App {
                     pattern(text).ok().map(|pattern| SearchPattern { text: text.to_owned(), pattern });
                 self.core.search(false);
             }
-            PromptPurpose::GoTo => match place(text) {
+            PromptPurpose::GoTo => match self.local_place(text).or_else(|| place(text)) {
                 Some(Ok(step)) => match self.core.time() {
                     Some(time) => self.core.go_to(Bound::Moment(time.plus(step))),
                     None => self.core.refuse("this capture has no timestamps; enter a frame as #1234"),
@@ -105,6 +105,11 @@ impl App {
             PromptPurpose::Export => self.core.export(text),
         }
         self.refresh_panes();
+    }
+
+    /// A wall-clock time without a zone, while times are shown in local time.
+    fn local_place(&self, text: &str) -> Option<Result<i64, Bound>> {
+        (self.core.clock == TimeDisplay::Local).then(|| Bound::local(text)).flatten().map(Err)
     }
 
     pub(super) fn filter(&mut self, text: &str) {
@@ -154,8 +159,7 @@ fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
             if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
         }
         PromptPurpose::GoTo => {
-            let expected =
-                "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), or a date and time";
+            let expected = "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, or a date and time";
             place(text).map(|_| ()).ok_or_else(|| (0, expected.to_owned()))
         }
     }
@@ -192,6 +196,7 @@ mod tests {
         assert_eq!(place("12.5"), Some(Err(Bound::Offset(12_500_000_000))));
         assert_eq!(place("#7"), Some(Err(Bound::Frame(7))));
         assert_eq!(place("-#7"), None);
+        assert!(matches!(place("22:13:25.5"), Some(Err(Bound::Clock(_)))));
         assert_eq!(place("later"), None);
     }
 }

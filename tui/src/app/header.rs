@@ -20,8 +20,8 @@ const SECOND: i64 = 1_000_000_000;
 pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     let base = core.theme.style(Role::Header);
     buf.set_style(area.intersection(buf.area), base);
-    let time = match core.seconds(core.time()) {
-        Some(time) => format!("t {time:.3} s"),
+    let time = match core.time_words(core.time(), 3) {
+        Some(time) => format!("t {time}"),
         None if core.zero().is_some() => "t unknown".to_owned(),
         None => "no times".to_owned(),
     };

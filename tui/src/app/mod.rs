@@ -11,12 +11,17 @@ mod assign;
 mod diagnosis;
 mod header;
 mod help;
+mod hints;
 mod news;
 mod output;
+mod panes;
+mod preferences;
 mod start;
+mod strip;
 mod update;
 mod view;
 
 pub use application::App;
 pub use output::Output;
+pub use preferences::Preferences;
 pub use start::{Start, quoted};

@@ -6,19 +6,27 @@ use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
 use super::application::{App, Mode};
-use crate::panes::{PaneId, Panes};
+use super::preferences::Preferences;
+use crate::keymap::Keymap;
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
-/// Settings of a view from the command line.
+/// Settings of a view from the command line and the config file.
 #[derive(Debug, Clone)]
 pub struct Start {
     /// Command with its captures, without the settings of the view.
     pub command: String,
     /// Pane shown first.
     pub pane: PaneId,
+    /// Layout, strip and colours of this run.
+    pub preferences: Preferences,
+    /// The same without a remembered view.
+    pub defaults: Preferences,
+    /// Keys of actions.
+    pub keymap: Keymap,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -45,6 +53,12 @@ impl App {
             core,
             panes: Panes::default(),
             pane: start.pane,
+            arrangement: Arrangement::new(start.preferences.layout, start.preferences.split),
+            has_strip: start.preferences.has_strip,
+            keymap: start.keymap,
+            defaults: start.defaults,
+            is_forgotten: false,
+            is_dragging: false,
             trail: Vec::new(),
             mode: Mode::Panes,
             filter_before: String::new(),
@@ -75,6 +89,9 @@ impl App {
     pub(super) fn command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
+        if let Some(layout) = self.arrangement.chosen {
+            let _ = write!(command, " --layout {}", layout.name());
+        }
         // A live position does not exist in another run.
         if self.core.cursor.frame > 0 && self.core.timeline.live().is_none() {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);

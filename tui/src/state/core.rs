@@ -8,8 +8,9 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::{JumpPlace, NodeKey, SearchPattern};
-use crate::select::Bound;
+use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
+use crate::figures::seconds_to;
+use crate::select::{Bound, spans_days, wall_clock};
 use crate::theme::{Role, Theme};
 use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
 use crate::words::{unheard, unknown_bus};
@@ -40,9 +41,13 @@ pub struct Core {
     pub is_following: bool,
     /// First frame of the selection; it ends at the cursor.
     pub selection: Option<u64>,
-    /// Height of a pane.
+    /// Display of times.
+    pub clock: TimeDisplay,
+    /// Height of the terminal.
+    pub screen_height: u16,
+    /// Height of the focused pane.
     pub height: u16,
-    /// Width of a pane.
+    /// Width of the focused pane.
     pub width: u16,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
@@ -73,6 +78,8 @@ impl Core {
             said: None,
             is_following: false,
             selection: None,
+            clock: TimeDisplay::default(),
+            screen_height: 24,
             height: 24,
             width: 80,
             named: Vec::new(),
@@ -87,6 +94,9 @@ impl Core {
 
     /// Moves the cursor and requests the content there.
     pub fn go(&mut self, place: JumpPlace) {
+        if place != JumpPlace::End {
+            self.pause();
+        }
         let target = match place {
             JumpPlace::Start => Target::Event(EventPosition::before(1)),
             JumpPlace::End => Target::End,
@@ -100,6 +110,13 @@ impl Core {
         self.target = target;
         self.asked = None;
         self.ask(None);
+    }
+
+    /// Ends following: the cursor stays where the user moves it.
+    fn pause(&mut self) {
+        if std::mem::take(&mut self.is_following) {
+            self.notify("paused at the cursor; space follows again");
+        }
     }
 
     /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
@@ -154,6 +171,7 @@ impl Core {
     pub fn search(&mut self, is_backward: bool) {
         let Some(sought) = &self.sought else { return self.refuse("no search text; press / first") };
         let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
+        self.pause();
         self.target = Target::Event(self.row().map_or(self.cursor, |row| row.spot));
         self.asked = None;
         self.ask(Some(Search { matcher, is_backward }));
@@ -162,7 +180,7 @@ impl Core {
     fn ask(&mut self, search: Option<Search>) {
         self.serial += 1;
         self.is_waiting = true;
-        let rows = usize::from(self.height).max(20);
+        let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
             serial: self.serial,
             target: self.target,
@@ -312,6 +330,38 @@ impl Core {
     /// Time of the first frame.
     pub fn zero(&self) -> Option<Timestamp> {
         self.timeline.progress().times().map(|(zero, _)| zero)
+    }
+
+    /// A time in the chosen display, with `decimals` of a second; None without a time.
+    pub fn time_text(&self, time: Option<Timestamp>, decimals: u32) -> Option<String> {
+        let (first, last) = self.timeline.progress().times()?;
+        let time = time?;
+        let is_local = match self.clock {
+            TimeDisplay::Relative => return Some(seconds_to(time.since(first), decimals)),
+            TimeDisplay::Utc => false,
+            TimeDisplay::Local => true,
+        };
+        Some(wall_clock(time, is_local, spans_days(first, last, is_local), decimals))
+    }
+
+    /// As [`Self::time_text`], with the unit of seconds.
+    pub fn time_words(&self, time: Option<Timestamp>, decimals: u32) -> Option<String> {
+        let unit = if self.clock == TimeDisplay::Relative { " s" } else { "" };
+        Some(self.time_text(time, decimals)? + unit)
+    }
+
+    /// Switches to the next display of times; only captures with dates have wall-clock times.
+    pub fn next_clock(&mut self) {
+        match self.zero() {
+            None => self.refuse("this capture has no timestamps"),
+            Some(zero) if !zero.has_date() => {
+                self.refuse("times count from the start of the capture; no wall-clock time");
+            }
+            Some(_) => {
+                self.clock = self.clock.next();
+                self.notify(self.clock.words());
+            }
+        }
     }
 
     /// A time as seconds from the first frame.

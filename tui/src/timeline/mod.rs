@@ -3,6 +3,7 @@
 //! ```text
 //!            ┌─ index ──▶ marks, progress          one pass, stores a state every 262,144 frames
 //! captures ──┼─ survey ─▶ findings, transfers …    one pass, runs the rules
+//!            ├─ watch ──▶ changes of the files         once per second
 //!            ├─ matches ▶ frames with shown events one pass per filter
 //!            ├─ traces ─▶ signals over time        from the nearest mark
 //!            └─ seek ───▶ rows and state at the cursor, from the nearest mark

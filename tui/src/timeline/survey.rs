@@ -19,6 +19,9 @@ pub const MOST_EXCHANGES: usize = 50_000;
 /// Maximum number of error positions kept.
 pub const MOST_ERRORS: usize = 200_000;
 
+/// Maximum number of times of NMT kept.
+pub(super) const MOST_NMT: usize = 100_000;
+
 /// Maximum number of findings kept until the groups are known.
 pub(super) const MOST_NEWS: usize = 10_000;
 
@@ -50,6 +53,8 @@ pub struct Survey {
     pub more_exchanges: u64,
     /// Positions of error events.
     pub errors: Vec<EventPosition>,
+    /// Times of NMT commands, changes of NMT states, and boot-ups.
+    pub nmt: Vec<Timestamp>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.
@@ -118,6 +123,8 @@ pub struct Exchange {
     pub event_kind: &'static str,
     /// Object or service, and result.
     pub what: Box<str>,
+    /// The same for a row: value or failure before the name of the object.
+    pub news: Box<str>,
     /// Time from the first to the last frame, in ns.
     pub duration: Option<i64>,
     /// Number of bytes transferred.

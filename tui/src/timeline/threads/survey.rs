@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
 };
-use cobscope_decoder::frame::Frame;
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Buses};
+use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::Line;
 use cobscope_decoder::statistics::Statistics;
@@ -18,9 +18,11 @@ use cobscope_decoder::statistics::Statistics;
 use super::diagnosing::{Diagnosing, diagnose};
 use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
+use crate::timeline::row::transfer_news;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, OpenedFinding, bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, OpenedFinding,
+    bit_rate_change,
 };
 use crate::timeline::walk::Walk;
 
@@ -53,7 +55,7 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
             match walk.peek() {
                 Ok(Some(frame)) => surveyor.frame(frame),
                 // A notice: time may have advanced without a frame.
-                Ok(None) => surveyor.advance(walk.world.buses()),
+                Ok(None) => surveyor.advance(&walk.world),
                 Err(error) => shared.fail(&error),
             }
             match walk.step(&mut |told: PlacedEvent<'_>| surveyor.event(&told)) {
@@ -82,9 +84,10 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
 /// Results since the last publication.
 struct Surveyor {
     engine: Engine,
-    news: Vec<OpenedFinding>,
+    findings: FindingInbox,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
+    nmt: Vec<Timestamp>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
     kept: (usize, usize, usize),
@@ -92,31 +95,51 @@ struct Surveyor {
     bit_rate_change: Option<(String, String)>,
     /// Frames or events since the last publication.
     has_news: bool,
+}
+
+/// Findings since the last publication.
+#[derive(Default)]
+struct FindingInbox {
+    opened: Vec<OpenedFinding>,
+    kept: usize,
     diagnosing: Diagnosing,
+}
+
+impl FindingInbox {
+    fn see(&mut self, spot: EventPosition, event: &Event) {
+        self.diagnosing.see(event);
+        if let EventKind::FindingOpened(news) = &event.kind
+            && self.kept < MOST_NEWS
+        {
+            self.kept += 1;
+            let (bus, node, news) = (event.bus, event.node, (**news).clone());
+            self.opened.push(OpenedFinding { spot, time: event.time, bus, node, news });
+        }
+    }
 }
 
 impl Surveyor {
     /// Advances the time of the rules to that of the buses.
-    fn advance(&mut self, buses: Buses<'_>) {
-        let (engine, diagnosing) = (&mut self.engine, &mut self.diagnosing);
-        for bus in buses {
-            engine.advance(bus, &mut |event: &Event, _: &Bus| diagnosing.see(event));
+    fn advance(&mut self, world: &ReplayState) {
+        let (engine, findings) = (&mut self.engine, &mut self.findings);
+        for bus in world.buses() {
+            engine.advance(bus, &mut |event: &Event, _: &Bus| findings.see(world.spot(), event));
         }
     }
 
     fn new(setup: &Arc<Setup>) -> Self {
         Self {
             engine: Engine::new(Arc::clone(setup)),
-            news: Vec::new(),
+            findings: FindingInbox::default(),
             exchanges: Vec::new(),
             errors: Vec::new(),
+            nmt: Vec::new(),
             load: Vec::new(),
             statistics: Statistics::default(),
             kept: (0, 0, 0),
             more_exchanges: 0,
             bit_rate_change: None,
             has_news: false,
-            diagnosing: Diagnosing::default(),
         }
     }
 
@@ -136,28 +159,26 @@ impl Surveyor {
     fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
         self.has_news = true;
-        let (news, kept, diagnosing) = (&mut self.news, &mut self.kept, &mut self.diagnosing);
-        let mut opened = |event: &Event, _: &Bus| {
-            diagnosing.see(event);
-            if let EventKind::FindingOpened(finding) = &event.kind
-                && kept.0 < MOST_NEWS
-            {
-                kept.0 += 1;
-                let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
-                news.push(OpenedFinding { spot: told.spot, time: event.time, bus, node, news: finding });
-            }
-        };
-        self.engine.event(told.event, told.bus, &mut opened);
+        let findings = &mut self.findings;
+        self.engine.event(told.event, told.bus, &mut |event: &Event, _: &Bus| findings.see(told.spot, event));
         if let Some(change) = bit_rate_change(told.event) {
             self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
         }
-        if is_error(told.event) && self.kept.1 < MOST_ERRORS {
-            self.kept.1 += 1;
+        if is_error(told.event) && self.kept.0 < MOST_ERRORS {
+            self.kept.0 += 1;
             self.errors.push(told.spot);
         }
+        let is_nmt = matches!(
+            told.event.kind,
+            EventKind::NmtCommand { .. } | EventKind::NmtState(_) | EventKind::BootUp { .. }
+        );
+        if let Some(time) = told.event.time.filter(|_| is_nmt && self.kept.2 < MOST_NMT) {
+            self.kept.2 += 1;
+            self.nmt.push(time);
+        }
         if let Some(exchange) = exchange(told) {
-            if self.kept.2 < MOST_EXCHANGES {
-                self.kept.2 += 1;
+            if self.kept.1 < MOST_EXCHANGES {
+                self.kept.1 += 1;
                 self.exchanges.push(exchange);
             } else {
                 self.more_exchanges += 1;
@@ -167,27 +188,28 @@ impl Surveyor {
 
     /// Whether something is known that the survey does not contain.
     fn has_unpublished(&self) -> bool {
-        self.has_news || self.diagnosing.is_pending()
+        self.has_news || self.findings.diagnosing.is_pending()
     }
 
     fn publish(&mut self, shared: &Shared, world: &ReplayState) {
         self.has_news = false;
-        let so_far = self.diagnosing.is_due(Instant::now());
+        let so_far = self.findings.diagnosing.is_due(Instant::now());
         let so_far = so_far.then(|| diagnose(&self.engine.so_far(world.buses()), world.zero(), true));
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         if let Some(so_far) = so_far {
             survey.set_diagnosis(so_far);
         }
         survey.frames = world.frames();
-        survey.places.extend(self.news.iter().map(|opened| FindingOccurrence {
+        survey.places.extend(self.findings.opened.iter().map(|opened| FindingOccurrence {
             frame: opened.spot.frame,
             time: opened.time,
             id: opened.news.id,
             severity: opened.news.severity,
         }));
-        survey.news.append(&mut self.news);
+        survey.news.append(&mut self.findings.opened);
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
+        survey.nmt.append(&mut self.nmt);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
@@ -266,6 +288,7 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         kind: line.kind,
         event_kind: event.kind.name(),
         what: escape(&line.what).into(),
+        news: escape(&transfer_news(&event.kind, &line.what)).into(),
         duration,
         size,
         outcome,
