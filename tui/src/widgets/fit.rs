@@ -1,4 +1,4 @@
-//! Cuts a sentence to a width: prose goes before numbers, names of states and `NOT`.
+//! Cuts a sentence to a width: prose first; numbers, names of states and `NOT` stay.
 //!
 //! ```text
 //! spool +37.5 %? NOT effective: needs device ACTIVE
@@ -13,6 +13,9 @@ const ENDS: [char; 2] = [',', ';'];
 
 /// Maximum length of a unit after a number.
 const LONGEST_UNIT: usize = 4;
+
+/// Maximum length of a number; a longer word with digits is a text.
+const LONGEST_NUMBER: usize = 16;
 
 /// Minimum room for the start of a further clause.
 const LEAST_CLAUSE: u16 = 8;
@@ -148,7 +151,8 @@ fn cut(text: &str, room: u16, ellipsis: &str) -> String {
     let start = shown.rfind(' ').map_or(0, |at| at.saturating_add(1));
     let word = text.get(start..).and_then(|rest| rest.split(' ').next()).unwrap_or_default();
     let is_whole = shown.len().saturating_sub(start) == word.len();
-    if !is_whole && start > 0 && word.contains(|letter: char| letter.is_ascii_digit()) {
+    let is_number = word.len() <= LONGEST_NUMBER && word.contains(|letter: char| letter.is_ascii_digit());
+    if !is_whole && start > 0 && is_number {
         shown.truncate(start.saturating_sub(1));
     }
     shown + ellipsis

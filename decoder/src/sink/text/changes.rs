@@ -28,6 +28,15 @@ pub struct MessageChanges {
 }
 
 impl MessageChanges {
+    /// Whether an event is a message with signals or bytes.
+    pub fn is_of(event: &Event) -> bool {
+        match &event.kind {
+            EventKind::Pdo(message) => !message.is_request,
+            EventKind::Frame(undecoded) => undecoded.message.is_some(),
+            kind => matches!(kind, EventKind::J1939Message(_)),
+        }
+    }
+
     /// The signals of a message; None for other events. `earlier` is the payload to compare with.
     pub fn of(event: &Event, bus: &Bus, earlier: Option<&[u8]>) -> Option<Self> {
         let (name, layout, payload, note) = match &event.kind {

@@ -32,6 +32,7 @@ pub use super::options::{PdoLines, TextOptions, TimeColumn};
 pub use changes::MessageChanges;
 pub use line::Line;
 pub use news::News;
+pub use sdo::TransferWords;
 pub use tone::Tone;
 
 use self::burst::{BurstEnd, Bursts};
