@@ -81,11 +81,10 @@ impl Screen {
         self.settle();
     }
 
-    /// Presses the mouse at `column,line`, both from 0.
-    fn click(&mut self, place: &str) {
+    /// Presses or drags the mouse at `column,line`, both from 0.
+    fn mouse(&mut self, kind: MouseEventKind, place: &str) {
         let (column, row) = place.split_once(',').unwrap();
         let (column, row) = (column.parse().unwrap(), row.parse().unwrap());
-        let kind = MouseEventKind::Down(MouseButton::Left);
         self.app.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
         self.settle();
     }
@@ -148,12 +147,16 @@ fn play(session: &str) -> String {
                 screen.keys(keys);
                 played += &screen.text();
             }
-            ("click", place) => {
+            (mouse @ ("click" | "drag"), place) => {
                 let screen = screen.get_or_insert_with(|| Screen::open(&command, size.0, size.1));
-                screen.click(place);
+                let kind = match mouse {
+                    "click" => MouseEventKind::Down(MouseButton::Left),
+                    _ => MouseEventKind::Drag(MouseButton::Left),
+                };
+                screen.mouse(kind, place);
                 played += &screen.text();
             }
-            (other, _) => unreachable!("{other}: expected cobscope, size, keys or click"),
+            (other, _) => unreachable!("{other}: expected cobscope, size, keys, click or drag"),
         }
     }
     played
@@ -252,39 +255,48 @@ fn every_small_recording_of_the_corpus_can_be_looked_at() {
 #[test]
 fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
     let mut screen = Screen::open(
-        "cobscope view --color never --pane nodes --at 70.0 fixtures/devices/sydfec.log",
+        "cobscope view --layout one --color never --pane nodes --at 70.0 fixtures/devices/sydfec.log",
         140,
         24,
     );
     // An empty EMCY at its start, TPDO1 of five bytes: the first node is the SYDFEC.
     assert!(screen.text().contains("behaves like SYDFEC: a assigns rexroth-sydfec"), "{}", screen.text());
     screen.keys("a");
+    assert!(screen.text().contains("profile, EDS or DBC rexroth-sydfec"), "{}", screen.text());
+    screen.keys("<enter>");
     let text = screen.text();
-    assert!(text.contains("2/02 decoded as SYDFEC from its first frame: --node 2=rexroth-sydfec"), "{text}");
+    assert!(text.contains("decoded again with --node 2=rexroth-sydfec"), "{text}");
     assert!(text.contains("SYDFEC (rexroth-sydfec, by option)"), "{text}");
-    // The command that opens this view has the option.
-    screen.keys("a");
+    // The command that opens this view has the option, once.
+    screen.keys("arexroth-vpcd<enter>j");
     let text = screen.text();
-    assert!(text.contains("already has the profile rexroth-sydfec, assigned by option"), "{text}");
-    screen.keys("j");
-    assert!(screen.text().contains("--node 2=rexroth-sydfec"), "{}", screen.text());
+    assert!(text.contains("--node 2=rexroth-vpcd") && !text.contains("2=rexroth-sydfec"), "{text}");
 }
 
 #[test]
-fn nothing_is_assigned_without_a_fitting_profile() {
-    let mut screen =
-        Screen::open("cobscope view --color never --pane nodes fixtures/rules/node-lost.log", 140, 24);
-    screen.keys("a");
-    let text = screen.text();
-    assert!(text.contains("no profile fits the behaviour of node"), "{text}");
-    screen.keys("2a");
-    assert!(!screen.text().contains("decoded as"), "other panes have no such key");
+fn a_wrong_assignment_is_told_in_the_prompt() {
+    let mut screen = Screen::open(
+        "cobscope view --layout one --color never --pane nodes fixtures/rules/node-lost.log",
+        140,
+        24,
+    );
+    screen.keys("j");
+    for (typed, told) in [
+        ("rexroth-sydfek", "did you mean 'rexroth-sydfec'?"),
+        ("none.eds", "none.eds: cannot be read"),
+        ("Cargo.dbc", "Cargo.dbc: cannot be read"),
+    ] {
+        screen.keys(&format!("a{typed}<enter>"));
+        assert!(screen.text().contains(told), "{}", screen.text());
+        screen.keys("<esc>");
+    }
+    assert!(!screen.text().contains("decoded again"), "{}", screen.text());
 }
 
 #[test]
 fn a_named_node_without_frames_is_reported() {
     let mut screen = Screen::open(
-        "cobscope view --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",
+        "cobscope view --layout one --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",
         140,
         24,
     );

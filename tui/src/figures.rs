@@ -38,6 +38,12 @@ pub fn seconds_to(nanoseconds: i64, decimals: u32) -> String {
     format!("{sign}{}.{:0digits$}", parts / per_second, parts % per_second)
 }
 
+/// Nanoseconds as seconds with one decimal place below 1000 s.
+pub fn short_seconds(nanoseconds: i64) -> String {
+    let tenths = nanoseconds.unsigned_abs() / 100_000_000;
+    if tenths < 10_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
+}
+
 /// Bytes with a unit and about three digits.
 pub fn bytes(count: u64) -> String {
     match count {

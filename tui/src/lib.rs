@@ -6,6 +6,7 @@ pub mod app;
 mod bucket;
 mod cli;
 mod cmd;
+mod config;
 mod exit_code;
 mod figures;
 pub mod keymap;

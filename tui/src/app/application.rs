@@ -3,9 +3,12 @@
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
+use super::added::Reassign;
 use super::output::Output;
-use crate::panes::{PaneId, Panes};
-use crate::state::{Core, JumpPlace};
+use super::preferences::Preferences;
+use crate::keymap::Keymap;
+use crate::panes::{Arrangement, PaneId, Panes};
+use crate::state::{Core, JumpPlace, NodeKey};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
 
@@ -14,6 +17,12 @@ pub struct App {
     pub(super) core: Core,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
+    /// Panes that are shown together.
+    pub(super) arrangement: Arrangement,
+    /// The strip of time is shown.
+    pub(super) has_strip: bool,
+    /// The mouse was pressed in the strip and not released.
+    pub(super) is_dragging: bool,
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
@@ -23,6 +32,15 @@ pub struct App {
     pub(super) typed: Vec<(PromptPurpose, String)>,
     pub(super) outputs: Vec<Output>,
     pub(super) area: Rect,
+    pub(super) keymap: Keymap,
+    /// Layout, strip and colours without a remembered view.
+    pub(super) defaults: Preferences,
+    /// Evaluates options that are added while the program runs.
+    pub(super) reassign: Reassign,
+    /// Node to which the open prompt assigns something.
+    pub(super) assigning: Option<NodeKey>,
+    /// The user discarded the remembered view.
+    pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
     pub(super) command: String,
     /// Position of the last click, to detect a double click.
@@ -54,6 +72,7 @@ pub(super) enum PromptPurpose {
     Search,
     GoTo,
     Export,
+    Assign,
 }
 
 impl App {

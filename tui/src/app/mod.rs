@@ -5,18 +5,27 @@
 //!                                                   └────────────view, panes──────────▶ screen
 //! ```
 
+mod added;
 mod application;
 mod ask;
 mod assign;
 mod diagnosis;
 mod header;
 mod help;
+mod hints;
 mod news;
 mod output;
+mod panes;
+mod preferences;
+mod shell;
 mod start;
+mod strip;
 mod update;
 mod view;
 
+pub use added::{AddedOption, Reassign, Reassigned};
 pub use application::App;
 pub use output::Output;
-pub use start::{Start, quoted};
+pub use preferences::Preferences;
+pub use shell::quoted;
+pub use start::Start;

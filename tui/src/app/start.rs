@@ -5,20 +5,31 @@ use std::fmt::Write as _;
 use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
+use super::added::Reassign;
 use super::application::{App, Mode};
-use crate::panes::{PaneId, Panes};
+use super::preferences::Preferences;
+use super::shell::quoted;
+use crate::keymap::Keymap;
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
-/// Settings of a view from the command line.
-#[derive(Debug, Clone)]
+/// Settings of a view from the command line and the config file.
 pub struct Start {
     /// Command with its captures, without the settings of the view.
     pub command: String,
     /// Pane shown first.
     pub pane: PaneId,
+    /// Layout, strip and colours of this run.
+    pub preferences: Preferences,
+    /// The same without a remembered view.
+    pub defaults: Preferences,
+    /// Keys of actions.
+    pub keymap: Keymap,
+    /// Evaluates options that are added while the program runs.
+    pub reassign: Reassign,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -45,6 +56,14 @@ impl App {
             core,
             panes: Panes::default(),
             pane: start.pane,
+            arrangement: Arrangement::new(start.preferences.layout, start.preferences.split),
+            has_strip: start.preferences.has_strip,
+            keymap: start.keymap,
+            defaults: start.defaults,
+            reassign: start.reassign,
+            assigning: None,
+            is_forgotten: false,
+            is_dragging: false,
             trail: Vec::new(),
             mode: Mode::Panes,
             filter_before: String::new(),
@@ -75,6 +94,9 @@ impl App {
     pub(super) fn command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
+        if let Some(layout) = self.arrangement.chosen {
+            let _ = write!(command, " --layout {}", layout.name());
+        }
         // A live position does not exist in another run.
         if self.core.cursor.frame > 0 && self.core.timeline.live().is_none() {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);
@@ -86,27 +108,5 @@ impl App {
             command.push_str(" --all");
         }
         command
-    }
-}
-
-/// Quotes a word for a shell.
-pub fn quoted(text: &str) -> String {
-    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
-    if !text.is_empty() && text.bytes().all(is_plain) {
-        return text.to_owned();
-    }
-    format!("'{}'", text.replace('\'', "'\\''"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_quoted_for_a_shell() {
-        assert_eq!(quoted("a/b-c.log"), "a/b-c.log");
-        assert_eq!(quoted("kind == \"emcy\""), "'kind == \"emcy\"'");
-        assert_eq!(quoted("it's"), "'it'\\''s'");
-        assert_eq!(quoted(""), "''");
     }
 }

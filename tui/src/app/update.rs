@@ -5,10 +5,10 @@ use ratatui::layout::Position;
 
 use super::application::{App, Mode, PromptPurpose};
 use super::output::Output;
-use super::view;
+use super::{strip, view};
 use crate::action::Action;
-use crate::keymap;
 use crate::panes::{Effect, PaneId};
+use crate::state::JumpPlace;
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
 
@@ -33,7 +33,7 @@ impl App {
 
     fn one_key(&mut self, key: KeyEvent) {
         self.opens_at_story = false;
-        if self.core.window.is_none() && keymap::action(&key) != Some(Action::Quit) {
+        if self.core.window.is_none() && self.keymap.action(&key) != Some(Action::Quit) {
             if self.early.len() < MOST_EARLY {
                 self.early.push(key);
             }
@@ -42,7 +42,7 @@ impl App {
         self.core.said = None;
         match &mut self.mode {
             Mode::Panes => {
-                if let Some(action) = keymap::action(&key) {
+                if let Some(action) = self.keymap.action(&key) {
                     self.act(action);
                 }
             }
@@ -58,7 +58,7 @@ impl App {
                     self.letter(letter, is_new);
                 }
             }
-            Mode::Help(scroll) => match keymap::action(&key) {
+            Mode::Help(scroll) => match self.keymap.action(&key) {
                 Some(Action::Down) => *scroll += 1,
                 Some(Action::Up) => *scroll = scroll.saturating_sub(1),
                 Some(Action::PageDown) => *scroll += usize::from(self.area.height / 2),
@@ -86,15 +86,31 @@ impl App {
         // Some terminals report coordinate 0 as 65535.
         let x = event.column.min(self.area.width.saturating_sub(1));
         let y = event.row.min(self.area.height.saturating_sub(1));
-        let parts = view::parts(self.area);
+        let parts = self.parts();
+        let is_pressed = matches!(event.kind, MouseEventKind::Down(MouseButton::Left));
+        if is_pressed {
+            self.is_dragging = parts.strip.contains(Position::new(x, y));
+        }
+        if self.is_dragging && (is_pressed || matches!(event.kind, MouseEventKind::Drag(MouseButton::Left))) {
+            return match strip::time_at(&self.core, parts.strip, x) {
+                Some(time) => self.core.go(JumpPlace::Time(time)),
+                None => self.core.refuse("this capture has no timestamps"),
+            };
+        }
+        let cell = self.cells(parts.body).into_iter().find(|cell| cell.area.contains(Position::new(x, y)));
+        if let Some(cell) = cell.filter(|cell| {
+            cell.pane != self.pane && !matches!(event.kind, MouseEventKind::Moved) && self.is_in_panes()
+        }) {
+            self.show(cell.pane);
+        }
         match event.kind {
             MouseEventKind::ScrollDown => (0..WHEEL).for_each(|_| self.act(Action::Down)),
             MouseEventKind::ScrollUp => (0..WHEEL).for_each(|_| self.act(Action::Up)),
-            MouseEventKind::Down(MouseButton::Left) if parts.body.contains(Position::new(x, y)) => {
+            MouseEventKind::Down(MouseButton::Left) if cell.is_some() => {
+                let area = cell.map_or(parts.body, |cell| cell.area);
                 let is_second = self.clicked == Some((x, y));
                 self.clicked = if is_second { None } else { Some((x, y)) };
-                let effects =
-                    self.panes.get_mut(self.pane).map(|pane| pane.click(x, y, parts.body, &self.core));
+                let effects = self.panes.get_mut(self.pane).map(|pane| pane.click(x, y, area, &self.core));
                 self.apply(effects.unwrap_or_default());
                 if is_second {
                     self.act(Action::Open);
@@ -112,8 +128,8 @@ impl App {
     /// Handles a new size of the terminal.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
-        let body = view::parts(self.area).body;
-        (self.core.height, self.core.width) = (body.height, body.width);
+        self.core.screen_height = height;
+        self.fit();
         self.core.refresh();
     }
 
@@ -126,8 +142,14 @@ impl App {
                 Some(pane) => self.show(*pane),
                 None => self.core.refuse(&format!("no pane {number}")),
             },
-            Action::NextPane => self.next_pane(1),
-            Action::PreviousPane => self.next_pane(PaneId::ALL.len() - 1),
+            Action::NextPane => self.next_pane(true),
+            Action::PreviousPane => self.next_pane(false),
+            Action::Layout => self.next_layout(),
+            Action::Zoom => self.zoom(),
+            Action::SplitLeft => self.move_split(false),
+            Action::SplitRight => self.move_split(true),
+            Action::Strip => self.toggle_strip(),
+            Action::Forget => self.forget(),
             Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
             Action::Search => self.ask(PromptPurpose::Search, "search"),
             Action::GoTo => self.ask(PromptPurpose::GoTo, "go to"),
@@ -146,6 +168,7 @@ impl App {
             Action::SetMark => self.mode = Mode::Letter { is_new: true },
             Action::ToMark => self.mode = Mode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),
+            Action::Assign => self.ask_assign(),
             Action::News => self.toggle_news(),
             Action::Copy => self.copy_line(),
             Action::Theme => self.next_theme(),
@@ -164,7 +187,6 @@ impl App {
             | Action::Sort
             | Action::Highlight
             | Action::Plot
-            | Action::Assign
             | Action::ZoomIn
             | Action::ZoomOut
             | Action::SetCursor => self.pass(action),
@@ -232,7 +254,6 @@ impl App {
                 Effect::ShowSignals => self.show(PaneId::Signals),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
-                Effect::Assign(node) => self.assign(node),
                 Effect::Plot(_) => is_plotted = true,
                 Effect::Say(text) => self.core.notify(&text),
                 Effect::Refuse(text) => self.core.refuse(&text),
@@ -248,22 +269,6 @@ impl App {
         self.refresh_panes();
     }
 
-    fn show(&mut self, pane: PaneId) {
-        if pane != self.pane {
-            self.trail.retain(|other| *other != pane);
-            self.trail.push(self.pane);
-            self.pane = pane;
-            self.refresh_panes();
-        }
-    }
-
-    fn next_pane(&mut self, by: usize) {
-        let next = (self.pane as usize + by) % PaneId::ALL.len();
-        if let Some(pane) = PaneId::ALL.get(next) {
-            self.show(*pane);
-        }
-    }
-
     /// Closes the open part of the pane, else shows the previous pane.
     fn back(&mut self) {
         let effects = self.panes.get_mut(self.pane).map(|pane| pane.act(Action::Back, &self.core));
@@ -271,7 +276,7 @@ impl App {
             Some(effects) if !effects.is_empty() => self.apply(effects),
             _ => {
                 if let Some(pane) = self.trail.pop() {
-                    self.pane = pane;
+                    self.focus(pane);
                 }
             }
         }

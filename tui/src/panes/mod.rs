@@ -8,6 +8,7 @@ mod effect;
 mod events;
 mod findings;
 mod frames;
+mod layout;
 mod legend;
 mod meaning;
 mod nodes;
@@ -18,6 +19,7 @@ mod transfers;
 mod why;
 
 pub use effect::Effect;
+pub use layout::{Arrangement, Cell, Layout, SPLIT};
 pub use legend::{COMMON, Legend, LegendEntry};
 pub use pane::Pane;
 

@@ -43,9 +43,11 @@ pub struct Core {
     pub selection: Option<u64>,
     /// Display of times.
     pub clock: TimeDisplay,
-    /// Height of a pane.
+    /// Height of the terminal.
+    pub screen_height: u16,
+    /// Height of the focused pane.
     pub height: u16,
-    /// Width of a pane.
+    /// Width of the focused pane.
     pub width: u16,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
@@ -77,6 +79,7 @@ impl Core {
             is_following: false,
             selection: None,
             clock: TimeDisplay::default(),
+            screen_height: 24,
             height: 24,
             width: 80,
             named: Vec::new(),
@@ -166,7 +169,7 @@ impl Core {
     fn ask(&mut self, search: Option<Search>) {
         self.serial += 1;
         self.is_waiting = true;
-        let rows = usize::from(self.height).max(20);
+        let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
             serial: self.serial,
             target: self.target,

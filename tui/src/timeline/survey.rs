@@ -19,6 +19,9 @@ pub const MOST_EXCHANGES: usize = 50_000;
 /// Maximum number of error positions kept.
 pub const MOST_ERRORS: usize = 200_000;
 
+/// Maximum number of times of NMT kept.
+pub(super) const MOST_NMT: usize = 100_000;
+
 /// Maximum number of findings kept until the groups are known.
 pub(super) const MOST_NEWS: usize = 10_000;
 
@@ -46,6 +49,8 @@ pub struct Survey {
     pub more_exchanges: u64,
     /// Positions of error events.
     pub errors: Vec<EventPosition>,
+    /// Times of NMT commands, changes of NMT states, and boot-ups.
+    pub nmt: Vec<Timestamp>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.

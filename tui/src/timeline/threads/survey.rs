@@ -20,7 +20,8 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, OpenedFinding, bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, OpenedFinding,
+    bit_rate_change,
 };
 use crate::timeline::walk::Walk;
 
@@ -76,9 +77,10 @@ struct Surveyor {
     news: Vec<OpenedFinding>,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
+    nmt: Vec<Timestamp>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
-    kept: (usize, usize, usize),
+    kept: (usize, usize, usize, usize),
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
     /// Timestamp of the first frame.
@@ -99,9 +101,10 @@ impl Surveyor {
             news: Vec::new(),
             exchanges: Vec::new(),
             errors: Vec::new(),
+            nmt: Vec::new(),
             load: Vec::new(),
             statistics: Statistics::default(),
-            kept: (0, 0, 0),
+            kept: (0, 0, 0, 0),
             more_exchanges: 0,
             bit_rate_change: None,
             first: None,
@@ -143,6 +146,14 @@ impl Surveyor {
             self.kept.1 += 1;
             self.errors.push(told.spot);
         }
+        let is_nmt = matches!(
+            told.event.kind,
+            EventKind::NmtCommand { .. } | EventKind::NmtState(_) | EventKind::BootUp { .. }
+        );
+        if let Some(time) = told.event.time.filter(|_| is_nmt && self.kept.3 < MOST_NMT) {
+            self.kept.3 += 1;
+            self.nmt.push(time);
+        }
         if let Some(exchange) = exchange(told) {
             if self.kept.2 < MOST_EXCHANGES {
                 self.kept.2 += 1;
@@ -165,6 +176,7 @@ impl Surveyor {
         survey.news.append(&mut self.news);
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
+        survey.nmt.append(&mut self.nmt);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
