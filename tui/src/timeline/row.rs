@@ -155,7 +155,6 @@ fn texts(told: &PlacedEvent<'_>, line: &Line, only_news: bool) -> RowTexts {
     }
     let what = line.what.as_str();
     let (object, value) = match &told.event.kind {
-        EventKind::UdsExchange(_) => what.split_once(" = ").unwrap_or((what, "")),
         EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::ObjectChange(_) => {
             what.split_once(' ').unwrap_or((what, ""))
         }
@@ -175,17 +174,13 @@ fn of_message(changes: MessageChanges, only_news: bool) -> RowTexts {
     RowTexts { unchanged, ..RowTexts::new(&name, format!("{value}{note}").trim_start()) }
 }
 
-/// Object with its name, and the result of a transfer. Duration and mode are left to the details.
+/// Object with its name, and the result of a transfer.
 fn of_transfer(words: &TransferWords) -> RowTexts {
-    let blank = if words.name.is_empty() { "" } else { " " };
-    let object = format!("{}{blank}{}", words.object, words.name);
-    let code = format!("{} ", words.object);
     let news = words.news();
-    let name = format!("{} {}", if words.consequence.is_empty() { "," } else { " |" }, words.name);
-    let value = news.strip_prefix(&code).unwrap_or(&news);
-    let value = value.strip_suffix(&name).unwrap_or(value);
-    let value = value.strip_prefix("= ").unwrap_or(value).to_owned();
-    RowTexts { object, value, news, unchanged: String::new() }
+    let TransferWords { object, name, result } = words;
+    let blank = if name.is_empty() { "" } else { " " };
+    let value = result.strip_prefix("= ").unwrap_or(result).to_owned();
+    RowTexts { object: format!("{object}{blank}{name}"), value, news, unchanged: String::new() }
 }
 
 #[cfg(test)]

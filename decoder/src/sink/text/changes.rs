@@ -51,8 +51,9 @@ impl MessageChanges {
                 (message.name.to_string(), message.layout.as_deref(), message.payload(), note)
             }
             EventKind::J1939Message(message) => {
-                let (name, note) = group_name(message.name.as_deref().unwrap_or_default());
-                let name = format!("{}{name}", message.id.pgn);
+                let (acronym, rest) = group_name(message.name.as_deref().unwrap_or_default());
+                let name = format!("{}{acronym}", message.id.pgn);
+                let note = if rest.is_empty() { String::new() } else { format!(" | {rest}") };
                 (name, message.layout.as_deref(), message.payload(), note.into_bytes())
             }
             EventKind::Frame(undecoded) => {
@@ -74,13 +75,13 @@ impl MessageChanges {
     }
 }
 
-/// Acronym and full name of a parameter group: ` EEC1` and ` | electronic engine controller 1`.
-fn group_name(name: &str) -> (String, String) {
+/// Acronym with a blank before it, and the rest of the name of a parameter group: ` EEC1` and `electronic
+/// engine controller 1`.
+pub(super) fn group_name(name: &str) -> (String, &str) {
     let (first, rest) = name.split_once(' ').unwrap_or((name, ""));
     let is_acronym = !first.is_empty()
         && first.chars().all(|letter| letter.is_ascii_uppercase() || letter.is_ascii_digit());
-    let (acronym, rest) = if is_acronym { (format!(" {first}"), rest) } else { (String::new(), name) };
-    (acronym, if rest.is_empty() { String::new() } else { format!(" | {rest}") })
+    if is_acronym { (format!(" {first}"), rest) } else { (String::new(), name) }
 }
 
 /// Changed and unchanged signals, device words after the others: their changes are also events.
@@ -249,9 +250,9 @@ mod tests {
 
     #[test]
     fn the_acronym_of_a_group_precedes_its_values() {
-        let text = |acronym: &str, rest: &str| (acronym.to_owned(), rest.to_owned());
-        assert_eq!(group_name("EEC1 engine controller 1"), text(" EEC1", " | engine controller 1"));
-        assert_eq!(group_name("proprietary B"), text("", " | proprietary B"));
+        let text = |acronym: &str, rest| (acronym.to_owned(), rest);
+        assert_eq!(group_name("EEC1 engine controller 1"), text(" EEC1", "engine controller 1"));
+        assert_eq!(group_name("proprietary B"), text("", "proprietary B"));
         assert_eq!((group_name("DM1"), group_name("")), (text(" DM1", ""), text("", "")));
     }
 

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use super::Tone;
 use super::parts::{EventWords, bytes, millis, node_short};
-use crate::event::{Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
+use super::transfer::TransferWords;
+use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
 use crate::profile::{self, DataType, Device, Effect, Meaning, Value};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
@@ -18,42 +19,34 @@ pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> EventWo
         Some(Direction::Upload) => "SDO r",
         None => "SDO",
     };
-    let words = TransferWords::of_transfer(transfer, device_of(event, bus));
+    let words = SdoWords::of(transfer, device_of(event, bus));
     let is_response = transfer.is_unrequested && transfer.abort.is_none_or(|abort| !abort.by_client);
     let who = if is_response { format!("{server}→{client}") } else { format!("{client}→{server}") };
     EventWords { who, kind, what: words.line(), tone: words.tone }
 }
 
-/// Parts of the text of an SDO transfer.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct TransferWords {
+/// Parts of the text of a transfer in the order of `decode`.
+#[derive(Default)]
+struct SdoWords {
     /// Object, or that it is unknown.
-    pub object: String,
+    object: String,
     /// Name of the object; empty if unknown.
-    pub name: String,
+    name: String,
     /// Value with the value before; empty if none was transferred.
-    pub value: String,
+    value: String,
     /// Number of bytes seen of a value with gaps: `, 14 of 20 bytes seen`.
     seen: String,
     /// Result with the reason of a failure: `ok`, `REFUSED 06010002: attempt to write a read only object`.
-    pub outcome: String,
+    outcome: String,
     /// Duration, mode and order of the messages.
     details: String,
     /// When the value is effective, and whether it is stored: ` | active now | lost at a restart`.
-    pub consequence: String,
+    consequence: String,
     tone: Tone,
 }
 
-impl TransferWords {
-    /// The text of an SDO transfer; None for other events.
-    pub fn of(event: &Event, bus: &Bus) -> Option<Self> {
-        match &event.kind {
-            EventKind::SdoTransfer(transfer) => Some(Self::of_transfer(transfer, device_of(event, bus))),
-            _ => None,
-        }
-    }
-
-    fn of_transfer(transfer: &SdoTransfer, device: &Device) -> Self {
+impl SdoWords {
+    fn of(transfer: &SdoTransfer, device: &Device) -> Self {
         let object = transfer.object.filter(|_| transfer.direction.is_some() || transfer.abort.is_some());
         let name = transfer.meaning.as_ref().filter(|_| object.is_some());
         let mut words = Self {
@@ -81,23 +74,17 @@ impl TransferWords {
         let Self { object, seen, outcome, details, consequence, .. } = self;
         format!("{object}{name}{value}{seen} {outcome}{details}{consequence}")
     }
+}
 
-    /// For a row: value or failure, then the consequence, then the name.
-    pub fn news(&self) -> String {
-        let Self { object, value, seen, outcome, consequence, .. } = self;
-        let is_ok = outcome == OK;
-        let name = match (self.name.as_str(), consequence.is_empty()) {
-            ("", _) => String::new(),
-            (name, true) => format!(", {name}"),
-            (name, false) => format!(" | {name}"),
-        };
-        match (is_ok, value.is_empty()) {
-            (true, true) => format!("{object} ok{seen}{consequence}{name}"),
-            (true, false) => format!("{object} = {value}{seen}{consequence}{name}"),
-            (false, true) => format!("{object} {outcome}{seen}{consequence}{name}"),
-            (false, false) => format!("{object} {outcome}, value {value}{seen}{consequence}{name}"),
-        }
-    }
+/// A transfer with its value or failure first; duration and mode are left out.
+pub(super) fn transfer(transfer: &SdoTransfer, device: &Device) -> TransferWords {
+    let SdoWords { object, name, value, seen, outcome, consequence, .. } = SdoWords::of(transfer, device);
+    let result = match (outcome == OK, value.is_empty()) {
+        (_, true) => outcome,
+        (true, false) => format!("= {value}"),
+        (false, false) => format!("{outcome}, value {value}"),
+    };
+    TransferWords { object, name, result: format!("{result}{seen}{consequence}") }
 }
 
 /// Outcome of a complete transfer.
