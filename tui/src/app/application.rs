@@ -3,11 +3,12 @@
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
+use super::added::Reassign;
 use super::output::Output;
 use super::preferences::Preferences;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
-use crate::state::{Core, JumpPlace};
+use crate::state::{Core, JumpPlace, NodeKey};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
 
@@ -34,6 +35,10 @@ pub struct App {
     pub(super) keymap: Keymap,
     /// Layout, strip and colours without a remembered view.
     pub(super) defaults: Preferences,
+    /// Evaluates options that are added while the program runs.
+    pub(super) reassign: Reassign,
+    /// Node to which the open prompt assigns something.
+    pub(super) assigning: Option<NodeKey>,
     /// The user discarded the remembered view.
     pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
@@ -67,6 +72,7 @@ pub(super) enum PromptPurpose {
     Search,
     GoTo,
     Export,
+    Assign,
 }
 
 impl App {
@@ -85,8 +91,7 @@ impl App {
                 }
             }
             News::Exported(told) => self.core.exported(told),
-            News::Changed(text) => self.core.refuse(&text),
-            News::Failed(text) => self.core.refuse(&text),
+            News::Changed(text) | News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
@@ -206,6 +211,7 @@ mod tests {
                 preferences: Preferences::default(),
                 defaults: Preferences::default(),
                 keymap: Keymap::default(),
+                reassign: Box::new(|_, _| anyhow::bail!("not needed here")),
                 at: None,
                 filter: None,
                 all: false,
@@ -230,7 +236,7 @@ mod tests {
             let mut buffer = Buffer::empty(area);
             self.app.draw(area, &mut buffer);
             let cells = (0..area.height).flat_map(|y| (0..area.width).map(move |x| (x, y)));
-            cells.filter_map(|cell| buffer.cell(cell)).map(|cell| cell.symbol()).collect()
+            cells.filter_map(|cell| buffer.cell(cell)).map(ratatui::buffer::Cell::symbol).collect()
         }
 
         /// Handles messages until the screen contains a text.

@@ -33,6 +33,21 @@ impl App {
         }
     }
 
+    /// Opens the prompt for a profile, device file or database of the selected node.
+    pub(super) fn ask_assign(&mut self) {
+        match self.assigned_node() {
+            Ok(node) => {
+                self.assigning = Some(node);
+                self.ask(PromptPurpose::Assign, "profile, EDS or DBC");
+                let proposed = self.proposed_profile(node);
+                if let (Mode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
+                    prompt.set_text(&profile);
+                }
+            }
+            Err(reason) => self.core.refuse(&reason),
+        }
+    }
+
     /// Handles a change, submission or cancellation of the prompt.
     pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
         let Mode::Prompt(_, prompt) = &mut self.mode else { return };
@@ -73,6 +88,15 @@ impl App {
                 if let Err((offset, reason)) = check(asking, &text) {
                     return prompt.set_error(offset, reason);
                 }
+                if asking == PromptPurpose::Assign
+                    && let Some(node) = self.assigning
+                    && let Err(reason) = self.assign(node, &text)
+                {
+                    if let Mode::Prompt(_, prompt) = &mut self.mode {
+                        prompt.set_error(0, reason);
+                    }
+                    return;
+                }
                 self.mode = Mode::Panes;
                 self.typed.retain(|(other, old)| *other != asking || *old != text);
                 self.typed.push((asking, text.clone()));
@@ -103,6 +127,8 @@ impl App {
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
+            // Was assigned while the prompt could still show an error.
+            PromptPurpose::Assign => {}
         }
         self.refresh_panes();
     }
@@ -148,6 +174,7 @@ impl App {
 fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
+        PromptPurpose::Assign => Ok(()),
         PromptPurpose::Filter => match text.parse::<Filter>() {
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),

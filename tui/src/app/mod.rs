@@ -5,6 +5,7 @@
 //!                                                   └────────────view, panes──────────▶ screen
 //! ```
 
+mod added;
 mod application;
 mod ask;
 mod assign;
@@ -16,12 +17,15 @@ mod news;
 mod output;
 mod panes;
 mod preferences;
+mod shell;
 mod start;
 mod strip;
 mod update;
 mod view;
 
+pub use added::{AddedOption, Reassign, Reassigned};
 pub use application::App;
 pub use output::Output;
 pub use preferences::Preferences;
-pub use start::{Start, quoted};
+pub use shell::quoted;
+pub use start::Start;

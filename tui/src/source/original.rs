@@ -74,7 +74,7 @@ pub struct OriginalFile {
     path: PathBuf,
     file: File,
     length: u64,
-    identity: Option<(u64, u64)>,
+    identity: (u64, u64),
     block: u64,
     /// Checksum of each block; 0 before its first reading.
     sums: Vec<AtomicU64>,
@@ -281,16 +281,16 @@ impl Read for OriginalReader {
     }
 }
 
-/// Device and number of a file; `None` where the system has none.
+/// Device and number of a file; both 0 where the system has none.
 #[cfg(unix)]
-fn identity(metadata: &Metadata) -> Option<(u64, u64)> {
+fn identity(metadata: &Metadata) -> (u64, u64) {
     use std::os::unix::fs::MetadataExt as _;
-    Some((metadata.dev(), metadata.ino()))
+    (metadata.dev(), metadata.ino())
 }
 
 #[cfg(not(unix))]
-fn identity(_: &Metadata) -> Option<(u64, u64)> {
-    None
+fn identity(_: &Metadata) -> (u64, u64) {
+    (0, 0)
 }
 
 /// Checksum of a block, never 0. It detects changes, not forgeries.

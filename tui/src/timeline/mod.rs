@@ -398,12 +398,12 @@ mod tests {
         let error = Frame::data_frame(CanId::standard(0x81), &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
         writer.write(&Frame { time: Some(time), ..error }, "can0").unwrap();
         writer.flush().unwrap();
-        let story = |survey: &Survey| {
+        let first_story = |survey: &Survey| {
             let first = survey.diagnosis.as_ref()?.stories.first()?;
             Some((first.title.clone(), first.lines.first()?.text.clone(), survey.is_complete))
         };
         let (title, text, is_complete) = loop {
-            let shown = story(&timeline.survey());
+            let shown = first_story(&timeline.survey());
             if let Some(shown) = shown {
                 break shown;
             }
