@@ -184,6 +184,20 @@ fn every_session_shows_what_stands_in_its_file() {
     assert!(wrong.is_empty(), "\n{wrong}");
 }
 
+/// Sessions with `--ascii`: also the text of captures is ASCII.
+#[test]
+fn every_session_is_ascii_on_request() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let session = fs::read_to_string(&path).unwrap();
+        let seen = play(&session.replace(" --ascii", "").replace("> cobscope view", "> cobscope view --ascii"));
+        let screens = seen.lines().filter(|line| !line.starts_with(['>', '#']));
+        let other: Vec<_> = screens.filter(|line| !line.trim_start_matches('▶').is_ascii()).collect();
+        assert!(other.is_empty(), "{}:\n{}", path.display(), other.join("\n"));
+    }
+}
+
 /// The file name of a session starts with the name of its pane.
 #[test]
 fn every_pane_has_a_session() {

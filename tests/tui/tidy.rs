@@ -8,7 +8,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("exit_code", &[]),
     ("figures", &[]),
     ("bucket", &[]),
-    ("theme", &[]),
+    ("ascii", &[]),
+    ("theme", &["ascii"]),
     ("action", &[]),
     ("words", &["figures"]),
     ("select", &["figures"]),
@@ -19,7 +20,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("state", &["theme", "words", "select", "timeline"]),
     ("panes", &["figures", "bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
     ("keymap", &["action", "panes"]),
-    ("app", &["theme", "action", "select", "source", "widgets", "timeline", "state", "panes", "keymap"]),
+    ("app", &["ascii", "theme", "action", "select", "source", "widgets", "timeline", "state", "panes", "keymap"]),
     ("terminal", &["timeline", "app"]),
     ("cli", &["select", "panes"]),
     (

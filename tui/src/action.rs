@@ -37,6 +37,10 @@ pub enum Action {
     Clear,
     /// Filter by the value of the selected cell.
     FilterCell,
+    /// Undo the last change of what is shown.
+    Undo,
+    /// Redo it.
+    Redo,
     /// Toggle between all events and changes only.
     News,
     /// Open the search prompt.

@@ -3,7 +3,9 @@
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
+use super::hints::Hint;
 use super::output::Output;
+use super::undo::History;
 use crate::panes::{PaneId, Panes};
 use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
@@ -17,6 +19,10 @@ pub struct App {
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
+    /// What was shown before and after.
+    pub(super) history: History,
+    /// The row above a prompt.
+    pub(super) hint: Hint,
     /// Filter before the filter prompt was opened.
     pub(super) filter_before: String,
     /// Prompt history by purpose.
@@ -132,6 +138,7 @@ impl App {
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
+            || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
             || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)

@@ -4,7 +4,7 @@ use cobscope_decoder::query::Filter;
 
 use super::application::{App, Mode, PromptPurpose};
 use crate::select::Bound;
-use crate::state::{JumpPlace, SearchPattern, pattern};
+use crate::state::{Core, JumpPlace, SearchPattern, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -17,9 +17,10 @@ impl App {
             self.filter_before.clone_from(&self.core.filter);
         }
         if asking == PromptPurpose::Export {
-            prompt.set_text(&self.export_name());
+            prompt.propose(&self.export_name());
         }
         self.mode = Mode::Prompt(asking, prompt);
+        self.refresh_hint();
     }
 
     /// Default file name of an export, in the current folder.
@@ -35,6 +36,11 @@ impl App {
 
     /// Handles a change, submission or cancellation of the prompt.
     pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
+        self.react(asking, event);
+        self.refresh_hint();
+    }
+
+    fn react(&mut self, asking: PromptPurpose, event: PromptEvent) {
         let Mode::Prompt(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
         let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
@@ -94,12 +100,9 @@ impl App {
                     pattern(text).ok().map(|pattern| SearchPattern { text: text.to_owned(), pattern });
                 self.core.search(false);
             }
-            PromptPurpose::GoTo => match place(text) {
-                Some(Ok(step)) => match self.core.time() {
-                    Some(time) => self.core.go_to(Bound::Moment(time.plus(step))),
-                    None => self.core.refuse("this capture has no timestamps; enter a frame as #1234"),
-                },
-                Some(Err(bound)) => self.core.go_to(bound),
+            PromptPurpose::GoTo => match bound(&self.core, text) {
+                Some(Ok(bound)) => self.core.go_to(bound),
+                Some(Err(reason)) => self.core.refuse(&reason),
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
@@ -139,8 +142,24 @@ impl App {
     }
 }
 
+/// The typed position; None for an incomplete text.
+fn bound(core: &Core, text: &str) -> Option<Result<Bound, String>> {
+    Some(match place(text)? {
+        Ok(step) => match core.time() {
+            Some(time) => Ok(Bound::Moment(time.plus(step))),
+            None => Err("this capture has no timestamps; enter a frame as #1234".to_owned()),
+        },
+        Err(bound) => Ok(bound),
+    })
+}
+
+/// Target of the typed position, or the reason why there is none; None for an incomplete text.
+pub(super) fn target(core: &Core, text: &str) -> Option<Result<JumpPlace, String>> {
+    Some(bound(core, text)?.and_then(|bound| core.inside(bound)))
+}
+
 /// Checks a text; the error has a byte offset and a message.
-fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
+pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
         PromptPurpose::Filter => match text.parse::<Filter>() {

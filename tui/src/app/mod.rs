@@ -7,13 +7,16 @@
 
 mod application;
 mod ask;
+mod candidates;
 mod assign;
 mod diagnosis;
 mod header;
+mod hints;
 mod help;
 mod news;
 mod output;
 mod start;
+mod undo;
 mod update;
 mod view;
 

@@ -6,6 +6,8 @@ use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
 use super::application::{App, Mode};
+use super::hints::Hint;
+use super::undo::History;
 use crate::panes::{PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace};
@@ -47,6 +49,8 @@ impl App {
             pane: start.pane,
             trail: Vec::new(),
             mode: Mode::Panes,
+            history: History::default(),
+            hint: Hint::default(),
             filter_before: String::new(),
             typed: Vec::new(),
             outputs: Vec::new(),
@@ -57,6 +61,7 @@ impl App {
             is_surveyed: false,
             opens_at_story: start.at.is_none() && !start.follows,
         };
+        app.history = History::starting(app.shown());
         if start.follows {
             app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");
             app.core.is_following = true;

@@ -41,7 +41,7 @@ pub struct ScreenArgs {
     /// Use colours for a dark or light background
     #[arg(long, value_name = "THEME", default_value = "dark")]
     pub theme: ThemeName,
-    /// Draw lines and plots with ASCII characters
+    /// Show only ASCII characters; others become their substitute or ?
     #[arg(long)]
     pub ascii: bool,
 }

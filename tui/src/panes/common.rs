@@ -44,7 +44,7 @@ pub(super) fn node_filter(node: NodeId) -> String {
 }
 
 /// The state at the end of the capture if it is read, else at the cursor: it has the most buses.
-pub(super) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
+pub(crate) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
     core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 

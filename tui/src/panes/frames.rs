@@ -27,7 +27,7 @@ use ratatui::text::{Line, Span};
 
 use super::common::{has_buses, move_in};
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::{millis, seconds};
 use crate::state::Core;
@@ -361,6 +361,14 @@ impl Pane for Frames {
             self.selected = Some(key(row));
         }
         Vec::new()
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

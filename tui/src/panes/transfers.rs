@@ -19,7 +19,7 @@ use ratatui::text::{Line, Span};
 
 use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, JumpPlace};
@@ -327,6 +327,14 @@ impl Pane for Transfers {
             self.order = self.order(&survey).map(Cow::into_owned).unwrap_or_default();
             self.made = wanted;
         }
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

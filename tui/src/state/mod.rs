@@ -2,6 +2,7 @@
 
 mod core;
 mod place;
+mod preview;
 mod search;
 
 pub use core::Core;

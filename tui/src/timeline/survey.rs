@@ -19,6 +19,9 @@ pub const MOST_EXCHANGES: usize = 50_000;
 /// Maximum number of error positions kept.
 pub const MOST_ERRORS: usize = 200_000;
 
+/// Maximum number of changes of NMT states kept.
+pub(super) const MOST_NMT_CHANGES: usize = 50_000;
+
 /// Maximum number of findings kept until the groups are known.
 pub(super) const MOST_NEWS: usize = 10_000;
 
@@ -46,6 +49,10 @@ pub struct Survey {
     pub more_exchanges: u64,
     /// Positions of error events.
     pub errors: Vec<EventPosition>,
+    /// Number of events of each kind, in the order of `Kind::ALL`.
+    pub kinds: Vec<u64>,
+    /// Changes of the NMT states of all nodes, in order.
+    pub nmt_changes: Vec<NmtChange>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.
@@ -54,6 +61,17 @@ pub struct Survey {
     pub buses: Vec<String>,
     /// Bus name and text of the last announced change of the bit rate.
     pub bit_rate_change: Option<(String, String)>,
+}
+
+/// A change of the NMT state of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NmtChange {
+    /// Time of the change.
+    pub time: Timestamp,
+    /// Bus of the node.
+    pub bus: BusIndex,
+    /// The node.
+    pub node: NodeId,
 }
 
 /// A finding at the time it opened.
@@ -113,6 +131,13 @@ pub struct Exchange {
     pub outcome: &'static str,
     /// Tone that decides the colour.
     pub tone: Tone,
+}
+
+/// The change of an NMT state; None for other events, and for a state that a message only confirms.
+pub(super) fn nmt_change(event: &Event) -> Option<NmtChange> {
+    let EventKind::NmtState(state) = &event.kind else { return None };
+    let (time, node) = (event.time?, event.node?);
+    (state.from != Some(state.to)).then_some(NmtChange { time, bus: event.bus, node })
 }
 
 /// Text of an announced change of the bit rate.

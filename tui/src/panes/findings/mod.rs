@@ -24,11 +24,12 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
+pub use self::chosen::filtered_places;
 use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
@@ -294,6 +295,14 @@ impl Pane for Findings {
             self.listed = listed;
             self.table.selected = self.at(&self.listed.rows);
         }
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

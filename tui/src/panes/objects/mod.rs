@@ -21,7 +21,7 @@ use ratatui::text::Line;
 
 use super::common::move_in;
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace, NodeKey};
 use crate::theme::Role;
@@ -230,6 +230,18 @@ impl Pane for Objects {
         self.state.home();
         self.object = None;
         true
+    }
+
+    fn sought(&self) -> &str {
+        &self.search
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.state.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.state.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

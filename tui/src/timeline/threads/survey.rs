@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, MessageOutcome, Outcome,
 };
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
@@ -20,7 +20,8 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, OpenedFinding, bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT_CHANGES, NmtChange,
+    OpenedFinding, bit_rate_change, nmt_change,
 };
 use crate::timeline::walk::Walk;
 
@@ -76,9 +77,12 @@ struct Surveyor {
     news: Vec<OpenedFinding>,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
+    nmt_changes: Vec<NmtChange>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
     kept: (usize, usize, usize),
+    kept_changes: usize,
+    kinds: Vec<u64>,
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
     /// Timestamp of the first frame.
@@ -99,9 +103,12 @@ impl Surveyor {
             news: Vec::new(),
             exchanges: Vec::new(),
             errors: Vec::new(),
+            nmt_changes: Vec::new(),
             load: Vec::new(),
             statistics: Statistics::default(),
             kept: (0, 0, 0),
+            kept_changes: 0,
+            kinds: vec![0; Kind::ALL.len()],
             more_exchanges: 0,
             bit_rate_change: None,
             first: None,
@@ -125,6 +132,9 @@ impl Surveyor {
 
     fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
+        if let Some(count) = self.kinds.get_mut(told.event.kind.kind() as usize) {
+            *count += 1;
+        }
         let (news, kept) = (&mut self.news, &mut self.kept);
         let mut opened = |event: &Event, _: &Bus| {
             if let EventKind::FindingOpened(finding) = &event.kind
@@ -142,6 +152,10 @@ impl Surveyor {
         if is_error(told.event) && self.kept.1 < MOST_ERRORS {
             self.kept.1 += 1;
             self.errors.push(told.spot);
+        }
+        if let Some(change) = nmt_change(told.event).filter(|_| self.kept_changes < MOST_NMT_CHANGES) {
+            self.kept_changes += 1;
+            self.nmt_changes.push(change);
         }
         if let Some(exchange) = exchange(told) {
             if self.kept.2 < MOST_EXCHANGES {
@@ -165,6 +179,8 @@ impl Surveyor {
         survey.news.append(&mut self.news);
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
+        survey.nmt_changes.append(&mut self.nmt_changes);
+        survey.kinds.clone_from(&self.kinds);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
