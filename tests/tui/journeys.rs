@@ -37,7 +37,11 @@ fn play(journey: &Journey) {
     let capture = workspace().join("fixtures/devices").join(journey.capture);
     let options: Vec<String> = journey.options.iter().map(|word| in_workspace(word)).collect();
     let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
-    let command = command.args(["view", "--at", "0"]).args(&options).arg(&capture).current_dir(folder.path());
+    let command = command
+        .args(["view", "--layout", "one", "--at", "0"])
+        .args(&options)
+        .arg(&capture)
+        .current_dir(folder.path());
     let session = Session::start(command, 40, 120);
     session.wait_verdict();
     session.wait_text(&format!("#1/{}", journey.frames));

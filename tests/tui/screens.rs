@@ -81,11 +81,10 @@ impl Screen {
         self.settle();
     }
 
-    /// Presses the mouse at `column,line`, both from 0.
-    fn click(&mut self, place: &str) {
+    /// Presses or drags the mouse at `column,line`, both from 0.
+    fn mouse(&mut self, kind: MouseEventKind, place: &str) {
         let (column, row) = place.split_once(',').unwrap();
         let (column, row) = (column.parse().unwrap(), row.parse().unwrap());
-        let kind = MouseEventKind::Down(MouseButton::Left);
         self.app.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
         self.settle();
     }
@@ -148,12 +147,16 @@ fn play(session: &str) -> String {
                 screen.keys(keys);
                 played += &screen.text();
             }
-            ("click", place) => {
+            (mouse @ ("click" | "drag"), place) => {
                 let screen = screen.get_or_insert_with(|| Screen::open(&command, size.0, size.1));
-                screen.click(place);
+                let kind = match mouse {
+                    "click" => MouseEventKind::Down(MouseButton::Left),
+                    _ => MouseEventKind::Drag(MouseButton::Left),
+                };
+                screen.mouse(kind, place);
                 played += &screen.text();
             }
-            (other, _) => unreachable!("{other}: expected cobscope, size, keys or click"),
+            (other, _) => unreachable!("{other}: expected cobscope, size, keys, click or drag"),
         }
     }
     played
@@ -191,7 +194,8 @@ fn every_session_is_ascii_on_request() {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let session = fs::read_to_string(&path).unwrap();
-        let seen = play(&session.replace(" --ascii", "").replace("> cobscope view", "> cobscope view --ascii"));
+        let seen =
+            play(&session.replace(" --ascii", "").replace("> cobscope view", "> cobscope view --ascii"));
         let screens = seen.lines().filter(|line| !line.starts_with(['>', '#']));
         let other: Vec<_> = screens.filter(|line| !line.trim_start_matches('▶').is_ascii()).collect();
         assert!(other.is_empty(), "{}:\n{}", path.display(), other.join("\n"));
@@ -266,7 +270,7 @@ fn every_small_recording_of_the_corpus_can_be_looked_at() {
 #[test]
 fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
     let mut screen = Screen::open(
-        "cobscope view --color never --pane nodes --at 70.0 fixtures/devices/sydfec.log",
+        "cobscope view --layout one --color never --pane nodes --at 70.0 fixtures/devices/sydfec.log",
         140,
         24,
     );
@@ -286,8 +290,11 @@ fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
 
 #[test]
 fn nothing_is_assigned_without_a_fitting_profile() {
-    let mut screen =
-        Screen::open("cobscope view --color never --pane nodes fixtures/rules/node-lost.log", 140, 24);
+    let mut screen = Screen::open(
+        "cobscope view --layout one --color never --pane nodes fixtures/rules/node-lost.log",
+        140,
+        24,
+    );
     screen.keys("a");
     let text = screen.text();
     assert!(text.contains("no profile fits the behaviour of node"), "{text}");
@@ -298,7 +305,7 @@ fn nothing_is_assigned_without_a_fitting_profile() {
 #[test]
 fn a_named_node_without_frames_is_reported() {
     let mut screen = Screen::open(
-        "cobscope view --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",
+        "cobscope view --layout one --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",
         140,
         24,
     );

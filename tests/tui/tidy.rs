@@ -20,7 +20,13 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("state", &["theme", "words", "select", "timeline"]),
     ("panes", &["figures", "bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
     ("keymap", &["action", "panes"]),
-    ("app", &["ascii", "theme", "action", "select", "source", "widgets", "timeline", "state", "panes", "keymap"]),
+    (
+        "app",
+        &[
+            "ascii", "figures", "theme", "action", "select", "source", "widgets", "timeline", "state",
+            "panes", "keymap",
+        ],
+    ),
     ("terminal", &["timeline", "app"]),
     ("cli", &["select", "panes"]),
     (

@@ -31,6 +31,16 @@ pub enum Action {
     NextPane,
     /// Show the previous pane.
     PreviousPane,
+    /// Choose the next layout.
+    Layout,
+    /// Show only the focused pane, or all panes of the layout again.
+    Zoom,
+    /// Move the border between the columns of panes to the left.
+    SplitLeft,
+    /// Move the border between the columns of panes to the right.
+    SplitRight,
+    /// Show or hide the strip of time.
+    Strip,
     /// Open the filter prompt.
     Filter,
     /// Clear filter, search and highlight.

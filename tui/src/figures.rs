@@ -31,6 +31,12 @@ pub fn seconds(nanoseconds: i64) -> String {
     format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
 }
 
+/// Nanoseconds as seconds with one decimal place below 1000 s.
+pub fn short_seconds(nanoseconds: i64) -> String {
+    let tenths = nanoseconds.unsigned_abs() / 100_000_000;
+    if tenths < 10_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
+}
+
 /// Bytes with a unit and about three digits.
 pub fn bytes(count: u64) -> String {
     match count {

@@ -69,8 +69,8 @@ const DIGITS: [&[&str]; 10] =
 const ACTIONS: &[Binding] = &[
     key(&["j", "down"], Action::Down, "down", "go down one line", Group::Move),
     key(&["k", "up"], Action::Up, "up", "go up one line", Group::Move),
-    key(&["right"], Action::Right, "right", "next column; later in time in a plot", Group::Move),
-    key(&["left"], Action::Left, "left", "previous column; earlier in time in a plot", Group::Move),
+    key(&["right"], Action::Right, "move", "next column; later in time in a plot", Group::Move),
+    key(&["left"], Action::Left, "move", "previous column; earlier in time in a plot", Group::Move),
     key(&["pgdn", "ctrl-f"], Action::PageDown, "page down", "go down one page", Group::Move),
     key(&["pgup", "ctrl-b"], Action::PageUp, "page up", "go up one page", Group::Move),
     key(&["g", "home"], Action::Top, "start", "go to the start", Group::Move),
@@ -125,8 +125,31 @@ const ACTIONS: &[Binding] = &[
     key(&["y"], Action::Copy, "copy", "copy the selected line", Group::Do),
     key(&["V"], Action::Select, "select", "start or clear the selection of frames to export", Group::Do),
     key(&["w", "f2"], Action::Export, "export", "write the selection, or everything, to a file", Group::Do),
-    key(&["tab"], Action::NextPane, "pane", "go to the next pane", Group::Program),
+    key(
+        &["tab"],
+        Action::NextPane,
+        "pane",
+        "go to the next pane, of those that are shown together",
+        Group::Program,
+    ),
     key(&["shift-tab"], Action::PreviousPane, "pane", "go to the previous pane", Group::Program),
+    key(&["|"], Action::Layout, "layout", "show the panes of the next layout", Group::Program),
+    key(
+        &["\\"],
+        Action::Zoom,
+        "zoom",
+        "show only this pane, or all panes of the layout again",
+        Group::Program,
+    ),
+    key(&["<"], Action::SplitLeft, "split", "move the border between the panes to the left", Group::Program),
+    key(
+        &[">"],
+        Action::SplitRight,
+        "split",
+        "move the border between the panes to the right",
+        Group::Program,
+    ),
+    key(&["i"], Action::Strip, "strip", "show or hide the strip of time", Group::Program),
 ];
 
 /// Keys of the program; the help lists them after the panes.

@@ -140,12 +140,14 @@ pub struct Theme {
     palette: Palette,
     depth: Depth,
     borders: Borders,
+    /// Keys act on the pane that is drawn.
+    is_focused: bool,
 }
 
 impl Theme {
     /// A theme.
     pub fn new(palette: Palette, depth: Depth, borders: Borders) -> Self {
-        Self { palette, depth, borders }
+        Self { palette, depth, borders, is_focused: true }
     }
 
     /// Background of the terminal.
@@ -162,6 +164,12 @@ impl Theme {
     #[must_use]
     pub fn with(self, palette: Palette, depth: Depth) -> Self {
         Self { palette, depth, ..self }
+    }
+
+    /// The theme for a pane on which keys act, or for another one, whose selection is weaker.
+    #[must_use]
+    pub fn focused(self, is_focused: bool) -> Self {
+        Self { is_focused, ..self }
     }
 
     /// Characters for lines, marks and plots.
@@ -189,7 +197,7 @@ impl Theme {
 
     /// Style over the selected line: [`Role::Selected`] if keys act on it, else a weaker one.
     pub fn selection(&self, is_focused: bool) -> Style {
-        match (is_focused, self.depth, self.palette) {
+        match (is_focused && self.is_focused, self.depth, self.palette) {
             (true, _, _) => self.style(Role::Selected),
             (false, Depth::Full, Palette::Dark) => Style::new().bg(Color::Indexed(235)),
             (false, Depth::Full, Palette::Light) => Style::new().bg(Color::Indexed(255)),

@@ -50,7 +50,9 @@ impl State {
     fn after(self, token: &Token) -> Option<Self> {
         Some(match (self, token) {
             (Self::Field, Token::Not | Token::Open) => Self::Field,
-            (Self::Field, Token::Word(Operand { text, is_quoted: false, .. })) => Self::AfterField(text.clone()),
+            (Self::Field, Token::Word(Operand { text, is_quoted: false, .. })) => {
+                Self::AfterField(text.clone())
+            }
             (Self::AfterField(field), Token::Relation(_) | Token::Contains | Token::Matches) => {
                 Self::Value(field)
             }
@@ -175,7 +177,15 @@ mod tests {
 
     #[test]
     fn nothing_follows_an_error_or_a_complete_word() {
-        let texts = ["bus == \"ca", "kind = ", "nofield == ", "kind in ", "a b c", "kind == emcy and", "bus == \"a\""];
+        let texts = [
+            "bus == \"ca",
+            "kind = ",
+            "nofield == ",
+            "kind in ",
+            "a b c",
+            "kind == emcy and",
+            "bus == \"a\"",
+        ];
         for text in texts {
             assert_eq!(expected(text), "-", "{text}");
         }

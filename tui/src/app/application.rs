@@ -3,10 +3,10 @@
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
-use super::hints::Hint;
+use super::candidates::PromptRow;
+use super::history::History;
 use super::output::Output;
-use super::undo::History;
-use crate::panes::{PaneId, Panes};
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
@@ -16,13 +16,19 @@ pub struct App {
     pub(super) core: Core,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
+    /// Panes that are shown together.
+    pub(super) arrangement: Arrangement,
+    /// The strip of time is shown.
+    pub(super) has_strip: bool,
+    /// The mouse was pressed in the strip and not released.
+    pub(super) is_dragging: bool,
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
     /// What was shown before and after.
     pub(super) history: History,
     /// The row above a prompt.
-    pub(super) hint: Hint,
+    pub(super) prompt_row: PromptRow,
     /// Filter before the filter prompt was opened.
     pub(super) filter_before: String,
     /// Prompt history by purpose.

@@ -20,7 +20,7 @@ impl App {
             prompt.propose(&self.export_name());
         }
         self.mode = Mode::Prompt(asking, prompt);
-        self.refresh_hint();
+        self.refresh_prompt_row();
     }
 
     /// Default file name of an export, in the current folder.
@@ -37,7 +37,7 @@ impl App {
     /// Handles a change, submission or cancellation of the prompt.
     pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
         self.react(asking, event);
-        self.refresh_hint();
+        self.refresh_prompt_row();
     }
 
     fn react(&mut self, asking: PromptPurpose, event: PromptEvent) {

@@ -28,6 +28,18 @@ impl Candidate {
     }
 }
 
+/// Content of the row above a prompt.
+#[derive(Debug, Default)]
+pub(super) struct PromptRow {
+    /// Byte offset of the word to complete.
+    pub(super) start: usize,
+    pub(super) candidates: Vec<Candidate>,
+    /// The candidate in the text, after Tab.
+    pub(super) chosen: Option<usize>,
+    /// Text of a row without candidates.
+    pub(super) text: String,
+}
+
 /// Offset of the word at the end of `before`, the words that complete it, and a text if there are none.
 pub(super) fn candidates(core: &Core, before: &str) -> (usize, Vec<Candidate>, String) {
     let Some(found) = completion(before) else { return (before.len(), Vec::new(), String::new()) };
@@ -38,7 +50,8 @@ pub(super) fn candidates(core: &Core, before: &str) -> (usize, Vec<Candidate>, S
     };
     words.retain(|word| word.text.to_lowercase().starts_with(&typed));
     // A complete word needs no completion.
-    if matches!(words.as_slice(), [only] if only.text == typed) && !matches!(found.expected, Expected::Field) {
+    if matches!(words.as_slice(), [only] if only.text == typed) && !matches!(found.expected, Expected::Field)
+    {
         words.clear();
     }
     let text = match &found.expected {

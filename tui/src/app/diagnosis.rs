@@ -1,7 +1,7 @@
 //! The line of the diagnosis: counts and the first story.
 //!
 //! ```text
-//! 1 error 3 warnings: 32/20  EMCY 8305 spool position error, 7.204 s             } story  0 why
+//! 1 error 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s             } story  0 why
 //! ```
 
 use cobscope_decoder::finding::{Severity, Verdict};
@@ -16,8 +16,8 @@ use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::widgets::draw;
 
-/// Keys that lead on.
-const KEYS: &str = "} story  0 why";
+/// Keys that lead on, shorter ones for narrow screens.
+const KEYS: [&str; 3] = ["} story  0 why", "0 why", ""];
 
 /// Draws the line. The title of the story is cut before counts, time and keys.
 pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
@@ -26,9 +26,11 @@ pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     }
     let survey = core.timeline.survey();
     let (text, end, role) = words(core, &survey);
-    let keys = if end.is_empty() { "" } else { KEYS };
-    let room = area.width.saturating_sub(draw::width(keys).saturating_add(2));
-    let room = room.saturating_sub(draw::width(&end));
+    let wanted = draw::width(&text).saturating_add(draw::width(&end));
+    let room = |keys: &str| area.width.saturating_sub(draw::width(keys).saturating_add(2));
+    let fitting = KEYS.into_iter().find(|keys| wanted <= room(keys));
+    let keys = if end.is_empty() { "" } else { fitting.unwrap_or_default() };
+    let room = room(keys).saturating_sub(draw::width(&end));
     let style = core.theme.style(role);
     draw::line(
         buf,
@@ -62,7 +64,7 @@ fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
     let counts: Vec<_> = counts.into_iter().flatten().collect();
     // The frames are in the Why pane.
     let title = story.title.split(" {").next().unwrap_or_default();
-    let text = format!("{}: {}", counts.join(" "), escape(title));
+    let text = format!("{}: {}", counts.join(" "), escape(title).replace("  ", " "));
     let time = core.seconds(story.began.time);
     let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time:.3} s"));
     let role = if story.severity == Severity::Error { Role::Bad } else { Role::Caution };

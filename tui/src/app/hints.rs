@@ -1,192 +1,107 @@
-//! The row above a prompt: examples, words that complete the input, or the frame of a position.
+//! The key bar: whole hints, the most needed first.
 //!
 //! ```text
-//! emcy 2  nmt-state 4  nmt-command 3                                        tab completes
-//! filter kind == █
-//!                ^ expected a value
+//! ? help  q quit  ] finding  0 why  enter open  f filter  ← → move  …
 //! ```
 
-use cobscope_decoder::sink::escape;
 use ratatui::buffer::Buffer;
-use ratatui::crossterm::event::KeyCode;
 use ratatui::layout::Rect;
-use ratatui::text::{Line, Span};
 
-use super::application::{App, Mode, PromptPurpose};
-use super::ask::target;
-use super::candidates::{Candidate, candidates};
-use crate::state::Core;
-use crate::theme::{Glyph, Role};
-use crate::widgets::draw::{self, Align};
-use crate::widgets::prompt::{Prompt, PromptEvent};
+use crate::action::Action;
+use crate::keymap;
+use crate::theme::{Borders, Glyph, Role, Theme};
+use crate::widgets::draw;
 
-/// Key that completes.
-const KEY: &str = "tab completes";
+/// Hints of all panes: before and after those of the pane.
+const FIRST: [Action; 4] = [Action::Help, Action::Quit, Action::NextFinding, Action::Pane(0)];
+const LAST: [Action; 4] = [Action::Layout, Action::Zoom, Action::Top, Action::Bottom];
 
-/// Content of the row.
-#[derive(Debug, Default)]
+/// Symbols of keys whose names are longer.
+const SYMBOLS: [(&str, &str); 4] = [("left", "←"), ("right", "→"), ("up", "↑"), ("down", "↓")];
+
+/// A key, or keys with the same effect, and what they do.
+#[derive(Debug, PartialEq, Eq)]
 pub(super) struct Hint {
-    /// Byte offset of the word to complete.
-    start: usize,
-    candidates: Vec<Candidate>,
-    /// The candidate in the text, after Tab.
-    chosen: Option<usize>,
-    /// Text of a row without candidates.
-    text: String,
-}
-
-/// Examples of a prompt; each is valid.
-pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
-    match asking {
-        PromptPurpose::Filter => ["kind == emcy", "node == 5 && kind == pdo", "severity == error"],
-        PromptPurpose::Search => ["emcy", "tpdo[12]", "fault|lost"],
-        PromptPurpose::GoTo => ["12.5", "#1234", "-0.05"],
-        PromptPurpose::Export => ["part.log", "part.pcapng", "events.csv"],
-    }
+    key: String,
+    does: String,
 }
 
 impl Hint {
-    fn of(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> Self {
-        let text = prompt.text();
-        if text.trim().is_empty() {
-            let text = format!("examples:  {}", examples(asking).join("   "));
-            return Self { text, ..Self::default() };
-        }
-        match asking {
-            _ if prompt.is_proposed() => {
-                Self { text: "typing replaces the name, an arrow key keeps it".to_owned(), ..Self::default() }
-            }
-            PromptPurpose::Filter => {
-                let before = text.get(..prompt.cursor()).unwrap_or_default();
-                let (start, candidates, text) = candidates(core, before);
-                Self { start, candidates, chosen: None, text }
-            }
-            _ => Self::default(),
-        }
+    /// `j/k scroll`.
+    pub(super) fn new(key: &str, does: &str) -> Self {
+        Self { key: key.to_owned(), does: does.to_owned() }
+    }
+
+    fn width(&self) -> u16 {
+        draw::width(&self.key).saturating_add(1).saturating_add(draw::width(&self.does))
     }
 }
 
-impl App {
-    /// Updates the row after a change of the prompt.
-    pub(super) fn refresh_hint(&mut self) {
-        let Mode::Prompt(asking, prompt) = &self.mode else { return };
-        self.hint = Hint::of(&self.core, *asking, prompt);
-        if *asking == PromptPurpose::GoTo {
-            let wanted = target(&self.core, prompt.text());
-            self.core.look_at(wanted);
+/// Hints of a pane with these actions.
+pub(super) fn of_pane(actions: &[Action], is_why: bool, theme: &Theme) -> Vec<Hint> {
+    let first = FIRST.into_iter().filter(|action| !(is_why && *action == Action::Pane(0)));
+    let own = actions.iter().copied().filter(|action| !FIRST.contains(action) && !LAST.contains(action));
+    let mut hints: Vec<Hint> = Vec::new();
+    for action in first.chain(own).chain(LAST) {
+        let Some(binding) = keymap::binding(action) else { continue };
+        let name = binding.keys.first().copied().unwrap_or_default();
+        let symbol = SYMBOLS.iter().find(|(long, _)| *long == name && theme.borders() == Borders::Unicode);
+        let key = symbol.map_or(name, |(_, symbol)| symbol);
+        let does = if action == Action::Pane(0) { "why" } else { binding.short };
+        match hints.last_mut().filter(|last| last.does == does) {
+            Some(last) => last.key = format!("{} {key}", last.key),
+            None => hints.push(Hint::new(key, does)),
         }
     }
+    hints
+}
 
-    /// Completes the word at the cursor: first as far as all candidates agree, then to each of them in turn.
-    pub(super) fn complete(&mut self, key: KeyCode) {
-        let Mode::Prompt(asking, prompt) = &mut self.mode else { return };
-        let hint = &self.hint;
-        let typed = prompt.text().get(hint.start..prompt.cursor()).unwrap_or_default();
-        let common = common_prefix(&hint.candidates);
-        let (text, chosen) = match hint.candidates.as_slice() {
-            [] => return,
-            [only] => {
-                let is_at_end = prompt.cursor() == prompt.text().len();
-                (format!("{}{}", only.text, if is_at_end { " " } else { "" }), None)
-            }
-            _ if hint.chosen.is_none() && common.len() > typed.len() => (common, None),
-            several => {
-                let next = match (hint.chosen, key) {
-                    (None, KeyCode::BackTab) | (Some(0), KeyCode::BackTab) => several.len() - 1,
-                    (Some(at), KeyCode::BackTab) => at - 1,
-                    (None, _) => 0,
-                    (Some(at), _) => (at + 1) % several.len(),
-                };
-                (several.get(next).map(|one| one.text.clone()).unwrap_or_default(), Some(next))
-            }
-        };
-        prompt.complete(hint.start, &text);
-        let (asking, start) = (*asking, hint.start);
-        let kept = chosen.map(|_| std::mem::take(&mut self.hint.candidates));
-        self.typed(asking, PromptEvent::Changed);
-        if let Some(candidates) = kept {
-            self.hint = Hint { start, candidates, chosen, text: String::new() };
-        }
-    }
-
-    /// Draws the row above the prompt.
-    pub(super) fn draw_hint(&self, asking: PromptPurpose, area: Rect, buf: &mut Buffer) {
-        let theme = &self.core.theme;
-        let (text, quiet) = (theme.style(Role::Text), theme.style(Role::Quiet));
-        let preview = self.core.preview().filter(|_| asking == PromptPurpose::GoTo);
-        let line = match (preview, self.hint.candidates.is_empty()) {
-            (Some(preview), _) => Line::styled(preview, theme.style(Role::Note)),
-            (None, true) => Line::styled(self.hint.text.clone(), quiet),
-            (None, false) => self.candidate_line(area.width.saturating_sub(draw::width(KEY) + 2)),
-        };
-        if line.width() == 0 {
+/// Draws the hints that fit completely; an ellipsis replaces the others.
+pub(super) fn draw(theme: &Theme, hints: &[Hint], area: Rect, buf: &mut Buffer) {
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let mut x = area.x;
+    for (index, hint) in hints.iter().enumerate() {
+        let is_last = index + 1 == hints.len();
+        let behind = if is_last { 0 } else { draw::width(ellipsis).saturating_add(2) };
+        if x.saturating_add(hint.width()).saturating_add(behind) > area.right() {
+            draw::put(buf, x, area.y, area.right().saturating_sub(x), ellipsis, theme.style(Role::Quiet));
             return;
         }
-        draw::put(buf, area.x, area.y, area.width, &" ".repeat(usize::from(area.width)), text);
-        draw::line(buf, area, &line, Align::Left, theme);
-        if !self.hint.candidates.is_empty() {
-            draw::line(buf, area, &Line::styled(KEY, quiet), Align::Right, theme);
-        }
+        x = draw::put(buf, x, area.y, area.right() - x, &hint.key, theme.style(Role::Key)) + 1;
+        x = draw::put(buf, x, area.y, area.right() - x, &hint.does, theme.style(Role::Quiet)) + 2;
     }
-
-    /// Candidates from the chosen one on, as many as fit.
-    fn candidate_line(&self, room: u16) -> Line<'static> {
-        let theme = &self.core.theme;
-        let more = theme.glyph(Glyph::Ellipsis);
-        let mut spans = Vec::new();
-        let mut used = draw::width(more);
-        // A chosen candidate far to the right is shown with those after it.
-        let first = self.hint.chosen.map_or(0, |chosen| chosen.saturating_sub(2));
-        for (place, candidate) in self.hint.candidates.iter().enumerate().skip(first) {
-            let count = candidate.count.map_or(String::new(), |count| format!(" {count}"));
-            let word = escape(&candidate.text).into_owned();
-            used = used.saturating_add(draw::width(&word)).saturating_add(draw::width(&count) + 2);
-            if used > room {
-                spans.push(Span::styled(more, theme.style(Role::Quiet)));
-                break;
-            }
-            let role = if self.hint.chosen == Some(place) { Role::Selected } else { Role::Text };
-            spans.push(Span::styled(word, theme.style(role)));
-            spans.push(Span::styled(format!("{count}  "), theme.style(Role::Quiet)));
-        }
-        Line::from(spans)
-    }
-}
-
-/// The longest text with which all candidates start.
-fn common_prefix(candidates: &[Candidate]) -> String {
-    let mut texts = candidates.iter().map(|candidate| candidate.text.as_str());
-    let first = texts.next().unwrap_or_default();
-    let shared = |one: &str, other: &str| {
-        one.chars().zip(other.chars()).take_while(|(one, other)| one == other).map(|(one, _)| one).collect()
-    };
-    texts.fold(first.to_owned(), |common, text| shared(&common, text))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::ask::check;
     use super::*;
+    use crate::theme::{Depth, Palette};
+    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
 
-    #[test]
-    fn every_example_is_valid() {
-        for asking in
-            [PromptPurpose::Filter, PromptPurpose::Search, PromptPurpose::GoTo, PromptPurpose::Export]
-        {
-            for example in examples(asking) {
-                assert_eq!(check(asking, example), Ok(()), "{example}");
-            }
-        }
+    fn bar(actions: &[Action], width: u16, borders: Borders) -> String {
+        let theme = Theme::new(Palette::Dark, Depth::None, borders);
+        let mut buf = Buffer::empty(Rect::new(0, 0, width, 1));
+        draw(&theme, &of_pane(actions, false, &theme), buf.area, &mut buf);
+        shown(&buf).remove(0)
     }
 
     #[test]
-    fn candidates_share_their_start() {
-        let of = |texts: &[&str]| {
-            let candidates: Vec<_> = texts.iter().map(|text| Candidate::new(text, None)).collect();
-            common_prefix(&candidates)
-        };
-        assert_eq!(of(&["sdo-transfer", "sdo-start", "sdö"]), "sd");
-        assert_eq!(of(&["emcy"]), "emcy");
-        assert_eq!(of(&[]), "");
+    fn hints_are_whole_and_the_needed_ones_stay() {
+        let actions = [Action::Filter, Action::Left, Action::Right, Action::NextFinding];
+        let all = bar(&actions, 100, Borders::Unicode);
+        assert_eq!(
+            all,
+            "? help  q quit  ] finding  0 why  f filter  ← → move  | layout  \\ zoom  g start  G end"
+        );
+        assert_eq!(bar(&actions, 50, Borders::Unicode), "? help  q quit  ] finding  0 why  f filter  …");
+        assert_eq!(bar(&actions, 30, Borders::Unicode), "? help  q quit  ] finding  …");
+        assert!(bar(&actions, 100, Borders::Ascii).contains("left right move"));
+    }
+
+    #[test]
+    fn every_small_size() {
+        let theme = plain(Borders::Unicode);
+        let hints = of_pane(&[Action::Open], true, &theme);
+        in_every_small_size(|area, buf| draw(&theme, &hints, area, buf));
     }
 }

@@ -7,15 +7,19 @@
 
 mod application;
 mod ask;
-mod candidates;
 mod assign;
+mod candidates;
 mod diagnosis;
 mod header;
-mod hints;
 mod help;
+mod hints;
+mod history;
 mod news;
 mod output;
+mod panes;
+mod prompt_row;
 mod start;
+mod strip;
 mod undo;
 mod update;
 mod view;

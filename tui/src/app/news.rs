@@ -17,7 +17,8 @@ impl App {
         let ahead = || listed.iter().filter(|place| is_next(place.frame));
         let next = if is_forward { ahead().next() } else { ahead().next_back() }.copied();
         let is_between = |frame: u64| {
-            let is_before = next.is_none_or(|next| if is_forward { frame < next.frame } else { frame > next.frame });
+            let is_before =
+                next.is_none_or(|next| if is_forward { frame < next.frame } else { frame > next.frame });
             is_next(frame) && is_before
         };
         // Without a filter nothing is between the cursor and the next place.

@@ -6,9 +6,9 @@ use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
 use super::application::{App, Mode};
-use super::hints::Hint;
-use super::undo::History;
-use crate::panes::{PaneId, Panes};
+use super::candidates::PromptRow;
+use super::history::History;
+use crate::panes::{Arrangement, Layout, PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Theme;
@@ -21,6 +21,8 @@ pub struct Start {
     pub command: String,
     /// Pane shown first.
     pub pane: PaneId,
+    /// Panes shown together; None: by the size of the terminal.
+    pub layout: Option<Layout>,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -47,10 +49,13 @@ impl App {
             core,
             panes: Panes::default(),
             pane: start.pane,
+            arrangement: Arrangement::new(start.layout, None),
+            has_strip: true,
+            is_dragging: false,
             trail: Vec::new(),
             mode: Mode::Panes,
             history: History::default(),
-            hint: Hint::default(),
+            prompt_row: PromptRow::default(),
             filter_before: String::new(),
             typed: Vec::new(),
             outputs: Vec::new(),
@@ -80,6 +85,9 @@ impl App {
     pub(super) fn command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
+        if let Some(layout) = self.arrangement.chosen {
+            let _ = write!(command, " --layout {}", layout.name());
+        }
         // A live position does not exist in another run.
         if self.core.cursor.frame > 0 && self.core.timeline.live().is_none() {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);

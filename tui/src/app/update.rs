@@ -5,10 +5,11 @@ use ratatui::layout::Position;
 
 use super::application::{App, Mode, PromptPurpose};
 use super::output::Output;
-use super::view;
+use super::{strip, view};
 use crate::action::Action;
 use crate::keymap;
 use crate::panes::{Effect, PaneId};
+use crate::state::JumpPlace;
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
 
@@ -91,15 +92,31 @@ impl App {
         // Some terminals report coordinate 0 as 65535.
         let x = event.column.min(self.area.width.saturating_sub(1));
         let y = event.row.min(self.area.height.saturating_sub(1));
-        let parts = view::parts(self.area);
+        let parts = self.parts();
+        let is_pressed = matches!(event.kind, MouseEventKind::Down(MouseButton::Left));
+        if is_pressed {
+            self.is_dragging = parts.strip.contains(Position::new(x, y));
+        }
+        if self.is_dragging && (is_pressed || matches!(event.kind, MouseEventKind::Drag(MouseButton::Left))) {
+            return match strip::time_at(&self.core, parts.strip, x) {
+                Some(time) => self.core.go(JumpPlace::Time(time)),
+                None => self.core.refuse("this capture has no timestamps"),
+            };
+        }
+        let cell = self.cells(parts.body).into_iter().find(|cell| cell.area.contains(Position::new(x, y)));
+        if let Some(cell) = cell.filter(|cell| {
+            cell.pane != self.pane && !matches!(event.kind, MouseEventKind::Moved) && self.is_in_panes()
+        }) {
+            self.show(cell.pane);
+        }
         match event.kind {
             MouseEventKind::ScrollDown => (0..WHEEL).for_each(|_| self.act(Action::Down)),
             MouseEventKind::ScrollUp => (0..WHEEL).for_each(|_| self.act(Action::Up)),
-            MouseEventKind::Down(MouseButton::Left) if parts.body.contains(Position::new(x, y)) => {
+            MouseEventKind::Down(MouseButton::Left) if cell.is_some() => {
+                let area = cell.map_or(parts.body, |cell| cell.area);
                 let is_second = self.clicked == Some((x, y));
                 self.clicked = if is_second { None } else { Some((x, y)) };
-                let effects =
-                    self.panes.get_mut(self.pane).map(|pane| pane.click(x, y, parts.body, &self.core));
+                let effects = self.panes.get_mut(self.pane).map(|pane| pane.click(x, y, area, &self.core));
                 self.apply(effects.unwrap_or_default());
                 if is_second {
                     self.act(Action::Open);
@@ -118,8 +135,8 @@ impl App {
     /// Handles a new size of the terminal.
     pub fn resize(&mut self, width: u16, height: u16) {
         self.area = ratatui::layout::Rect::new(0, 0, width, height);
-        let body = view::parts(self.area).body;
-        (self.core.height, self.core.width) = (body.height, body.width);
+        self.core.screen_height = height;
+        self.fit();
         self.core.refresh();
     }
 
@@ -132,8 +149,13 @@ impl App {
                 Some(pane) => self.show(*pane),
                 None => self.core.refuse(&format!("no pane {number}")),
             },
-            Action::NextPane => self.next_pane(1),
-            Action::PreviousPane => self.next_pane(PaneId::ALL.len() - 1),
+            Action::NextPane => self.next_pane(true),
+            Action::PreviousPane => self.next_pane(false),
+            Action::Layout => self.next_layout(),
+            Action::Zoom => self.zoom(),
+            Action::SplitLeft => self.move_split(false),
+            Action::SplitRight => self.move_split(true),
+            Action::Strip => self.toggle_strip(),
             Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
             Action::Search => self.ask(PromptPurpose::Search, "search"),
             Action::GoTo => self.ask(PromptPurpose::GoTo, "go to"),
@@ -260,22 +282,6 @@ impl App {
         self.refresh_panes();
     }
 
-    fn show(&mut self, pane: PaneId) {
-        if pane != self.pane {
-            self.trail.retain(|other| *other != pane);
-            self.trail.push(self.pane);
-            self.pane = pane;
-            self.refresh_panes();
-        }
-    }
-
-    fn next_pane(&mut self, by: usize) {
-        let next = (self.pane as usize + by) % PaneId::ALL.len();
-        if let Some(pane) = PaneId::ALL.get(next) {
-            self.show(*pane);
-        }
-    }
-
     /// Closes the open part of the pane, else shows the previous pane.
     fn back(&mut self) {
         let effects = self.panes.get_mut(self.pane).map(|pane| pane.act(Action::Back, &self.core));
@@ -283,7 +289,7 @@ impl App {
             Some(effects) if !effects.is_empty() => self.apply(effects),
             _ => {
                 if let Some(pane) = self.trail.pop() {
-                    self.pane = pane;
+                    self.focus(pane);
                 }
             }
         }

@@ -4,8 +4,10 @@
 //! can0 250k  load 34 %  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
 //! 0 Why  1 Nodes  2 Events  3 Frames …                                                 panes
 //! 2 errors 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s  ] finding  0 why diagnosis
+//! load ▁▂█ ▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂▂▂▂▄▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂  0 to       strip
+//! find ··································Ewwwwwwwwwwwwwwwwww·············  13.8 s
 //! ┌─────────────────────────────────────────────────────────────────────────────────┐
-//! │ the pane                                                                        │
+//! │ the panes of the layout                                                         │
 //! └─────────────────────────────────────────────────────────────────────────────────┘
 //! cobscope view a.log --pane events --at '#1842'                         #1842/9950    command for this view
 //! enter open  f filter  ] finding  ? help  q quit                                      key bar or prompt
@@ -14,14 +16,14 @@
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
 use super::application::{App, Mode};
-use super::{diagnosis, header};
+use super::hints::{self, Hint};
+use super::{diagnosis, header, strip};
 use crate::ascii;
-use crate::keymap;
 use crate::panes::PaneId;
-use crate::theme::{Borders, Role};
+use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::bars::Gauge;
 use crate::widgets::draw;
 
@@ -31,8 +33,10 @@ const GAUGE: u16 = 20;
 /// Height of the pane up to which its last line is not used for the row above a prompt.
 const LEAST_BODY: u16 = 3;
 
-/// Height from which the line of the diagnosis is shown.
+/// Heights from which the line of the diagnosis, one line and two lines of the strip of time are shown.
 const LOW: u16 = 10;
+const STRIP_FROM: u16 = 12;
+const LOAD_FROM: u16 = 20;
 
 /// Areas of the screen.
 pub(super) struct Parts {
@@ -40,21 +44,30 @@ pub(super) struct Parts {
     pub(super) tabs: Rect,
     /// One line of the diagnosis; empty on low screens.
     pub(super) diagnosis: Rect,
+    /// Strip of time; empty on low screens.
+    pub(super) strip: Rect,
     pub(super) body: Rect,
     pub(super) status: Rect,
     pub(super) footer: Rect,
 }
 
 /// Divides the screen.
-pub(super) fn parts(area: Rect) -> Parts {
+pub(super) fn parts(area: Rect, has_strip: bool) -> Parts {
     let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
     let below = |from_end: u16| line(area.height.saturating_sub(from_end));
     let diagnosis = u16::from(area.height >= LOW);
-    let above = 2 + diagnosis;
+    let strip = match area.height {
+        _ if !has_strip => 0,
+        ..STRIP_FROM => 0,
+        STRIP_FROM..LOAD_FROM => 1,
+        _ => 2,
+    };
+    let above = 2 + diagnosis + strip;
     Parts {
         header: line(0),
         tabs: line(1),
         diagnosis: if diagnosis > 0 { line(2) } else { Rect::ZERO },
+        strip: Rect { y: area.y + 2 + diagnosis, height: strip, ..area },
         body: Rect {
             y: area.y + above.min(area.height),
             height: area.height.saturating_sub(above + 2),
@@ -92,18 +105,15 @@ pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
 
 impl App {
     /// Draws the screen.
-    pub fn draw(&self, area: Rect, buf: &mut Buffer) {
-        let parts = parts(area);
+    pub fn draw(&mut self, area: Rect, buf: &mut Buffer) {
+        let parts = parts(area, self.has_strip);
         header::draw(&self.core, parts.header, buf);
         self.draw_tabs(parts.tabs, buf);
         diagnosis::draw(&self.core, parts.diagnosis, buf);
+        strip::draw(&self.core, parts.strip, buf);
         match &self.mode {
             Mode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
-            _ => {
-                if let Some(pane) = self.panes.get(self.pane) {
-                    pane.render(&self.core, parts.body, buf);
-                }
-            }
+            _ => self.draw_panes(parts.body, buf),
         }
         self.draw_status(parts.status, buf);
         self.draw_footer(&parts, buf);
@@ -111,6 +121,33 @@ impl App {
             // All text ends here, also that of captures.
             ascii::replace(buf);
         }
+    }
+
+    /// Draws the panes of the layout with their titles.
+    fn draw_panes(&mut self, body: Rect, buf: &mut Buffer) {
+        let theme = self.core.theme;
+        for cell in self.cells(body) {
+            let is_focused = cell.pane == self.pane;
+            self.core.theme = theme.focused(is_focused);
+            let role = if is_focused { Role::BorderActive } else { Role::Border };
+            if !cell.title.is_empty() {
+                let line = theme.glyph(Glyph::Horizontal).repeat(usize::from(cell.title.width));
+                draw::put(buf, cell.title.x, cell.title.y, cell.title.width, &line, theme.style(role));
+                let title = format!(" {} {} ", cell.pane as usize, cell.pane.title());
+                let role = if is_focused { Role::Selected } else { Role::Title };
+                draw::put(buf, cell.title.x + 1, cell.title.y, cell.title.width, &title, theme.style(role));
+            }
+            if let Some(beside) = cell.area.x.checked_sub(1).filter(|x| *x >= body.x) {
+                for y in cell.title.top()..cell.area.bottom() {
+                    let line = theme.glyph(Glyph::Vertical);
+                    draw::put(buf, beside, y, 1, line, theme.style(Role::Border));
+                }
+            }
+            if let Some(pane) = self.panes.get(cell.pane) {
+                pane.render(&self.core, cell.area, buf);
+            }
+        }
+        self.core.theme = theme;
     }
 
     fn draw_tabs(&self, area: Rect, buf: &mut Buffer) {
@@ -173,7 +210,7 @@ impl App {
                 prompt.render(theme, area, buf);
                 if parts.body.height > LEAST_BODY {
                     let above = Rect { y: parts.body.bottom() - 1, height: 1, ..parts.body };
-                    self.draw_hint(*asking, above, buf);
+                    self.draw_prompt_row(*asking, above, buf);
                 }
             }
             Mode::Letter { is_new } => {
@@ -187,43 +224,37 @@ impl App {
                     theme.style(Role::Key),
                 );
             }
-            Mode::Help(_) => self.draw_keys(&["j/k scroll", "any other key closes"], parts.footer, buf),
+            Mode::Help(_) => {
+                let hints = [Hint::new("j/k", "scroll"), Hint::new("any other key", "closes")];
+                hints::draw(theme, &hints, parts.footer, buf);
+            }
             Mode::Panes => {
                 let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.actions());
-                let shown = actions.iter().filter_map(|action| keymap::binding(*action));
-                let keys: Vec<String> = shown
-                    .map(|binding| format!("{} {}", binding.keys.first().unwrap_or(&""), binding.short))
-                    .collect();
-                let keys: Vec<&str> =
-                    ["? help", "q quit"].into_iter().chain(keys.iter().map(String::as_str)).collect();
-                self.draw_keys(&keys, parts.footer, buf);
+                let hints = hints::of_pane(actions, self.pane == PaneId::Why, theme);
+                let gauge = if self.has_gauge(parts.footer) { GAUGE + 1 } else { 0 };
+                let area = Rect { width: parts.footer.width.saturating_sub(gauge), ..parts.footer };
+                hints::draw(theme, &hints, area, buf);
                 self.draw_progress(parts.footer, buf);
             }
         }
     }
 
+    /// Whether the progress of the index is shown.
+    fn has_gauge(&self, area: Rect) -> bool {
+        let (_, is_all) = self.core.timeline.length();
+        !self.core.timeline.progress().is_complete() && is_all && area.width >= GAUGE * 2
+    }
+
     /// Draws the progress of the index on the right until it is complete.
     fn draw_progress(&self, area: Rect, buf: &mut Buffer) {
-        let progress = self.core.timeline.progress();
-        let (length, is_all) = self.core.timeline.length();
-        if progress.is_complete() || !is_all || area.width < GAUGE * 2 {
+        if !self.has_gauge(area) {
             return;
         }
+        let progress = self.core.timeline.progress();
+        let (length, _) = self.core.timeline.length();
         let percent =
             u8::try_from(progress.bytes().saturating_mul(100) / length.max(1)).unwrap_or(100).min(100);
         let place = Rect { x: area.right() - GAUGE, width: GAUGE, ..area };
         Gauge::new(&self.core.theme, f64::from(percent) / 100.0, &format!("{percent} %")).render(place, buf);
-    }
-
-    /// Draws the key bar: `f filter  ] finding`.
-    fn draw_keys(&self, keys: &[&str], area: Rect, buf: &mut Buffer) {
-        let theme = &self.core.theme;
-        let mut spans = Vec::new();
-        for key in keys {
-            let (name, does) = key.split_once(' ').unwrap_or((key, ""));
-            spans.push(Span::styled(name.to_owned(), theme.style(Role::Key)));
-            spans.push(Span::styled(format!(" {does}  "), theme.style(Role::Quiet)));
-        }
-        draw::line(buf, area, &Line::from(spans), draw::Align::Left, theme);
     }
 }

@@ -4,7 +4,7 @@ use clap::{Args, ValueEnum};
 use cobscope_decoder::query::Filter;
 
 use super::{Color, InputArgs, filter_help};
-use crate::panes::PaneId;
+use crate::panes::{Layout, PaneId};
 use crate::select::Bound;
 
 /// `cobscope view`.
@@ -38,6 +38,9 @@ pub struct ScreenArgs {
     /// Show PANE first
     #[arg(long, value_name = "PANE", default_value = "events")]
     pub pane: PaneId,
+    /// Show the panes of LAYOUT together (default: one; in a large terminal diagnose)
+    #[arg(long, value_name = "LAYOUT")]
+    pub layout: Option<Layout>,
     /// Use colours for a dark or light background
     #[arg(long, value_name = "THEME", default_value = "dark")]
     pub theme: ThemeName,

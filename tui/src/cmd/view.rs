@@ -130,6 +130,7 @@ fn start(arguments: &ViewArgs, command: String, named: Vec<(String, &'static str
     Start {
         command,
         pane: arguments.screen.pane,
+        layout: arguments.screen.layout,
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,
@@ -144,7 +145,7 @@ pub fn command(name: &str, given: impl Iterator<Item = String>) -> String {
     let mut given = given.peekable();
     given.next_if(|word| word == name);
     while let Some(word) = given.next() {
-        let own = ["--pane", "--at", "--filter"];
+        let own = ["--pane", "--layout", "--at", "--filter"];
         if own.contains(&word.as_str()) {
             given.next();
         } else if word != "--all" && !own.iter().any(|name| word.starts_with(&format!("{name}="))) {

@@ -8,6 +8,7 @@ mod effect;
 mod events;
 mod findings;
 mod frames;
+mod layout;
 mod legend;
 mod meaning;
 mod nodes;
@@ -20,6 +21,7 @@ mod why;
 pub(crate) use common::last_world;
 pub use effect::Effect;
 pub use findings::filtered_places;
+pub use layout::{Arrangement, Cell, Layout};
 pub use legend::{COMMON, Legend, LegendEntry};
 pub use pane::{Pane, Sorting};
 

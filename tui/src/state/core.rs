@@ -8,7 +8,7 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::preview::Preview;
+use super::place::Preview;
 use super::{JumpPlace, NodeKey, SearchPattern};
 use crate::select::Bound;
 use crate::theme::{Role, Theme};
@@ -41,9 +41,11 @@ pub struct Core {
     pub is_following: bool,
     /// First frame of the selection; it ends at the cursor.
     pub selection: Option<u64>,
-    /// Height of a pane.
+    /// Height of the terminal.
+    pub screen_height: u16,
+    /// Height of the focused pane.
     pub height: u16,
-    /// Width of a pane.
+    /// Width of the focused pane.
     pub width: u16,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
@@ -75,6 +77,7 @@ impl Core {
             said: None,
             is_following: false,
             selection: None,
+            screen_height: 24,
             height: 24,
             width: 80,
             named: Vec::new(),
@@ -183,7 +186,7 @@ impl Core {
         self.serial += 1;
         self.preview = None;
         self.is_waiting = true;
-        let rows = usize::from(self.height).max(20);
+        let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
             serial: self.serial,
             target: self.target,

@@ -2,16 +2,9 @@
 
 use cobscope_decoder::replay::EventPosition;
 
+use super::place::Preview;
 use super::{Core, JumpPlace};
 use crate::timeline::{Matcher, Order, Target, Window};
-
-/// A position that is only looked at.
-#[derive(Debug)]
-pub(super) struct Preview {
-    serial: u64,
-    /// Its frame and time; None until they are known.
-    text: Option<String>,
-}
 
 impl Core {
     /// Requests the frame and time of a position, or shows the reason why there is none; `None` ends the

@@ -19,8 +19,8 @@ pub const MOST_EXCHANGES: usize = 50_000;
 /// Maximum number of error positions kept.
 pub const MOST_ERRORS: usize = 200_000;
 
-/// Maximum number of changes of NMT states kept.
-pub(super) const MOST_NMT_CHANGES: usize = 50_000;
+/// Maximum number of times of NMT kept.
+pub(super) const MOST_NMT: usize = 100_000;
 
 /// Maximum number of findings kept until the groups are known.
 pub(super) const MOST_NEWS: usize = 10_000;
@@ -51,8 +51,8 @@ pub struct Survey {
     pub errors: Vec<EventPosition>,
     /// Number of events of each kind, in the order of `Kind::ALL`.
     pub kinds: Vec<u64>,
-    /// Changes of the NMT states of all nodes, in order.
-    pub nmt_changes: Vec<NmtChange>,
+    /// NMT commands, changes of NMT states, and boot-ups, in order.
+    pub nmt: Vec<NmtMoment>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.
@@ -63,15 +63,17 @@ pub struct Survey {
     pub bit_rate_change: Option<(String, String)>,
 }
 
-/// A change of the NMT state of a node.
+/// Time of an NMT event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NmtChange {
-    /// Time of the change.
+pub struct NmtMoment {
+    /// Time of the event.
     pub time: Timestamp,
-    /// Bus of the node.
+    /// Bus of the event.
     pub bus: BusIndex,
-    /// The node.
-    pub node: NodeId,
+    /// Node of the event.
+    pub node: Option<NodeId>,
+    /// The NMT state of the node changed.
+    pub is_change: bool,
 }
 
 /// A finding at the time it opened.
@@ -133,11 +135,14 @@ pub struct Exchange {
     pub tone: Tone,
 }
 
-/// The change of an NMT state; None for other events, and for a state that a message only confirms.
-pub(super) fn nmt_change(event: &Event) -> Option<NmtChange> {
-    let EventKind::NmtState(state) = &event.kind else { return None };
-    let (time, node) = (event.time?, event.node?);
-    (state.from != Some(state.to)).then_some(NmtChange { time, bus: event.bus, node })
+/// The time of an NMT command, an NMT state or a boot-up; None for other events.
+pub(super) fn nmt_moment(event: &Event) -> Option<NmtMoment> {
+    let is_change = match &event.kind {
+        EventKind::NmtState(state) => state.from != Some(state.to),
+        EventKind::NmtCommand { .. } | EventKind::BootUp { .. } => false,
+        _ => return None,
+    };
+    Some(NmtMoment { time: event.time?, bus: event.bus, node: event.node, is_change })
 }
 
 /// Text of an announced change of the bit rate.

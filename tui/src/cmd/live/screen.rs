@@ -69,6 +69,7 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
     let start = Start {
         command: command("live", std::env::args().skip(1)),
         pane: arguments.screen.pane,
+        layout: arguments.screen.layout,
         at: None,
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,

@@ -56,15 +56,16 @@ fn concerns(nodes: &Nodes, bus: BusIndex, node: Option<NodeId>) -> bool {
 fn of_severity(survey: &Survey, severity: Severity, nodes: &Nodes, last: i64) -> Vec<Mark> {
     let Some(findings) = &survey.findings else {
         // Until the rules are done, only the begin of a finding is known.
-        let opened = survey.news.iter().filter(|opened| {
-            opened.news.severity == severity && concerns(nodes, opened.bus, opened.node)
-        });
+        let opened = survey
+            .news
+            .iter()
+            .filter(|opened| opened.news.severity == severity && concerns(nodes, opened.bus, opened.node));
         let times = opened.filter_map(|opened| opened.time);
         return times.map(|time| mark(severity, time.0, time.0)).collect();
     };
-    let groups = findings.counting().filter(|group| {
-        group.severity == severity && concerns(nodes, group.key.bus, group.key.node)
-    });
+    let groups = findings
+        .counting()
+        .filter(|group| group.severity == severity && concerns(nodes, group.key.bus, group.key.node));
     groups.flat_map(|group| ranges(group, last)).map(|(from, to)| mark(severity, from, to)).collect()
 }
 
@@ -83,8 +84,9 @@ fn ranges(group: &Group, last: i64) -> Vec<(i64, i64)> {
 }
 
 fn nmt_changes<'a>(survey: &'a Survey, nodes: &'a Nodes) -> impl Iterator<Item = Mark> + 'a {
-    let own = survey.nmt_changes.iter().filter(|change| nodes.contains(&(change.bus, Some(change.node))));
-    own.map(|change| Mark { from: change.time.0, to: change.time.0, symbol: NMT, role: Role::Note })
+    let own =
+        survey.nmt.iter().filter(|moment| moment.is_change && nodes.contains(&(moment.bus, moment.node)));
+    own.map(|moment| Mark { from: moment.time.0, to: moment.time.0, symbol: NMT, role: Role::Note })
 }
 
 fn mark(severity: Severity, from: i64, to: i64) -> Mark {

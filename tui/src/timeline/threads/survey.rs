@@ -20,8 +20,8 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT_CHANGES, NmtChange,
-    OpenedFinding, bit_rate_change, nmt_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
+    bit_rate_change, nmt_moment,
 };
 use crate::timeline::walk::Walk;
 
@@ -77,11 +77,10 @@ struct Surveyor {
     news: Vec<OpenedFinding>,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
-    nmt_changes: Vec<NmtChange>,
+    nmt: Vec<NmtMoment>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
-    kept: (usize, usize, usize),
-    kept_changes: usize,
+    kept: (usize, usize, usize, usize),
     kinds: Vec<u64>,
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
@@ -103,11 +102,10 @@ impl Surveyor {
             news: Vec::new(),
             exchanges: Vec::new(),
             errors: Vec::new(),
-            nmt_changes: Vec::new(),
+            nmt: Vec::new(),
             load: Vec::new(),
             statistics: Statistics::default(),
-            kept: (0, 0, 0),
-            kept_changes: 0,
+            kept: (0, 0, 0, 0),
             kinds: vec![0; Kind::ALL.len()],
             more_exchanges: 0,
             bit_rate_change: None,
@@ -153,9 +151,9 @@ impl Surveyor {
             self.kept.1 += 1;
             self.errors.push(told.spot);
         }
-        if let Some(change) = nmt_change(told.event).filter(|_| self.kept_changes < MOST_NMT_CHANGES) {
-            self.kept_changes += 1;
-            self.nmt_changes.push(change);
+        if let Some(moment) = nmt_moment(told.event).filter(|_| self.kept.3 < MOST_NMT) {
+            self.kept.3 += 1;
+            self.nmt.push(moment);
         }
         if let Some(exchange) = exchange(told) {
             if self.kept.2 < MOST_EXCHANGES {
@@ -179,7 +177,7 @@ impl Surveyor {
         survey.news.append(&mut self.news);
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
-        survey.nmt_changes.append(&mut self.nmt_changes);
+        survey.nmt.append(&mut self.nmt);
         survey.kinds.clone_from(&self.kinds);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);

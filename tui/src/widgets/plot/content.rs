@@ -2,12 +2,27 @@
 
 use std::borrow::Cow;
 
-use super::marks::Mark;
 use super::scale::{seconds, time_decimals};
 use super::trace;
 use super::window::Window;
 use crate::bucket::Bucket;
 use crate::theme::{Role, Theme};
+
+/// Name of the row of marks.
+pub(super) const MARKS_LABEL: &str = "find";
+
+/// A mark over a range of time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Begin in ns.
+    pub from: i64,
+    /// End in ns, inclusive; equal to the begin for a single moment.
+    pub to: i64,
+    /// One character.
+    pub symbol: &'static str,
+    /// Role that decides its colour.
+    pub role: Role,
+}
 
 /// A plotted signal.
 #[derive(Clone, Debug)]

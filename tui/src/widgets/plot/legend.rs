@@ -132,7 +132,11 @@ fn unit(plot: &Plot<'_>, places: &Places, series: usize) -> String {
 
 /// Meaning of the character of values on several curves.
 fn shared_text(plot: &Plot<'_>) -> String {
-    if plot.series.len() > 1 { format!("{0}{0} several", shared(plot.theme.borders())) } else { String::new() }
+    if plot.series.len() > 1 {
+        format!("{0}{0} several", shared(plot.theme.borders()))
+    } else {
+        String::new()
+    }
 }
 
 /// The columns; those of the cursors only if they are set.

@@ -6,26 +6,10 @@
 
 use ratatui::buffer::Buffer;
 
-use super::content::Plot;
+use super::content::{MARKS_LABEL, Plot};
 use super::places::Places;
 use crate::theme::Role;
 use crate::widgets::draw;
-
-/// Name of the row.
-pub const LABEL: &str = "find";
-
-/// A mark over a range of time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mark {
-    /// Begin in ns.
-    pub from: i64,
-    /// End in ns, inclusive; equal to the begin for a single moment.
-    pub to: i64,
-    /// One character.
-    pub symbol: &'static str,
-    /// Role that decides its colour.
-    pub role: Role,
-}
 
 /// Draws the marks; later ones cover earlier ones.
 pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
@@ -33,7 +17,7 @@ pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     let Some(marks) = plot.marks.filter(|_| !area.is_empty()) else { return };
     if places.left_width > 0 {
         let x = area.x - places.left_width;
-        draw::put(buf, x, area.y, places.left_width, LABEL, plot.theme.style(Role::Quiet));
+        draw::put(buf, x, area.y, places.left_width, MARKS_LABEL, plot.theme.style(Role::Quiet));
     }
     let columns = u32::from(area.width);
     for mark in marks {

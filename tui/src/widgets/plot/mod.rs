@@ -34,8 +34,7 @@ use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use self::canvas::Canvas;
-pub use self::content::{Plot, Series};
-pub use self::marks::Mark;
+pub use self::content::{Mark, Plot, Series};
 use self::places::Places;
 use crate::theme::{Borders, Role};
 use crate::widgets::draw::{self, Align};

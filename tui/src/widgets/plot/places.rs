@@ -15,7 +15,7 @@
 
 use ratatui::layout::Rect;
 
-use super::content::Plot;
+use super::content::{MARKS_LABEL, Plot};
 use super::scale::Scale;
 use crate::widgets::draw;
 
@@ -85,7 +85,7 @@ impl Places {
         };
         let (mut left_width, mut right_width) = (wide(&|part| part.left), wide(&|part| part.right));
         if marks_height > 0 {
-            left_width = left_width.max(draw::width(super::marks::LABEL) + 1);
+            left_width = left_width.max(draw::width(MARKS_LABEL) + 1);
         }
         if area.width < LEAST_WIDTH.saturating_add(left_width).saturating_add(right_width) || !has_frame {
             right_width = 0;

@@ -127,12 +127,16 @@ fn marks_are_above_the_plot_and_later_ones_cover_earlier_ones() {
     let set = values(&[(0, 10.0), (500, 20.0)]);
     let series = [series("set point", "%", 0, &set)];
     let (from, to) = ends(0, 1000);
-    let mark = |from, to, symbol| {
-        Mark { from: from * MILLISECOND, to: to * MILLISECOND, symbol, role: Role::Bad }
-    };
+    let mark =
+        |from, to, symbol| Mark { from: from * MILLISECOND, to: to * MILLISECOND, symbol, role: Role::Bad };
     // Outside the window, across its end, and within it.
-    let marks =
-        [mark(-50, -10, "x"), mark(800, 5_000, "w"), mark(900, 900, "E"), mark(0, 0, "N"), mark(9_000, 9_000, "x")];
+    let marks = [
+        mark(-50, -10, "x"),
+        mark(800, 5_000, "w"),
+        mark(900, 900, "E"),
+        mark(0, 0, "N"),
+        mark(9_000, 9_000, "x"),
+    ];
     let theme = plain(Borders::Ascii);
     let plot = Plot::new(&theme, &series, from, to).marks(&marks);
     let rows = drawn(plot, 45, 8);

@@ -1,0 +1,96 @@
+//! The panes on the screen: focus, layout, zoom, strip of time.
+
+use ratatui::layout::Rect;
+
+use super::application::{App, Mode};
+use super::view::{self, Parts};
+use crate::panes::{Cell, Layout, PaneId};
+
+impl App {
+    /// Areas of the screen.
+    pub(super) fn parts(&self) -> Parts {
+        view::parts(self.area, self.has_strip)
+    }
+
+    /// Cells of the shown panes.
+    pub(super) fn cells(&self, body: Rect) -> Vec<Cell> {
+        self.arrangement.cells(self.pane, self.area, body)
+    }
+
+    /// Whether keys act on the panes.
+    pub(super) fn is_in_panes(&self) -> bool {
+        matches!(self.mode, Mode::Panes)
+    }
+
+    /// Updates the size of the focused pane.
+    pub(super) fn fit(&mut self) {
+        let body = self.parts().body;
+        let cells = self.cells(body);
+        let area = cells.iter().find(|cell| cell.pane == self.pane).map_or(body, |cell| cell.area);
+        (self.core.height, self.core.width) = (area.height, area.width);
+    }
+
+    /// Shows a pane; the previous one is remembered for `Back`.
+    pub(super) fn show(&mut self, pane: PaneId) {
+        if pane != self.pane {
+            self.trail.retain(|other| *other != pane);
+            self.trail.push(self.pane);
+            self.focus(pane);
+            self.refresh_panes();
+        }
+    }
+
+    /// Keys act on this pane from now on.
+    pub(super) fn focus(&mut self, pane: PaneId) {
+        let body = self.parts().body;
+        self.arrangement.focus(pane, self.area, body);
+        self.pane = pane;
+        self.fit();
+    }
+
+    /// The next of the panes that are shown together; of all panes if only one is shown.
+    pub(super) fn next_pane(&mut self, is_forward: bool) {
+        let cells = self.cells(self.parts().body);
+        let panes: Vec<PaneId> = match cells.len() {
+            0 | 1 => PaneId::ALL.to_vec(),
+            _ => cells.iter().map(|cell| cell.pane).collect(),
+        };
+        let at = panes.iter().position(|pane| *pane == self.pane).unwrap_or(0);
+        let by = if is_forward { 1 } else { panes.len().saturating_sub(1) };
+        if let Some(pane) = panes.get((at + by) % panes.len().max(1)) {
+            self.show(*pane);
+        }
+    }
+
+    pub(super) fn next_layout(&mut self) {
+        let layout = self.arrangement.next(self.area);
+        self.fit();
+        let count = self.cells(self.parts().body).len();
+        let is_small = count < 2 && layout != Layout::One;
+        let small = if is_small { ": this terminal has room for one pane" } else { "" };
+        self.core.notify(&format!("layout {}{small}", layout.name()));
+        self.core.refresh();
+    }
+
+    pub(super) fn zoom(&mut self) {
+        if !self.arrangement.is_zoomed && self.cells(self.parts().body).len() < 2 {
+            return self.core.refuse("only one pane is shown; | chooses a layout with several");
+        }
+        self.arrangement.is_zoomed = !self.arrangement.is_zoomed;
+        self.fit();
+    }
+
+    pub(super) fn move_split(&mut self, is_right: bool) {
+        let cells = self.cells(self.parts().body);
+        if cells.iter().all(|cell| cell.area.x == 0) {
+            return self.core.refuse("the panes are not in two columns; | chooses another layout");
+        }
+        self.arrangement.move_split(is_right);
+        self.fit();
+    }
+
+    pub(super) fn toggle_strip(&mut self) {
+        self.has_strip = !self.has_strip;
+        self.fit();
+    }
+}
