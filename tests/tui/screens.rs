@@ -303,6 +303,24 @@ fn nothing_is_assigned_without_a_fitting_profile() {
 }
 
 #[test]
+fn a_preview_that_arrives_late_does_not_move_the_cursor() {
+    let command = "cobscope view --color never --at 7.21 fixtures/devices/pve.log";
+    let mut screen = Screen::open(command, 100, 24);
+    // The second digit is typed before the preview of the first one arrives.
+    for key in cobscope::keymap::sequence(":22").unwrap() {
+        screen.app.key(key);
+    }
+    let mut is_late = false;
+    while !is_late {
+        let news = screen.news.recv().unwrap();
+        is_late = matches!(news, News::Window(_));
+        screen.app.news(news);
+    }
+    screen.keys("<esc>");
+    assert!(screen.text().contains("--at '#105'"), "{}", screen.text());
+}
+
+#[test]
 fn a_named_node_without_frames_is_reported() {
     let mut screen = Screen::open(
         "cobscope view --layout one --color never --node 99=rexroth-sydfec --node 2=rexroth-sydfec fixtures/devices/sydfec.log",

@@ -199,7 +199,8 @@ impl Core {
 
     /// Takes a requested window; windows of older requests are ignored.
     pub fn answer(&mut self, window: Window) {
-        if self.take_preview(&window) || window.serial != self.serial {
+        // A window that is not awaited belongs to a preview that has ended.
+        if self.take_preview(&window) || window.serial != self.serial || !self.is_waiting {
             return;
         }
         self.is_waiting = false;

@@ -33,13 +33,11 @@ pub enum Ink {
 #[derive(Clone, Copy, Debug, Default)]
 struct Cell {
     dots: u8,
-    /// Dots of values, new ones and those that still apply.
-    values: u8,
-    /// Dots of the last series.
-    own: u8,
     ink: Ink,
     series: usize,
-    /// A value of several series has the same dot.
+    /// The first series with a value.
+    first: Option<usize>,
+    /// Several series have a value.
     is_shared: bool,
 }
 
@@ -95,14 +93,12 @@ impl Canvas {
         let dot = DOTS.get(y).and_then(|dots| dots.get(x)).copied().unwrap_or_default();
         // A cell has one colour: a later series covers an earlier one.
         if cell.series != series {
-            (cell.series, cell.ink, cell.own) = (series, ink, 0);
+            (cell.series, cell.ink) = (series, ink);
         }
         if ink != Ink::Join {
-            cell.is_shared |= cell.values & dot & !cell.own != 0;
-            cell.values |= dot;
+            cell.is_shared |= *cell.first.get_or_insert(series) != series;
         }
         cell.dots |= dot;
-        cell.own |= dot;
         cell.ink = cell.ink.max(ink);
     }
 
@@ -205,14 +201,14 @@ mod tests {
     }
 
     #[test]
-    fn several_series_have_marks_and_dots_of_both_are_shown() {
+    fn several_series_have_marks() {
         let mut canvas = Canvas::new(8, 1, Borders::Unicode);
-        canvas.span(0, 0, 0, 0, Ink::Value);
-        (0..16).for_each(|column| canvas.span(column, 3, 3, 0, Ink::Value));
-        (4..16).for_each(|column| canvas.span(column, 0, 0, 1, Ink::Value));
-        (12..16).for_each(|column| canvas.span(column, 3, 3, 2, Ink::Value));
+        (0..6).for_each(|column| canvas.span(column, 3, 3, 0, Ink::Value));
+        (4..8).for_each(|column| canvas.span(column, 0, 0, 1, Ink::Value));
+        canvas.span(8, 0, 3, 1, Ink::Join);
+        (9..16).for_each(|column| canvas.span(column, 0, 0, 2, Ink::Hold));
         let mut buf = Buffer::empty(Rect::new(0, 0, 8, 1));
         canvas.render(buf.area, &mut buf, false, |_| Style::new());
-        assert_eq!(shown(&buf), ["*⠉⣉o⣉⣉══"]);
+        assert_eq!(shown(&buf), ["*⠉═o⣇⣀x⣀"]);
     }
 }
