@@ -3,7 +3,7 @@
 
 pub mod action;
 pub mod app;
-mod ascii;
+pub mod ascii;
 mod bucket;
 mod cli;
 mod cmd;

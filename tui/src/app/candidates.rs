@@ -77,9 +77,17 @@ fn values(core: &Core, targets: &[Target], fixed: &[&str]) -> Vec<Candidate> {
     if key != "node" {
         found.sort_by_key(|candidate| std::cmp::Reverse(candidate.count));
     }
-    let others = fixed.iter().filter(|word| !counted.contains_key(**word));
-    found.extend(others.map(|word| Candidate::new(word, None)));
+    let others = fixed.iter().map(|word| (*word).to_owned()).chain(other_rules(core, key));
+    let others = others.filter(|word| !counted.contains_key(word));
+    found.extend(others.map(|text| Candidate { text, count: None }));
     found
+}
+
+/// Names of all rules for the field `rule`.
+fn other_rules(core: &Core, key: &str) -> Vec<String> {
+    let survey = core.timeline.survey();
+    let rules = survey.findings.iter().filter(|_| key == "rule").flat_map(|findings| &findings.rules);
+    rules.filter(|rule| rule.is_on).map(|rule| quoted(&rule.name)).collect()
 }
 
 fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BTreeMap<String, u64> {
