@@ -47,7 +47,7 @@ pub enum Action {
     Clear,
     /// Filter by the value of the selected cell.
     FilterCell,
-    /// Undo the last change of what is shown.
+    /// Undo the last change of filter, search, sort order or only changes.
     Undo,
     /// Redo it.
     Redo,

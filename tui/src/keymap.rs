@@ -104,7 +104,7 @@ const ACTIONS: &[Binding] = &[
     key(&["="], Action::FilterCell, "like this", "filter by the value of the selected cell", Group::Show),
     key(&["c"], Action::Clear, "clear", "clear filter, search and highlight", Group::Show),
     key(&["u"], Action::Undo, "undo", "undo the last change of filter, search, sort order or v", Group::Show),
-    key(&["U"], Action::Redo, "redo", "redo what was undone", Group::Show),
+    key(&["U"], Action::Redo, "redo", "redo the change that u undid", Group::Show),
     key(&["v"], Action::News, "all/changes", "show all events, or only changes", Group::Show),
     key(&["/", "f7"], Action::Search, "search", "search for a text (regular expression)", Group::Show),
     key(&["n"], Action::SearchNext, "next", "go to the next match", Group::Show),

@@ -14,7 +14,7 @@ use super::lexer::{PositionedToken, Token, tokens};
 /// Fields listed before the others.
 const FIRST: [&str; 7] = ["kind", "node", "bus", "severity", "rule", "pdo", "object"];
 
-/// What can follow at the end of a filter.
+/// A possible continuation of a filter.
 #[derive(Debug, Clone)]
 pub struct Completion {
     /// Offset of the word to complete, in bytes; the end of the text for a new word.
@@ -67,7 +67,7 @@ impl State {
     }
 }
 
-/// What can follow at the end of `text`; `None` inside quotes, after an error and after an unknown field.
+/// The continuation at the end of `text`; `None` inside quotes, after an error and after an unknown field.
 pub fn completion(text: &str) -> Option<Completion> {
     let mut placed = tokens(text).ok()?;
     placed.pop_if(|(token, _)| *token == Token::End);

@@ -25,7 +25,7 @@ pub struct App {
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
-    /// What was shown before and after.
+    /// Filters, searches and sort orders before and after the present ones.
     pub(super) history: History,
     /// The row above a prompt.
     pub(super) prompt_row: PromptRow,

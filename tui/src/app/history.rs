@@ -1,4 +1,4 @@
-//! States of what is shown, before and after the present one.
+//! Filters, searches and sort orders before and after the present ones.
 //!
 //! ```text
 //! undo  [ all ] [ kind == emcy ]   present   [ node == 5 ]  redo
@@ -9,7 +9,7 @@ use crate::panes::{PaneId, Sorting};
 /// Maximum number of states that can be restored.
 const MOST: usize = 100;
 
-/// What the user chose to show.
+/// The user's selection of rows and their order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Shown {
     pub(super) filter: String,

@@ -1,4 +1,4 @@
-//! Undo and redo of what is shown: filter, search, only changes, sort order.
+//! Undo and redo of filter, search, only changes and sort order.
 //!
 //! The state after each key is compared with the one before it, so that no action can be forgotten.
 
@@ -9,7 +9,7 @@ use crate::state::{SearchPattern, pattern};
 use crate::timeline::Matcher;
 
 impl App {
-    /// What is shown now.
+    /// The present filters, searches and sort orders.
     pub(super) fn shown(&self) -> Shown {
         let pane = |id: &PaneId| {
             let pane = self.panes.get(*id)?;
@@ -23,7 +23,7 @@ impl App {
         }
     }
 
-    /// Adds what is shown to the history, unless a text is being typed.
+    /// Adds the present state to the history, unless a text is being typed.
     pub(super) fn remember(&mut self) {
         if !matches!(self.mode, Mode::Prompt(..)) {
             let shown = self.shown();
@@ -31,7 +31,7 @@ impl App {
         }
     }
 
-    /// Goes one state back or forth, and reports what changed.
+    /// Goes one state back or forth, and reports the changes.
     pub(super) fn undo(&mut self, is_undo: bool) {
         let Some(changes) = self.history.step(is_undo) else {
             return self.core.refuse(if is_undo { "nothing to undo" } else { "nothing to redo" });

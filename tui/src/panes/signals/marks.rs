@@ -22,7 +22,7 @@ const NMT: &str = "N";
 type Nodes = Vec<(BusIndex, Option<NodeId>)>;
 
 impl Signals {
-    /// Marks of the plotted nodes and their buses; later ones cover earlier ones. A begin covers what lasts, an
+    /// Marks of the plotted nodes and their buses; later ones cover earlier ones. A begin covers a duration, an
     /// error covers an NMT change, and this a warning.
     pub(super) fn marks(&self, core: &Core, last: i64) -> Vec<Mark> {
         let nodes = self.nodes(core);

@@ -1,4 +1,4 @@
-//! Marks above a plot: what happened at which time.
+//! Marks above a plot: events at their times.
 //!
 //! ```text
 //! find     N           E wwwwwwww

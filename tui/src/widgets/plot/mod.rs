@@ -16,8 +16,8 @@
 //! ```
 //!
 //! Series with the same unit share a scale with a labelled axis: the first unit the left one, the second unit
-//! the right one. With more units, parts with their own axes are stacked. Marks above the plot show what
-//! happened when.
+//! the right one. With more units, parts with their own axes are stacked. Marks above the plot show events
+//! at their times.
 
 mod canvas;
 mod content;
