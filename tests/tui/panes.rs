@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use cobscope::panes::{COMMON, LegendEntry, PaneId, Panes};
+use cobscope::keymap::defaults;
+use cobscope::panes::{COMMON, Layout, LegendEntry, PaneId, Panes};
 
 use crate::docs::is_current;
 
@@ -50,6 +51,28 @@ fn table(text: &mut String, head: &str, entries: &[LegendEntry]) {
     }
 }
 
+/// Panes with the main one in bold.
+fn named(panes: &[PaneId], layout: Layout) -> String {
+    let name = |pane: &PaneId| match *pane == layout.main() {
+        true => format!("**{}**", pane.title()),
+        false => pane.title().to_owned(),
+    };
+    panes.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+/// The panes of a wide layout, one column after the other.
+fn columns(layout: Layout) -> String {
+    let columns = layout.columns().map(|column| named(column, layout));
+    let columns: Vec<_> = columns.into_iter().filter(|column| !column.is_empty()).collect();
+    if columns.is_empty() { "one pane".to_owned() } else { columns.join(" and, beside them, ") }
+}
+
+/// The panes of a narrow layout.
+fn stack(layout: Layout) -> String {
+    let panes = named(layout.stack(), layout);
+    if panes.is_empty() { "one pane".to_owned() } else { panes }
+}
+
 #[test]
 fn the_reference_of_panes() {
     let mut text = String::from(
@@ -58,11 +81,24 @@ fn the_reference_of_panes() {
     );
     table(&mut text, "mark", COMMON);
     let panes = Panes::default();
-    for (number, id) in (1..).zip(PaneId::ALL) {
+    for (number, id) in (0..).zip(PaneId::ALL) {
         let legend = panes.get(*id).unwrap().legend();
         writeln!(text, "\n## {number} {}\n\nKey `{number}`: {}.", id.title(), legend.purpose).unwrap();
         table(&mut text, "column", legend.columns);
         table(&mut text, "mark", legend.marks);
+    }
+    text += "\n## Layouts\n\nKey `|` or `--layout`. In a terminal of less than 140 columns the panes of the narrow layout are below each \
+             other. A pane that does not belong to the layout takes the place of the one in bold.\n\n\
+             | layout | 140 columns and more | narrower |\n| --- | --- | --- |\n";
+    for layout in Layout::ALL {
+        writeln!(text, "| `{}` | {} | {} |", layout.name(), columns(layout), stack(layout)).unwrap();
+    }
+    text += "\n## Keys\n\nThe names of actions and keys are those of `[keys]` in the config file (docs/config.toml).\n\n\
+             | key | action | meaning |\n| --- | --- | --- |\n";
+    for binding in defaults() {
+        let keys: Vec<String> =
+            binding.keys.iter().map(|key| format!("`{}`", key.replace('|', "\\|"))).collect();
+        writeln!(text, "| {} | `{}` | {} |", keys.join(" "), binding.name(), binding.help).unwrap();
     }
     is_current("docs/panes.md", &text);
 }

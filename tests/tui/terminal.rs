@@ -3,6 +3,7 @@
 
 use std::io::{Read as _, Write as _};
 use std::num::NonZero;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -15,6 +16,9 @@ use crate::support::workspace;
 
 /// Time limit for an expected condition on a busy machine.
 const LIMIT: Duration = Duration::from_mins(1);
+
+/// A home folder without files; nothing in these tests is remembered there.
+const NO_HOME: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-home");
 
 /// Output of the program so far.
 #[derive(Default)]
@@ -36,8 +40,15 @@ pub struct Session {
 
 impl Session {
     pub fn start(command: PtyCommand, rows: u16, columns: u16) -> Self {
+        Self::start_at_home(command, rows, columns, Path::new(NO_HOME))
+    }
+
+    /// Starts a program for a user with this home folder.
+    fn start_at_home(command: PtyCommand, rows: u16, columns: u16, home: &Path) -> Self {
         let (pty, pts) = open().unwrap();
         pty.resize(Size::new(rows, columns)).unwrap();
+        let (config, state) = (home.join("config"), home.join("state"));
+        let command = command.env("XDG_CONFIG_HOME", config).env("XDG_STATE_HOME", state);
         let child = command.env("TERM", "xterm-256color").spawn(pts).unwrap();
         let seen: Shared = Arc::default();
         seen.0.lock().unwrap().parser = Parser::new(size(rows), size(columns), 0);
@@ -229,4 +240,90 @@ fn a_capture_that_cannot_be_opened_is_told_before_the_screen_is_taken() {
     let session = Session::view(&["no-such-file.log"]);
     session.wait_text("no-such-file.log: cannot be opened");
     assert_eq!(session.wait_end().code(), Some(3));
+}
+
+/// A session with its home folder.
+fn at_home(home: &Path, options: &[&str]) -> Session {
+    let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
+    let command = command.arg("view").args(options).args(PVE).current_dir(workspace());
+    Session::start_at_home(command, 40, 140, home)
+}
+
+#[test]
+fn a_layout_is_remembered_until_it_is_discarded() {
+    let home = tempfile::tempdir().unwrap();
+    let memory = home.path().join("state/cobscope/view.toml");
+    let quit = |session: Session| {
+        session.send("q");
+        assert!(session.wait_end().success());
+    };
+    let session = at_home(home.path(), &[]);
+    session.wait_text("0 Why ──");
+    quit(session);
+    assert!(!memory.exists(), "nothing was changed");
+    let session = at_home(home.path(), &[]);
+    session.wait_verdict();
+    session.send("|");
+    session.wait_text("layout list");
+    quit(session);
+    assert!(std::fs::read_to_string(&memory).unwrap().contains("layout = \"list\""));
+    let session = at_home(home.path(), &[]);
+    session.wait_text("--layout list");
+    quit(session);
+    // An option goes before what is remembered, and is not remembered itself.
+    let session = at_home(home.path(), &["--layout", "signals"]);
+    session.wait_text("5 Signals ──");
+    quit(session);
+    let session = at_home(home.path(), &[]);
+    session.wait_text("--layout list");
+    session.send("\u{12}");
+    session.wait_text("are discarded");
+    session.wait_text("0 Why ──");
+    quit(session);
+    assert!(!memory.exists());
+}
+
+#[test]
+fn the_config_file_decides_keys_and_layout() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("config/cobscope");
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("config.toml");
+    std::fs::write(&file, "layout = \"one\"\nascii = true\n[keys]\npane-bus = \"B\"\n").unwrap();
+    let session = at_home(home.path(), &[]);
+    session.wait_verdict();
+    session.send("B");
+    session.wait_text("wiring");
+    session.send("q");
+    assert!(session.wait_end().success());
+    std::fs::write(&file, "layout = \"two\"\n").unwrap();
+    let session = at_home(home.path(), &[]);
+    session.wait_text("config.toml:1:10: layout = \"two\": expected one, diagnose, list, signals");
+    assert_eq!(session.wait_end().code(), Some(2));
+}
+
+#[test]
+fn the_terminal_decides_between_dark_and_light() {
+    let home = tempfile::tempdir().unwrap();
+    let header = |session: &Session| {
+        session.wait_verdict();
+        let colour = |cell: &vt100::Cell| (cell.fgcolor(), cell.bgcolor());
+        let seen = session.seen.0.lock().unwrap();
+        (0..140).filter_map(|x| seen.parser.screen().cell(0, x).map(colour)).collect::<Vec<_>>()
+    };
+    let ends = |session: Session| {
+        session.send("q");
+        assert!(session.wait_end().success());
+    };
+    let light = at_home(home.path(), &["--theme", "light"]);
+    let expected = header(&light);
+    ends(light);
+    let dark = at_home(home.path(), &["--theme", "dark"]);
+    assert_ne!(header(&dark), expected);
+    ends(dark);
+    let asked = at_home(home.path(), &[]);
+    asked.wait_seen("question", |seen| seen.written.windows(5).any(|bytes| bytes == b"\x1b]11;"));
+    asked.send("\x1b]11;rgb:ffff/ffff/ffff\x07\x1b[?62;c");
+    assert_eq!(header(&asked), expected);
+    ends(asked);
 }

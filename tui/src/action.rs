@@ -73,6 +73,8 @@ pub enum Action {
     PreviousError,
     /// Open the prompt for a time or frame.
     GoTo,
+    /// Switch times between seconds, UTC and local time.
+    Clock,
     /// Set a mark at the cursor.
     SetMark,
     /// Go to a mark.
@@ -101,6 +103,8 @@ pub enum Action {
     Export,
     /// Switch to the next theme.
     Theme,
+    /// Discard the remembered view: layout, split, strip, theme.
+    Forget,
     /// Show the legend of the pane and all keys.
     Help,
     /// Quit the program.

@@ -26,9 +26,16 @@ pub fn millis(nanoseconds: i64) -> String {
 
 /// Nanoseconds as seconds with three decimal places, truncated.
 pub fn seconds(nanoseconds: i64) -> String {
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    let sign = if nanoseconds < 0 && milliseconds > 0 { "-" } else { "" };
-    format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+    seconds_to(nanoseconds, 3)
+}
+
+/// Nanoseconds as seconds with up to nine decimal places, truncated.
+pub fn seconds_to(nanoseconds: i64, decimals: u32) -> String {
+    let unit = 10_u64.pow(9_u32.saturating_sub(decimals));
+    let (per_second, digits) = (1_000_000_000 / unit, decimals.min(9) as usize);
+    let parts = nanoseconds.unsigned_abs() / unit;
+    let sign = if nanoseconds < 0 && parts > 0 { "-" } else { "" };
+    format!("{sign}{}.{:0digits$}", parts / per_second, parts % per_second)
 }
 
 /// Nanoseconds as seconds with one decimal place below 1000 s.
@@ -60,6 +67,7 @@ mod tests {
             [seconds(7_204_999_999), seconds(-50_000_000), seconds(-999)],
             ["7.204", "-0.050", "0.000"]
         );
+        assert_eq!([seconds_to(7_206_000_999, 6), seconds_to(-1_500_000_000, 1)], ["7.206000", "-1.5"]);
         assert_eq!([bytes(999), bytes(12_345), bytes(1_640_000_000)], ["999 B", "12.3 kB", "1.6 GB"]);
     }
 }

@@ -1,9 +1,14 @@
-//! Key tables for input, help and key bar. The registry of panes supplies the digits.
+//! Keys for input, help and key bar: default tables, which the config file may change. The registry of panes
+//! supplies the digits.
 
+use cobscope_decoder::query::fields::distance;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use crate::action::Action;
 use crate::panes::PaneId;
+
+/// Maximum number of wrong letters in a name for which another one is proposed.
+const MOST_EDITS: usize = 3;
 
 /// Keys of an action.
 #[derive(Clone, Copy)]
@@ -88,9 +93,10 @@ const ACTIONS: &[Binding] = &[
         &[":"],
         Action::GoTo,
         "go to",
-        "go to 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), a date and time",
+        "go to 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, a date and time",
         Group::Time,
     ),
+    key(&["t"], Action::Clock, "clock", "show times in seconds, in UTC or in local time", Group::Time),
     key(&["m"], Action::SetMark, "mark", "set a mark, named by a letter, at the cursor", Group::Time),
     key(&["'"], Action::ToMark, "to mark", "go to a mark", Group::Time),
     key(&["space"], Action::Pause, "pause", "pause or resume following new frames", Group::Time),
@@ -155,12 +161,13 @@ const ACTIONS: &[Binding] = &[
 /// Keys of the program; the help lists them after the panes.
 const PROGRAM: &[Binding] = &[
     key(&["T"], Action::Theme, "theme", "switch colours: dark, light, none", Group::Program),
+    key(&["ctrl-r"], Action::Forget, "forget", "discard the remembered layout and colours", Group::Program),
     key(&["?", "f1"], Action::Help, "help", "explain the pane and list all keys", Group::Program),
     key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "quit the program", Group::Program),
 ];
 
-/// All bindings in the order of the help.
-pub fn keymap() -> impl Iterator<Item = Binding> {
+/// Default bindings in the order of the help.
+pub fn defaults() -> impl Iterator<Item = Binding> {
     let panes =
         DIGITS.into_iter().zip(PaneId::ALL).zip(0..).map(|((keys, pane), number)| {
             key(keys, Action::Pane(number), "pane", pane.title(), Group::Program)
@@ -168,15 +175,98 @@ pub fn keymap() -> impl Iterator<Item = Binding> {
     ACTIONS.iter().copied().chain(panes).chain(PROGRAM.iter().copied())
 }
 
-/// The action of a key.
-pub fn action(event: &KeyEvent) -> Option<Action> {
-    let pressed = normal(*event);
-    keymap().find(|binding| binding.keys.iter().any(|name| parse(name) == Some(pressed))).map(|b| b.action)
+impl Binding {
+    /// Name of the action in the config file: `next-finding`, `pane-events`.
+    pub fn name(&self) -> String {
+        match self.action {
+            Action::Pane(number) => {
+                let pane = PaneId::ALL.get(usize::from(number)).map_or("", |pane| pane.name());
+                format!("pane-{pane}")
+            }
+            action => {
+                let mut name = String::new();
+                for letter in format!("{action:?}").chars() {
+                    if letter.is_ascii_uppercase() && !name.is_empty() {
+                        name.push('-');
+                    }
+                    name.push(letter.to_ascii_lowercase());
+                }
+                name
+            }
+        }
+    }
 }
 
-/// The binding of an action.
+/// Keys of one action.
+#[derive(Debug, Clone)]
+struct Keys {
+    action: Action,
+    names: Vec<String>,
+    pressed: Vec<(KeyCode, KeyModifiers)>,
+}
+
+/// The keys of all actions: the defaults with the changes of the config file.
+#[derive(Debug, Clone)]
+pub struct Keymap(Vec<Keys>);
+
+impl Default for Keymap {
+    fn default() -> Self {
+        let keys = |binding: Binding| Keys {
+            action: binding.action,
+            names: binding.keys.iter().map(|name| (*name).to_owned()).collect(),
+            pressed: binding.keys.iter().filter_map(|name| parse(name)).collect(),
+        };
+        Self(defaults().map(keys).collect())
+    }
+}
+
+impl Keymap {
+    /// Gives an action these keys instead of its own. A key that another action had is taken from it.
+    ///
+    /// # Errors
+    /// Unknown name of an action or of a key.
+    pub fn bind(&mut self, action: &str, names: &[String]) -> Result<(), String> {
+        let binding = defaults().find(|binding| binding.name() == action);
+        let Some(binding) = binding else {
+            let known: Vec<String> = defaults().map(|binding| binding.name()).collect();
+            let near = known.iter().map(|name| (distance(action, name), name)).min();
+            let near = near.filter(|(edits, _)| *edits <= MOST_EDITS);
+            let hint = near.map_or(String::new(), |(_, name)| format!("; did you mean {name}?"));
+            return Err(format!("no action {action:?}{hint}"));
+        };
+        let key = |name: &String| parse(name).ok_or_else(|| format!("{action}: no key {name:?}"));
+        let pressed: Vec<_> = names.iter().map(key).collect::<Result<_, _>>()?;
+        for keys in &mut self.0 {
+            if keys.action == binding.action {
+                (keys.names, keys.pressed) = (names.to_vec(), pressed.clone());
+            } else {
+                keys.names.retain(|name| parse(name).is_none_or(|key| !pressed.contains(&key)));
+                keys.pressed.retain(|key| !pressed.contains(key));
+            }
+        }
+        Ok(())
+    }
+
+    /// Actions without any key.
+    pub fn unreachable(&self) -> impl Iterator<Item = Action> {
+        self.0.iter().filter(|keys| keys.pressed.is_empty()).map(|keys| keys.action)
+    }
+
+    /// The action of a key.
+    pub fn action(&self, event: &KeyEvent) -> Option<Action> {
+        let pressed = normal(*event);
+        self.0.iter().find(|keys| keys.pressed.contains(&pressed)).map(|keys| keys.action)
+    }
+
+    /// Names of the keys of an action.
+    pub fn keys(&self, action: Action) -> &[String] {
+        self.0.iter().find(|keys| keys.action == action).map_or(&[], |keys| &keys.names)
+    }
+}
+
+/// The default binding of an action.
 pub fn binding(action: Action) -> Option<Binding> {
-    keymap().find(|binding| binding.action == action)
+    defaults().find(|binding| binding.action == action)
 }
 
 /// Normalises a key: some terminals report shift in addition to the capital letter.
@@ -246,7 +336,7 @@ mod tests {
     #[test]
     fn every_key_has_one_action_and_can_be_read() {
         let mut seen = Vec::new();
-        for name in keymap().flat_map(|binding| binding.keys) {
+        for name in defaults().flat_map(|binding| binding.keys) {
             let key = parse(name).unwrap_or_else(|| panic!("{name}"));
             assert!(!seen.contains(&key), "{name} twice");
             seen.push(key);
@@ -260,14 +350,37 @@ mod tests {
         let expected =
             [KeyCode::Char('j'), KeyCode::Enter, KeyCode::Char('/'), KeyCode::Char('<'), KeyCode::Char('f')];
         assert_eq!(codes, expected);
-        assert_eq!(action(&keys[4]), Some(Action::PageDown));
+        assert_eq!(Keymap::default().action(&keys[4]), Some(Action::PageDown));
         assert_eq!(sequence("<nokey>").unwrap_err(), "unknown key <nokey>");
     }
 
     #[test]
     fn a_capital_letter_is_a_key_of_its_own_with_or_without_shift() {
         let shifted = KeyEvent::new(KeyCode::Char('G'), KeyModifiers::SHIFT);
-        assert_eq!(action(&shifted), Some(Action::Bottom));
-        assert_eq!(action(&KeyEvent::new(KeyCode::BackTab, KeyModifiers::SHIFT)), Some(Action::PreviousPane));
+        assert_eq!(Keymap::default().action(&shifted), Some(Action::Bottom));
+        assert_eq!(
+            Keymap::default().action(&KeyEvent::new(KeyCode::BackTab, KeyModifiers::SHIFT)),
+            Some(Action::PreviousPane)
+        );
+    }
+
+    #[test]
+    fn actions_have_names_and_can_have_other_keys() {
+        let mut names: Vec<String> = defaults().map(|binding| binding.name()).collect();
+        let count = names.len();
+        assert!(names.contains(&"next-finding".to_owned()) && names.contains(&"pane-why".to_owned()));
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), count);
+        let mut keymap = Keymap::default();
+        keymap.bind("plot", &["F".into(), "f".into()]).unwrap();
+        let key = |letter| KeyEvent::new(KeyCode::Char(letter), KeyModifiers::NONE);
+        assert_eq!(keymap.action(&key('f')), Some(Action::Plot));
+        assert_eq!(keymap.action(&key('p')), None);
+        // The other key of the filter stays.
+        assert_eq!(keymap.keys(Action::Filter), ["f3"]);
+        assert_eq!(keymap.unreachable().count(), 0);
+        assert_eq!(keymap.bind("plod", &[]).unwrap_err(), "no action \"plod\"; did you mean plot?");
+        assert_eq!(keymap.bind("plot", &["hyper-f".into()]).unwrap_err(), "plot: no key \"hyper-f\"");
     }
 }

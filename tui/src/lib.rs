@@ -7,6 +7,7 @@ pub mod ascii;
 mod bucket;
 mod cli;
 mod cmd;
+mod config;
 mod exit_code;
 mod figures;
 pub mod keymap;

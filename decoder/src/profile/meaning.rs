@@ -425,9 +425,14 @@ pub fn bit_words(bits: &BitNames, word: u64) -> Vec<String> {
 }
 
 impl super::names::BitName {
+    /// Text of the set bit: that for event lines, else the name.
+    pub fn title(&self) -> &str {
+        self.text.as_deref().unwrap_or(&self.name)
+    }
+
     /// Text for the number in these bits; `None` if nothing is to be shown.
     pub fn word(&self, number: u64) -> Option<String> {
-        let title = self.text.as_deref().unwrap_or(&self.name);
+        let title = self.title();
         if self.width == 1 {
             return if number == 0 { self.off.clone() } else { Some(title.to_owned()) };
         }

@@ -19,6 +19,7 @@ mod error_texts;
 mod formula;
 pub mod imported;
 mod layout;
+mod letters;
 mod lookup;
 mod meaning;
 mod names;
@@ -44,6 +45,7 @@ pub use layout::{
     BitOrder, Carrier, Field, FixedBits, Layout, PdoDirection, PdoName, Selector, Signal, SignalId,
 };
 
+pub use letters::{BitLetter, bit_letters, letter_legend, word_letters};
 pub use lookup::{
     Bits, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, abort_codes, emcy_codes, error_register,
     failure_modes, industry_groups, lamp_names, lss, pgn_name, transport_aborts, uds,

@@ -49,7 +49,8 @@ enum State {
 impl State {
     fn after(self, token: &Token) -> Option<Self> {
         Some(match (self, token) {
-            (Self::Field, Token::Not | Token::Open) => Self::Field,
+            (Self::Field, Token::Not | Token::Open)
+            | (Self::AfterField(_) | Self::AfterTest, Token::And | Token::Or) => Self::Field,
             (Self::Field, Token::Word(Operand { text, is_quoted: false, .. })) => {
                 Self::AfterField(text.clone())
             }
@@ -57,11 +58,11 @@ impl State {
                 Self::Value(field)
             }
             (Self::AfterField(field), Token::In) => Self::OpenSet(field),
-            (Self::OpenSet(field), Token::OpenSet) => Self::Set(field),
-            (Self::Set(field), Token::Word(_) | Token::Comma | Token::Range) => Self::Set(field),
-            (Self::Value(_), Token::Word(_)) | (Self::Set(_), Token::CloseSet) => Self::AfterTest,
-            (Self::AfterField(_) | Self::AfterTest, Token::And | Token::Or) => Self::Field,
-            (Self::AfterField(_) | Self::AfterTest, Token::Close) => Self::AfterTest,
+            (Self::OpenSet(field), Token::OpenSet)
+            | (Self::Set(field), Token::Word(_) | Token::Comma | Token::Range) => Self::Set(field),
+            (Self::Value(_), Token::Word(_))
+            | (Self::Set(_), Token::CloseSet)
+            | (Self::AfterField(_) | Self::AfterTest, Token::Close) => Self::AfterTest,
             _ => return None,
         })
     }

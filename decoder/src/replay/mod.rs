@@ -13,7 +13,7 @@ mod latest;
 mod world;
 
 pub use latest::{Code, Latest, LatestOfNode, Start};
-pub use world::{Counts, EventPosition, PlacedEvent, ReplayState};
+pub use world::{Counts, EarlierPayloads, EventPosition, PlacedEvent, ReplayState};
 
 use crate::capture::MergedPosition;
 use crate::frame::Timestamp;

@@ -7,7 +7,7 @@ use crate::event::{Event, EventKind};
 use crate::frame::{Frame, Timestamp};
 use crate::session::{Bus, Buses, Observer, SessionOptions};
 use crate::sink::text::News;
-use crate::statistics::Identifiers;
+use crate::statistics::{IdentifierRow, Identifiers};
 
 /// Position of an event: its frame, and its order among the events of that frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -42,6 +42,17 @@ pub struct PlacedEvent<'a> {
     pub frame: Option<&'a Frame>,
     /// Whether the event shows a change and is printed by `decode` by default.
     pub is_news: bool,
+    /// Earlier payloads of the identifier of the event.
+    pub earlier: EarlierPayloads<'a>,
+}
+
+/// Earlier payloads of an identifier, to compare a message with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct EarlierPayloads<'a> {
+    /// Payload of the last message that was news; None if every change of this message is news.
+    pub news: Option<&'a [u8]>,
+    /// Payload of the last message.
+    pub last: Option<&'a [u8]>,
 }
 
 /// State of buses, nodes, objects and identifiers after a frame. A clone can be used to resume decoding.
@@ -211,14 +222,17 @@ impl<F: FnMut(PlacedEvent<'_>)> Observer for EventForwarder<'_, F> {
             EventKind::CanError(_) => self.counts.errors += 1,
             _ => {}
         }
+        let mut earlier = EarlierPayloads::default();
+        let is_news = self.news.has(event);
         if let (Some(place), Some(frame)) = (self.place, self.frame)
             && event.frames.last == frame.number
         {
             self.identifiers.event(place, event);
+            let last = self.identifiers.rows().get(place).and_then(IdentifierRow::previous);
+            earlier = EarlierPayloads { news: self.news.replaced(), last };
         }
         self.latest.event(event);
-        let is_news = self.news.has(event);
-        (self.out)(PlacedEvent { spot: *self.spot, event, bus, frame: self.frame, is_news });
+        (self.out)(PlacedEvent { spot: *self.spot, event, bus, frame: self.frame, is_news, earlier });
         self.spot.ordinal = self.spot.ordinal.saturating_add(1);
     }
 }

@@ -51,12 +51,20 @@ pub struct IdentifierRow {
     pub layout: Option<Arc<Layout>>,
     length: u8,
     bytes: [u8; MAX_DATA],
+    previous_length: u8,
+    previous_bytes: [u8; MAX_DATA],
 }
 
 impl IdentifierRow {
     /// Payload of the last frame.
     pub fn payload(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.length)).unwrap_or(&self.bytes)
+    }
+
+    /// Payload of the frame before the last one; None after the first frame.
+    pub fn previous(&self) -> Option<&[u8]> {
+        let bytes = self.previous_bytes.get(..usize::from(self.previous_length));
+        bytes.filter(|_| self.count > 1)
     }
 
     fn new(frame: &Frame) -> Self {
@@ -76,6 +84,8 @@ impl IdentifierRow {
             layout: None,
             length: 0,
             bytes: [0; MAX_DATA],
+            previous_length: 0,
+            previous_bytes: [0; MAX_DATA],
         }
     }
 
@@ -94,6 +104,7 @@ impl IdentifierRow {
         let data = frame.data();
         let before = usize::from(self.length);
         self.changed = 0;
+        (self.previous_length, self.previous_bytes) = (self.length, self.bytes);
         // Words of eight bytes are faster than slice comparison, because most frames have one.
         for (place, (kept, now)) in self.bytes.chunks_exact_mut(WORD).zip(data.chunks(WORD)).enumerate() {
             let mut word = [0; WORD];
@@ -265,9 +276,12 @@ mod tests {
         assert_eq!((row.count, row.payload()), (3, &[1, 9, 3, 4][..]));
         // The fourth byte is new; the second changed before.
         assert_eq!((row.changed, row.ever_changed), (0b1000, 0b1010));
+        assert_eq!(row.previous(), Some(&[1, 9, 3][..]));
         assert_eq!((row.last_gap, row.intervals.mean()), (Some(15_000_000), Some(12_500_000)));
         all.frame(&frame(45, id, &[1, 9, 3, 4]));
-        assert_eq!(all.rows()[0].changed, 0);
+        assert_eq!((all.rows()[0].changed, all.rows()[0].previous()), (0, Some(&[1, 9, 3, 4][..])));
+        all.frame(&frame(50, CanId::standard(0x186), &[7]));
+        assert_eq!(all.rows()[1].previous(), None, "the first frame");
     }
 
     #[test]

@@ -6,6 +6,8 @@ use ratatui::layout::Rect;
 use super::candidates::PromptRow;
 use super::history::History;
 use super::output::Output;
+use super::preferences::Preferences;
+use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace};
 use crate::timeline::News;
@@ -35,6 +37,11 @@ pub struct App {
     pub(super) typed: Vec<(PromptPurpose, String)>,
     pub(super) outputs: Vec<Output>,
     pub(super) area: Rect,
+    pub(super) keymap: Keymap,
+    /// Layout, strip and colours without a remembered view.
+    pub(super) defaults: Preferences,
+    /// The user discarded the remembered view.
+    pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
     pub(super) command: String,
     /// Position of the last click, to detect a double click.

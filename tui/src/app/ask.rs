@@ -4,7 +4,7 @@ use cobscope_decoder::query::Filter;
 
 use super::application::{App, Mode, PromptPurpose};
 use crate::select::Bound;
-use crate::state::{Core, JumpPlace, SearchPattern, pattern};
+use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -144,7 +144,9 @@ impl App {
 
 /// The typed position; None for an incomplete text.
 fn bound(core: &Core, text: &str) -> Option<Result<Bound, String>> {
-    Some(match place(text)? {
+    // While local times are shown, a typed time of day is local.
+    let local = (core.clock == TimeDisplay::Local).then(|| Bound::local(text)).flatten().map(Err);
+    Some(match local.or_else(|| place(text))? {
         Ok(step) => match core.time() {
             Some(time) => Ok(Bound::Moment(time.plus(step))),
             None => Err("this capture has no timestamps; enter a frame as #1234".to_owned()),
@@ -173,8 +175,7 @@ pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, Str
             if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
         }
         PromptPurpose::GoTo => {
-            let expected =
-                "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), or a date and time";
+            let expected = "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, or a date and time";
             place(text).map(|_| ()).ok_or_else(|| (0, expected.to_owned()))
         }
     }
@@ -211,6 +212,7 @@ mod tests {
         assert_eq!(place("12.5"), Some(Err(Bound::Offset(12_500_000_000))));
         assert_eq!(place("#7"), Some(Err(Bound::Frame(7))));
         assert_eq!(place("-#7"), None);
+        assert!(matches!(place("22:13:25.5"), Some(Err(Bound::Clock(_)))));
         assert_eq!(place("later"), None);
     }
 }

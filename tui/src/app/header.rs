@@ -20,7 +20,7 @@ const SECOND: i64 = 1_000_000_000;
 pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     let base = core.theme.style(Role::Header);
     buf.set_style(area.intersection(buf.area), base);
-    let time = core.seconds(core.time()).map_or("no times".to_owned(), |time| format!("t {time:.3} s"));
+    let time = core.time_words(core.time(), 3).map_or("no times".to_owned(), |time| format!("t {time}"));
     let right = Line::styled(time, base);
     let room = area.width.saturating_sub(draw::cells(right.width()) + 2);
     let mut spans = Vec::new();

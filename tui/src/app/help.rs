@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::application::App;
-use crate::keymap::{Group, keymap};
+use crate::keymap::{Group, Keymap, defaults};
 use crate::panes::{COMMON, LegendEntry};
 use crate::theme::{Role, Theme};
 use crate::widgets::draw;
@@ -22,7 +22,7 @@ impl App {
     pub(super) fn draw_help(&self, scroll: usize, area: Rect, buf: &mut Buffer) {
         let theme = &self.core.theme;
         let mut legend = self.legend_lines();
-        let keys = key_lines(theme);
+        let keys = key_lines(theme, &self.keymap);
         if area.width >= WIDE {
             let left = Rect { width: area.width / 2, ..area };
             let right = Rect { x: left.right(), width: area.width - left.width, ..area };
@@ -51,12 +51,17 @@ impl App {
 }
 
 /// All keys by group, from the keymap.
-fn key_lines(theme: &Theme) -> Vec<Line<'static>> {
+fn key_lines(theme: &Theme, keymap: &Keymap) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     for group in Group::ALL {
         lines.push(Line::styled(group.title(), theme.style(Role::Title)));
-        for binding in keymap().filter(|binding| binding.group == group) {
-            lines.push(line(theme, &binding.keys.join(" "), Role::Key, binding.help.to_owned()));
+        for binding in defaults().filter(|binding| binding.group == group) {
+            lines.push(line(
+                theme,
+                &keymap.keys(binding.action).join(" "),
+                Role::Key,
+                binding.help.to_owned(),
+            ));
         }
         lines.push(Line::default());
     }

@@ -8,7 +8,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use crate::action::Action;
-use crate::keymap;
+use crate::keymap::{Keymap, binding};
 use crate::theme::{Borders, Glyph, Role, Theme};
 use crate::widgets::draw;
 
@@ -38,15 +38,14 @@ impl Hint {
 }
 
 /// Hints of a pane with these actions.
-pub(super) fn of_pane(actions: &[Action], is_why: bool, theme: &Theme) -> Vec<Hint> {
+pub(super) fn of_pane(keymap: &Keymap, actions: &[Action], is_why: bool, theme: &Theme) -> Vec<Hint> {
     let first = FIRST.into_iter().filter(|action| !(is_why && *action == Action::Pane(0)));
     let own = actions.iter().copied().filter(|action| !FIRST.contains(action) && !LAST.contains(action));
     let mut hints: Vec<Hint> = Vec::new();
     for action in first.chain(own).chain(LAST) {
-        let Some(binding) = keymap::binding(action) else { continue };
-        let name = binding.keys.first().copied().unwrap_or_default();
-        let symbol = SYMBOLS.iter().find(|(long, _)| *long == name && theme.borders() == Borders::Unicode);
-        let key = symbol.map_or(name, |(_, symbol)| symbol);
+        let Some((binding, name)) = binding(action).zip(keymap.keys(action).first()) else { continue };
+        let symbol = SYMBOLS.iter().find(|(long, _)| long == name && theme.borders() == Borders::Unicode);
+        let key = symbol.map_or(name.as_str(), |(_, symbol)| symbol);
         let does = if action == Action::Pane(0) { "why" } else { binding.short };
         match hints.last_mut().filter(|last| last.does == does) {
             Some(last) => last.key = format!("{} {key}", last.key),
@@ -81,7 +80,7 @@ mod tests {
     fn bar(actions: &[Action], width: u16, borders: Borders) -> String {
         let theme = Theme::new(Palette::Dark, Depth::None, borders);
         let mut buf = Buffer::empty(Rect::new(0, 0, width, 1));
-        draw(&theme, &of_pane(actions, false, &theme), buf.area, &mut buf);
+        draw(&theme, &of_pane(&Keymap::default(), actions, false, &theme), buf.area, &mut buf);
         shown(&buf).remove(0)
     }
 
@@ -101,7 +100,7 @@ mod tests {
     #[test]
     fn every_small_size() {
         let theme = plain(Borders::Unicode);
-        let hints = of_pane(&[Action::Open], true, &theme);
+        let hints = of_pane(&Keymap::default(), &[Action::Open], true, &theme);
         in_every_small_size(|area, buf| draw(&theme, &hints, area, buf));
     }
 }

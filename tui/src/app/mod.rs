@@ -17,6 +17,7 @@ mod history;
 mod news;
 mod output;
 mod panes;
+mod preferences;
 mod prompt_row;
 mod start;
 mod strip;
@@ -26,4 +27,5 @@ mod view;
 
 pub use application::App;
 pub use output::Output;
+pub use preferences::Preferences;
 pub use start::{Start, quoted};

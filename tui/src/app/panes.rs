@@ -1,10 +1,11 @@
-//! The panes on the screen: focus, layout, zoom, strip of time.
+//! The panes on the screen: focus, layout, zoom, strip of time, and what is remembered of them.
 
 use ratatui::layout::Rect;
 
 use super::application::{App, Mode};
+use super::preferences::Preferences;
 use super::view::{self, Parts};
-use crate::panes::{Cell, Layout, PaneId};
+use crate::panes::{Arrangement, Cell, Layout, PaneId, SPLIT};
 
 impl App {
     /// Areas of the screen.
@@ -92,5 +93,28 @@ impl App {
     pub(super) fn toggle_strip(&mut self) {
         self.has_strip = !self.has_strip;
         self.fit();
+    }
+
+    /// Layout, strip and colours as they are now; None if the user discarded the remembered view and changed
+    /// nothing since.
+    pub fn preferences(&self) -> Option<Preferences> {
+        let split = self.arrangement.split();
+        let now = Preferences {
+            layout: self.arrangement.chosen,
+            split: Some(split).filter(|split| *split != SPLIT || self.defaults.split.is_some()),
+            has_strip: self.has_strip,
+            palette: self.core.theme.palette(),
+        };
+        if self.is_forgotten && now == self.defaults { None } else { Some(now) }
+    }
+
+    /// Discards the remembered view.
+    pub(super) fn forget(&mut self) {
+        self.is_forgotten = true;
+        self.arrangement = Arrangement::new(self.defaults.layout, self.defaults.split);
+        self.has_strip = self.defaults.has_strip;
+        self.core.theme = self.core.theme.with(self.defaults.palette, self.core.theme.depth());
+        self.fit();
+        self.core.notify("the remembered layout and colours are discarded");
     }
 }

@@ -8,21 +8,27 @@ use ratatui::layout::Rect;
 use super::application::{App, Mode};
 use super::candidates::PromptRow;
 use super::history::History;
-use crate::panes::{Arrangement, Layout, PaneId, Panes};
+use super::preferences::Preferences;
+use crate::keymap::Keymap;
+use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
-/// Settings of a view from the command line.
+/// Settings of a view from the command line and the config file.
 #[derive(Debug, Clone)]
 pub struct Start {
     /// Command with its captures, without the settings of the view.
     pub command: String,
     /// Pane shown first.
     pub pane: PaneId,
-    /// Panes shown together; None: by the size of the terminal.
-    pub layout: Option<Layout>,
+    /// Layout, strip and colours of this run.
+    pub preferences: Preferences,
+    /// The same without a remembered view.
+    pub defaults: Preferences,
+    /// Keys of actions.
+    pub keymap: Keymap,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -49,8 +55,11 @@ impl App {
             core,
             panes: Panes::default(),
             pane: start.pane,
-            arrangement: Arrangement::new(start.layout, None),
-            has_strip: true,
+            arrangement: Arrangement::new(start.preferences.layout, start.preferences.split),
+            has_strip: start.preferences.has_strip,
+            keymap: start.keymap,
+            defaults: start.defaults,
+            is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),
             mode: Mode::Panes,

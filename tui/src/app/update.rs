@@ -7,7 +7,6 @@ use super::application::{App, Mode, PromptPurpose};
 use super::output::Output;
 use super::{strip, view};
 use crate::action::Action;
-use crate::keymap;
 use crate::panes::{Effect, PaneId};
 use crate::state::JumpPlace;
 use crate::theme::{Depth, Palette};
@@ -36,7 +35,7 @@ impl App {
 
     fn one_key(&mut self, key: KeyEvent) {
         self.opens_at_story = false;
-        if self.core.window.is_none() && keymap::action(&key) != Some(Action::Quit) {
+        if self.core.window.is_none() && self.keymap.action(&key) != Some(Action::Quit) {
             if self.early.len() < MOST_EARLY {
                 self.early.push(key);
             }
@@ -45,7 +44,7 @@ impl App {
         self.core.said = None;
         match &mut self.mode {
             Mode::Panes => {
-                if let Some(action) = keymap::action(&key) {
+                if let Some(action) = self.keymap.action(&key) {
                     self.act(action);
                 }
             }
@@ -64,7 +63,7 @@ impl App {
                     self.letter(letter, is_new);
                 }
             }
-            Mode::Help(scroll) => match keymap::action(&key) {
+            Mode::Help(scroll) => match self.keymap.action(&key) {
                 Some(Action::Down) => *scroll += 1,
                 Some(Action::Up) => *scroll = scroll.saturating_sub(1),
                 Some(Action::PageDown) => *scroll += usize::from(self.area.height / 2),
@@ -156,6 +155,7 @@ impl App {
             Action::SplitLeft => self.move_split(false),
             Action::SplitRight => self.move_split(true),
             Action::Strip => self.toggle_strip(),
+            Action::Forget => self.forget(),
             Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
             Action::Search => self.ask(PromptPurpose::Search, "search"),
             Action::GoTo => self.ask(PromptPurpose::GoTo, "go to"),
@@ -170,6 +170,7 @@ impl App {
             Action::PreviousFinding => self.finding(false),
             Action::NextError => self.error(true),
             Action::PreviousError => self.error(false),
+            Action::Clock => self.core.next_clock(),
             Action::SetMark => self.mode = Mode::Letter { is_new: true },
             Action::ToMark => self.mode = Mode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),

@@ -230,7 +230,7 @@ impl App {
             }
             Mode::Panes => {
                 let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.actions());
-                let hints = hints::of_pane(actions, self.pane == PaneId::Why, theme);
+                let hints = hints::of_pane(&self.keymap, actions, self.pane == PaneId::Why, theme);
                 let gauge = if self.has_gauge(parts.footer) { GAUGE + 1 } else { 0 };
                 let area = Rect { width: parts.footer.width.saturating_sub(gauge), ..parts.footer };
                 hints::draw(theme, &hints, area, buf);

@@ -31,7 +31,7 @@ pub use profiles::{PageFormat, ProfilesCommand};
 pub use report::{Color, ReportFormat};
 pub use rules::{RulesArgs, RulesFormat};
 pub use stats::StatsArgs;
-pub use view::{ScreenArgs, ThemeName, ViewArgs};
+pub use view::{ScreenArgs, ViewArgs};
 pub use why::WhyArgs;
 
 /// Decode CAN captures and live buses: events and faults of CANopen, J1939 and UDS devices

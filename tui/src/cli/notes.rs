@@ -25,7 +25,7 @@ examples! {
     VIEW:
         "cobscope view customer.log",
         "cobscope view --node 2=rexroth-sydfec --pane signals a.log b.log",
-        "cobscope view --at 12.5 --filter 'node == 5' customer.log";
+        "cobscope view --layout list --at 12.5 --filter 'node == 5' customer.log";
     LIVE:
         "cobscope live can0",
         "cobscope live --print --record run.pcapng --record-size 100M can0",

@@ -1,11 +1,12 @@
 //! `cobscope view`.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use cobscope_decoder::query::Filter;
 
 use super::{Color, InputArgs, filter_help};
 use crate::panes::{Layout, PaneId};
 use crate::select::Bound;
+use crate::theme::ThemeName;
 
 /// `cobscope view`.
 #[derive(Debug, Args)]
@@ -35,25 +36,16 @@ pub struct ViewArgs {
 /// Options for the screen.
 #[derive(Debug, Args)]
 pub struct ScreenArgs {
-    /// Show PANE first
-    #[arg(long, value_name = "PANE", default_value = "events")]
-    pub pane: PaneId,
+    /// Show PANE first (default: events)
+    #[arg(long, value_name = "PANE")]
+    pub pane: Option<PaneId>,
     /// Show the panes of LAYOUT together (default: one; in a large terminal diagnose)
     #[arg(long, value_name = "LAYOUT")]
     pub layout: Option<Layout>,
-    /// Use colours for a dark or light background
-    #[arg(long, value_name = "THEME", default_value = "dark")]
-    pub theme: ThemeName,
+    /// Use colours for a dark or light background (default: auto)
+    #[arg(long, value_name = "THEME")]
+    pub theme: Option<ThemeName>,
     /// Show only ASCII characters; others become their substitute or ?
     #[arg(long)]
     pub ascii: bool,
-}
-
-/// Background of the terminal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ThemeName {
-    /// Light text on a dark background
-    Dark,
-    /// Dark text on a light background
-    Light,
 }

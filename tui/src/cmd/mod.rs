@@ -15,6 +15,7 @@ mod print;
 mod profiles;
 mod remarks;
 mod rules;
+mod screen_settings;
 mod selected_findings;
 mod shell;
 mod stats;

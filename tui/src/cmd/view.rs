@@ -10,11 +10,11 @@ use super::input::{
     captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
 };
 use super::messages::complain;
+use super::screen_settings::{ScreenSettings, remember};
 use crate::app::{App, Start, quoted};
-use crate::cli::{Color, ScreenArgs, ThemeName, ViewArgs};
+use crate::cli::ViewArgs;
 use crate::exit_code::Exit;
 use crate::terminal::{self, Message, Screen};
-use crate::theme::{Borders, Depth, Palette, Theme};
 use crate::timeline::{Captures, News, Timeline};
 
 /// Runs the command.
@@ -23,6 +23,13 @@ pub fn run(arguments: &ViewArgs) -> Exit {
         complain(&anyhow::anyhow!("stdout is not a terminal; for text output use decode"));
         return Exit::Usage;
     }
+    let settings = match ScreenSettings::of_user(&arguments.screen, arguments.color) {
+        Ok(settings) => settings,
+        Err(error) => {
+            complain(&error);
+            return Exit::Usage;
+        }
+    };
     let captures = match captures_of(arguments) {
         Ok(captures) => captures,
         Err(error) => {
@@ -30,7 +37,7 @@ pub fn run(arguments: &ViewArgs) -> Exit {
             return Exit::Profile;
         }
     };
-    match show(arguments, captures) {
+    match show(arguments, captures, &settings) {
         Ok(()) => Exit::Clean,
         Err(error) => {
             complain(&error);
@@ -63,12 +70,13 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
     let command = command("view", words.iter().cloned());
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
-    let start = start(arguments, command, named_buses(&arguments.input, &captures.session));
+    let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
+    let start = start(arguments, &settings, command, named_buses(&arguments.input, &captures.session));
     let timeline = Timeline::open(captures, news)?;
-    Ok((App::new(timeline, theme(&arguments.screen, arguments.color), start), found))
+    Ok((App::new(timeline, settings.theme, start), found))
 }
 
-fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
+fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> anyhow::Result<()> {
     let (messages, inbox) = channel();
     let (news, found) = channel();
     let named = named_buses(&arguments.input, &captures.session);
@@ -76,11 +84,13 @@ fn show(arguments: &ViewArgs, captures: Captures) -> anyhow::Result<()> {
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
     let command = command("view", std::env::args().skip(1));
-    let start = start(arguments, command, named);
-    let mut app = App::new(timeline, theme(&arguments.screen, arguments.color), start);
+    let start = start(arguments, settings, command, named);
+    let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;
-    terminal::listen(messages)?;
-    terminal::run(&mut app, &mut screen, &inbox)
+    terminal::listen(messages, settings.may_answer)?;
+    terminal::run(&mut app, &mut screen, &inbox)?;
+    drop(screen);
+    remember(&app, &settings.preferences)
 }
 
 /// Forwards results of the background threads to the application.
@@ -106,31 +116,18 @@ fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-pub(super) fn theme(arguments: &ScreenArgs, color: Color) -> Theme {
-    let is_plain = match color {
-        Color::Always => false,
-        Color::Never => true,
-        Color::Auto => std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty()),
-    };
-    let has_many = std::env::var("COLORTERM").is_ok_and(|value| !value.is_empty())
-        || std::env::var("TERM").is_ok_and(|value| value.contains("256") || value.contains("direct"));
-    let depth = match (is_plain, has_many) {
-        (true, _) => Depth::None,
-        (_, true) => Depth::Full,
-        _ => Depth::Sixteen,
-    };
-    let palette = match arguments.theme {
-        ThemeName::Dark => Palette::Dark,
-        ThemeName::Light => Palette::Light,
-    };
-    Theme::new(palette, depth, if arguments.ascii { Borders::Ascii } else { Borders::Unicode })
-}
-
-fn start(arguments: &ViewArgs, command: String, named: Vec<(String, &'static str)>) -> Start {
+fn start(
+    arguments: &ViewArgs,
+    settings: &ScreenSettings,
+    command: String,
+    named: Vec<(String, &'static str)>,
+) -> Start {
     Start {
         command,
-        pane: arguments.screen.pane,
-        layout: arguments.screen.layout,
+        pane: settings.pane,
+        preferences: settings.preferences.clone(),
+        defaults: settings.defaults.clone(),
+        keymap: settings.keymap.clone(),
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,

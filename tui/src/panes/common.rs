@@ -23,9 +23,20 @@ use crate::widgets::draw;
 use crate::widgets::table::TableState;
 use crate::widgets::text_lines::TextLines;
 
-/// Seconds from the first frame.
+/// A time in the chosen display: seconds from the first frame, or wall-clock time.
 pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
-    time.zip(core.zero()).map_or(String::new(), |(time, zero)| seconds(time.since(zero)))
+    core.time_text(time, 3).unwrap_or_default()
+}
+
+/// Width of the latest time, at least that of the column head.
+pub(super) fn time_width(core: &Core) -> u16 {
+    let latest = core.timeline.progress().times().map(|(_, last)| last);
+    draw::width(&time(core, latest)).max(draw::width(time_title(core)))
+}
+
+/// Head of a column of times.
+pub(super) fn time_title(core: &Core) -> &'static str {
+    core.clock.title()
 }
 
 /// Seconds relative to the cursor: `-0.502` is before it, `+1.200` after it.
@@ -55,8 +66,58 @@ pub(super) fn bus_name(core: &Core, bus: BusIndex) -> String {
     bus.map_or(String::new(), |bus| escape(bus.name()).into_owned())
 }
 
+/// Whether the captures or live interfaces have several buses, including those without frames so far.
 pub(super) fn has_buses(core: &Core) -> bool {
     last_world(core).is_some_and(|world| world.buses().len() > 1)
+        || core.timeline.progress().buses() > 1
+        || core.timeline.live().is_some_and(|live| live.get().buses.len() > 1)
+}
+
+/// Limits of the width of a bus column.
+const BUS_WIDTH: std::ops::RangeInclusive<u16> = 3..=8;
+
+/// Width of a pane below which a bus is shown by the end of its name.
+const NARROW: u16 = 48;
+
+/// Width of the bus column: 0 with one bus. In a narrow pane it has room for the part in which the names
+/// differ.
+pub(super) fn bus_width(core: &Core, width: u16) -> u16 {
+    if !has_buses(core) {
+        return 0;
+    }
+    let world = last_world(core);
+    let names = world.iter().flat_map(|world| world.buses()).map(|bus| escape(bus.name()).into_owned());
+    if width < NARROW {
+        let common = common_start(core);
+        let ends = names.filter_map(|name| name.get(common..).map(draw::width));
+        return ends.max().unwrap_or(1).clamp(1, *BUS_WIDTH.start());
+    }
+    names.map(|name| draw::width(&name)).max().unwrap_or(0).clamp(*BUS_WIDTH.start(), *BUS_WIDTH.end())
+}
+
+/// Head of a bus column of this width.
+pub(super) const fn bus_title(width: u16) -> &'static str {
+    if width < *BUS_WIDTH.start() { "B" } else { "Bus" }
+}
+
+/// Escaped name of a bus for a column of this width: its end if the whole has no room.
+pub(super) fn bus_short(core: &Core, name: &str, width: u16) -> String {
+    let is_long = draw::width(name) > width;
+    let end = if is_long && width > 0 { name.get(common_start(core)..) } else { None };
+    end.filter(|end| draw::width(end) <= width).unwrap_or(name).to_owned()
+}
+
+/// Number of bytes with which the names of all buses start; each name is longer.
+fn common_start(core: &Core) -> usize {
+    let world = last_world(core);
+    let names: Vec<String> =
+        world.iter().flat_map(|world| world.buses()).map(|bus| escape(bus.name()).into_owned()).collect();
+    let Some((first, others)) = names.split_first() else { return 0 };
+    let is_shared = |end: &usize| {
+        let start = first.get(..*end);
+        others.iter().all(|other| other.len() > *end && start.is_some_and(|start| other.starts_with(start)))
+    };
+    (1..first.len()).filter(|end| first.is_char_boundary(*end)).take_while(is_shared).last().unwrap_or(0)
 }
 
 /// Role that draws a severity.

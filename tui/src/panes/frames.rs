@@ -25,7 +25,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::common::{has_buses, move_in};
+use super::common::{bus_short, bus_title, bus_width, has_buses, move_in};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
@@ -65,12 +65,12 @@ const MANY: u64 = 50;
 /// Width of the pane from which payloads longer than eight bytes have more room.
 const WIDE: u16 = 140;
 
-fn columns(has_buses: bool, is_j1939: bool, data: u16) -> Vec<Column> {
+fn columns(bus: u16, is_j1939: bool, data: u16) -> Vec<Column> {
     vec![
-        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 9 } else { 0 }),
+        Column::new(bus_title(bus), Width::Fixed(bus)),
         Column::new("ID", Width::Fixed(if is_j1939 { 9 } else { 5 })),
-        Column::new("PGN", Width::Fixed(6)).right().priority(if is_j1939 { 2 } else { 0 }),
-        Column::new("SA", Width::Fixed(2)).priority(if is_j1939 { 2 } else { 0 }),
+        Column::new("PGN", Width::Fixed(if is_j1939 { 6 } else { 0 })).right().priority(2),
+        Column::new("SA", Width::Fixed(if is_j1939 { 2 } else { 0 })).priority(2),
         Column::new("Message", Width::Min(18)).priority(11),
         Column::new("Count", Width::Fixed(7)).right().priority(8),
         Column::new("Mean ms", Width::Fixed(7)).right().priority(7),
@@ -179,10 +179,16 @@ impl Frames {
 
     fn columns(core: &Core, world: &ReplayState, area: Rect) -> Vec<Column> {
         let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
-        columns(has_buses(core), is_j1939, data_width(world.identifiers(), area))
+        columns(bus_width(core, area.width), is_j1939, data_width(world.identifiers(), area))
     }
 
-    fn draw_row(&self, core: &Core, world: &ReplayState, row: &IdentifierRow, width: u16) -> Row<'static> {
+    fn draw_row(
+        &self,
+        core: &Core,
+        world: &ReplayState,
+        row: &IdentifierRow,
+        (bus_room, width): (u16, u16),
+    ) -> Row<'static> {
         let theme = &core.theme;
         let quiet = theme.style(Role::Quiet);
         let bus = world.buses().get(usize::from(row.bus.0)).map_or("", |bus| bus.name());
@@ -196,7 +202,7 @@ impl Frames {
         };
         let id = if row.is_remote { format!("{}R", row.id) } else { row.id.to_string() };
         let cells = Row::new([
-            Cell::new(escape(bus).into_owned(), quiet),
+            Cell::new(bus_short(core, &escape(bus), bus_room), quiet),
             Cell::from(id),
             Cell::from(group.map(|id| format!("{:05X}", id.pgn.number())).unwrap_or_default()),
             Cell::from(group.map(|id| format!("{:02X}", id.source)).unwrap_or_default()),
@@ -303,10 +309,10 @@ impl Pane for Frames {
         let inside = Rect { height: area.height.saturating_sub(1), ..area };
         let rows = order(core, world, self.table.sort);
         let columns = Self::columns(core, world, area);
-        let width = data_width(world.identifiers(), area);
+        let widths = (bus_width(core, area.width), data_width(world.identifiers(), area));
         let state = TableState { selected: self.at(&rows), ..self.table.clone() };
         let row = |index: usize| -> Row<'_> {
-            rows.get(index).map_or_else(Row::default, |row| self.draw_row(core, world, row, width))
+            rows.get(index).map_or_else(Row::default, |row| self.draw_row(core, world, row, widths))
         };
         let table = Table::new(&core.theme, &columns).row_count(rows.len()).rows(row).state(&state);
         table.empty("no frames up to the cursor").render(inside, buf);
@@ -376,7 +382,7 @@ impl Pane for Frames {
     }
 
     fn heads(&self) -> Vec<Column> {
-        columns(true, true, 0)
+        columns(4, true, 0)
     }
 
     fn actions(&self) -> &'static [Action] {

@@ -20,8 +20,10 @@ const HIGH: u16 = 40;
 /// Minimum height of a pane with its title.
 const LEAST_ROWS: u16 = 8;
 
-/// Share of the left column, in per cent: default, step and limits.
-const SPLIT: u16 = 58;
+/// Default share of the left column, in per cent.
+pub const SPLIT: u16 = 58;
+
+/// Step and limits of the share.
 const SPLIT_STEP: u16 = 4;
 const SPLIT_LIMITS: (u16, u16) = (30, 78);
 
@@ -103,9 +105,27 @@ pub struct Arrangement {
 }
 
 impl Layout {
+    /// All layouts in the order of the key.
+    pub const ALL: [Self; 4] = [Self::One, Self::Diagnose, Self::List, Self::Signals];
+
     /// Name on the command line.
     pub fn name(self) -> &'static str {
         PLANS.iter().find(|plan| plan.layout == self).map_or("", |plan| plan.name)
+    }
+
+    /// Panes of the left and the right column in a wide terminal.
+    pub fn columns(self) -> [&'static [PaneId]; 2] {
+        self.plan().map_or([&[], &[]], |plan| plan.wide)
+    }
+
+    /// Panes below each other in a narrow terminal.
+    pub fn stack(self) -> &'static [PaneId] {
+        self.plan().map_or(&[], |plan| plan.narrow)
+    }
+
+    /// The pane whose place another one takes.
+    pub fn main(self) -> PaneId {
+        self.plan().map_or(Events, |plan| plan.main)
     }
 
     fn plan(self) -> Option<&'static Plan> {

@@ -7,7 +7,8 @@
 
 use cobscope_decoder::profile::object::Scale;
 use cobscope_decoder::profile::{
-    BitOrder, DataType, Factor, Field, Meaning, ResolvedObject, Signal, Value, word,
+    BitOrder, DataType, Factor, Field, Meaning, ResolvedObject, Signal, Value, letter_legend, word,
+    word_letters,
 };
 use cobscope_decoder::session::{Entry, Node};
 use cobscope_decoder::wire::canopen::ObjectAddress;
@@ -54,11 +55,14 @@ pub(super) fn of_value(
     if let Some(bits) = meaning.bits.as_deref()
         && let Some(word) = word(value)
     {
+        if let Some(letters) = word_letters(bits, word) {
+            all.push(format!("in event rows {letters}: {}", letter_legend(bits).join(", ")));
+        }
         for bit in bits.list.iter().filter(|bit| !bit.reserved) {
             let number = bit.of(word);
             let last = u16::from(bit.bit) + u16::from(bit.width.saturating_sub(1));
             let place = if bit.width <= 1 { bit.bit.to_string() } else { format!("{last}..{}", bit.bit) };
-            let title = bit.text.as_deref().unwrap_or(&bit.name);
+            let title = bit.title();
             let words = bit.word(number).filter(|words| words != title);
             let words = words.map_or(String::new(), |words| format!(": {words}"));
             all.push(format!("bit {place} = {number} {title}{words}"));
@@ -168,7 +172,7 @@ fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -
 /// `read {88} 1.234 s`.
 pub(super) fn origin(core: &Core, entry: &Entry) -> String {
     let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
-    let time = core.seconds(entry.origin.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+    let time = core.time_words(entry.origin.time, 3).map_or(String::new(), |time| format!(" {time}"));
     format!("{}{frame}{time}", entry.origin.kind.verb())
 }
 

@@ -21,7 +21,7 @@ mod why;
 pub(crate) use common::last_world;
 pub use effect::Effect;
 pub use findings::filtered_places;
-pub use layout::{Arrangement, Cell, Layout};
+pub use layout::{Arrangement, Cell, Layout, SPLIT};
 pub use legend::{COMMON, Legend, LegendEntry};
 pub use pane::{Pane, Sorting};
 

@@ -17,7 +17,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::common::{bus_name, divider, has_buses, move_in, node_filter, time};
+use super::common::{
+    bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, time, time_title, time_width,
+};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
@@ -26,6 +28,7 @@ use crate::state::{Core, JumpPlace};
 use crate::theme::{Role, role_of};
 use crate::timeline::{Exchange, MOST_EXCHANGES, Survey};
 use crate::widgets::draw;
+use crate::widgets::fit::fit;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 use crate::widgets::text_lines::TextLines;
 
@@ -67,19 +70,24 @@ impl Counts {
 const LEAST_TEXT: u16 = 28;
 const WANTED_TEXT: u16 = 72;
 
-/// Width of the other columns without the bus, with spaces and scroll bar.
-const IMPORTANT: u16 = 68;
+/// Width of the other columns without time and bus, with spaces and scroll bar.
+const IMPORTANT: u16 = 59;
 
 /// Columns for a table of `width`.
-fn columns(has_buses: bool, width: u16) -> Vec<Column> {
-    let what =
-        if has_buses { LEAST_TEXT } else { width.saturating_sub(IMPORTANT).clamp(LEAST_TEXT, WANTED_TEXT) };
+fn columns(core: &Core, width: u16) -> Vec<Column> {
+    arranged(time_title(core), time_width(core), bus_width(core, width), width)
+}
+
+/// Columns with these widths of time and bus.
+fn arranged(title: &'static str, time: u16, bus: u16, width: u16) -> Vec<Column> {
+    let others = IMPORTANT.saturating_add(bus).saturating_add(time);
+    let what = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
         Column::new("No", Width::Fixed(7)).right().priority(5),
-        Column::new("Time", Width::Fixed(9)).right(),
-        Column::new("ms", Width::Fixed(8)).right().priority(10),
-        Column::new("Bus", Width::Fixed(5)).priority(if has_buses { 8 } else { 0 }),
-        Column::new("Nodes", Width::Fixed(12)).priority(9),
+        Column::new(title, Width::Fixed(time)).right(),
+        Column::new("ms", Width::Fixed(8)).right().priority(9),
+        Column::new(bus_title(bus), Width::Fixed(bus)).priority(11),
+        Column::new("Nodes", Width::Fixed(12)).priority(10),
         Column::new("Kind", Width::Fixed(6)).priority(7),
         Column::new("Content", Width::Min(what)),
         Column::new("Size", Width::Fixed(7)).right().priority(3),
@@ -99,6 +107,8 @@ struct Parts {
 }
 
 const DURATION: usize = 2;
+const BUS: usize = 3;
+const CONTENT: usize = 6;
 const OUTCOME: usize = 8;
 
 /// Compares two transfers by a column.
@@ -106,10 +116,10 @@ fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
     match column {
         0 | 1 => one.spot.cmp(&other.spot),
         DURATION => one.duration.cmp(&other.duration),
-        3 => one.bus.cmp(&other.bus),
+        BUS => one.bus.cmp(&other.bus),
         4 => one.who.cmp(&other.who),
         5 => one.kind.cmp(other.kind),
-        6 => one.what.cmp(&other.what),
+        CONTENT => one.what.cmp(&other.what),
         7 => one.size.cmp(&other.size),
         _ => one.outcome.cmp(other.outcome),
     }
@@ -261,9 +271,12 @@ impl Pane for Transfers {
         let selected = Self::selected(core, &survey, order);
         // Without a selection the column heads still show the sort mark.
         let state = TableState { selected: selected.unwrap_or(0), ..self.table.clone() };
-        let columns = columns(has_buses(core), parts.table.width);
+        let columns = columns(core, parts.table.width);
+        let width = |column| Table::width_of(&columns, column, parts.table.width.saturating_sub(1));
+        let widths = (width(BUS), width(CONTENT));
         let row = |index: usize| -> Row<'_> {
-            Self::exchange(order, &survey, index).map_or_else(Row::default, |exchange| row(core, exchange))
+            Self::exchange(order, &survey, index)
+                .map_or_else(Row::default, |exchange| row(core, exchange, widths))
         };
         let empty =
             if survey.is_complete { "no SDO, J1939 transport or UDS transfers" } else { "no transfers yet" };
@@ -302,7 +315,7 @@ impl Pane for Transfers {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
         let below = self.parts(core, &survey, area).table;
-        let columns = columns(has_buses(core), below.width);
+        let columns = columns(core, below.width);
         let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len());
         if let Some(column) = table.column_at(below, x) {
             self.table.column = column;
@@ -342,7 +355,7 @@ impl Pane for Transfers {
     }
 
     fn heads(&self) -> Vec<Column> {
-        columns(true, 0)
+        arranged("Time", 9, 4, 0)
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -360,7 +373,7 @@ impl Pane for Transfers {
         let survey = core.timeline.survey();
         let exchange = self.current(core, &survey)?;
         Some(match (self.table.column, exchange.node) {
-            (3, _) => format!("bus == {:?}", bus_name(core, exchange.bus)),
+            (BUS, _) => format!("bus == {:?}", bus_name(core, exchange.bus)),
             (4, Some(node)) => node_filter(node),
             (OUTCOME, _) => {
                 format!("kind == {:?} && outcome == {:?}", exchange.event_kind, exchange.outcome)
@@ -377,7 +390,8 @@ impl Pane for Transfers {
     }
 }
 
-fn row(core: &Core, exchange: &Exchange) -> Row<'static> {
+/// The row of a transfer with the widths of bus and content.
+fn row(core: &Core, exchange: &Exchange, widths: (u16, u16)) -> Row<'static> {
     let theme = &core.theme;
     let (quiet, tone) = (theme.style(Role::Quiet), theme.style(role_of(exchange.tone)));
     let number = if exchange.frames.last == 0 { String::new() } else { exchange.frames.last.to_string() };
@@ -385,10 +399,10 @@ fn row(core: &Core, exchange: &Exchange) -> Row<'static> {
         Cell::new(number, quiet),
         Cell::from(time(core, exchange.time)),
         Cell::from(exchange.duration.map(millis).unwrap_or_default()),
-        Cell::new(bus_name(core, exchange.bus), quiet),
+        Cell::new(bus_short(core, &bus_name(core, exchange.bus), widths.0), quiet),
         Cell::from(exchange.who.to_string()),
         Cell::new(exchange.kind, tone),
-        Cell::new(exchange.what.to_string(), tone),
+        Cell::new(fit(&exchange.news, widths.1, theme), tone),
         Cell::new(size(exchange), quiet),
         Cell::new(exchange.outcome, tone),
     ])

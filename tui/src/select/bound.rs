@@ -55,6 +55,11 @@ impl FromStr for Bound {
 }
 
 impl Bound {
+    /// A wall-clock time in the time zone of the computer; None if the text is not one, or names a zone.
+    pub fn local(text: &str) -> Option<Self> {
+        ClockTime::parse_local(text).map(Self::Clock)
+    }
+
     /// The bound without a wall-clock time, for a capture that begins with the frame `first`.
     ///
     /// # Errors

@@ -77,6 +77,13 @@ impl ClockTime {
         Some(Self { date, time, zone })
     }
 
+    /// As [`Self::parse`], in the time zone of the computer; None if the text names a zone.
+    pub(super) fn parse_local(text: &str) -> Option<Self> {
+        let text = text.trim();
+        let is_bare = zone_of(text).0.len() == text.len();
+        Self::parse(text).filter(|_| is_bare).map(|clock| Self { zone: Zone::Local, ..clock })
+    }
+
     /// The moment of a date and time in UTC or with an offset, which does not depend on a capture.
     pub(super) fn fixed(self) -> Option<Timestamp> {
         if self.zone == Zone::Local {
@@ -131,6 +138,26 @@ impl ClockTime {
             (None, None) => Err("neither a date nor a time".into()),
         }
     }
+}
+
+/// A moment as a time of day with `decimals` of a second; with `has_date` month and day before it.
+pub fn wall_clock(time: Timestamp, is_local: bool, has_date: bool, decimals: u32) -> String {
+    let zone = if is_local { TimeZone::system() } else { TimeZone::UTC };
+    written_clock(time, zone, has_date, decimals)
+}
+
+fn written_clock(time: Timestamp, zone: TimeZone, has_date: bool, decimals: u32) -> String {
+    let zoned = moment(time).to_zoned(zone);
+    let format = if has_date { "%m-%d %H:%M:%S" } else { "%H:%M:%S" };
+    let fraction = time.0.rem_euclid(1_000_000_000);
+    let fraction = fraction / 10_i64.pow(9_u32.saturating_sub(decimals));
+    format!("{}.{fraction:0width$}", zoned.strftime(format), width = decimals.min(9) as usize)
+}
+
+/// Whether two moments are on different days.
+pub fn spans_days(first: Timestamp, last: Timestamp, is_local: bool) -> bool {
+    let zone = if is_local { TimeZone::system() } else { TimeZone::UTC };
+    moment(first).to_zoned(zone.clone()).date() != moment(last).to_zoned(zone).date()
 }
 
 /// Text without its time zone.
@@ -277,6 +304,24 @@ mod tests {
         let error = resolved("12:00", first, "2023-11-15T01:00:00Z").unwrap_err();
         assert!(error.contains("does not occur in the capture (2023-11-14T22:13:20Z to"), "{error}");
         assert!(error.ends_with("give one of 2023-11-14T12:00:00Z, 2023-11-15T12:00:00Z"), "{error}");
+    }
+
+    #[test]
+    fn a_moment_is_written_in_its_zone() {
+        let time = at("2023-11-14T23:13:20.0125Z");
+        let berlin = || TimeZone::posix("CET-1CEST,M3.5.0,M10.5.0/3").unwrap();
+        assert_eq!(written_clock(time, TimeZone::UTC, false, 3), "23:13:20.012");
+        assert_eq!(written_clock(time, berlin(), true, 6), "11-15 00:13:20.012500");
+        assert!(!spans_days(time, time.plus(1), false) && spans_days(time, time.plus(HOUR), false));
+    }
+
+    #[test]
+    fn a_time_without_zone_is_local_on_request() {
+        let local = ClockTime::parse_local(" 22:13:25.5 ").unwrap();
+        assert_eq!(local, ClockTime::parse("22:13:25.5 local").unwrap());
+        for text in ["22:13:25Z", "22:13:25+01:00", "22:13 local", "12.5"] {
+            assert_eq!(ClockTime::parse_local(text), None, "{text}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use cobscope_decoder::wire::NodeId;
 
 use crate::figures::seconds;
 pub use bound::{Bound, Span, ensure_order};
-pub use clock::BoundSide;
+pub use clock::{BoundSide, spans_days, wall_clock};
 
 /// Selected nodes; all if empty.
 #[derive(Debug, Default)]

@@ -9,8 +9,9 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
 use super::place::Preview;
-use super::{JumpPlace, NodeKey, SearchPattern};
-use crate::select::Bound;
+use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
+use crate::figures::seconds_to;
+use crate::select::{Bound, spans_days, wall_clock};
 use crate::theme::{Role, Theme};
 use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
 use crate::words::{unheard, unknown_bus};
@@ -41,6 +42,8 @@ pub struct Core {
     pub is_following: bool,
     /// First frame of the selection; it ends at the cursor.
     pub selection: Option<u64>,
+    /// Display of times.
+    pub clock: TimeDisplay,
     /// Height of the terminal.
     pub screen_height: u16,
     /// Height of the focused pane.
@@ -77,6 +80,7 @@ impl Core {
             said: None,
             is_following: false,
             selection: None,
+            clock: TimeDisplay::default(),
             screen_height: 24,
             height: 24,
             width: 80,
@@ -334,6 +338,38 @@ impl Core {
     /// Time of the first frame.
     pub fn zero(&self) -> Option<Timestamp> {
         self.timeline.progress().times().map(|(zero, _)| zero)
+    }
+
+    /// A time in the chosen display, with `decimals` of a second; None without a time.
+    pub fn time_text(&self, time: Option<Timestamp>, decimals: u32) -> Option<String> {
+        let (first, last) = self.timeline.progress().times()?;
+        let time = time?;
+        let is_local = match self.clock {
+            TimeDisplay::Relative => return Some(seconds_to(time.since(first), decimals)),
+            TimeDisplay::Utc => false,
+            TimeDisplay::Local => true,
+        };
+        Some(wall_clock(time, is_local, spans_days(first, last, is_local), decimals))
+    }
+
+    /// As [`Self::time_text`], with the unit of seconds.
+    pub fn time_words(&self, time: Option<Timestamp>, decimals: u32) -> Option<String> {
+        let unit = if self.clock == TimeDisplay::Relative { " s" } else { "" };
+        Some(self.time_text(time, decimals)? + unit)
+    }
+
+    /// Switches to the next display of times; only captures with dates have wall-clock times.
+    pub fn next_clock(&mut self) {
+        match self.zero() {
+            None => self.refuse("this capture has no timestamps"),
+            Some(zero) if !zero.has_date() => {
+                self.refuse("times count from the start of the capture; no wall-clock time");
+            }
+            Some(_) => {
+                self.clock = self.clock.next();
+                self.notify(self.clock.words());
+            }
+        }
     }
 
     /// A time as seconds from the first frame.

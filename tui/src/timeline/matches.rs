@@ -49,7 +49,7 @@ impl Matcher {
         if self.filter.as_ref().is_some_and(|filter| !filter.matches(told.event, told.bus, None)) {
             return false;
         }
-        self.text.as_ref().is_none_or(|text| text.is_match(&Row::new(told).text()))
+        self.text.as_ref().is_none_or(|text| text.is_match(&Row::new(told, self.only_news).text()))
     }
 }
 
@@ -125,7 +125,7 @@ impl Matches {
             *bits |= 1 << bit;
         }
         if count < MOST_ROWS as u64 {
-            found.rows.push(Row::new(told));
+            found.rows.push(Row::new(told, self.matcher.only_news));
         } else {
             found.rows = Vec::new();
         }

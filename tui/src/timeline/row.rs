@@ -1,10 +1,10 @@
 //! A row of the Events pane with its event.
 
-use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::event::{Event, EventKind, Outcome, SdoTransfer};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::{Line, Tone};
+use cobscope_decoder::sink::text::{Line, MessageChanges, Tone};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
 /// Number of payload bytes in a row.
@@ -27,8 +27,12 @@ pub struct Row {
     pub kind: &'static str,
     /// Object, signal or code; may be empty.
     pub object: String,
-    /// Change or value.
+    /// Change or value; of a message its changed signals.
     pub value: String,
+    /// Object and value as one text, with the name of the object last: `1003:00 = 1, Number of errors`.
+    pub news: String,
+    /// Signals that did not change; empty if only changes are shown.
+    pub unchanged: String,
     /// Tone that decides the colour.
     pub tone: Tone,
     /// The event is a change.
@@ -36,10 +40,11 @@ pub struct Row {
 }
 
 impl Row {
-    /// The row of an event with escaped texts.
-    pub fn new(told: &PlacedEvent<'_>) -> Self {
+    /// The row of an event with escaped texts. With `only_news` a message is compared with the last one that
+    /// was news, else with the one before it.
+    pub fn new(told: &PlacedEvent<'_>, only_news: bool) -> Self {
         let line = Line::of(told.event, told.bus);
-        let (object, value) = columns(told.event, &line);
+        let RowTexts { object, value, news, unchanged } = texts(told, &line, only_news);
         let presumed = if told.event.presumed { "?" } else { "" };
         Self {
             spot: told.spot,
@@ -48,8 +53,10 @@ impl Row {
             frame: told.frame.filter(|frame| told.event.frames.last == frame.number).copied(),
             who: escape(&line.who).into_owned(),
             kind: line.kind,
-            object: escape(object).into_owned(),
-            value: format!("{}{presumed}", escape(value)),
+            object: escape(&object).into_owned(),
+            value: format!("{}{presumed}", escape(&value)),
+            news: format!("{}{presumed}", escape(&news)),
+            unchanged: escape(&unchanged).into_owned(),
             tone: line.tone,
             is_news: told.is_news,
         }
@@ -91,15 +98,6 @@ impl Row {
         }
     }
 
-    /// Object and value as one text.
-    pub fn what(&self) -> String {
-        match (self.object.is_empty(), self.value.is_empty()) {
-            (true, _) => self.value.clone(),
-            (_, true) => self.object.clone(),
-            _ => format!("{} {}", self.object, self.value),
-        }
-    }
-
     /// Identifier of the frame.
     pub fn id(&self) -> Option<CanId> {
         self.frame.filter(|frame| !frame.flags.contains(FrameFlags::ERROR)).map(|frame| frame.id)
@@ -119,20 +117,110 @@ impl Row {
     /// The row as one line, for search and clipboard.
     pub fn text(&self) -> String {
         let id = self.id().map_or(String::new(), |id| id.to_string());
-        format!("{} {id} {} {} {} {}", self.bus, self.who, self.kind, self.what(), self.data())
+        let what = format!("{} {}", self.news, self.unchanged);
+        format!("{} {id} {} {} {what} {}", self.bus, self.who, self.kind, self.data())
     }
 }
 
-/// Object and value of an event.
-fn columns<'a>(event: &Event, line: &'a Line) -> (&'a str, &'a str) {
+/// Texts of an event in the order of their columns.
+#[derive(Default)]
+struct RowTexts {
+    object: String,
+    value: String,
+    news: String,
+    unchanged: String,
+}
+
+impl RowTexts {
+    /// An object, which may be empty, and a value.
+    fn new(object: &str, value: &str) -> Self {
+        let blank = if object.is_empty() || value.is_empty() { "" } else { " " };
+        let news = format!("{object}{blank}{value}");
+        Self { object: object.to_owned(), value: value.to_owned(), news, unchanged: String::new() }
+    }
+}
+
+fn texts(told: &PlacedEvent<'_>, line: &Line, only_news: bool) -> RowTexts {
+    let earlier = told.earlier.news.filter(|_| only_news).or(told.earlier.last);
+    if let Some(changes) = MessageChanges::of(told.event, told.bus, earlier) {
+        return of_message(changes, only_news);
+    }
     let what = line.what.as_str();
-    match &event.kind {
-        EventKind::SdoTransfer(_) | EventKind::UdsExchange(_) => what.split_once(" = ").unwrap_or((what, "")),
-        EventKind::Pdo(_) => match what.split_once(' ') {
-            Some((name, rest)) => (name, rest.split_once(": ").map_or(rest, |(_, signals)| signals)),
-            None => (what, ""),
-        },
-        EventKind::Emcy(_) | EventKind::ObjectChange(_) => what.split_once(' ').unwrap_or((what, "")),
+    let (object, value) = match &told.event.kind {
+        EventKind::SdoTransfer(transfer) => return of_transfer(transfer, what),
+        EventKind::UdsExchange(_) => what.split_once(" = ").unwrap_or((what, "")),
+        EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::ObjectChange(_) => {
+            what.split_once(' ').unwrap_or((what, ""))
+        }
         _ => ("", what),
+    };
+    RowTexts::new(object, value)
+}
+
+/// Changed signals, and the unchanged ones if all are shown or none changed.
+fn of_message(changes: MessageChanges, only_news: bool) -> RowTexts {
+    let MessageChanges { name, changed, unchanged, note } = changes;
+    let (value, unchanged) = match (changed.is_empty(), only_news) {
+        (true, true) => (unchanged, String::new()),
+        (_, true) => (changed, String::new()),
+        (_, false) => (changed, unchanged),
+    };
+    RowTexts { unchanged, ..RowTexts::new(&name, format!("{value}{note}").trim_start()) }
+}
+
+/// Text of a transfer with its value or failure before the name of the object.
+pub(super) fn transfer_news(kind: &EventKind, what: &str) -> String {
+    match kind {
+        EventKind::SdoTransfer(transfer) => of_transfer(transfer, what).news,
+        _ => what.to_owned(),
+    }
+}
+
+/// Object, then the value or the reason of the failure with the consequence, then the name of the object.
+/// Duration and mode of a complete transfer are left to the details.
+fn of_transfer(transfer: &SdoTransfer, what: &str) -> RowTexts {
+    let name = transfer.meaning.as_ref().map_or("", |meaning| meaning.name.as_str());
+    let code = transfer.object.map_or(String::new(), |object| object.to_string());
+    let object = if name.is_empty() { code.clone() } else { format!("{code} {name}") };
+    let Some(rest) = what.strip_prefix(object.as_str()).filter(|_| !object.is_empty()) else {
+        return RowTexts::new("", what);
+    };
+    let mut value = rest.trim_start().to_owned();
+    if let Some(end) = value.rfind(" ok").filter(|_| transfer.outcome == Outcome::Complete) {
+        let (value_part, details) = value.split_at_checked(end).unwrap_or((&value, ""));
+        let consequence = details.find(" | ").and_then(|at| details.get(at..)).unwrap_or_default();
+        value = format!("{value_part}{consequence}");
+    }
+    let separator = if value.contains(" | ") { " |" } else { "," };
+    let name = if name.is_empty() { String::new() } else { format!("{separator} {name}") };
+    let news = format!("{code} {value}{name}");
+    let value = value.strip_prefix("= ").unwrap_or(&value);
+    RowTexts { news, ..RowTexts::new(&object, value) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(changed: &str, unchanged: &str) -> MessageChanges {
+        MessageChanges {
+            name: "TPDO1".into(),
+            changed: changed.into(),
+            unchanged: unchanged.into(),
+            note: " (to 5/05)".into(),
+        }
+    }
+
+    #[test]
+    fn changed_signals_precede_the_note_and_unchanged_ones_are_apart() {
+        let texts = |changed, unchanged, only_news| {
+            let texts = of_message(message(changed, unchanged), only_news);
+            (texts.value, texts.unchanged)
+        };
+        let text = |value: &str, unchanged: &str| (value.to_owned(), unchanged.to_owned());
+        assert_eq!(texts("p 1 → 2 bar", "q 3", true), text("p 1 → 2 bar (to 5/05)", ""));
+        assert_eq!(texts("p 1 → 2 bar", "q 3", false), text("p 1 → 2 bar (to 5/05)", "q 3"));
+        assert_eq!(texts("", "q 3", false), text("(to 5/05)", "q 3"));
+        assert_eq!(texts("", "q 3", true), text("q 3 (to 5/05)", ""), "never an empty row");
     }
 }

@@ -67,10 +67,12 @@ pub struct Progress {
     zero: AtomicI64,
     time: AtomicI64,
     has_times: AtomicBool,
+    buses: AtomicUsize,
 }
 
 impl Progress {
-    pub(super) fn publish(&self, world: &ReplayState, bytes: u64) {
+    pub(super) fn publish(&self, world: &ReplayState, names: &[String], bytes: u64) {
+        self.buses.store(names.len(), Ordering::Relaxed);
         if let (Some(zero), Some(time)) = (world.zero(), world.time()) {
             self.zero.store(zero.0, Ordering::Relaxed);
             self.time.store(time.0, Ordering::Relaxed);
@@ -97,6 +99,11 @@ impl Progress {
     /// Whether the whole capture is read.
     pub fn is_complete(&self) -> bool {
         self.is_complete.load(Ordering::Acquire)
+    }
+
+    /// Number of buses whose names are read; it may exceed those with indexed frames.
+    pub fn buses(&self) -> usize {
+        self.buses.load(Ordering::Relaxed)
     }
 
     /// Times of the first and of the last indexed frame.

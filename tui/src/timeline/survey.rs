@@ -125,6 +125,8 @@ pub struct Exchange {
     pub event_kind: &'static str,
     /// Object or service, and result.
     pub what: Box<str>,
+    /// The same for a row: value or failure before the name of the object.
+    pub news: Box<str>,
     /// Time from the first to the last frame, in ns.
     pub duration: Option<i64>,
     /// Number of bytes transferred.

@@ -5,6 +5,7 @@
 pub mod bars;
 pub mod bits;
 pub mod draw;
+pub mod fit;
 pub mod plot;
 pub mod prompt;
 pub mod table;

@@ -9,6 +9,7 @@
 
 mod burst;
 mod bus;
+mod changes;
 mod detail;
 mod device;
 mod emcy;
@@ -28,6 +29,7 @@ mod uds;
 use std::io::{self, Write};
 
 pub use super::options::{PdoLines, TextOptions, TimeColumn};
+pub use changes::MessageChanges;
 pub use line::Line;
 pub use news::News;
 pub use tone::Tone;

@@ -19,6 +19,8 @@ const MOST: usize = 4096;
 #[derive(Debug, Clone, Default)]
 pub struct News {
     printed: HashMap<(BusIndex, CanId), Box<[u8]>, FixedState>,
+    /// Payload in `printed` that the last event replaced.
+    replaced: Option<Box<[u8]>>,
 }
 
 impl News {
@@ -26,6 +28,7 @@ impl News {
     /// the last one for which the result was `true`.
     #[inline]
     pub fn has(&mut self, event: &Event) -> bool {
+        self.replaced = None;
         !event.routine && self.has_changed(event)
     }
 
@@ -38,6 +41,11 @@ impl News {
             EventKind::J1939Message(message) => self.is_message_news(event.bus, message),
             _ => true,
         }
+    }
+
+    /// Payload that the event of the last call of [`Self::has`] is compared with, if it is new.
+    pub fn replaced(&self) -> Option<&[u8]> {
+        self.replaced.as_deref()
     }
 
     /// Memory in use, in bytes.
@@ -83,7 +91,7 @@ impl News {
             Some(before) => moved(before),
         };
         if news && (self.printed.len() < MOST || self.printed.contains_key(&key)) {
-            self.printed.insert(key, payload.into());
+            self.replaced = self.printed.insert(key, payload.into());
         }
         news
     }

@@ -44,6 +44,11 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
         push_signal(&signal, layout.assumed, out);
         separator = b", ";
     }
+    push_absent_signals(layout, payload, out);
+}
+
+/// Appends the signals that the payload is too short for.
+pub(super) fn push_absent_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
     let needed = usize::from(layout.bits.div_ceil(8));
     if needed > payload.len() {
         push_absent(layout, payload, needed, out);
@@ -51,7 +56,7 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
 }
 
 /// Whether the layout contains signals of several channels, which have equal names.
-fn has_several_channels(layout: &Layout) -> bool {
+pub(super) fn has_several_channels(layout: &Layout) -> bool {
     let mut channels = layout.fields.iter().filter_map(channel_of);
     channels.next().is_some_and(|first| channels.any(|other| other != first))
 }

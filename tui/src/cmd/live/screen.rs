@@ -15,7 +15,8 @@ use crate::app::{App, Start};
 use crate::cli::LiveArgs;
 use crate::cmd::input::{read_options, session_options, setup};
 use crate::cmd::messages::Refusal;
-use crate::cmd::view::{command, forward, theme};
+use crate::cmd::screen_settings::{ScreenSettings, remember};
+use crate::cmd::view::{command, forward};
 use crate::exit_code::Exit;
 use crate::source::live::{Arrival, SourceSpec};
 use crate::source::{JoinOptions, Store, StoreWriter};
@@ -35,6 +36,8 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
         Ok((session, rules))
     });
     let (session, rules) = ready.map_err(|error| (Exit::Profile, error))?;
+    let settings = ScreenSettings::of_user(&arguments.screen, arguments.lines.color)
+        .map_err(|error| (Exit::Usage, error))?;
     let has_stdin = specs.contains(&SourceSpec::Stdin);
     let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
@@ -47,7 +50,7 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let read = read_options(&arguments.input);
     let captures =
         Captures { paths: Vec::new(), align: false, join: JoinOptions::OFF, read, session, rules, live };
-    let shown = show(arguments, captures, has_stdin);
+    let shown = show(arguments, captures, &settings, has_stdin);
     let outcome = pump.finish();
     // The spool ends when the pump ends.
     let _ = spool.join();
@@ -59,7 +62,12 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     shown.map(|()| Exit::Clean).map_err(|error| (Exit::Capture, error))
 }
 
-fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Result<()> {
+fn show(
+    arguments: &LiveArgs,
+    captures: Captures,
+    settings: &ScreenSettings,
+    has_stdin: bool,
+) -> anyhow::Result<()> {
     ensure!(has_stdin || std::io::stdin().is_terminal(), "stdin is not a terminal; keys cannot be read");
     let (messages, inbox) = channel();
     let (news, found) = channel();
@@ -68,8 +76,10 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
     let filter = arguments.select.filter.clone();
     let start = Start {
         command: command("live", std::env::args().skip(1)),
-        pane: arguments.screen.pane,
-        layout: arguments.screen.layout,
+        pane: settings.pane,
+        preferences: settings.preferences.clone(),
+        defaults: settings.defaults.clone(),
+        keymap: settings.keymap.clone(),
         at: None,
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,
@@ -77,10 +87,12 @@ fn show(arguments: &LiveArgs, captures: Captures, has_stdin: bool) -> anyhow::Re
         // Buses can appear at any time.
         named: Vec::new(),
     };
-    let mut app = App::new(timeline, theme(&arguments.screen, arguments.lines.color), start);
+    let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;
-    terminal::listen(messages)?;
-    terminal::run(&mut app, &mut screen, &inbox)
+    terminal::listen(messages, settings.may_answer)?;
+    terminal::run(&mut app, &mut screen, &inbox)?;
+    drop(screen);
+    remember(&app, &settings.preferences)
 }
 
 /// Writes received items to the store.

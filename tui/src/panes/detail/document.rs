@@ -120,6 +120,6 @@ fn related(core: &Core, row: &Row, keys: &[keys::Key]) -> Vec<Item> {
 }
 
 fn event_text(core: &Core, row: &Row) -> String {
-    let time = core.seconds(row.event.time).map_or(String::new(), |time| format!("{time:.3} s "));
-    format!("{time}{} {} {}", row.who, row.kind, row.what())
+    let time = core.time_words(row.event.time, 3).map_or(String::new(), |time| time + " ");
+    format!("{time}{} {} {}", row.who, row.kind, row.news)
 }

@@ -254,7 +254,7 @@ fn frames(core: &Core, event: &Event, chosen: Option<usize>, items: &mut Vec<Ite
 
 fn line(core: &Core, event: &Event, frame: &Frame, all: &[Frame]) -> String {
     let arrow = core.theme.glyph(Glyph::Arrow);
-    let time = core.seconds(frame.time).map_or(String::new(), |time| format!("{time:.6}"));
+    let time = core.time_text(frame.time, 6).unwrap_or_default();
     let (is_first_way, step) = match &event.kind {
         EventKind::SdoTransfer(transfer) => {
             let service = of_sdo(transfer, all, frame);

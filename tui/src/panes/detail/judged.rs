@@ -97,7 +97,7 @@ fn link(core: &Core, word: &str, group: &Group) -> Item {
 }
 
 fn place(core: &Core, occurrence: &Occurrence) -> String {
-    let time = core.seconds(occurrence.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+    let time = core.time_words(occurrence.time, 3).map_or(String::new(), |time| format!(" {time}"));
     format!("{{{}}}{time}", occurrence.frames.last)
 }
 
@@ -109,7 +109,7 @@ fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
         items.push(Item::new(&head, severity_role(news.severity)));
         let cause = news.cause.and_then(|id| survey.news.iter().find(|other| other.news.id == id));
         if let Some(cause) = cause {
-            let time = core.seconds(cause.time).map_or(String::new(), |time| format!(" {time:.3} s"));
+            let time = core.time_words(cause.time, 3).map_or(String::new(), |time| format!(" {time}"));
             let frame = cause.spot.frame;
             let text = format!("  caused by {{{frame}}}{time} {}: {}", cause.news.rule, cause.news.text);
             items.push(Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Frame(frame))));

@@ -232,7 +232,7 @@ fn layout(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> Parts {
 /// Time and place of the event, and its text.
 fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
     let time = told.row.map_or_else(|| core.time(), |row| row.event.time);
-    let mut place: Vec<String> = core.seconds(time).map(|time| format!("{time:.6} s")).into_iter().collect();
+    let mut place: Vec<String> = core.time_words(time, 6).into_iter().collect();
     place.extend(time.and_then(date));
     let quiet = |place: &[String]| {
         let text = cobscope_decoder::sink::escape(&place.join("  ")).into_owned();
@@ -251,7 +251,7 @@ fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
     place.push(row.bus.clone());
     place.extend(Some(told.payload.title.clone()).filter(|title| !title.is_empty()));
     place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
-    let text = format!("{} {} {}", row.who, row.kind, row.what()).trim_start().to_owned();
+    let text = format!("{} {} {}", row.who, row.kind, row.news).trim_start().to_owned();
     vec![quiet(&place), Line::styled(text, core.theme.style(role_of(row.tone)))]
 }
 

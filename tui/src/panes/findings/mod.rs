@@ -27,7 +27,10 @@ use ratatui::style::Style;
 pub use self::chosen::filtered_places;
 use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
-use super::common::{ahead, bus_name, divider, has_buses, move_in, node_filter, severity_role, time};
+use super::common::{
+    ahead, bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, severity_role, time,
+    time_width,
+};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
@@ -72,21 +75,25 @@ struct RowInputs {
 const LEAST_TEXT: u16 = 28;
 const WANTED_TEXT: u16 = 72;
 
-/// Width of the columns up to `Cursor`, with spaces and scroll bar.
-const IMPORTANT: u16 = 59;
+/// Width of the columns up to `Cursor` without bus and first time, with spaces and scroll bar.
+const IMPORTANT: u16 = 50;
 
 /// Columns for a table of `width`.
-fn columns(has_buses: bool, width: u16) -> Vec<Column> {
-    let bus = 5;
-    let (important, others) = if has_buses { (9, IMPORTANT + bus + 1) } else { (0, IMPORTANT) };
+fn columns(core: &Core, width: u16) -> Vec<Column> {
+    arranged(time_width(core).max(5), bus_width(core, width), width)
+}
+
+/// Columns with these widths of time and bus.
+fn arranged(time: u16, bus: u16, width: u16) -> Vec<Column> {
+    let others = IMPORTANT.saturating_add(bus).saturating_add(time);
     let text = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
     vec![
-        Column::new("Severity", Width::Fixed(8)).priority(11),
-        Column::new("Bus", Width::Fixed(bus)).priority(important),
+        Column::new("Severity", Width::Fixed(8)).priority(12),
+        Column::new(bus_title(bus), Width::Fixed(bus)).priority(11),
         Column::new("Node", Width::Fixed(12)).priority(10),
         Column::new("×", Width::Fixed(5)).right().priority(8),
-        Column::new("First", Width::Fixed(9)).right().priority(9),
-        Column::new("Last", Width::Fixed(9)).right().priority(3),
+        Column::new("First", Width::Fixed(time)).right().priority(9),
+        Column::new("Last", Width::Fixed(time)).right().priority(3),
         Column::new("Cursor", Width::Fixed(9)).right().priority(7),
         Column::new("Rule", Width::Fixed(24)).priority(2),
         Column::new("Subject", Width::Fixed(10)).priority(1),
@@ -229,12 +236,12 @@ impl Pane for Findings {
                 draw::line(buf, place, &more, draw::Align::Right, &core.theme);
             }
         }
-        let (state, has_buses) = (self.state(items), has_buses(core));
-        let (columns, empty) = (columns(has_buses, parts.table.width), empty(&survey, chosen));
+        let (state, bus) = (self.state(items), bus_width(core, parts.table.width));
+        let (columns, empty) = (columns(core, parts.table.width), empty(&survey, chosen));
         let row = |index: usize| -> Row<'_> {
             let item = items.get(index);
             let told = item.and_then(|item| Some((item, facts(&survey, item)?)));
-            told.map_or_else(Row::default, |(item, facts)| row(core, item, &facts))
+            told.map_or_else(Row::default, |(item, facts)| row(core, item, &facts, bus))
         };
         let table = Table::new(&core.theme, &columns).row_count(items.len()).rows(row);
         table.state(&state).tree_column(TEXT).empty(&empty).render(parts.table, buf);
@@ -276,7 +283,7 @@ impl Pane for Findings {
         let rows = &self.listed.rows;
         let notes = detail::notes(core, &survey, self.listed.chosen.as_ref()).len();
         let table_area = parts(area, notes, rows.len()).table;
-        let columns = columns(has_buses(core), table_area.width);
+        let columns = columns(core, table_area.width);
         let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(table_area, x) {
             self.table.column = column;
@@ -310,7 +317,7 @@ impl Pane for Findings {
     }
 
     fn heads(&self) -> Vec<Column> {
-        columns(true, 0)
+        arranged(9, 4, 0)
     }
 
     fn actions(&self) -> &'static [Action] {
@@ -361,7 +368,7 @@ fn empty(survey: &Survey, chosen: Option<&FilterResult>) -> String {
     format!("no findings: {} exercised, {} not exercised", plural(judged.len(), "rule"), none.len())
 }
 
-fn row(core: &Core, item: &Item, facts: &Facts) -> Row<'static> {
+fn row(core: &Core, item: &Item, facts: &Facts, bus: u16) -> Row<'static> {
     let theme = &core.theme;
     let (quiet, judged) = (theme.style(Role::Quiet), theme.style(severity_role(facts.severity)));
     let ahead = ahead(core, facts.began);
@@ -369,7 +376,7 @@ fn row(core: &Core, item: &Item, facts: &Facts) -> Row<'static> {
     let severity = if facts.is_suppressed { "suppr." } else { facts.severity.name() };
     let mut cells = vec![
         Cell::new(severity, judged),
-        Cell::new(bus_name(core, facts.bus), quiet),
+        Cell::new(bus_short(core, &bus_name(core, facts.bus), bus), quiet),
         Cell::from(facts.who.clone()),
         Cell::new(facts.count.to_string(), Style::new()),
         Cell::from(time(core, facts.began)),

@@ -196,7 +196,7 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }
     if let Some(start) = subject.latest.and_then(LatestOfNode::start) {
-        let at = core.seconds(start.time).map_or_else(String::new, |time| format!(" at {time:.3} s"));
+        let at = core.time_words(start.time, 3).map_or_else(String::new, |time| format!(" at {time}"));
         let why = match start.cause {
             BootCause::Commanded { .. } => "commanded",
             BootCause::PresumedPowerOn { .. } => "power cycle or self-reset",

@@ -119,7 +119,7 @@ impl Objects {
         } else {
             format!("{count} with \"{}\"", self.search)
         };
-        let time = core.seconds(core.time()).map_or(String::new(), |time| format!(" at {time:.3} s"));
+        let time = core.time_words(core.time(), 3).map_or(String::new(), |time| format!(" at {time}"));
         let others = rows::nodes(core).len().saturating_sub(1);
         let more = if others > 0 { format!("  (x: next of {} nodes)", others + 1) } else { String::new() };
         let text = format!("{}: {found}{time}{more}", subject.label());

@@ -13,7 +13,7 @@ pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
     match Walk::start(shared) {
         Ok(mut walk) => {
             go(shared, &mut walk, news);
-            shared.progress.publish(&walk.world, walk.offset());
+            shared.progress.publish(&walk.world, walk.names(), walk.offset());
             *shared.end.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(walk.world));
         }
         Err(error) => shared.fail(&error),
@@ -33,7 +33,7 @@ fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
         }
         match walk.leap(u64::MAX, &mut |_| ()) {
             Ok(true) => {
-                shared.progress.publish(&walk.world, walk.offset());
+                shared.progress.publish(&walk.world, walk.names(), walk.offset());
                 if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel)
                 {
                     // The application may have ended.

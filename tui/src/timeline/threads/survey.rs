@@ -18,6 +18,7 @@ use cobscope_decoder::statistics::Statistics;
 
 use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
+use crate::timeline::row::transfer_news;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
     Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
@@ -257,6 +258,7 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         kind: line.kind,
         event_kind: event.kind.name(),
         what: escape(&line.what).into(),
+        news: escape(&transfer_news(&event.kind, &line.what)).into(),
         duration,
         size,
         outcome,

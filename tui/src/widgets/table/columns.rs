@@ -17,7 +17,7 @@ const LEAST_FILL: u16 = 10;
 /// Width of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
-    /// A fixed width.
+    /// A fixed width; 0 for a column that is not needed.
     Fixed(u16),
     /// A minimum width. The column grows if there is room and no `Fill` column.
     Min(u16),
@@ -78,7 +78,8 @@ pub struct VisibleColumn {
 
 /// Places the columns that fit into `available`, from left to right.
 pub fn place(columns: &[Column], available: u16) -> Vec<VisibleColumn> {
-    let mut kept: Vec<_> = columns.iter().enumerate().collect();
+    let is_needed = |(_, column): &(usize, &Column)| column.width != Width::Fixed(0);
+    let mut kept: Vec<_> = columns.iter().enumerate().filter(is_needed).collect();
     while kept.len() > 1 && least(&kept) > available {
         // The rightmost of the columns with the lowest priority.
         let goes = kept.iter().enumerate().rev().min_by_key(|(_, (_, column))| column.priority);
@@ -149,6 +150,18 @@ mod tests {
         assert_eq!(placed(14), [(2, 0, 14)]);
         assert_eq!(placed(3), [(2, 0, 3)]);
         assert_eq!(placed(0), []);
+    }
+
+    #[test]
+    fn a_column_without_width_takes_no_space() {
+        let columns = [
+            Column::new("a", Width::Fixed(2)),
+            Column::new("b", Width::Fixed(0)),
+            Column::new("c", Width::Fill),
+        ];
+        let placed: Vec<_> =
+            place(&columns, 20).iter().map(|column| (column.index, column.x, column.width)).collect();
+        assert_eq!(placed, [(0, 0, 2), (2, 3, 17)]);
     }
 
     #[test]

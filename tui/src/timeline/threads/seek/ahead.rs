@@ -8,7 +8,7 @@ use std::sync::PoisonError;
 use cobscope_decoder::capture::{Batch, Reader};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
+use cobscope_decoder::replay::{EarlierPayloads, EventPosition, PlacedEvent, ReplayState};
 
 use crate::timeline::shared::Shared;
 use crate::timeline::{Row, Target};
@@ -86,5 +86,7 @@ fn row(number: u64, frame: &Frame, world: &ReplayState) -> Option<Row> {
     let frame = Frame { number: 0, ..*frame };
     let event = Event::undecoded(&frame);
     let spot = EventPosition::before(number + 1);
-    Some(Row::new(&PlacedEvent { spot, event: &event, bus, frame: Some(&frame), is_news: true }))
+    let earlier = EarlierPayloads::default();
+    let placed = PlacedEvent { spot, event: &event, bus, frame: Some(&frame), is_news: true, earlier };
+    Some(Row::new(&placed, true))
 }

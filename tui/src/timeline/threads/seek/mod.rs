@@ -314,7 +314,7 @@ impl Seeker {
             }
             let mut see = |told: PlacedEvent<'_>| {
                 if order.matcher.takes(&told) {
-                    found.after.push(Row::new(&told));
+                    found.after.push(Row::new(&told, order.matcher.only_news));
                 }
             };
             if !walk.step(&mut see)? {
@@ -337,12 +337,13 @@ impl NeighbourRows {
         if !order.matcher.takes(told) {
             return;
         }
+        let row = Row::new(told, order.matcher.only_news);
         if told.spot > spot {
-            return self.after.push(Row::new(told));
+            return self.after.push(row);
         }
         if self.before.len() > order.before {
             self.before.pop_front();
         }
-        self.before.push_back(Row::new(told));
+        self.before.push_back(row);
     }
 }

@@ -1,5 +1,7 @@
 //! The terminal: input events to the application, its screen to the output.
 
+mod background;
+
 use std::io::{BufWriter, Stdout, Write as _, stdout};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
@@ -17,6 +19,10 @@ use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
+
+pub use background::{Background, ask as background};
+
+use background::LateAnswer;
 
 use crate::app::{App, Output};
 use crate::timeline::News;
@@ -78,15 +84,21 @@ fn give_back() {
     let _ = disable_raw_mode();
 }
 
-/// Starts the threads for input and signals.
+/// Starts the threads for input and signals. `may_answer`: see [`Background::may_come`].
 ///
 /// # Errors
 /// A thread or the signal handler cannot be started.
-pub fn listen(messages: Sender<Message>) -> anyhow::Result<()> {
+pub fn listen(messages: Sender<Message>, may_answer: bool) -> anyhow::Result<()> {
     let inputs = messages.clone();
+    let mut late = LateAnswer::new(may_answer);
     let listen = move || {
         loop {
             let message = event::read().map_or(Message::Gone, Message::Input);
+            if let Message::Input(Event::Key(key)) = &message
+                && late.takes(key)
+            {
+                continue;
+            }
             let is_gone = matches!(message, Message::Gone);
             if inputs.send(message).is_err() || is_gone {
                 return;

@@ -1,0 +1,23 @@
+//! What the program remembers from run to run.
+
+use crate::panes::Layout;
+use crate::theme::Palette;
+
+/// What the program remembers from run to run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Preferences {
+    /// Panes shown together; None: by the size of the terminal.
+    pub layout: Option<Layout>,
+    /// Share of the left column of panes, in per cent.
+    pub split: Option<u16>,
+    /// The strip of time is shown.
+    pub has_strip: bool,
+    /// Colours for a dark or light background.
+    pub palette: Palette,
+}
+
+impl Default for Preferences {
+    fn default() -> Self {
+        Self { layout: None, split: None, has_strip: true, palette: Palette::default() }
+    }
+}

@@ -1,0 +1,198 @@
+//! Cuts a sentence to a width: prose goes before numbers, names of states and `NOT`.
+//!
+//! ```text
+//! spool +37.5 %? NOT effective: needs device ACTIVE
+//! spool +37.5 %? NOT effective:… ACTIVE
+//! ```
+
+use super::draw;
+use crate::theme::{Glyph, Theme};
+
+/// Marks that end a clause.
+const ENDS: [char; 2] = [',', ';'];
+
+/// Maximum length of a unit after a number.
+const LONGEST_UNIT: usize = 4;
+
+/// Minimum room for the start of a further clause.
+const LEAST_CLAUSE: u16 = 8;
+
+/// The text in at most `room` columns; each omitted part is an ellipsis.
+pub fn fit(text: &str, room: u16, theme: &Theme) -> String {
+    if draw::width(text) <= room {
+        return text.to_owned();
+    }
+    let ellipsis = theme.glyph(Glyph::Ellipsis);
+    let last = draw::width(ellipsis);
+    let clauses = clauses(text);
+    let (mut shown, mut is_complete) = (String::new(), false);
+    for (number, clause) in clauses.iter().enumerate() {
+        let is_last = number + 1 == clauses.len();
+        let left = room.saturating_sub(draw::width(&shown)).saturating_sub(if is_last { 0 } else { last });
+        if draw::width(clause) <= left {
+            shown.push_str(clause);
+            continue;
+        }
+        is_complete = number == 0 && is_last;
+        if number == 0 {
+            shown = shorten(clause, left, ellipsis);
+        } else if left >= LEAST_CLAUSE && draw::width(&shown) < room {
+            let left = room.saturating_sub(draw::width(&shown));
+            shown.push_str(&start_of(clause, left, ellipsis));
+        }
+        break;
+    }
+    if !is_complete && !shown.ends_with(ellipsis) {
+        shown.push_str(ellipsis);
+    }
+    if draw::width(&shown) > room { cut(&shown, room, ellipsis) } else { shown }
+}
+
+/// The clauses of a text; together they are the text.
+fn clauses(text: &str) -> Vec<&str> {
+    let mut clauses = Vec::new();
+    let mut rest = text;
+    let mut from = 0;
+    while let Some(at) = rest.get(from..).and_then(|part| part.find(' ')).map(|at| at.saturating_add(from)) {
+        let (before, after) = (rest.get(..at).unwrap_or_default(), rest.get(at..).unwrap_or_default());
+        if before.ends_with(ENDS) || begins_clause(before, after) {
+            clauses.push(before);
+            (rest, from) = (after, 1);
+        } else {
+            from = at.saturating_add(1);
+        }
+    }
+    clauses.push(rest);
+    clauses
+}
+
+/// Whether `after` starts a remark, a further part, or the consequence of prose. An arrow after a value or a
+/// state shows its change.
+fn begins_clause(before: &str, after: &str) -> bool {
+    let remark = after
+        .strip_prefix(" (")
+        .is_some_and(|rest| !rest.starts_with(|letter: char| letter.is_ascii_digit()));
+    let mut words = before.rsplit(' ');
+    let (last, previous) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+    let is_value = is_firm(last) || is_unit(previous, last);
+    remark || after.starts_with(" | ") || (after.starts_with(" → ") && !is_value)
+}
+
+/// Whether a word is the unit of the number before it.
+fn is_unit(previous: &str, word: &str) -> bool {
+    word.len() <= LONGEST_UNIT && previous.ends_with(|letter: char| letter.is_ascii_digit())
+}
+
+/// Whether a word carries a number, a unit, a state or a negation.
+fn is_firm(word: &str) -> bool {
+    let mut letters = word.chars().filter(|letter| letter.is_alphabetic()).peekable();
+    let has_digit = word.chars().any(|letter| letter.is_ascii_digit());
+    let is_sign = letters.peek().is_none();
+    has_digit || is_sign || letters.all(char::is_uppercase)
+}
+
+/// Drops words of prose from the end of a clause until it fits, each run as an ellipsis.
+fn shorten(clause: &str, room: u16, ellipsis: &str) -> String {
+    let words: Vec<&str> = clause.split(' ').collect();
+    let mut is_kept = vec![true; words.len()];
+    let joined = |is_kept: &[bool]| {
+        let mut text = String::new();
+        let mut is_gap = false;
+        for (word, is_kept) in words.iter().zip(is_kept) {
+            if *is_kept {
+                if !text.is_empty() {
+                    text.push(' ');
+                }
+                text.push_str(word);
+            } else if !is_gap {
+                text.push_str(ellipsis);
+            }
+            is_gap = !is_kept;
+        }
+        text
+    };
+    let word = |at: usize| words.get(at).copied().unwrap_or_default();
+    let is_prose = |at: &usize| !is_firm(word(*at)) && !is_unit(word(at.saturating_sub(1)), word(*at));
+    let prose = (1..words.len()).rev().filter(is_prose);
+    for at in prose {
+        if draw::width(&joined(&is_kept)) <= room {
+            break;
+        }
+        if let Some(is_kept) = is_kept.get_mut(at) {
+            *is_kept = false;
+        }
+    }
+    joined(&is_kept)
+}
+
+/// The first words of a clause; nothing if a number or state were among the omitted ones, because a label
+/// without its value states nothing.
+fn start_of(clause: &str, room: u16, ellipsis: &str) -> String {
+    let mut words: Vec<&str> = clause.split(' ').collect();
+    let width = |words: &[&str]| draw::width(&words.join(" ")).saturating_add(draw::width(ellipsis));
+    while width(&words) > room {
+        if words.pop().is_none_or(is_firm) {
+            return String::new();
+        }
+    }
+    let text = words.join(" ");
+    if text.trim().is_empty() { String::new() } else { text + ellipsis }
+}
+
+/// The start of a text, cut within a word, but not within a number.
+fn cut(text: &str, room: u16, ellipsis: &str) -> String {
+    let mut shown = text.to_owned();
+    while !shown.is_empty() && draw::width(&shown).saturating_add(draw::width(ellipsis)) > room {
+        shown.pop();
+    }
+    let start = shown.rfind(' ').map_or(0, |at| at.saturating_add(1));
+    let word = text.get(start..).and_then(|rest| rest.split(' ').next()).unwrap_or_default();
+    let is_whole = shown.len().saturating_sub(start) == word.len();
+    if !is_whole && start > 0 && word.contains(|letter: char| letter.is_ascii_digit()) {
+        shown.truncate(start.saturating_sub(1));
+    }
+    shown + ellipsis
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::theme::Borders;
+    use crate::widgets::draw::tests::plain;
+
+    fn fitted(text: &str, room: u16) -> String {
+        let text = fit(text, room, &plain(Borders::Unicode));
+        assert!(draw::width(&text) <= room, "{text}");
+        text
+    }
+
+    #[test]
+    fn numbers_and_negations_stay() {
+        let text = "spool +37.5 %? NOT effective: needs device ACTIVE";
+        assert_eq!(fitted(text, 60), text);
+        assert_eq!(fitted(text, 48), "spool +37.5 %? NOT effective: needs… ACTIVE");
+        assert_eq!(fitted(text, 30), "spool +37.5 %? NOT… ACTIVE");
+        assert_eq!(fitted(text, 16), "spool +37.5 %? …");
+    }
+
+    #[test]
+    fn later_clauses_go_first() {
+        let text = "8305 spool position error → FAULT HOLD, register 21 (generic, device-profile), counter 3";
+        assert_eq!(fitted(text, 60), "8305 spool position error → FAULT HOLD, register 21…");
+        assert_eq!(fitted(text, 45), "8305 spool position error → FAULT HOLD,…");
+        assert_eq!(fitted(text, 30), "8305 spool position error…");
+        assert_eq!(fitted(text, 18), "8305 spool…");
+        assert_eq!(fitted("ACTIVE → FAULT HOLD, cause EMCY 8305", 22), "ACTIVE → FAULT HOLD,…");
+        assert_eq!(fitted("heartbeat time 250 ms → 1000 ms", 24), "heartbeat… 250 ms →…");
+        // Neither a number without its unit nor a label without its value is shown.
+        assert_eq!(fitted("stopped, valid for 250 ms", 22), "stopped,…");
+        assert_eq!(fitted("stopped, by the other controller", 22), "stopped, by the other…");
+    }
+
+    #[test]
+    fn all_clauses_are_the_text() {
+        for text in ["", "a", "a, b; c (d, e) | f", "x  y, z", "ä → ö, ü"] {
+            assert_eq!(clauses(text).concat(), text);
+        }
+    }
+}
