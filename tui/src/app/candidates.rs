@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use cobscope_decoder::event::Kind;
-use cobscope_decoder::profile::device::Severity;
+use cobscope_decoder::finding::{Findings, Severity};
 use cobscope_decoder::query::fields::{FieldType, Target};
 use cobscope_decoder::query::{Expected, completion};
 use cobscope_decoder::replay::ReplayState;
@@ -106,7 +106,7 @@ fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BT
             all.into_iter().map(|severity| (severity.name().to_owned(), count(severity))).collect()
         }
         "rule" => {
-            let groups = survey.findings.iter().flat_map(|findings| findings.counting());
+            let groups = survey.findings.iter().flat_map(Findings::counting);
             sum(groups.map(|group| (Some(quoted(&group.rule)), 1)))
         }
         "bus" => {

@@ -80,7 +80,7 @@ impl App {
             _ if row.chosen.is_none() && common.len() > typed.len() => (common, None),
             several => {
                 let next = match (row.chosen, key) {
-                    (None, KeyCode::BackTab) | (Some(0), KeyCode::BackTab) => several.len() - 1,
+                    (None | Some(0), KeyCode::BackTab) => several.len() - 1,
                     (Some(at), KeyCode::BackTab) => at - 1,
                     (None, _) => 0,
                     (Some(at), _) => (at + 1) % several.len(),

@@ -13,7 +13,7 @@ impl App {
     pub(super) fn shown(&self) -> Shown {
         let pane = |id: &PaneId| {
             let pane = self.panes.get(*id)?;
-            Some(PaneShown { pane: *id, sorting: pane.sorting(), sought: pane.sought().to_owned() })
+            Some(PaneShown { pane: *id, sorting: pane.sorting(), sought: pane.sought().unwrap_or_default().to_owned() })
         };
         Shown {
             filter: self.core.filter.clone(),
@@ -40,7 +40,7 @@ impl App {
         for PaneShown { pane, sorting, sought } in shown.panes {
             let Some(pane) = self.panes.get_mut(pane) else { continue };
             pane.set_sorting(sorting);
-            if pane.sought() != sought {
+            if pane.sought().is_some_and(|present| present != sought) {
                 pane.search(&sought, &self.core);
             }
         }

@@ -35,9 +35,9 @@ pub trait Pane {
         false
     }
 
-    /// Text of its own search; empty without one.
-    fn sought(&self) -> &str {
-        ""
+    /// Text of its own search.
+    fn sought(&self) -> Option<&str> {
+        None
     }
 
     /// Sort order of its table.

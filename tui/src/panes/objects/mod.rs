@@ -232,8 +232,8 @@ impl Pane for Objects {
         true
     }
 
-    fn sought(&self) -> &str {
-        &self.search
+    fn sought(&self) -> Option<&str> {
+        Some(&self.search)
     }
 
     fn sorting(&self) -> Sorting {

@@ -293,8 +293,8 @@ impl Pane for Signals {
         true
     }
 
-    fn sought(&self) -> &str {
-        self.list.sought()
+    fn sought(&self) -> Option<&str> {
+        Some(self.list.sought())
     }
 
     fn legend(&self) -> &'static Legend {

@@ -132,10 +132,11 @@ fn unit(plot: &Plot<'_>, places: &Places, series: usize) -> String {
 
 /// Meaning of the character of values on several curves.
 fn shared_text(plot: &Plot<'_>) -> String {
-    if plot.series.len() > 1 {
-        format!("{0}{0} several", shared(plot.theme.borders()))
-    } else {
-        String::new()
+    let sample = shared(plot.theme.borders());
+    match plot.series.len() {
+        ..=1 => String::new(),
+        2 => format!("{sample}{sample} both"),
+        _ => format!("{sample}{sample} several"),
     }
 }
 

@@ -115,7 +115,7 @@ fn series_of_one_unit_share_its_scale() {
             " 0+",
             "  ++---------+---------+---------+----------",
             "  0.0       0.5       1.0       1.5        s",
-            "== several     min   max",
+            "== both        min   max",
             "** set point  37.5  37.5 %",
             "oo position   12.0  37.5 %",
         ]
