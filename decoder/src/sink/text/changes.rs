@@ -58,7 +58,7 @@ impl MessageChanges {
             }
             EventKind::Frame(undecoded) => {
                 let message = undecoded.message.as_deref()?;
-                (message.name.to_string(), Some(&*message.layout), undecoded.frame.data(), Vec::new())
+                (message.name.clone(), Some(&*message.layout), undecoded.frame.data(), Vec::new())
             }
             _ => return None,
         };
