@@ -77,7 +77,9 @@ pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow:
     }
     let mut problems = Vec::new();
     let options = options_with(input, bus_file, Arc::new(catalogue), &mut problems)?;
-    problems.iter().for_each(|problem| warn(problem));
+    for problem in &problems {
+        warn(problem);
+    }
     Ok(options)
 }
 
