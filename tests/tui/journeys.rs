@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 use pty_process::blocking::Command as PtyCommand;
+use ratatui::crossterm::event::KeyCode;
 
 use crate::support::workspace;
 use crate::terminal::Session;
@@ -76,6 +77,65 @@ fn play(journey: &Journey) {
         String::from_utf8(output.stdout).unwrap()
     };
     assert_eq!(decode(&exported), decode(&capture));
+}
+
+/// A step: keys in the form of the keymap, and texts that the screen then shows.
+type Step = (&'static str, &'static [&'static str]);
+
+/// What is done most, from the first screen on, with max [`FEW_KEYS`] keys each.
+const SHORT: [(&str, &[Step]); 4] = [
+    (
+        "find the fault",
+        &[
+            ("", &["1 error 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s", "#104/190"]),
+            ("0", &["MOST LIKELY", "DO NOW", "lever"]),
+            ("j<enter>", &["#105/190", "ACTIVE → FAULT HOLD"]),
+        ],
+    ),
+    (
+        "go back",
+        &[("0j<enter>", &["#105/190", "Kind"]), ("<esc>", &["MOST LIKELY"]), ("k<enter>", &["#104/190"])],
+    ),
+    ("compare set point and position", &[("p", &["37.5 %"]), ("<right><left>", &["t 7.2"]), ("b", &["B"])]),
+    ("export", &[("V", &["selected from #104"]), ("G", &["#190/190"]), ("w<enter>", &["87 frames written"])]),
+];
+
+/// Max keys of what is done most.
+const FEW_KEYS: usize = 6;
+
+#[test]
+fn what_is_done_most_takes_few_keys() {
+    for (name, steps) in SHORT {
+        let folder = tempfile::tempdir().unwrap();
+        let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
+        let command = command.args(["view", "--node", "32=danfoss-pve-ci"]);
+        let command = command.arg(workspace().join("fixtures/devices/pve.log")).current_dir(folder.path());
+        let session = Session::start(command, 24, 80);
+        session.wait_verdict();
+        session.wait_text("#104/190");
+        let mut count = 0;
+        for (keys, expected) in steps {
+            let keys = cobscope::keymap::sequence(keys).unwrap();
+            count += keys.len();
+            keys.iter().for_each(|key| session.send(&terminal_bytes(key.code)));
+            expected.iter().for_each(|text| session.wait_text(text));
+        }
+        assert!(count <= FEW_KEYS, "{name}: {count} keys");
+        session.send("q");
+        assert!(session.wait_end().success());
+    }
+}
+
+/// What a terminal sends for a key.
+fn terminal_bytes(code: KeyCode) -> String {
+    match code {
+        KeyCode::Char(letter) => letter.to_string(),
+        KeyCode::Enter => "\r".into(),
+        KeyCode::Esc => "\u{1b}".into(),
+        KeyCode::Right => "\u{1b}[C".into(),
+        KeyCode::Left => "\u{1b}[D".into(),
+        other => unreachable!("{other}"),
+    }
 }
 
 fn in_workspace(word: &str) -> String {

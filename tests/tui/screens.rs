@@ -284,29 +284,35 @@ fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
     // An empty EMCY at its start, TPDO1 of five bytes: the first node is the SYDFEC.
     assert!(screen.text().contains("behaves like SYDFEC: a assigns rexroth-sydfec"), "{}", screen.text());
     screen.keys("a");
+    assert!(screen.text().contains("profile, EDS or DBC rexroth-sydfec"), "{}", screen.text());
+    screen.keys("<enter>");
     let text = screen.text();
-    assert!(text.contains("2/02 decoded as SYDFEC from its first frame: --node 2=rexroth-sydfec"), "{text}");
+    assert!(text.contains("decoded again with --node 2=rexroth-sydfec"), "{text}");
     assert!(text.contains("SYDFEC (rexroth-sydfec, by option)"), "{text}");
-    // The command that opens this view has the option.
-    screen.keys("a");
+    // The command that opens this view has the option, once.
+    screen.keys("arexroth-vpcd<enter>j");
     let text = screen.text();
-    assert!(text.contains("already has the profile rexroth-sydfec, assigned by option"), "{text}");
-    screen.keys("j");
-    assert!(screen.text().contains("--node 2=rexroth-sydfec"), "{}", screen.text());
+    assert!(text.contains("--node 2=rexroth-vpcd") && !text.contains("2=rexroth-sydfec"), "{text}");
 }
 
 #[test]
-fn nothing_is_assigned_without_a_fitting_profile() {
+fn a_wrong_assignment_is_told_in_the_prompt() {
     let mut screen = Screen::open(
         "cobscope view --layout one --color never --pane nodes fixtures/rules/node-lost.log",
         140,
         24,
     );
-    screen.keys("a");
-    let text = screen.text();
-    assert!(text.contains("no profile fits the behaviour of node"), "{text}");
-    screen.keys("2a");
-    assert!(!screen.text().contains("decoded as"), "other panes have no such key");
+    screen.keys("j");
+    for (typed, told) in [
+        ("rexroth-sydfek", "did you mean 'rexroth-sydfec'?"),
+        ("none.eds", "none.eds: cannot be read"),
+        ("Cargo.dbc", "Cargo.dbc: cannot be read"),
+    ] {
+        screen.keys(&format!("a{typed}<enter>"));
+        assert!(screen.text().contains(told), "{}", screen.text());
+        screen.keys("<esc>");
+    }
+    assert!(!screen.text().contains("decoded again"), "{}", screen.text());
 }
 
 #[test]

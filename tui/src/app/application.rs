@@ -3,13 +3,14 @@
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
+use super::added::Reassign;
 use super::candidates::PromptRow;
 use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
-use crate::state::{Core, JumpPlace};
+use crate::state::{Core, JumpPlace, NodeKey};
 use crate::timeline::News;
 use crate::widgets::prompt::Prompt;
 
@@ -40,6 +41,10 @@ pub struct App {
     pub(super) keymap: Keymap,
     /// Layout, strip and colours without a remembered view.
     pub(super) defaults: Preferences,
+    /// Evaluates options that are added while the program runs.
+    pub(super) reassign: Reassign,
+    /// Node to which the open prompt assigns something.
+    pub(super) assigning: Option<NodeKey>,
     /// The user discarded the remembered view.
     pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
@@ -73,6 +78,7 @@ pub(super) enum PromptPurpose {
     Search,
     GoTo,
     Export,
+    Assign,
 }
 
 impl App {

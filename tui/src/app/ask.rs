@@ -34,6 +34,22 @@ impl App {
         }
     }
 
+    /// Opens the prompt for a profile, device file or database of the selected node.
+    pub(super) fn ask_assign(&mut self) {
+        match self.assigned_node() {
+            Ok(node) => {
+                self.assigning = Some(node);
+                self.ask(PromptPurpose::Assign, "profile, EDS or DBC");
+                let proposed = self.proposed_profile(node);
+                if let (Mode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
+                    prompt.propose(&profile);
+                }
+                self.refresh_prompt_row();
+            }
+            Err(reason) => self.core.refuse(&reason),
+        }
+    }
+
     /// Handles a change, submission or cancellation of the prompt.
     pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
         self.react(asking, event);
@@ -79,6 +95,15 @@ impl App {
                 if let Err((offset, reason)) = check(asking, &text) {
                     return prompt.set_error(offset, reason);
                 }
+                if asking == PromptPurpose::Assign
+                    && let Some(node) = self.assigning
+                    && let Err(reason) = self.assign(node, &text)
+                {
+                    if let Mode::Prompt(_, prompt) = &mut self.mode {
+                        prompt.set_error(0, reason);
+                    }
+                    return;
+                }
                 self.mode = Mode::Panes;
                 self.typed.retain(|(other, old)| *other != asking || *old != text);
                 self.typed.push((asking, text.clone()));
@@ -106,6 +131,8 @@ impl App {
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
+            // Was assigned while the prompt could still show an error.
+            PromptPurpose::Assign => {}
         }
         self.refresh_panes();
     }
@@ -164,6 +191,7 @@ pub(super) fn target(core: &Core, text: &str) -> Option<Result<JumpPlace, String
 pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
+        PromptPurpose::Assign => Ok(()),
         PromptPurpose::Filter => match text.parse::<Filter>() {
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),

@@ -1,87 +1,112 @@
-//! Assignment of a suggested profile to a node.
+//! Assignment of a profile, device file or database while the program runs.
 
 use std::fmt::Write as _;
 
 use cobscope_decoder::replay::ReplayState;
-use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::suggestion::{Suggestion, suggestions};
+use cobscope_decoder::words::plural;
 
+use super::added::AddedOption;
 use super::application::App;
-use super::start::quoted;
 use crate::state::{Core, NodeKey};
 
 impl App {
-    /// Assigns the profile that the behaviour of a node suggests, and decodes the captures again.
-    pub(super) fn assign(&mut self, key: NodeKey) {
-        match chosen(&self.core, key).and_then(|chosen| self.decode_with(key, &chosen)) {
-            Ok(text) => self.core.notify(&text),
-            Err(reason) => self.core.refuse(&reason),
+    /// The node for which the user assigns something: that of the selected row, else of the pane Nodes.
+    pub(super) fn assigned_node(&self) -> Result<NodeKey, String> {
+        let of_pane = self.panes.get(self.pane).and_then(|pane| pane.node(&self.core));
+        let of_row = || self.core.row().and_then(|row| Some((row.event.bus, row.event.node?)));
+        let node = of_pane.or_else(of_row).or(self.core.node).ok_or("select a row of a node first")?;
+        match self.core.timeline.live() {
+            Some(_) => {
+                Err(format!("a live bus keeps its profiles; start again with --node {}=PROFILE", node.1))
+            }
+            None => Ok(node),
         }
     }
 
-    fn decode_with(&mut self, (_, node): NodeKey, chosen: &Chosen) -> Result<String, String> {
-        let Chosen { bus, place, profile, title } = chosen;
-        let mut options = self.core.timeline.options().clone();
-        let device = options.catalogue.device(profile).map_err(|error| error.to_string())?;
-        let (bus, by) = (bus.clone(), AssignedBy::Option);
-        options.assignments.push(Assignment { bus, node, device, by });
-        self.core.replace(options).map_err(|error| format!("{error:#}"))?;
+    /// The proposed text: the profile that the behaviour of the node suggests.
+    pub(super) fn proposed_profile(&self, node: NodeKey) -> Option<String> {
+        match found(&self.core, node).ok()?.as_slice() {
+            [one] => Some(one.profile.clone()),
+            _ => None,
+        }
+    }
+
+    /// Assigns a profile, device file or database, and decodes the captures again.
+    ///
+    /// # Errors
+    /// Unknown profile, or a file that cannot be used.
+    pub(super) fn assign(&mut self, node: NodeKey, text: &str) -> Result<(), String> {
+        let place = place(&self.core, node)?;
+        let added = AddedOption::of(text.trim(), &place);
+        let before = self.core.timeline.options().clone();
+        let reassigned = (self.reassign)(&added, &before).map_err(|error| format!("{error:#}"))?;
+        self.core.replace(reassigned.options).map_err(|error| format!("{error:#}"))?;
         self.is_surveyed = false;
-        let option = format!("{place}={profile}");
+        if let Some(place) = added.place() {
+            self.command = without_device(&self.command, place);
+        }
         // Writing to a string cannot fail.
-        let _ = write!(self.command, " --node {}", quoted(&option));
-        Ok(format!("{} decoded as {title} from its first frame: --node {option}", node.words()))
+        let _ = write!(self.command, " {}", added.words());
+        let problems = match reassigned.problems.as_slice() {
+            [] => String::new(),
+            [one] => format!("; {one}"),
+            [first, ..] => format!("; {first} and {}", plural(reassigned.problems.len() - 1, "more problem")),
+        };
+        self.core.notify(&format!("decoded again with {}{problems}", added.words()));
+        Ok(())
     }
 }
 
-/// The profile to assign.
-struct Chosen {
-    /// Bus of the assignment; `None` if the captures have only one.
-    bus: Option<String>,
-    /// Node as in `--node`.
-    place: String,
-    profile: String,
-    title: String,
+/// The command without the profile or device file of a node.
+fn without_device(command: &str, place: &str) -> String {
+    let mut words: Vec<&str> = Vec::new();
+    for word in command.split(' ') {
+        let is_of_node =
+            word.trim_start_matches('\'').strip_prefix(place).is_some_and(|rest| rest.starts_with('='));
+        if is_of_node && words.last().is_some_and(|option| ["--node", "--eds"].contains(option)) {
+            words.pop();
+        } else {
+            words.push(word);
+        }
+    }
+    words.join(" ")
 }
 
-fn chosen(core: &Core, (index, node): NodeKey) -> Result<Chosen, String> {
-    if core.timeline.live().is_some() {
-        return Err(format!("a live bus keeps its profiles; start again with --node {node}=PROFILE"));
-    }
+/// The node as in `--node`: with its bus if the captures have several.
+fn place(core: &Core, (index, node): NodeKey) -> Result<String, String> {
     let end = core.timeline.end();
-    // Behaviour up to the end of the captures, or up to the cursor until they are read.
     let world: &ReplayState = end.as_deref().or_else(|| core.world()).ok_or("still reading the captures")?;
     let buses = world.buses();
     let bus = buses.iter().find(|bus| bus.index() == index).ok_or("no such bus")?;
-    let is_only = buses.len() == 1;
-    let place = if is_only { node.to_string() } else { format!("{}:{node}", bus.name()) };
-    if let Some((id, by)) = bus.node(node).and_then(|node| node.device_id().zip(node.assigned())) {
-        return Err(format!("{} already has the profile {id}, assigned by {}", node.words(), by.name()));
-    }
-    let found = likely(suggestions(bus, bus.catalogue(), Some(node)));
-    match found.as_slice() {
-        [] => Err(format!(
-            "no profile fits the behaviour of {}; --node {place}=PROFILE assigns one, `profiles` lists them",
-            node.words()
-        )),
-        [one] => Ok(Chosen {
-            bus: (!is_only).then(|| bus.name().to_owned()),
-            place,
-            profile: one.profile.clone(),
-            title: one.title.clone(),
-        }),
-        several => {
-            let options: Vec<String> =
-                several.iter().map(|one| format!("--node {place}={}", one.profile)).collect();
-            Err(format!("{} fits several profiles: {}", node.words(), options.join(", ")))
-        }
-    }
+    Ok(if buses.len() == 1 { node.to_string() } else { format!("{}:{node}", bus.name()) })
 }
 
-/// The firm suggestions, or all if there are none.
-fn likely(mut found: Vec<Suggestion>) -> Vec<Suggestion> {
+/// Profiles that the behaviour of a node without a profile suggests: the firm ones, or all if there are none.
+fn found(core: &Core, (index, node): NodeKey) -> Result<Vec<Suggestion>, String> {
+    let end = core.timeline.end();
+    // Behaviour up to the end of the captures, or up to the cursor until they are read.
+    let world: &ReplayState = end.as_deref().or_else(|| core.world()).ok_or("still reading the captures")?;
+    let bus = world.buses().iter().find(|bus| bus.index() == index).ok_or("no such bus")?;
+    if bus.node(node).is_some_and(|node| node.device_id().is_some()) {
+        return Ok(Vec::new());
+    }
+    let mut found = suggestions(bus, bus.catalogue(), Some(node));
     if found.iter().any(|one| !one.is_weak) {
         found.retain(|one| !one.is_weak);
     }
-    found
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_has_one_device_in_the_command() {
+        let command = "cobscope view --node 5=a --eds 15=b.eds --node 6=c x.log";
+        assert_eq!(without_device(command, "5"), "cobscope view --eds 15=b.eds --node 6=c x.log");
+        assert_eq!(without_device(command, "15"), "cobscope view --node 5=a --node 6=c x.log");
+        assert_eq!(without_device(command, "x.log"), command);
+    }
 }

@@ -5,6 +5,7 @@
 //!                                                   └────────────view, panes──────────▶ screen
 //! ```
 
+mod added;
 mod application;
 mod ask;
 mod assign;
@@ -19,13 +20,16 @@ mod output;
 mod panes;
 mod preferences;
 mod prompt_row;
+mod shell;
 mod start;
 mod strip;
 mod undo;
 mod update;
 mod view;
 
+pub use added::{AddedOption, Reassign, Reassigned};
 pub use application::App;
 pub use output::Output;
 pub use preferences::Preferences;
-pub use start::{Start, quoted};
+pub use shell::quoted;
+pub use start::Start;

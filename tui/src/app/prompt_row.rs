@@ -14,7 +14,7 @@ use ratatui::text::{Line, Span};
 
 use super::application::{App, Mode, PromptPurpose};
 use super::ask::target;
-use super::candidates::{Candidate, PromptRow, candidates};
+use super::candidates::{Candidate, PromptRow, candidates, profiles};
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
 use crate::widgets::draw::{self, Align};
@@ -29,6 +29,7 @@ pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
         PromptPurpose::Filter => ["kind == emcy", "node == 5 && kind == pdo", "severity == error"],
         PromptPurpose::Search => ["emcy", "tpdo[12]", "fault|lost"],
         PromptPurpose::GoTo => ["12.5", "#1234", "-0.05"],
+        PromptPurpose::Assign => ["rexroth-sydfec", "pump.eds", "machine.dbc"],
         PromptPurpose::Export => ["part.log", "part.pcapng", "events.csv"],
     }
 }
@@ -42,13 +43,17 @@ fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
     }
     match asking {
         _ if prompt.is_proposed() => PromptRow {
-            text: "typing replaces the name, an arrow key keeps it".to_owned(),
+            text: "typing replaces the proposal, an arrow key keeps it".to_owned(),
             ..PromptRow::default()
         },
         PromptPurpose::Filter => {
             let before = text.get(..prompt.cursor()).unwrap_or_default();
             let (start, candidates, text) = candidates(core, before);
             PromptRow { start, candidates, chosen: None, text }
+        }
+        PromptPurpose::Assign => {
+            let before = text.get(..prompt.cursor()).unwrap_or_default();
+            PromptRow { candidates: profiles(core, before), ..PromptRow::default() }
         }
         _ => PromptRow::default(),
     }
@@ -158,9 +163,13 @@ mod tests {
 
     #[test]
     fn every_example_is_valid() {
-        for asking in
-            [PromptPurpose::Filter, PromptPurpose::Search, PromptPurpose::GoTo, PromptPurpose::Export]
-        {
+        for asking in [
+            PromptPurpose::Filter,
+            PromptPurpose::Search,
+            PromptPurpose::GoTo,
+            PromptPurpose::Export,
+            PromptPurpose::Assign,
+        ] {
             for example in examples(asking) {
                 assert_eq!(check(asking, example), Ok(()), "{example}");
             }

@@ -5,10 +5,12 @@ use std::fmt::Write as _;
 use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
+use super::added::Reassign;
 use super::application::{App, Mode};
 use super::candidates::PromptRow;
 use super::history::History;
 use super::preferences::Preferences;
+use super::shell::quoted;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
@@ -17,7 +19,6 @@ use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
 /// Settings of a view from the command line and the config file.
-#[derive(Debug, Clone)]
 pub struct Start {
     /// Command with its captures, without the settings of the view.
     pub command: String,
@@ -29,6 +30,8 @@ pub struct Start {
     pub defaults: Preferences,
     /// Keys of actions.
     pub keymap: Keymap,
+    /// Evaluates options that are added while the program runs.
+    pub reassign: Reassign,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -59,6 +62,8 @@ impl App {
             has_strip: start.preferences.has_strip,
             keymap: start.keymap,
             defaults: start.defaults,
+            reassign: start.reassign,
+            assigning: None,
             is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),
@@ -108,27 +113,5 @@ impl App {
             command.push_str(" --all");
         }
         command
-    }
-}
-
-/// Quotes a word for a shell.
-pub fn quoted(text: &str) -> String {
-    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
-    if !text.is_empty() && text.bytes().all(is_plain) {
-        return text.to_owned();
-    }
-    format!("'{}'", text.replace('\'', "'\\''"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_quoted_for_a_shell() {
-        assert_eq!(quoted("a/b-c.log"), "a/b-c.log");
-        assert_eq!(quoted("kind == \"emcy\""), "'kind == \"emcy\"'");
-        assert_eq!(quoted("it's"), "'it'\\''s'");
-        assert_eq!(quoted(""), "''");
     }
 }

@@ -13,7 +13,11 @@ impl App {
     pub(super) fn shown(&self) -> Shown {
         let pane = |id: &PaneId| {
             let pane = self.panes.get(*id)?;
-            Some(PaneShown { pane: *id, sorting: pane.sorting(), sought: pane.sought().unwrap_or_default().to_owned() })
+            Some(PaneShown {
+                pane: *id,
+                sorting: pane.sorting(),
+                sought: pane.sought().unwrap_or_default().to_owned(),
+            })
         };
         Shown {
             filter: self.core.filter.clone(),

@@ -174,6 +174,7 @@ impl App {
             Action::SetMark => self.mode = Mode::Letter { is_new: true },
             Action::ToMark => self.mode = Mode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),
+            Action::Assign => self.ask_assign(),
             Action::News => self.toggle_news(),
             Action::Copy => self.copy_line(),
             Action::Theme => self.next_theme(),
@@ -194,7 +195,6 @@ impl App {
             | Action::Sort
             | Action::Highlight
             | Action::Plot
-            | Action::Assign
             | Action::ZoomIn
             | Action::ZoomOut
             | Action::SetCursor => self.pass(action),
@@ -267,7 +267,6 @@ impl App {
                 Effect::ShowSignals => self.show(PaneId::Signals),
                 Effect::Filter(text) => self.filter(&text),
                 Effect::Node(node) => self.core.node = Some(node),
-                Effect::Assign(node) => self.assign(node),
                 Effect::Plot(_) => is_plotted = true,
                 Effect::Say(text) => self.core.notify(&text),
                 Effect::Refuse(text) => self.core.refuse(&text),

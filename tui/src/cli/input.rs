@@ -13,7 +13,7 @@ use crate::select::{Bound, Selection};
 const READING: &str = "Reading";
 
 /// Options for reading and decoding captures.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct InputArgs {
     /// Captures to read; `-` is stdin
     #[arg(value_name = "CAPTURE")]

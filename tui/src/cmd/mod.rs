@@ -13,6 +13,7 @@ mod objects;
 mod output;
 mod print;
 mod profiles;
+mod reassign;
 mod remarks;
 mod rules;
 mod screen_settings;

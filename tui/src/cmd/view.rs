@@ -10,6 +10,7 @@ use super::input::{
     captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
 };
 use super::messages::complain;
+use super::reassign::reassign;
 use super::screen_settings::{ScreenSettings, remember};
 use crate::app::{App, Start, quoted};
 use crate::cli::ViewArgs;
@@ -128,6 +129,7 @@ fn start(
         preferences: settings.preferences.clone(),
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
+        reassign: reassign(&arguments.input),
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,

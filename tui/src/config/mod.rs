@@ -7,7 +7,7 @@
 //!
 //! An option of the command line overrides the remembered view, which overrides the config file.
 
-mod folder;
+mod folders;
 
 use std::fmt::Write as _;
 use std::io::ErrorKind;
@@ -21,6 +21,8 @@ use toml::Spanned;
 use crate::keymap::Keymap;
 use crate::panes::{Layout, PaneId};
 use crate::theme::ThemeName;
+
+pub use folders::config as folder;
 
 /// Maximum size of a config file, in bytes.
 const LARGEST: u64 = 64 * 1024;
@@ -72,7 +74,8 @@ impl Config {
     /// # Errors
     /// The file cannot be read or is invalid; the message names file, line and column.
     pub fn of_user() -> anyhow::Result<Self> {
-        folder::config().map_or_else(|| Ok(Self::default()), |folder| Self::read(&folder.join("config.toml")))
+        folders::config()
+            .map_or_else(|| Ok(Self::default()), |folder| Self::read(&folder.join("config.toml")))
     }
 
     /// Reads a file; without it nothing is set.
@@ -182,7 +185,7 @@ impl Config {
 
 /// File of the remembered view.
 fn memory() -> Option<PathBuf> {
-    Some(folder::state()?.join("view.toml"))
+    Some(folders::state()?.join("view.toml"))
 }
 
 /// One of the values that the command line has too.

@@ -18,8 +18,6 @@ pub enum Effect {
     Filter(String),
     /// Select the node that all panes show.
     Node(NodeKey),
-    /// Assign the suggested profile to a node.
-    Assign(NodeKey),
     /// Add a signal to the plot.
     Plot(SignalKey),
     /// Show a message in the status line.

@@ -6,7 +6,7 @@ use ratatui::layout::Rect;
 use super::effect::Effect;
 use super::legend::Legend;
 use crate::action::Action;
-use crate::state::Core;
+use crate::state::{Core, NodeKey};
 use crate::widgets::table::Column;
 
 /// Column of a sort order, and whether it is descending; None for the order of the pane.
@@ -61,6 +61,11 @@ pub trait Pane {
 
     /// The filter for the value of the selected cell.
     fn filter_of_cell(&self, _core: &Core) -> Option<String> {
+        None
+    }
+
+    /// The node of the selected row.
+    fn node(&self, _core: &Core) -> Option<NodeKey> {
         None
     }
 

@@ -10,7 +10,6 @@ use cobscope_decoder::words::plural;
 
 use super::device_files::bytes;
 use crate::cli::InputArgs;
-use crate::cmd::messages::warn;
 
 /// Maximum number of problems printed per file.
 const TOLD: usize = 5;
@@ -25,10 +24,14 @@ pub(super) struct Databases {
 /// that defines a message takes precedence.
 ///
 /// # Errors
-/// If a file is unreadable or not a database; errors inside a readable file are only reported.
-pub(super) fn databases(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Databases> {
+/// If a file is unreadable or not a database; errors inside a readable file are added to `problems`.
+pub(super) fn databases(
+    input: &InputArgs,
+    bus_file: &BusFile,
+    problems: &mut Vec<String>,
+) -> anyhow::Result<Databases> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let mut reader = Reader::default();
+    let mut reader = Reader { files: BTreeMap::new(), problems };
     let mut joined = |own: &[String]| {
         let mut database = Database::default();
         for path in &input.dbc {
@@ -45,13 +48,13 @@ pub(super) fn databases(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result
     Ok(Databases { everywhere, buses: buses.collect::<anyhow::Result<_>>()? })
 }
 
-/// Reads each file once and prints its problems once.
-#[derive(Default)]
-struct Reader {
+/// Reads each file once and reports its problems once.
+struct Reader<'a> {
     files: BTreeMap<PathBuf, DatabaseFile>,
+    problems: &'a mut Vec<String>,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn file(&mut self, path: &Path) -> anyhow::Result<DatabaseFile> {
         if let Some(file) = self.files.get(path) {
             return Ok(file.clone());
@@ -59,10 +62,10 @@ impl Reader {
         let shown = path.display();
         let file = dbc::parse(&bytes(path)?).map_err(|problem| anyhow::anyhow!("{shown}:{problem}"))?;
         for problem in file.problems.iter().take(TOLD) {
-            warn(&format!("{shown}:{problem}"));
+            self.problems.push(format!("{shown}:{problem}"));
         }
         if let Some(more) = file.problems.len().checked_sub(TOLD).filter(|more| *more > 0) {
-            warn(&format!("{shown}: {}", plural(more, "more problem")));
+            self.problems.push(format!("{shown}: {}", plural(more, "more problem")));
         }
         self.files.insert(path.to_owned(), file.clone());
         Ok(file)

@@ -69,10 +69,14 @@ pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<Strin
 /// Device files of nodes: those of the bus file, then those of the options, which take precedence.
 ///
 /// # Errors
-/// If a file is unreadable or not a device file; errors inside a readable file are only reported.
-pub(in crate::cmd) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyhow::Result<Vec<Assignment>> {
+/// If a file is unreadable or not a device file; errors inside a readable file are added to `problems`.
+pub(super) fn assignments(
+    input: &InputArgs,
+    bus_file: &BusFile,
+    problems: &mut Vec<String>,
+) -> anyhow::Result<Vec<Assignment>> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let mut reader = Reader::default();
+    let mut reader = Reader { devices: BTreeMap::new(), problems };
     let mut all = Vec::new();
     for (bus, node, file) in bus_file.device_files() {
         let device = reader.device(&folder.join(file), node)?;
@@ -85,41 +89,40 @@ pub(in crate::cmd) fn assignments(input: &InputArgs, bus_file: &BusFile) -> anyh
     Ok(all)
 }
 
-/// Reads each file once and prints its problems once.
-#[derive(Default)]
-struct Reader {
+/// Reads each file once and reports its problems once.
+struct Reader<'a> {
     devices: BTreeMap<PathBuf, Arc<Device>>,
+    problems: &'a mut Vec<String>,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn device(&mut self, path: &Path, node: NodeId) -> anyhow::Result<Arc<Device>> {
         let device = if let Some(device) = self.devices.get(path) {
             Arc::clone(device)
         } else {
             let file = read(path)?;
-            print_problems(path, &file);
+            self.problems.extend(first_problems(path, &file));
             let device = Arc::new(imported::device(&file, &name(path)));
             self.devices.insert(path.to_owned(), Arc::clone(&device));
             device
         };
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
         if let Some(own) = own.filter(|own| node != NodeId::Canopen(*own)) {
-            warn(&format!("{}: for node {own}; used for node {node}", path.display()));
+            self.problems.push(format!("{}: for node {own}; used for node {node}", path.display()));
         }
         Ok(device)
     }
 }
 
-/// Prints the first problems and the number of further ones.
-fn print_problems(path: &Path, file: &DeviceFile) {
-    let lines = problem_lines(path, file);
-    for line in lines.iter().take(TOLD) {
-        warn(line);
-    }
+/// The first problems and the number of further ones.
+fn first_problems(path: &Path, file: &DeviceFile) -> Vec<String> {
+    let mut lines = problem_lines(path, file);
     if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
         let shown = path.display();
-        warn(&format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
+        lines.truncate(TOLD);
+        lines.push(format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
     }
+    lines
 }
 
 /// Adds a device file to the profiles; reports it if it is unreadable.

@@ -19,6 +19,7 @@ use super::messages::{note, warn};
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
 use crate::source::{CaptureFile, JoinOptions, Series, relate};
 use crate::words::unknown_bus;
+
 use databases::databases;
 
 /// Captures to read; stdin without arguments.
@@ -65,20 +66,39 @@ pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOption
     options_of(input, catalogue(&input.profiles))
 }
 
-/// Session options with the profiles of `catalogue`.
+/// Session options with the profiles of `catalogue`; problems in readable files are printed.
 ///
 /// # Errors
 /// As for [`session_options`].
 pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow::Result<SessionOptions> {
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let sdo_silence = (input.sdo_timeout * 1e9) as i64;
     let bus_file = input.bus.as_deref().map(bus_file).transpose()?.unwrap_or_default();
     for (profile, rule, key, value) in bus_file.device_tolerances() {
         catalogue.set_tolerance(profile, rule, key, value);
     }
-    let mut assignments = assignments(input, &bus_file, &mut catalogue)?;
-    assignments.extend(device_files::assignments(input, &bus_file)?);
-    let databases = databases(input, &bus_file)?;
+    let mut problems = Vec::new();
+    let options = options_with(input, bus_file, Arc::new(catalogue), &mut problems)?;
+    for problem in &problems {
+        warn(problem);
+    }
+    Ok(options)
+}
+
+/// Session options with a bus file and profiles that were read before. Problems in readable files are added to
+/// `problems`.
+///
+/// # Errors
+/// As for [`session_options`].
+pub(super) fn options_with(
+    input: &InputArgs,
+    bus_file: BusFile,
+    catalogue: Arc<Catalogue>,
+    problems: &mut Vec<String>,
+) -> anyhow::Result<SessionOptions> {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let sdo_silence = (input.sdo_timeout * 1e9) as i64;
+    let mut assignments = assignments(input, &bus_file, &catalogue)?;
+    assignments.extend(device_files::assignments(input, &bus_file, problems)?);
+    let databases = databases(input, &bus_file, problems)?;
     Ok(SessionOptions {
         protocol: match input.protocol {
             Protocol::Auto => ProtocolChoice::Auto,
@@ -88,7 +108,7 @@ pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow:
         },
         sdo_silence,
         bus_file,
-        catalogue: Arc::new(catalogue),
+        catalogue,
         assignments,
         named: named_nodes(input),
         database: databases.everywhere,
@@ -159,11 +179,7 @@ pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::
 }
 
 /// Profiles of nodes: those of the bus file, then those of the options, which take precedence.
-fn assignments(
-    input: &InputArgs,
-    file: &BusFile,
-    catalogue: &mut Catalogue,
-) -> anyhow::Result<Vec<Assignment>> {
+fn assignments(input: &InputArgs, file: &BusFile, catalogue: &Catalogue) -> anyhow::Result<Vec<Assignment>> {
     let mut all = Vec::new();
     for (bus, node, profile) in file.devices() {
         let device = catalogue.device(&profile.text).map_err(|error| misnamed(input, profile, error))?;
@@ -220,9 +236,7 @@ fn add_folders(catalogue: &mut Catalogue, folders: &[PathBuf]) {
 
 /// `$XDG_CONFIG_HOME/cobscope/profiles`.
 fn user_folder() -> Option<PathBuf> {
-    let config = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
-    let config = config.or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".config")));
-    Some(config?.join("cobscope").join("profiles"))
+    Some(crate::config::folder()?.join("profiles"))
 }
 
 /// Adds the profiles of a folder. Invalid ones are reported; they are an error only if a node uses them.

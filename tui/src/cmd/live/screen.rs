@@ -15,6 +15,7 @@ use crate::app::{App, Start};
 use crate::cli::LiveArgs;
 use crate::cmd::input::{read_options, session_options, setup};
 use crate::cmd::messages::Refusal;
+use crate::cmd::reassign::reassign;
 use crate::cmd::screen_settings::{ScreenSettings, remember};
 use crate::cmd::view::{command, forward};
 use crate::exit_code::Exit;
@@ -80,6 +81,7 @@ fn show(
         preferences: settings.preferences.clone(),
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
+        reassign: reassign(&arguments.input),
         at: None,
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,

@@ -6,7 +6,7 @@
 //!  30 columns       Time          Node        Event
 //! ```
 
-use cobscope_decoder::session::Node;
+use cobscope_decoder::session::{Bus, Node};
 
 use crate::panes::common;
 use crate::state::Core;
@@ -56,7 +56,7 @@ impl Widths {
             |least: u16, text: &dyn Fn(&EventRow) -> u16| core.rows().iter().map(text).fold(least, u16::max);
         let world = common::last_world(core);
         let buses = world.iter().flat_map(|world| world.buses());
-        let nodes = buses.flat_map(|bus| bus.nodes());
+        let nodes = buses.flat_map(Bus::nodes);
         let name = |node: &Node| node.name().map_or(0, |name| draw::width(name).saturating_add(1));
         let node = nodes.map(|node| draw::width(&node.id().label()).saturating_add(name(node)));
         let node = node.fold(4, u16::max);

@@ -35,7 +35,7 @@ use self::wishes::{filter_of, signals, subject, to_events};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
-use crate::state::Core;
+use crate::state::{Core, NodeKey};
 use crate::theme::{Glyph, Role};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState};
@@ -264,10 +264,6 @@ impl Pane for Nodes {
             }
             Action::Open => self.open(core),
             Action::Plot => self.plot(core),
-            Action::Assign => match self.chosen(core).and_then(Key::node) {
-                Some(node) => vec![Effect::Assign(node)],
-                None => vec![Effect::Refuse("select a node; a assigns its suggested profile".into())],
-            },
             _ => Vec::new(),
         }
     }
@@ -336,6 +332,10 @@ impl Pane for Nodes {
                 Some(format!("bus == {:?}", bus.name()))
             }
         }
+    }
+
+    fn node(&self, core: &Core) -> Option<NodeKey> {
+        self.chosen(core).and_then(Key::node)
     }
 
     fn line(&self, core: &Core) -> Option<String> {

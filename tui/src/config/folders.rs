@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// Folder of the config file.
-pub(super) fn config() -> Option<PathBuf> {
+pub fn config() -> Option<PathBuf> {
     folder("XDG_CONFIG_HOME", "APPDATA", ".config", &|name| std::env::var_os(name))
 }
 

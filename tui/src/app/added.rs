@@ -1,0 +1,89 @@
+//! Options that are added while the program runs.
+
+use cobscope_decoder::session::SessionOptions;
+
+use super::shell::quoted;
+
+/// Suffixes of device files and of databases.
+const DEVICE_FILES: [&str; 4] = ["eds", "dcf", "xdd", "xdc"];
+const DATABASES: [&str; 2] = ["dbc", "json"];
+
+/// An option that is added while the program runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum AddedOption {
+    /// `--node`.
+    Profile {
+        /// Node as in the option: `5`, `can0:5`.
+        place: String,
+        /// Name of the profile.
+        profile: String,
+    },
+    /// `--eds`.
+    DeviceFile {
+        /// Node as in the option.
+        place: String,
+        /// Path of an EDS, DCF, XDD or XDC.
+        file: String,
+    },
+    /// `--dbc`, for all nodes.
+    Database {
+        /// Path of the file.
+        file: String,
+    },
+}
+
+/// Options of the decoder with an added one.
+pub struct Reassigned {
+    /// All options.
+    pub options: SessionOptions,
+    /// Problems in files that are used nevertheless.
+    pub problems: Vec<String>,
+}
+
+/// Evaluates an added option; the second argument are the present options.
+pub type Reassign = Box<dyn FnMut(&AddedOption, &SessionOptions) -> anyhow::Result<Reassigned>>;
+
+impl AddedOption {
+    /// The option for a text of the user: a file by its suffix, else the name of a profile.
+    pub(super) fn of(text: &str, place: &str) -> Self {
+        let suffix = text.rsplit_once('.').map_or(String::new(), |(_, suffix)| suffix.to_ascii_lowercase());
+        let (place, text) = (place.to_owned(), text.to_owned());
+        if DEVICE_FILES.contains(&suffix.as_str()) {
+            Self::DeviceFile { place, file: text }
+        } else if DATABASES.contains(&suffix.as_str()) {
+            Self::Database { file: text }
+        } else {
+            Self::Profile { place, profile: text }
+        }
+    }
+
+    /// Option and value for a shell.
+    pub(super) fn words(&self) -> String {
+        match self {
+            Self::Profile { place, profile } => format!("--node {}", quoted(&format!("{place}={profile}"))),
+            Self::DeviceFile { place, file } => format!("--eds {}", quoted(&format!("{place}={file}"))),
+            Self::Database { file } => format!("--dbc {}", quoted(file)),
+        }
+    }
+
+    /// Node of the option.
+    pub(super) fn place(&self) -> Option<&str> {
+        match self {
+            Self::Profile { place, .. } | Self::DeviceFile { place, .. } => Some(place),
+            Self::Database { .. } => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_suffix_decides_what_is_assigned() {
+        let words = |text: &str| AddedOption::of(text, "can0:5").words();
+        assert_eq!(words("rexroth-sydfec"), "--node can0:5=rexroth-sydfec");
+        assert_eq!(words("a b/pump.EDS"), "--eds 'can0:5=a b/pump.EDS'");
+        assert_eq!(words("bus.dbc"), "--dbc bus.dbc");
+    }
+}
