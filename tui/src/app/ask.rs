@@ -91,25 +91,29 @@ impl App {
             PromptEvent::Submitted if text.trim().is_empty() && asking != PromptPurpose::Filter => {
                 self.mode = Mode::Panes;
             }
-            PromptEvent::Submitted => {
-                if let Err((offset, reason)) = check(asking, &text) {
-                    return prompt.set_error(offset, reason);
-                }
-                if asking == PromptPurpose::Assign
-                    && let Some(node) = self.assigning
-                    && let Err(reason) = self.assign(node, &text)
-                {
-                    if let Mode::Prompt(_, prompt) = &mut self.mode {
-                        prompt.set_error(0, reason);
-                    }
-                    return;
-                }
-                self.mode = Mode::Panes;
-                self.typed.retain(|(other, old)| *other != asking || *old != text);
-                self.typed.push((asking, text.clone()));
-                self.submit(asking, &text);
-            }
+            PromptEvent::Submitted => self.submitted(asking, &text),
         }
+    }
+
+    /// Closes the prompt and applies its text, unless it has an error.
+    fn submitted(&mut self, asking: PromptPurpose, text: &str) {
+        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
+        if let Err((offset, reason)) = check(asking, text) {
+            return prompt.set_error(offset, reason);
+        }
+        if asking == PromptPurpose::Assign
+            && let Some(node) = self.assigning
+            && let Err(reason) = self.assign(node, text)
+        {
+            if let Mode::Prompt(_, prompt) = &mut self.mode {
+                prompt.set_error(0, reason);
+            }
+            return;
+        }
+        self.mode = Mode::Panes;
+        self.typed.retain(|(other, old)| *other != asking || old != text);
+        self.typed.push((asking, text.to_owned()));
+        self.submit(asking, text);
     }
 
     /// Passes the search text to the pane; `false` if the pane has no search of its own.
