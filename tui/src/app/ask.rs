@@ -43,8 +43,8 @@ impl App {
                 let proposed = self.proposed_profile(node);
                 if let (Mode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
                     prompt.propose(&profile);
-                    self.refresh_prompt_row();
                 }
+                self.refresh_prompt_row();
             }
             Err(reason) => self.core.refuse(&reason),
         }
@@ -94,27 +94,31 @@ impl App {
             {
                 self.mode = Mode::Panes;
             }
-            PromptEvent::Submitted => {
-                if let Err((offset, reason)) = check(asking, &text) {
-                    return prompt.set_error(offset, reason);
-                }
-                let done = match (asking, self.assigning) {
-                    (PromptPurpose::Assign, Some(node)) => self.assign(node, &text),
-                    (PromptPurpose::Columns, _) => self.choose_columns(&text),
-                    _ => Ok(()),
-                };
-                if let Err(reason) = done {
-                    if let Mode::Prompt(_, prompt) = &mut self.mode {
-                        prompt.set_error(0, reason);
-                    }
-                    return;
-                }
-                self.mode = Mode::Panes;
-                self.typed.retain(|(other, old)| *other != asking || *old != text);
-                self.typed.push((asking, text.clone()));
-                self.submit(asking, &text);
-            }
+            PromptEvent::Submitted => self.submitted(asking, &text),
         }
+    }
+
+    /// Closes the prompt and applies its text, unless it has an error.
+    fn submitted(&mut self, asking: PromptPurpose, text: &str) {
+        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
+        if let Err((offset, reason)) = check(asking, text) {
+            return prompt.set_error(offset, reason);
+        }
+        let done = match (asking, self.assigning) {
+            (PromptPurpose::Assign, Some(node)) => self.assign(node, text),
+            (PromptPurpose::Columns, _) => self.choose_columns(text),
+            _ => Ok(()),
+        };
+        if let Err(reason) = done {
+            if let Mode::Prompt(_, prompt) = &mut self.mode {
+                prompt.set_error(0, reason);
+            }
+            return;
+        }
+        self.mode = Mode::Panes;
+        self.typed.retain(|(other, old)| *other != asking || old != text);
+        self.typed.push((asking, text.to_owned()));
+        self.submit(asking, text);
     }
 
     /// Passes the search text to the pane; `false` if the pane has no search of its own.

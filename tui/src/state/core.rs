@@ -127,54 +127,6 @@ impl Core {
         }
     }
 
-    /// Position of a bound, which is returned without a wall-clock time.
-    fn place_of(&self, bound: Bound) -> Result<(Bound, JumpPlace), String> {
-        let bound = match (bound, self.timeline.progress().times()) {
-            (Bound::Clock(clock), Some((first, last))) => Bound::Moment(clock.at(first, last)?),
-            (bound, _) => bound,
-        };
-        let no_times = || "this capture has no timestamps; enter a frame as #1234".to_owned();
-        let place = match bound {
-            Bound::Frame(frame) => JumpPlace::Frame(frame),
-            Bound::Moment(time) => JumpPlace::Time(time),
-            Bound::Offset(offset) => {
-                JumpPlace::Time(self.zero().or(self.timeline.first()).ok_or_else(no_times)?.plus(offset))
-            }
-            Bound::Clock(_) => return Err(no_times()),
-        };
-        Ok((bound, place))
-    }
-
-    /// Position of a bound inside the captures.
-    ///
-    /// # Errors
-    /// The bound is outside the captures, or they have no timestamps.
-    pub fn inside(&self, bound: Bound) -> Result<JumpPlace, String> {
-        let (bound, place) = self.place_of(bound)?;
-        let outside = self.outside(bound).filter(|_| self.timeline.progress().is_complete());
-        outside.map_or(Ok(place), |(_, text)| Err(text))
-    }
-
-    /// Side and message for a position outside the captures.
-    fn outside(&self, bound: Bound) -> Option<(Ordering, String)> {
-        let frames = self.timeline.progress().frames();
-        let times = self.timeline.progress().times();
-        let (what, side) = match (bound, times) {
-            (Bound::Frame(0), _) => ("frame", Ordering::Less),
-            (Bound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
-            (_, None) | (Bound::Clock(_), _) => return None,
-            (Bound::Moment(time), Some((first, last))) => ("time", side(time, first, last)),
-            (Bound::Offset(offset), Some((first, last))) => ("time", side(first.plus(offset), first, last)),
-        };
-        let time = self.seconds(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
-        let text = match side {
-            Ordering::Less => format!("no such {what}: the capture starts here"),
-            Ordering::Equal => return None,
-            Ordering::Greater => format!("no such {what}: the capture ends here, #{frames}{time}"),
-        };
-        Some((side, text))
-    }
-
     /// Requests the content at the cursor again after a change.
     pub fn refresh(&mut self) {
         self.ask(None);
@@ -434,9 +386,4 @@ impl Core {
     pub fn refuse(&mut self, text: &str) {
         self.said = Some((Role::Caution, text.to_owned()));
     }
-}
-
-/// Position of a time relative to the captures.
-fn side(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
-    if time < first { Ordering::Less } else { time.cmp(&last).max(Ordering::Equal) }
 }

@@ -3,7 +3,7 @@
 mod clock;
 mod core;
 mod place;
-mod preview;
+mod positions;
 mod search;
 
 pub use clock::TimeDisplay;
