@@ -1,10 +1,10 @@
 //! A row of the Events pane with its event.
 
-use cobscope_decoder::event::{Event, EventKind, Outcome, SdoTransfer};
+use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::{Line, MessageChanges, Tone};
+use cobscope_decoder::sink::text::{Line, MessageChanges, Tone, TransferWords};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
 
 /// Number of payload bytes in a row.
@@ -31,6 +31,8 @@ pub struct Row {
     pub value: String,
     /// Object and value as one text, with the name of the object last: `1003:00 = 1, Number of errors`.
     pub news: String,
+    /// All of the event; of a message its changed signals.
+    pub what: String,
     /// Signals that did not change; empty if only changes are shown.
     pub unchanged: String,
     /// Tone that decides the colour.
@@ -46,6 +48,8 @@ impl Row {
         let line = Line::of(told.event, told.bus);
         let RowTexts { object, value, news, unchanged } = texts(told, &line, only_news);
         let presumed = if told.event.presumed { "?" } else { "" };
+        let news = format!("{}{presumed}", escape(&news));
+        let is_message = MessageChanges::is_of(told.event);
         Self {
             spot: told.spot,
             event: told.event.clone(),
@@ -55,7 +59,8 @@ impl Row {
             kind: line.kind,
             object: escape(&object).into_owned(),
             value: format!("{}{presumed}", escape(&value)),
-            news: format!("{}{presumed}", escape(&news)),
+            what: if is_message { news.clone() } else { format!("{}{presumed}", escape(&line.what)) },
+            news,
             unchanged: escape(&unchanged).into_owned(),
             tone: line.tone,
             is_news: told.is_news,
@@ -117,8 +122,8 @@ impl Row {
     /// The row as one line, for search and clipboard.
     pub fn text(&self) -> String {
         let id = self.id().map_or(String::new(), |id| id.to_string());
-        let what = format!("{} {}", self.news, self.unchanged);
-        format!("{} {id} {} {} {what} {}", self.bus, self.who, self.kind, self.data())
+        let (what, unchanged) = (&self.what, &self.unchanged);
+        format!("{} {id} {} {} {what} {unchanged} {}", self.bus, self.who, self.kind, self.data())
     }
 }
 
@@ -145,10 +150,11 @@ fn texts(told: &PlacedEvent<'_>, line: &Line, only_news: bool) -> RowTexts {
     if let Some(changes) = MessageChanges::of(told.event, told.bus, earlier) {
         return of_message(changes, only_news);
     }
+    if let Some(words) = TransferWords::of(told.event, told.bus) {
+        return of_transfer(&words);
+    }
     let what = line.what.as_str();
     let (object, value) = match &told.event.kind {
-        EventKind::SdoTransfer(transfer) => return of_transfer(transfer, what),
-        EventKind::UdsExchange(_) => what.split_once(" = ").unwrap_or((what, "")),
         EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::ObjectChange(_) => {
             what.split_once(' ').unwrap_or((what, ""))
         }
@@ -168,34 +174,13 @@ fn of_message(changes: MessageChanges, only_news: bool) -> RowTexts {
     RowTexts { unchanged, ..RowTexts::new(&name, format!("{value}{note}").trim_start()) }
 }
 
-/// Text of a transfer with its value or failure before the name of the object.
-pub(super) fn transfer_news(kind: &EventKind, what: &str) -> String {
-    match kind {
-        EventKind::SdoTransfer(transfer) => of_transfer(transfer, what).news,
-        _ => what.to_owned(),
-    }
-}
-
-/// Object, then the value or the reason of the failure with the consequence, then the name of the object.
-/// Duration and mode of a complete transfer are left to the details.
-fn of_transfer(transfer: &SdoTransfer, what: &str) -> RowTexts {
-    let name = transfer.meaning.as_ref().map_or("", |meaning| meaning.name.as_str());
-    let code = transfer.object.map_or(String::new(), |object| object.to_string());
-    let object = if name.is_empty() { code.clone() } else { format!("{code} {name}") };
-    let Some(rest) = what.strip_prefix(object.as_str()).filter(|_| !object.is_empty()) else {
-        return RowTexts::new("", what);
-    };
-    let mut value = rest.trim_start().to_owned();
-    if let Some(end) = value.rfind(" ok").filter(|_| transfer.outcome == Outcome::Complete) {
-        let (value_part, details) = value.split_at_checked(end).unwrap_or((&value, ""));
-        let consequence = details.find(" | ").and_then(|at| details.get(at..)).unwrap_or_default();
-        value = format!("{value_part}{consequence}");
-    }
-    let separator = if value.contains(" | ") { " |" } else { "," };
-    let name = if name.is_empty() { String::new() } else { format!("{separator} {name}") };
-    let news = format!("{code} {value}{name}");
-    let value = value.strip_prefix("= ").unwrap_or(&value);
-    RowTexts { news, ..RowTexts::new(&object, value) }
+/// Object with its name, and the result of a transfer.
+fn of_transfer(words: &TransferWords) -> RowTexts {
+    let news = words.news();
+    let TransferWords { object, name, result } = words;
+    let blank = if name.is_empty() { "" } else { " " };
+    let value = result.strip_prefix("= ").unwrap_or(result).to_owned();
+    RowTexts { object: format!("{object}{blank}{name}"), value, news, unchanged: String::new() }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Cuts a sentence to a width: prose goes before numbers, names of states and `NOT`.
+//! Cuts a sentence to a width: prose first; numbers, names of states and `NOT` stay.
 //!
 //! ```text
 //! spool +37.5 %? NOT effective: needs device ACTIVE
@@ -13,6 +13,9 @@ const ENDS: [char; 2] = [',', ';'];
 
 /// Maximum length of a unit after a number.
 const LONGEST_UNIT: usize = 4;
+
+/// Maximum length of a number; a longer word with digits is a text.
+const LONGEST_NUMBER: usize = 16;
 
 /// Minimum room for the start of a further clause.
 const LEAST_CLAUSE: u16 = 8;
@@ -36,16 +39,20 @@ pub fn fit(text: &str, room: u16, theme: &Theme) -> String {
         is_complete = number == 0 && is_last;
         if number == 0 {
             shown = shorten(clause, left, ellipsis);
-        } else if left >= LEAST_CLAUSE && draw::width(&shown) < room {
-            let left = room.saturating_sub(draw::width(&shown));
-            shown.push_str(&start_of(clause, left, ellipsis));
+        } else if left >= LEAST_CLAUSE {
+            let start = start_of(clause, room.saturating_sub(draw::width(&shown)), ellipsis);
+            if start.is_empty() && left > room / 2 {
+                shown.push_str(&cut(&shorten(clause, left, ellipsis), left, ellipsis));
+                is_complete = is_last;
+            }
+            shown.push_str(&start);
         }
         break;
     }
     if !is_complete && !shown.ends_with(ellipsis) {
         shown.push_str(ellipsis);
     }
-    if draw::width(&shown) > room { cut(&shown, room, ellipsis) } else { shown }
+    cut(&shown, room, ellipsis)
 }
 
 /// The clauses of a text; together they are the text.
@@ -66,16 +73,24 @@ fn clauses(text: &str) -> Vec<&str> {
     clauses
 }
 
-/// Whether `after` starts a remark, a further part, or the consequence of prose. An arrow after a value or a
-/// state shows its change.
+/// Whether `after` starts a remark, a further part, a payload, or the consequence of prose. An arrow after a
+/// value or a state shows its change.
 fn begins_clause(before: &str, after: &str) -> bool {
-    let remark = after
-        .strip_prefix(" (")
-        .is_some_and(|rest| !rest.starts_with(|letter: char| letter.is_ascii_digit()));
+    let inside = after.strip_prefix(" (").map(|rest| rest.split(')').next().unwrap_or_default());
+    let remark = inside.is_some_and(|inside| inside.contains(' '));
     let mut words = before.rsplit(' ');
     let (last, previous) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
     let is_value = is_firm(last) || is_unit(previous, last);
-    remark || after.starts_with(" | ") || (after.starts_with(" → ") && !is_value)
+    let mut next = after.trim_start().split(' ');
+    let are_bytes =
+        last.ends_with(':') && next.next().is_some_and(is_byte) && next.next().is_some_and(is_byte);
+    remark || are_bytes || after.starts_with(" | ") || (after.starts_with(" → ") && !is_value)
+}
+
+/// Whether a word is a payload byte.
+fn is_byte(word: &str) -> bool {
+    let word = word.trim_end_matches(ENDS);
+    word.len() == 2 && word.bytes().all(|digit| digit.is_ascii_digit() || (b'A'..=b'F').contains(&digit))
 }
 
 /// Whether a word is the unit of the number before it.
@@ -98,9 +113,9 @@ fn shorten(clause: &str, room: u16, ellipsis: &str) -> String {
     let joined = |is_kept: &[bool]| {
         let mut text = String::new();
         let mut is_gap = false;
-        for (word, is_kept) in words.iter().zip(is_kept) {
+        for (at, (word, is_kept)) in words.iter().zip(is_kept).enumerate() {
             if *is_kept {
-                if !text.is_empty() {
+                if at > 0 {
                     text.push(' ');
                 }
                 text.push_str(word);
@@ -131,7 +146,10 @@ fn start_of(clause: &str, room: u16, ellipsis: &str) -> String {
     let mut words: Vec<&str> = clause.split(' ').collect();
     let width = |words: &[&str]| draw::width(&words.join(" ")).saturating_add(draw::width(ellipsis));
     while width(&words) > room {
-        if words.pop().is_none_or(is_firm) {
+        let Some(word) = words.pop() else { return String::new() };
+        // The start of a payload is useful.
+        let is_of_payload = is_byte(word) && words.last().is_some_and(|word| is_byte(word));
+        if is_firm(word) && !is_of_payload {
             return String::new();
         }
     }
@@ -141,6 +159,9 @@ fn start_of(clause: &str, room: u16, ellipsis: &str) -> String {
 
 /// The start of a text, cut within a word, but not within a number.
 fn cut(text: &str, room: u16, ellipsis: &str) -> String {
+    if draw::width(text) <= room {
+        return text.to_owned();
+    }
     let mut shown = text.to_owned();
     while !shown.is_empty() && draw::width(&shown).saturating_add(draw::width(ellipsis)) > room {
         shown.pop();
@@ -148,10 +169,16 @@ fn cut(text: &str, room: u16, ellipsis: &str) -> String {
     let start = shown.rfind(' ').map_or(0, |at| at.saturating_add(1));
     let word = text.get(start..).and_then(|rest| rest.split(' ').next()).unwrap_or_default();
     let is_whole = shown.len().saturating_sub(start) == word.len();
-    if !is_whole && start > 0 && word.contains(|letter: char| letter.is_ascii_digit()) {
+    let is_number = word.len() <= LONGEST_NUMBER && word.contains(|letter: char| letter.is_ascii_digit());
+    let before = text.get(..start).unwrap_or_default().trim_end();
+    let number = before.rfind(' ').map_or(0, |at| at.saturating_add(1));
+    if !is_whole && start > 0 && is_unit(before.get(number..).unwrap_or_default(), word) {
+        shown.truncate(number);
+    } else if !is_whole && start > 0 && is_number {
         shown.truncate(start.saturating_sub(1));
     }
-    shown + ellipsis
+    let shown = shown.trim_end_matches(' ').trim_end_matches(ellipsis);
+    format!("{shown}{ellipsis}")
 }
 
 #[cfg(test)]
@@ -172,7 +199,7 @@ mod tests {
         assert_eq!(fitted(text, 60), text);
         assert_eq!(fitted(text, 48), "spool +37.5 %? NOT effective: needs… ACTIVE");
         assert_eq!(fitted(text, 30), "spool +37.5 %? NOT… ACTIVE");
-        assert_eq!(fitted(text, 16), "spool +37.5 %? …");
+        assert_eq!(fitted(text, 16), "spool +37.5 %?…");
     }
 
     #[test]
@@ -184,8 +211,13 @@ mod tests {
         assert_eq!(fitted(text, 18), "8305 spool…");
         assert_eq!(fitted("ACTIVE → FAULT HOLD, cause EMCY 8305", 22), "ACTIVE → FAULT HOLD,…");
         assert_eq!(fitted("heartbeat time 250 ms → 1000 ms", 24), "heartbeat… 250 ms →…");
+        assert_eq!(fitted("TP 1785 bytes: 41 42 43 44 45 46, name", 25), "TP 1785 bytes: 41 42 43…");
+        // Much room is not left empty.
+        assert_eq!(fitted("SDO, NO RESPONSE after 250 ms to 1017:00", 26), "SDO, NO RESPONSE… 250 ms…");
         // Neither a number without its unit nor a label without its value is shown.
-        assert_eq!(fitted("stopped, valid for 250 ms", 22), "stopped,…");
+        assert_eq!(fitted("stopped, valid for 250 ms", 22), "stopped, valid… 250 ms");
+        assert_eq!(fitted("stopped, valid for 250 ms", 16), "stopped,…");
+        assert_eq!(cut("p 12 250 ms", 10, "…"), "p 12…");
         assert_eq!(fitted("stopped, by the other controller", 22), "stopped, by the other…");
     }
 

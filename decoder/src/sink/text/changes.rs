@@ -28,6 +28,15 @@ pub struct MessageChanges {
 }
 
 impl MessageChanges {
+    /// Whether an event is a message with signals or bytes.
+    pub fn is_of(event: &Event) -> bool {
+        match &event.kind {
+            EventKind::Pdo(message) => !message.is_request,
+            EventKind::Frame(undecoded) => undecoded.message.is_some(),
+            kind => matches!(kind, EventKind::J1939Message(_)),
+        }
+    }
+
     /// The signals of a message; None for other events. `earlier` is the payload to compare with.
     pub fn of(event: &Event, bus: &Bus, earlier: Option<&[u8]>) -> Option<Self> {
         let (name, layout, payload, note) = match &event.kind {
@@ -42,8 +51,9 @@ impl MessageChanges {
                 (message.name.to_string(), message.layout.as_deref(), message.payload(), note)
             }
             EventKind::J1939Message(message) => {
-                let (name, note) = group_name(message.name.as_deref().unwrap_or_default());
-                let name = format!("{}{name}", message.id.pgn);
+                let (acronym, rest) = group_name(message.name.as_deref().unwrap_or_default());
+                let name = format!("{}{acronym}", message.id.pgn);
+                let note = if rest.is_empty() { String::new() } else { format!(" | {rest}") };
                 (name, message.layout.as_deref(), message.payload(), note.into_bytes())
             }
             EventKind::Frame(undecoded) => {
@@ -65,13 +75,13 @@ impl MessageChanges {
     }
 }
 
-/// Acronym and full name of a parameter group: ` EEC1` and ` | electronic engine controller 1`.
-fn group_name(name: &str) -> (String, String) {
+/// Acronym with a blank before it, and the rest of the name of a parameter group: ` EEC1` and `electronic
+/// engine controller 1`.
+pub(super) fn group_name(name: &str) -> (String, &str) {
     let (first, rest) = name.split_once(' ').unwrap_or((name, ""));
     let is_acronym = !first.is_empty()
         && first.chars().all(|letter| letter.is_ascii_uppercase() || letter.is_ascii_digit());
-    let (acronym, rest) = if is_acronym { (format!(" {first}"), rest) } else { (String::new(), name) };
-    (acronym, if rest.is_empty() { String::new() } else { format!(" | {rest}") })
+    if is_acronym { (format!(" {first}"), rest) } else { (String::new(), name) }
 }
 
 /// Changed and unchanged signals, device words after the others: their changes are also events.
@@ -240,9 +250,9 @@ mod tests {
 
     #[test]
     fn the_acronym_of_a_group_precedes_its_values() {
-        let text = |acronym: &str, rest: &str| (acronym.to_owned(), rest.to_owned());
-        assert_eq!(group_name("EEC1 engine controller 1"), text(" EEC1", " | engine controller 1"));
-        assert_eq!(group_name("proprietary B"), text("", " | proprietary B"));
+        let text = |acronym: &str, rest| (acronym.to_owned(), rest);
+        assert_eq!(group_name("EEC1 engine controller 1"), text(" EEC1", "engine controller 1"));
+        assert_eq!(group_name("proprietary B"), text("", "proprietary B"));
         assert_eq!((group_name("DM1"), group_name("")), (text(" DM1", ""), text("", "")));
     }
 

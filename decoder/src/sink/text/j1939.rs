@@ -3,8 +3,10 @@
 use std::fmt::Write as _;
 
 use super::Tone;
+use super::changes::group_name;
 use super::parts::{EventWords, bytes, millis, node_label, node_short, seconds};
 use super::pdo::push_signals;
+use super::transfer::TransferWords;
 use crate::event::{
     AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, Irregularity, IrregularityKind,
     J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome, TransportMode,
@@ -66,22 +68,9 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
         Some(pgn) => group(pgn, transfer.name.as_deref()),
         None => "PGN unknown".into(),
     };
-    let size = match transfer.announced {
-        Some(announced) if u64::from(announced) != transfer.size => {
-            format!("{} of {announced} bytes", transfer.size)
-        }
-        _ => plural(transfer.size, "byte"),
-    };
-    let _ = write!(what, " {size}: {}", bytes(&transfer.data));
+    let _ = write!(what, " {}: {}", size_words(transfer), bytes(&transfer.data));
     let tone = outcome_words(transfer, &mut what);
-    let is_fast = transfer.mode == Some(TransportMode::FastPacket);
-    if transfer.missing > 0 {
-        let unit = if is_fast { "frame" } else { "packet" };
-        let _ = write!(what, ", {} missing", plural(transfer.missing, unit));
-    }
-    if transfer.repeated > 0 {
-        let _ = write!(what, ", {} repeated", transfer.repeated);
-    }
+    push_irregular(transfer, &mut what);
     if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
         let _ = write!(what, " dt={}ms", millis(duration));
     }
@@ -96,8 +85,54 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
         push_signals(layout, &transfer.data, &mut signals);
         what.push_str(&String::from_utf8_lossy(&signals));
     }
-    let kind = if is_fast { "FP" } else { "TP" };
+    let kind = if transfer.mode == Some(TransportMode::FastPacket) { "FP" } else { "TP" };
     EventWords { who: pair(transfer.source, transfer.destination, bus), kind, what, tone }
+}
+
+/// `14 bytes`, `21 of 28 bytes`.
+fn size_words(transfer: &J1939Transfer) -> String {
+    match transfer.announced {
+        Some(announced) if u64::from(announced) != transfer.size => {
+            format!("{} of {announced} bytes", transfer.size)
+        }
+        _ => plural(transfer.size, "byte"),
+    }
+}
+
+/// Appends missing and repeated packets.
+fn push_irregular(transfer: &J1939Transfer, what: &mut String) {
+    if transfer.missing > 0 {
+        let is_fast = transfer.mode == Some(TransportMode::FastPacket);
+        let unit = if is_fast { "frame" } else { "packet" };
+        let _ = write!(what, ", {} missing", plural(transfer.missing, unit));
+    }
+    if transfer.repeated > 0 {
+        let _ = write!(what, ", {} repeated", transfer.repeated);
+    }
+}
+
+/// A transport session with its failure or its signals first; duration and mode are left out.
+pub(super) fn transfer_words(transfer: &J1939Transfer) -> TransferWords {
+    let (acronym, name) = group_name(transfer.name.as_deref().unwrap_or_default());
+    let object = match transfer.pgn {
+        Some(pgn) => format!("{pgn}{acronym}"),
+        None => "PGN unknown".to_owned(),
+    };
+    let mut outcome = String::new();
+    outcome_words(transfer, &mut outcome);
+    push_irregular(transfer, &mut outcome);
+    let outcome = outcome.trim_start();
+    let mut parts = Vec::new();
+    parts.extend(Some(outcome.to_owned()).filter(|outcome| outcome != "ok"));
+    match &transfer.layout {
+        Some(layout) => {
+            let mut signals = Vec::new();
+            push_signals(layout, &transfer.data, &mut signals);
+            parts.push(String::from_utf8_lossy(&signals).trim_start_matches([':', ' ']).to_owned());
+        }
+        None => parts.push(format!("{}: {}", size_words(transfer), bytes(&transfer.data))),
+    }
+    TransferWords { object, name: name.to_owned(), result: parts.join(", ") }
 }
 
 /// Appends the outcome of a transfer.

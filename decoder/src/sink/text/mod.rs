@@ -24,6 +24,7 @@ mod pdo;
 mod sdo;
 mod time;
 mod tone;
+mod transfer;
 mod uds;
 
 use std::io::{self, Write};
@@ -33,6 +34,7 @@ pub use changes::MessageChanges;
 pub use line::Line;
 pub use news::News;
 pub use tone::Tone;
+pub use transfer::TransferWords;
 
 use self::burst::{BurstEnd, Bursts};
 use self::held::HeldLine;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::Tone;
 use super::parts::{EventWords, bytes, millis, seconds};
+use super::transfer::TransferWords;
 use crate::event::{Endpoints, Event, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsExchange};
 use crate::profile::{Device, Effect, UdsService, Value, ValueIn, uds};
 use crate::query::record::device as device_of;
@@ -71,15 +72,7 @@ fn exchange_words(exchange: &UdsExchange, device: &Device) -> (String, Tone) {
     if let Some(service) = known {
         let _ = write!(what, " {}", service.name);
     }
-    if let Some(sub_function) = exchange.sub_function {
-        let _ = match uds().sub_function(exchange.service, sub_function.value) {
-            Some(name) => write!(what, " {name}"),
-            None => write!(what, " {:02X}", sub_function.value),
-        };
-        if known.is_some_and(|service| service.code == SECURITY_ACCESS) {
-            let _ = write!(what, " {:02X}", sub_function.value);
-        }
-    }
+    what.push_str(&sub_function(exchange));
     if let Some(identifier) = exchange.identifier {
         let _ = write!(what, " {identifier:04X}");
         if let Some(name) = exchange.name() {
@@ -89,14 +82,55 @@ fn exchange_words(exchange: &UdsExchange, device: &Device) -> (String, Tone) {
     what.push_str(&content(exchange));
     let tone = outcome(exchange, device, &mut what);
     times(exchange, &mut what);
-    if let Some(effect) = exchange.effect {
-        let _ = match effect {
-            Effect::AtOnce => write!(what, " | active now"),
-            Effect::Never => write!(what, " | accepted without effect"),
-            effect => write!(what, " | active {}", effect.when()),
-        };
-    }
+    what.push_str(&effect(exchange));
     (what, tone)
+}
+
+/// ` | active now`.
+fn effect(exchange: &UdsExchange) -> String {
+    match exchange.effect {
+        None => String::new(),
+        Some(Effect::AtOnce) => " | active now".to_owned(),
+        Some(Effect::Never) => " | accepted without effect".to_owned(),
+        Some(effect) => format!(" | active {}", effect.when()),
+    }
+}
+
+/// An exchange with its value or failure first; the latency is left out.
+pub(super) fn transfer(exchange: &UdsExchange, device: &Device) -> TransferWords {
+    let identifier = exchange.identifier.map_or(String::new(), |identifier| format!(" {identifier:04X}"));
+    let service = uds().service(exchange.service).map_or("", |service| service.name.as_str());
+    let names = [service, exchange.name().unwrap_or_default()];
+    let data = format!("{}{}", sub_function(exchange), content(exchange));
+    let mut failure = String::new();
+    outcome(exchange, device, &mut failure);
+    let result = match failure.strip_prefix(" ok") {
+        Some(remark) => format!("{data}{remark}"),
+        None if data.trim().is_empty() => failure,
+        None => format!(
+            "{failure},{}",
+            data.strip_prefix(" = ").map_or(data.clone(), |value| format!(" {value}"))
+        ),
+    };
+    let mut remarks = String::new();
+    pending(exchange, &mut remarks);
+    TransferWords {
+        object: format!("{:02X}{identifier}", exchange.service),
+        name: names.into_iter().filter(|name| !name.is_empty()).collect::<Vec<_>>().join(" "),
+        result: format!("{result}{remarks}{}", effect(exchange)).trim_start().to_owned(),
+    }
+}
+
+/// ` extended-session`, ` 05`.
+fn sub_function(exchange: &UdsExchange) -> String {
+    let Some(sub_function) = exchange.sub_function else { return String::new() };
+    let name = uds().sub_function(exchange.service, sub_function.value);
+    let number = format!(" {:02X}", sub_function.value);
+    match name {
+        None => number,
+        Some(name) if exchange.service == SECURITY_ACCESS => format!(" {name}{number}"),
+        Some(name) => format!(" {name}"),
+    }
 }
 
 /// Odd and even sub-functions are seed and key of a security level, so the number is printed too.
@@ -185,12 +219,20 @@ fn outcome(exchange: &UdsExchange, device: &Device, what: &mut String) -> Tone {
 
 /// Appends ` dt=8.0ms` or ` (2 × pending, 4.200 s)`, and a note on truncated data.
 fn times(exchange: &UdsExchange, what: &mut String) {
+    let latency = exchange.latency.filter(|_| exchange.pending == 0);
+    pending(exchange, what);
+    if let Some(latency) = latency {
+        let _ = write!(what, " dt={}ms", millis(latency));
+    }
+}
+
+/// Appends ` (2 × pending, 4.200 s)`, and a note on truncated data.
+fn pending(exchange: &UdsExchange, what: &mut String) {
     if exchange.request.iter().chain(&exchange.response).any(|message| message.truncated) {
         what.push_str(" (data truncated)");
     }
     let _ = match (exchange.pending, exchange.latency) {
-        (0, Some(latency)) => write!(what, " dt={}ms", millis(latency)),
-        (0, None) => Ok(()),
+        (0, _) => Ok(()),
         (pending, Some(latency)) => write!(what, " ({pending} × pending, {} s)", seconds(latency)),
         (pending, None) => write!(what, " ({pending} × pending)"),
     };

@@ -251,7 +251,7 @@ fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
     place.push(row.bus.clone());
     place.extend(Some(told.payload.title.clone()).filter(|title| !title.is_empty()));
     place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
-    let text = format!("{} {} {}", row.who, row.kind, row.news).trim_start().to_owned();
+    let text = format!("{} {} {}", row.who, row.kind, row.what).trim_start().to_owned();
     vec![quiet(&place), Line::styled(text, core.theme.style(role_of(row.tone)))]
 }
 

@@ -72,7 +72,7 @@ struct RowInputs {
 }
 
 /// Width of the finding text: at least `LEAST_TEXT`; `WANTED_TEXT` before less important columns are added.
-const LEAST_TEXT: u16 = 28;
+const LEAST_TEXT: u16 = 34;
 const WANTED_TEXT: u16 = 72;
 
 /// Width of the columns up to `Cursor` without bus and first time, with spaces and scroll bar.
@@ -86,7 +86,8 @@ fn columns(core: &Core, width: u16) -> Vec<Column> {
 /// Columns with these widths of time and bus.
 fn arranged(time: u16, bus: u16, width: u16) -> Vec<Column> {
     let others = IMPORTANT.saturating_add(bus).saturating_add(time);
-    let text = width.saturating_sub(others).clamp(LEAST_TEXT, WANTED_TEXT);
+    let least = LEAST_TEXT.saturating_sub(bus);
+    let text = width.saturating_sub(others).clamp(least, WANTED_TEXT);
     vec![
         Column::new("Severity", Width::Fixed(8)).priority(12),
         Column::new(bus_title(bus), Width::Fixed(bus)).priority(11),

@@ -13,12 +13,11 @@ use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::Line;
+use cobscope_decoder::sink::text::{Line, TransferWords};
 use cobscope_decoder::statistics::Statistics;
 
 use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
-use crate::timeline::row::transfer_news;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
     Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
@@ -248,6 +247,7 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         _ => return None,
     };
     let line = Line::of(event, told.bus);
+    let news = TransferWords::of(event, told.bus).map_or_else(|| line.what.clone(), |words| words.news());
     Some(Exchange {
         spot: told.spot,
         time: event.time,
@@ -258,7 +258,7 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         kind: line.kind,
         event_kind: event.kind.name(),
         what: escape(&line.what).into(),
-        news: escape(&transfer_news(&event.kind, &line.what)).into(),
+        news: escape(&news).into(),
         duration,
         size,
         outcome,
