@@ -108,6 +108,6 @@ fn skipped_text(skipped: usize) -> String {
 fn nothing_further(what: &str, skipped: usize) -> String {
     match skipped {
         0 => format!("no further {what} in this direction"),
-        _ => format!("no further {what}; {skipped} outside the filter (c clears it)"),
+        _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
     }
 }
