@@ -41,6 +41,8 @@ pub enum Action {
     SplitRight,
     /// Show or hide the strip of time.
     Strip,
+    /// Choose the columns of the pane.
+    Columns,
     /// Open the filter prompt.
     Filter,
     /// Clear filter, search and highlight.

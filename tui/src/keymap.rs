@@ -149,6 +149,7 @@ const ACTIONS: &[Binding] = &[
         "move the border between the panes to the right",
         Group::Program,
     ),
+    key(&["o"], Action::Columns, "columns", "choose the columns of the pane", Group::Show),
     key(&["i"], Action::Strip, "strip", "show or hide the strip of time", Group::Program),
 ];
 

@@ -79,6 +79,7 @@ pub(super) enum PromptPurpose {
     GoTo,
     Export,
     Assign,
+    Columns,
 }
 
 impl App {

@@ -88,7 +88,10 @@ impl App {
                     self.filter(&text);
                 }
             }
-            PromptEvent::Submitted if text.trim().is_empty() && asking != PromptPurpose::Filter => {
+            PromptEvent::Submitted
+                if text.trim().is_empty()
+                    && !matches!(asking, PromptPurpose::Filter | PromptPurpose::Columns) =>
+            {
                 self.mode = Mode::Panes;
             }
             PromptEvent::Submitted => self.submitted(asking, &text),
@@ -101,10 +104,12 @@ impl App {
         if let Err((offset, reason)) = check(asking, text) {
             return prompt.set_error(offset, reason);
         }
-        if asking == PromptPurpose::Assign
-            && let Some(node) = self.assigning
-            && let Err(reason) = self.assign(node, text)
-        {
+        let done = match (asking, self.assigning) {
+            (PromptPurpose::Assign, Some(node)) => self.assign(node, text),
+            (PromptPurpose::Columns, _) => self.choose_columns(text),
+            _ => Ok(()),
+        };
+        if let Err(reason) = done {
             if let Mode::Prompt(_, prompt) = &mut self.mode {
                 prompt.set_error(0, reason);
             }
@@ -135,8 +140,8 @@ impl App {
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
-            // Was assigned while the prompt could still show an error.
-            PromptPurpose::Assign => {}
+            // Done while the prompt could still show an error.
+            PromptPurpose::Assign | PromptPurpose::Columns => {}
         }
         self.refresh_panes();
     }
@@ -195,7 +200,7 @@ pub(super) fn target(core: &Core, text: &str) -> Option<Result<JumpPlace, String
 pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
-        PromptPurpose::Assign => Ok(()),
+        PromptPurpose::Assign | PromptPurpose::Columns => Ok(()),
         PromptPurpose::Filter => match text.parse::<Filter>() {
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),

@@ -61,13 +61,6 @@ pub(super) fn candidates(core: &Core, before: &str) -> (usize, Vec<Candidate>, S
     (found.start, words, text)
 }
 
-/// Profiles whose names start with `before`.
-pub(super) fn profiles(core: &Core, before: &str) -> Vec<Candidate> {
-    let ids = core.timeline.options().catalogue.ids().into_iter();
-    let found = ids.filter(|id| id.starts_with(before) && id != before);
-    found.map(|id| Candidate::new(&id, None)).collect()
-}
-
 /// The meaning of a field.
 fn meaning(targets: &[Target]) -> String {
     targets.first().map_or(String::new(), |target| format!("{}: {}", target.field.key, target.field.doc))

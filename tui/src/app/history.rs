@@ -4,6 +4,8 @@
 //! undo  [ all ] [ kind == emcy ]   present   [ node == 5 ]  redo
 //! ```
 
+use std::collections::BTreeMap;
+
 use crate::panes::{PaneId, Sorting};
 
 /// Maximum number of states that can be restored.
@@ -17,6 +19,8 @@ pub(super) struct Shown {
     /// Text of the search for rows.
     pub(super) sought: Option<String>,
     pub(super) panes: Vec<PaneShown>,
+    /// Chosen columns by name of the pane.
+    pub(super) columns: BTreeMap<String, Vec<String>>,
 }
 
 /// Choices in one pane.
@@ -93,6 +97,10 @@ fn changes(old: &Shown, new: &Shown) -> Vec<String> {
     found.extend(text("search", &sought(old), &sought(new)));
     if old.only_news != new.only_news {
         found.push(if new.only_news { "only changes" } else { "all events" }.to_owned());
+    }
+    for pane in PaneId::ALL.iter().filter(|pane| old.columns.get(pane.name()) != new.columns.get(pane.name()))
+    {
+        found.push(format!("columns of {}", pane.title()));
     }
     for (old, new) in old.panes.iter().zip(&new.panes) {
         let title = new.pane.title();

@@ -14,7 +14,9 @@ use ratatui::text::{Line, Span};
 
 use super::application::{App, Mode, PromptPurpose};
 use super::ask::target;
-use super::candidates::{Candidate, PromptRow, candidates, profiles};
+use super::assignable::assignable;
+use super::candidates::{Candidate, PromptRow, candidates};
+use super::columns::columns_left;
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
 use crate::widgets::draw::{self, Align};
@@ -29,21 +31,22 @@ pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
         PromptPurpose::Filter => ["kind == emcy", "node == 5 && kind == pdo", "severity == error"],
         PromptPurpose::Search => ["emcy", "tpdo[12]", "fault|lost"],
         PromptPurpose::GoTo => ["12.5", "#1234", "-0.05"],
-        PromptPurpose::Assign => ["rexroth-sydfec", "pump.eds", "machine.dbc"],
         PromptPurpose::Export => ["part.log", "part.pcapng", "events.csv"],
+        PromptPurpose::Assign => ["rexroth-sydfec", "pump.eds", "vehicle.dbc"],
+        PromptPurpose::Columns => ["Time, Node, Event", "No, Time, ID, Data", "Node, Kind"],
     }
 }
 
 /// The row for the content of a prompt.
 fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
     let text = prompt.text();
-    if text.trim().is_empty() {
+    if text.trim().is_empty() && asking != PromptPurpose::Columns {
         let text = format!("examples:  {}", examples(asking).join("   "));
         return PromptRow { text, ..PromptRow::default() };
     }
     match asking {
         _ if prompt.is_proposed() => PromptRow {
-            text: "typing replaces the proposal, an arrow key keeps it".to_owned(),
+            text: "typing replaces the name, an arrow key keeps it".to_owned(),
             ..PromptRow::default()
         },
         PromptPurpose::Filter => {
@@ -53,7 +56,7 @@ fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
         }
         PromptPurpose::Assign => {
             let before = text.get(..prompt.cursor()).unwrap_or_default();
-            PromptRow { candidates: profiles(core, before), ..PromptRow::default() }
+            PromptRow { candidates: assignable(core, before), ..PromptRow::default() }
         }
         _ => PromptRow::default(),
     }
@@ -63,7 +66,14 @@ impl App {
     /// Updates the row after a change of the prompt.
     pub(super) fn refresh_prompt_row(&mut self) {
         let Mode::Prompt(asking, prompt) = &self.mode else { return };
-        self.prompt_row = row(&self.core, *asking, prompt);
+        self.prompt_row = match asking {
+            PromptPurpose::Columns => {
+                let before = prompt.text().get(..prompt.cursor()).unwrap_or_default();
+                let (start, candidates) = columns_left(&self.titles(), before);
+                PromptRow { start, candidates, ..PromptRow::default() }
+            }
+            _ => row(&self.core, *asking, prompt),
+        };
         if *asking == PromptPurpose::GoTo {
             let wanted = target(&self.core, prompt.text());
             self.core.look_at(wanted);
@@ -163,13 +173,9 @@ mod tests {
 
     #[test]
     fn every_example_is_valid() {
-        for asking in [
-            PromptPurpose::Filter,
-            PromptPurpose::Search,
-            PromptPurpose::GoTo,
-            PromptPurpose::Export,
-            PromptPurpose::Assign,
-        ] {
+        for asking in
+            [PromptPurpose::Filter, PromptPurpose::Search, PromptPurpose::GoTo, PromptPurpose::Export]
+        {
             for example in examples(asking) {
                 assert_eq!(check(asking, example), Ok(()), "{example}");
             }

@@ -54,6 +54,7 @@ impl App {
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
         core.named = start.named;
+        core.columns = start.preferences.columns;
         let mut app = Self {
             core,
             panes: Panes::default(),

@@ -134,7 +134,7 @@ fn loads(survey: &Survey, axis: &Axis) -> Vec<f64> {
             let (from, to) = (axis.column(begin), axis.column(begin.plus(bus.step().saturating_sub(1))));
             let share = step.bits as f64 / bus.step() as f64;
             let columns = loads.get_mut(usize::from(from)..=usize::from(to)).unwrap_or_default();
-            for load in columns {
+            for load in columns.iter_mut() {
                 *load = share.max(*load);
             }
         }
@@ -170,7 +170,7 @@ fn found(survey: &Survey, axis: &Axis) -> Vec<Mark> {
             group.first.last().and_then(|at| at.time).zip(group.last.front().and_then(|at| at.time));
         let (from, to) = between.map_or((0, 0), |(from, to)| (axis.column(from), axis.column(to)));
         let columns = marks.get_mut(usize::from(from)..usize::from(to)).unwrap_or_default();
-        for mark in columns {
+        for mark in columns.iter_mut() {
             *mark = Mark::of(group.severity).max(*mark);
         }
     }

@@ -24,6 +24,7 @@ impl App {
             only_news: self.core.matcher.only_news,
             sought: self.core.sought.as_ref().map(|sought| sought.text.clone()),
             panes: PaneId::ALL.iter().filter_map(pane).collect(),
+            columns: self.core.columns.clone(),
         }
     }
 
@@ -58,6 +59,7 @@ impl App {
             self.core.filter = shown.filter;
             self.core.show(Matcher { filter, only_news: shown.only_news, ..self.core.matcher.clone() });
         }
+        self.core.columns = shown.columns;
         let done = if is_undo { "undone" } else { "redone" };
         self.core.notify(&format!("{} {done}", changes.join(", ")));
         self.refresh_panes();

@@ -155,6 +155,7 @@ impl App {
             Action::SplitLeft => self.move_split(false),
             Action::SplitRight => self.move_split(true),
             Action::Strip => self.toggle_strip(),
+            Action::Columns => self.ask_columns(),
             Action::Forget => self.forget(),
             Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
             Action::Search => self.ask(PromptPurpose::Search, "search"),

@@ -18,10 +18,11 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{
-    bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, time, time_title, time_width,
+    bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, node_filter, time, time_title,
+    time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane, Sorting};
+use super::{Effect, Pane, PaneId, Sorting};
 use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, JumpPlace};
@@ -75,7 +76,8 @@ const IMPORTANT: u16 = 59;
 
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(time_title(core), time_width(core), bus_width(core, width), width)
+    let columns = arranged(time_title(core), time_width(core), bus_width(core, width), width);
+    chosen(core, PaneId::Transfers, arranged("Time", 9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.

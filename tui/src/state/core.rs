@@ -50,6 +50,8 @@ pub struct Core {
     pub height: u16,
     /// Width of the focused pane.
     pub width: u16,
+    /// Titles of the columns that the user chose, by name of the pane.
+    pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
     pub(super) serial: u64,
@@ -84,6 +86,7 @@ impl Core {
             screen_height: 24,
             height: 24,
             width: 80,
+            columns: BTreeMap::new(),
             named: Vec::new(),
             serial: 0,
             preview: None,

@@ -28,11 +28,11 @@ pub use self::chosen::filtered_places;
 use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{
-    ahead, bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, severity_role, time,
-    time_width,
+    ahead, bus_name, bus_short, bus_title, bus_width, chosen as chosen_columns, divider, move_in,
+    node_filter, severity_role, time, time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane, Sorting};
+use super::{Effect, Pane, PaneId, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
@@ -80,7 +80,8 @@ const IMPORTANT: u16 = 50;
 
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(time_width(core).max(5), bus_width(core, width), width)
+    let columns = arranged(time_width(core).max(5), bus_width(core, width), width);
+    chosen_columns(core, PaneId::Findings, arranged(9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.

@@ -32,8 +32,9 @@ use self::line::{Key, Line, StyledCell};
 use self::node::Subject;
 use self::order::{EFFECT, Order, VALUES, columns};
 use self::wishes::{filter_of, signals, subject, to_events};
+use super::common::chosen;
 use super::legend::{self, Legend};
-use super::{Effect, Pane, Sorting};
+use super::{Effect, Pane, PaneId, Sorting};
 use crate::action::Action;
 use crate::state::{Core, NodeKey};
 use crate::theme::{Glyph, Role};
@@ -210,7 +211,7 @@ impl Pane for Nodes {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let lines = self.lines(core);
         let (table, below) = split(area, lines.len());
-        let columns = columns(area.width);
+        let columns = chosen(core, PaneId::Nodes, columns(0), columns(area.width));
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
         let state = self.state(&lines);
@@ -274,7 +275,8 @@ impl Pane for Nodes {
         }
         let lines = self.lines(core);
         let (inside, _) = split(area, lines.len());
-        let (columns, state) = (columns(area.width), self.state(&lines));
+        let columns = chosen(core, PaneId::Nodes, columns(0), columns(area.width));
+        let state = self.state(&lines);
         let table = Table::new(&core.theme, &columns).row_count(lines.len());
         if let Some(column) = table.column_at(inside, x) {
             self.column = column;
