@@ -15,7 +15,6 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::PaneId;
 use crate::action::Action;
 use crate::figures::seconds;
 use crate::state::Core;
@@ -27,14 +26,14 @@ use crate::widgets::text_lines::TextLines;
 /// Minimum width of a text whose column the user chose together with others.
 const LEAST_CHOSEN: u16 = 20;
 
-/// The columns that the user chose for a pane; all without a choice. `heads` are all columns in the same order.
+/// The columns that the user chose for the pane with this name; all without a choice. `heads` are all columns in the same order.
 pub(super) fn chosen(
     core: &Core,
-    pane: PaneId,
+    pane: &str,
     heads: impl IntoIterator<Item = Column>,
     mut columns: Vec<Column>,
 ) -> Vec<Column> {
-    let Some(titles) = core.columns.get(pane.name()) else { return columns };
+    let Some(titles) = core.columns.get(pane) else { return columns };
     for (column, head) in columns.iter_mut().zip(heads) {
         let is_chosen = head.title.is_empty() || titles.iter().any(|title| *title == head.title);
         column.width = match column.width {

@@ -27,7 +27,7 @@ use ratatui::text::{Line, Span};
 
 use super::common::{bus_short, bus_title, bus_width, chosen, has_buses, move_in};
 use super::legend::{self, Legend};
-use super::{Effect, Pane, PaneId, Sorting};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::{millis, seconds};
 use crate::state::Core;
@@ -180,7 +180,7 @@ impl Frames {
     fn columns(core: &Core, world: &ReplayState, area: Rect) -> Vec<Column> {
         let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
         let shown = columns(bus_width(core, area.width), is_j1939, data_width(world.identifiers(), area));
-        chosen(core, PaneId::Frames, columns(4, true, 0), shown)
+        chosen(core, "frames", columns(4, true, 0), shown)
     }
 
     fn draw_row(

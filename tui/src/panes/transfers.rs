@@ -22,7 +22,7 @@ use super::common::{
     time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane, PaneId, Sorting};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, JumpPlace};
@@ -77,7 +77,7 @@ const IMPORTANT: u16 = 59;
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
     let columns = arranged(time_title(core), time_width(core), bus_width(core, width), width);
-    chosen(core, PaneId::Transfers, arranged("Time", 9, 4, 0), columns)
+    chosen(core, "transfers", arranged("Time", 9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.

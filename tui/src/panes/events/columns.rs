@@ -8,7 +8,7 @@
 
 use cobscope_decoder::session::{Bus, Node};
 
-use crate::panes::{PaneId, common};
+use crate::panes::common;
 use crate::state::Core;
 use crate::timeline::Row as EventRow;
 use crate::widgets::draw;
@@ -92,7 +92,7 @@ const NARROW_NODE: u16 = 6;
 /// Columns for a table of `width`.
 pub(super) fn columns(core: &Core, width: u16) -> Vec<Column> {
     let columns = arranged(common::time_title(core), Widths::of(core, width), width);
-    common::chosen(core, PaneId::Events, all(), columns)
+    common::chosen(core, "events", all(), columns)
 }
 
 /// All columns.

@@ -32,7 +32,7 @@ use super::common::{
     node_filter, severity_role, time, time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane, PaneId, Sorting};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
@@ -81,7 +81,7 @@ const IMPORTANT: u16 = 50;
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
     let columns = arranged(time_width(core).max(5), bus_width(core, width), width);
-    chosen_columns(core, PaneId::Findings, arranged(9, 4, 0), columns)
+    chosen_columns(core, "findings", arranged(9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.

@@ -34,7 +34,7 @@ use self::order::{EFFECT, Order, VALUES, columns};
 use self::wishes::{filter_of, signals, subject, to_events};
 use super::common::chosen;
 use super::legend::{self, Legend};
-use super::{Effect, Pane, PaneId, Sorting};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, NodeKey};
 use crate::theme::{Glyph, Role};
@@ -211,7 +211,7 @@ impl Pane for Nodes {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let lines = self.lines(core);
         let (table, below) = split(area, lines.len());
-        let columns = chosen(core, PaneId::Nodes, columns(0), columns(area.width));
+        let columns = chosen(core, "nodes", columns(0), columns(area.width));
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
         let state = self.state(&lines);
@@ -275,7 +275,7 @@ impl Pane for Nodes {
         }
         let lines = self.lines(core);
         let (inside, _) = split(area, lines.len());
-        let columns = chosen(core, PaneId::Nodes, columns(0), columns(area.width));
+        let columns = chosen(core, "nodes", columns(0), columns(area.width));
         let state = self.state(&lines);
         let table = Table::new(&core.theme, &columns).row_count(lines.len());
         if let Some(column) = table.column_at(inside, x) {

@@ -21,7 +21,7 @@ use ratatui::text::Line;
 
 use super::common::{chosen, move_in};
 use super::legend::{self, Legend};
-use super::{Effect, Pane, PaneId, Sorting};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace, NodeKey};
 use crate::theme::Role;
@@ -147,7 +147,7 @@ impl Pane for Objects {
                 Row::new(cells)
             })
         };
-        let columns = chosen(core, PaneId::Objects, columns(), columns());
+        let columns = chosen(core, "objects", columns(), columns());
         let state = self.state(&rows);
         let empty = if self.search.is_empty() {
             "no objects of this node known up to the cursor"
@@ -201,7 +201,7 @@ impl Pane for Objects {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         let [_, place, _] = layout(area);
         let Some(subject) = Subject::of(core) else { return Vec::new() };
-        let columns = chosen(core, PaneId::Objects, columns(), columns());
+        let columns = chosen(core, "objects", columns(), columns());
         let rows = self.rows(&subject);
         let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(place, x) {

@@ -19,7 +19,6 @@ use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
-use crate::panes::PaneId;
 use crate::panes::common::chosen;
 use crate::state::{Core, SearchPattern, pattern};
 use crate::theme::{Glyph, Role};
@@ -165,7 +164,7 @@ impl List {
         buf: &mut Buffer,
         look_of: impl Fn(&SignalKey) -> Option<Role>,
     ) {
-        let columns = chosen(core, PaneId::Signals, self.columns(Rect::ZERO), self.columns(area).to_vec());
+        let columns = chosen(core, "signals", self.columns(Rect::ZERO), self.columns(area).to_vec());
         let others: u16 = columns
             .iter()
             .map(|column| match column.width {
