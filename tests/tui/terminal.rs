@@ -134,9 +134,8 @@ fn start_filter_jump_and_quit() {
     session.send(":#104\r");
     session.wait_text("--at '#104'");
     session.wait_verdict();
-    // The finding of frame 105 is outside the filter.
     session.send("]");
-    session.wait_text("skipped");
+    session.wait_text("no further finding; the filter hides 12 (c clears it)");
     session.send("c]");
     session.wait_text("#105/190");
     session.send("q");

@@ -106,6 +106,8 @@ fn skipped_text(skipped: usize) -> String {
 }
 
 fn nothing_further(what: &str, skipped: usize) -> String {
-    let outside = format!("; {skipped} outside the filter (c clears it)");
-    format!("no further {what} in this direction{}", if skipped == 0 { "" } else { &outside })
+    match skipped {
+        0 => format!("no further {what} in this direction"),
+        _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
+    }
 }

@@ -46,7 +46,7 @@ fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
     }
     match asking {
         _ if prompt.is_proposed() => PromptRow {
-            text: "typing replaces the proposal, an arrow key keeps it".to_owned(),
+            text: "typing replaces the name, an arrow key keeps it".to_owned(),
             ..PromptRow::default()
         },
         PromptPurpose::Filter => {
@@ -173,13 +173,9 @@ mod tests {
 
     #[test]
     fn every_example_is_valid() {
-        for asking in [
-            PromptPurpose::Filter,
-            PromptPurpose::Search,
-            PromptPurpose::GoTo,
-            PromptPurpose::Export,
-            PromptPurpose::Assign,
-        ] {
+        for asking in
+            [PromptPurpose::Filter, PromptPurpose::Search, PromptPurpose::GoTo, PromptPurpose::Export]
+        {
             for example in examples(asking) {
                 assert_eq!(check(asking, example), Ok(()), "{example}");
             }
