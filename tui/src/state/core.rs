@@ -8,6 +8,7 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
+use super::place::Preview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
 use crate::select::{Bound, spans_days, wall_clock};
@@ -49,9 +50,12 @@ pub struct Core {
     pub height: u16,
     /// Width of the focused pane.
     pub width: u16,
+    /// Titles of the columns that the user chose, by name of the pane.
+    pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
-    serial: u64,
+    pub(super) serial: u64,
+    pub(super) preview: Option<Preview>,
     target: Target,
     /// Position requested by the user until it is reached; it may not exist.
     asked: Option<Bound>,
@@ -82,8 +86,10 @@ impl Core {
             screen_height: 24,
             height: 24,
             width: 80,
+            columns: BTreeMap::new(),
             named: Vec::new(),
             serial: 0,
+            preview: None,
             target: Target::Event(EventPosition::default()),
             asked: None,
             is_waiting: false,
@@ -112,24 +118,41 @@ impl Core {
     /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
     /// message.
     pub fn go_to(&mut self, bound: Bound) {
+        match self.place_of(bound) {
+            Ok((bound, place)) => {
+                self.go(place);
+                self.asked = Some(bound);
+            }
+            Err(reason) => self.refuse(&reason),
+        }
+    }
+
+    /// Position of a bound, which is returned without a wall-clock time.
+    fn place_of(&self, bound: Bound) -> Result<(Bound, JumpPlace), String> {
         let bound = match (bound, self.timeline.progress().times()) {
-            (Bound::Clock(clock), Some((first, last))) => match clock.at(first, last) {
-                Ok(time) => Bound::Moment(time),
-                Err(reason) => return self.refuse(&reason),
-            },
+            (Bound::Clock(clock), Some((first, last))) => Bound::Moment(clock.at(first, last)?),
             (bound, _) => bound,
         };
+        let no_times = || "this capture has no timestamps; enter a frame as #1234".to_owned();
         let place = match bound {
             Bound::Frame(frame) => JumpPlace::Frame(frame),
             Bound::Moment(time) => JumpPlace::Time(time),
-            Bound::Offset(offset) => match self.zero().or(self.timeline.first()) {
-                Some(zero) => JumpPlace::Time(zero.plus(offset)),
-                None => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
-            },
-            Bound::Clock(_) => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
+            Bound::Offset(offset) => {
+                JumpPlace::Time(self.zero().or(self.timeline.first()).ok_or_else(no_times)?.plus(offset))
+            }
+            Bound::Clock(_) => return Err(no_times()),
         };
-        self.go(place);
-        self.asked = Some(bound);
+        Ok((bound, place))
+    }
+
+    /// Position of a bound inside the captures.
+    ///
+    /// # Errors
+    /// The bound is outside the captures, or they have no timestamps.
+    pub fn inside(&self, bound: Bound) -> Result<JumpPlace, String> {
+        let (bound, place) = self.place_of(bound)?;
+        let outside = self.outside(bound).filter(|_| self.timeline.progress().is_complete());
+        outside.map_or(Ok(place), |(_, text)| Err(text))
     }
 
     /// Side and message for a position outside the captures.
@@ -168,6 +191,7 @@ impl Core {
 
     fn ask(&mut self, search: Option<Search>) {
         self.serial += 1;
+        self.preview = None;
         self.is_waiting = true;
         let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
@@ -182,7 +206,8 @@ impl Core {
 
     /// Takes a requested window; windows of older requests are ignored.
     pub fn answer(&mut self, window: Window) {
-        if window.serial != self.serial {
+        // A window that is not awaited belongs to a preview that has ended.
+        if self.take_preview(&window) || window.serial != self.serial || !self.is_waiting {
             return;
         }
         self.is_waiting = false;

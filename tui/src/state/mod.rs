@@ -3,6 +3,7 @@
 mod clock;
 mod core;
 mod place;
+mod preview;
 mod search;
 
 pub use clock::TimeDisplay;

@@ -49,8 +49,10 @@ pub struct Survey {
     pub more_exchanges: u64,
     /// Positions of error events.
     pub errors: Vec<EventPosition>,
-    /// Times of NMT commands, changes of NMT states, and boot-ups.
-    pub nmt: Vec<Timestamp>,
+    /// Number of events of each kind, in the order of `Kind::ALL`.
+    pub kinds: Vec<u64>,
+    /// NMT commands, changes of NMT states, and boot-ups, in order.
+    pub nmt: Vec<NmtMoment>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.
@@ -59,6 +61,19 @@ pub struct Survey {
     pub buses: Vec<String>,
     /// Bus name and text of the last announced change of the bit rate.
     pub bit_rate_change: Option<(String, String)>,
+}
+
+/// Time of an NMT event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NmtMoment {
+    /// Time of the event.
+    pub time: Timestamp,
+    /// Bus of the event.
+    pub bus: BusIndex,
+    /// Node of the event.
+    pub node: Option<NodeId>,
+    /// The NMT state of the node changed.
+    pub is_change: bool,
 }
 
 /// A finding at the time it opened.
@@ -120,6 +135,16 @@ pub struct Exchange {
     pub outcome: &'static str,
     /// Tone that decides the colour.
     pub tone: Tone,
+}
+
+/// The time of an NMT command, an NMT state or a boot-up; None for other events.
+pub(super) fn nmt_moment(event: &Event) -> Option<NmtMoment> {
+    let is_change = match &event.kind {
+        EventKind::NmtState(state) => state.from != Some(state.to),
+        EventKind::NmtCommand { .. } | EventKind::BootUp { .. } => false,
+        _ => return None,
+    };
+    Some(NmtMoment { time: event.time?, bus: event.bus, node: event.node, is_change })
 }
 
 /// Text of an announced change of the bit rate.

@@ -8,7 +8,7 @@
 
 use cobscope_decoder::session::{Bus, Node};
 
-use crate::panes::common;
+use crate::panes::{PaneId, common};
 use crate::state::Core;
 use crate::timeline::Row as EventRow;
 use crate::widgets::draw;
@@ -91,7 +91,8 @@ const NARROW_NODE: u16 = 6;
 
 /// Columns for a table of `width`.
 pub(super) fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(common::time_title(core), Widths::of(core, width), width)
+    let columns = arranged(common::time_title(core), Widths::of(core, width), width);
+    common::chosen(core, PaneId::Events, all(), columns)
 }
 
 /// All columns.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, MessageOutcome, Outcome,
 };
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
@@ -20,8 +20,8 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, OpenedFinding,
-    bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
+    bit_rate_change, nmt_moment,
 };
 use crate::timeline::walk::Walk;
 
@@ -77,10 +77,11 @@ struct Surveyor {
     news: Vec<OpenedFinding>,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
-    nmt: Vec<Timestamp>,
+    nmt: Vec<NmtMoment>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
     kept: (usize, usize, usize, usize),
+    kinds: Vec<u64>,
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
     /// Timestamp of the first frame.
@@ -105,6 +106,7 @@ impl Surveyor {
             load: Vec::new(),
             statistics: Statistics::default(),
             kept: (0, 0, 0, 0),
+            kinds: vec![0; Kind::ALL.len()],
             more_exchanges: 0,
             bit_rate_change: None,
             first: None,
@@ -128,6 +130,9 @@ impl Surveyor {
 
     fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
+        if let Some(count) = self.kinds.get_mut(told.event.kind.kind() as usize) {
+            *count += 1;
+        }
         let (news, kept) = (&mut self.news, &mut self.kept);
         let mut opened = |event: &Event, _: &Bus| {
             if let EventKind::FindingOpened(finding) = &event.kind
@@ -146,13 +151,9 @@ impl Surveyor {
             self.kept.1 += 1;
             self.errors.push(told.spot);
         }
-        let is_nmt = matches!(
-            told.event.kind,
-            EventKind::NmtCommand { .. } | EventKind::NmtState(_) | EventKind::BootUp { .. }
-        );
-        if let Some(time) = told.event.time.filter(|_| is_nmt && self.kept.3 < MOST_NMT) {
+        if let Some(moment) = nmt_moment(told.event).filter(|_| self.kept.3 < MOST_NMT) {
             self.kept.3 += 1;
-            self.nmt.push(time);
+            self.nmt.push(moment);
         }
         if let Some(exchange) = exchange(told) {
             if self.kept.2 < MOST_EXCHANGES {
@@ -177,6 +178,7 @@ impl Surveyor {
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
         survey.nmt.append(&mut self.nmt);
+        survey.kinds.clone_from(&self.kinds);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);
