@@ -117,7 +117,9 @@ fn what_is_done_most_takes_few_keys() {
         for (keys, expected) in steps {
             let keys = cobscope::keymap::sequence(keys).unwrap();
             count += keys.len();
-            keys.iter().for_each(|key| session.send(&terminal_bytes(key.code)));
+            for key in &keys {
+                session.send(&terminal_bytes(key.code));
+            }
             expected.iter().for_each(|text| session.wait_text(text));
         }
         assert!(count <= FEW_KEYS, "{name}: {count} keys");

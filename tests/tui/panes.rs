@@ -53,9 +53,8 @@ fn table(text: &mut String, head: &str, entries: &[LegendEntry]) {
 
 /// Panes with the main one in bold.
 fn named(panes: &[PaneId], layout: Layout) -> String {
-    let name = |pane: &PaneId| match *pane == layout.main() {
-        true => format!("**{}**", pane.title()),
-        false => pane.title().to_owned(),
+    let name = |pane: &PaneId| {
+        if *pane == layout.main() { format!("**{}**", pane.title()) } else { pane.title().to_owned() }
     };
     panes.iter().map(name).collect::<Vec<_>>().join(", ")
 }
