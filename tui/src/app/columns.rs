@@ -2,11 +2,12 @@
 
 use super::application::{App, Mode, PromptPurpose};
 use super::candidates::Candidate;
+use crate::panes::Pane;
 
 impl App {
     /// Titles of all columns of the pane.
     pub(super) fn titles(&self) -> Vec<String> {
-        let heads = self.panes.get(self.pane).map(|pane| pane.heads()).unwrap_or_default();
+        let heads = self.panes.get(self.pane).map_or_else(Vec::new, Pane::heads);
         heads.into_iter().map(|head| head.title.into_owned()).filter(|title| !title.is_empty()).collect()
     }
 
@@ -45,13 +46,11 @@ impl App {
 fn titles_of(text: &str, titles: &[String]) -> Result<Vec<String>, String> {
     let named: Vec<&str> = text.split(',').map(str::trim).filter(|title| !title.is_empty()).collect();
     let is = |title: &String, name: &str| title.to_lowercase() == name.to_lowercase();
-    match named.iter().find(|name| !titles.iter().any(|title| is(title, name))) {
-        Some(unknown) => Err(format!("no column {unknown}; columns: {}", titles.join(", "))),
-        None => {
-            let chosen = titles.iter().filter(|title| named.iter().any(|name| is(title, name)));
-            Ok(chosen.cloned().collect())
-        }
+    if let Some(unknown) = named.iter().find(|name| !titles.iter().any(|title| is(title, name))) {
+        return Err(format!("no column {unknown}; columns: {}", titles.join(", ")));
     }
+    let chosen = titles.iter().filter(|title| named.iter().any(|name| is(title, name)));
+    Ok(chosen.cloned().collect())
 }
 
 /// Offset of the title at the end of `before`, and the titles that complete it.
