@@ -19,6 +19,7 @@ use std::sync::mpsc::Receiver;
 
 use cobscope::action::Action;
 use cobscope::app::App;
+use cobscope::ascii;
 use cobscope::panes::PaneId;
 use cobscope::timeline::News;
 use ratatui::Terminal;
@@ -187,6 +188,27 @@ fn every_session_shows_what_stands_in_its_file() {
     assert!(wrong.is_empty(), "\n{wrong}");
 }
 
+/// Sessions with `--ascii`: also the text of captures is ASCII.
+#[test]
+fn every_session_is_ascii_on_request() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let session = fs::read_to_string(&path).unwrap();
+        let seen =
+            play(&session.replace(" --ascii", "").replace("> cobscope view", "> cobscope view --ascii"));
+        // Dots of curves are drawn differently, and characters of captures may have no substitute.
+        let is_of_capture = |letter: char| matches!(letter, '\u{2800}'..='\u{28FF}' | '\u{FFFD}' | '▶');
+        let is_ui = |letter: &char| !letter.is_ascii() && !is_of_capture(*letter);
+        let unknown =
+            session.chars().filter(is_ui).find(|letter| ascii::of(letter.encode_utf8(&mut [0; 4])) == "?");
+        assert_eq!(unknown, None, "{}", path.display());
+        let screens = seen.lines().filter(|line| !line.starts_with(['>', '#']));
+        let other: Vec<_> = screens.filter(|line| !line.trim_start_matches('▶').is_ascii()).collect();
+        assert!(other.is_empty(), "{}:\n{}", path.display(), other.join("\n"));
+    }
+}
+
 /// The file name of a session starts with the name of its pane.
 #[test]
 fn every_pane_has_a_session() {
@@ -291,6 +313,24 @@ fn a_wrong_assignment_is_told_in_the_prompt() {
         screen.keys("<esc>");
     }
     assert!(!screen.text().contains("decoded again"), "{}", screen.text());
+}
+
+#[test]
+fn a_preview_that_arrives_late_does_not_move_the_cursor() {
+    let command = "cobscope view --color never --at 7.21 fixtures/devices/pve.log";
+    let mut screen = Screen::open(command, 100, 24);
+    // The second digit is typed before the preview of the first one arrives.
+    for key in cobscope::keymap::sequence(":22").unwrap() {
+        screen.app.key(key);
+    }
+    let mut is_late = false;
+    while !is_late {
+        let news = screen.news.recv().unwrap();
+        is_late = matches!(news, News::Window(_));
+        screen.app.news(news);
+    }
+    screen.keys("<esc>");
+    assert!(screen.text().contains("--at '#105'"), "{}", screen.text());
 }
 
 #[test]

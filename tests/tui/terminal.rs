@@ -135,6 +135,8 @@ fn start_filter_jump_and_quit() {
     session.wait_text("--at '#104'");
     session.wait_verdict();
     session.send("]");
+    session.wait_text("no further finding; the filter hides 12 (c clears it)");
+    session.send("c]");
     session.wait_text("#105/190");
     session.send("q");
     assert!(session.wait_end().success());

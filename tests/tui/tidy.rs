@@ -8,7 +8,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("exit_code", &[]),
     ("figures", &[]),
     ("bucket", &[]),
-    ("theme", &[]),
+    ("ascii", &[]),
+    ("theme", &["ascii"]),
     ("action", &[]),
     ("words", &["figures"]),
     ("select", &["figures"]),
@@ -22,8 +23,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "app",
         &[
-            "figures", "theme", "action", "select", "source", "widgets", "timeline", "state", "panes",
-            "keymap",
+            "ascii", "figures", "theme", "action", "select", "source", "widgets", "timeline", "state",
+            "panes", "keymap",
         ],
     ),
     ("terminal", &["theme", "timeline", "app"]),

@@ -41,12 +41,18 @@ pub enum Action {
     SplitRight,
     /// Show or hide the strip of time.
     Strip,
+    /// Choose the columns of the pane.
+    Columns,
     /// Open the filter prompt.
     Filter,
     /// Clear filter, search and highlight.
     Clear,
     /// Filter by the value of the selected cell.
     FilterCell,
+    /// Undo the last change of filter, search, sort order or only changes.
+    Undo,
+    /// Redo it.
+    Redo,
     /// Toggle between all events and changes only.
     News,
     /// Open the search prompt.

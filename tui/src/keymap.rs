@@ -109,6 +109,8 @@ const ACTIONS: &[Binding] = &[
     ),
     key(&["="], Action::FilterCell, "like this", "filter by the value of the selected cell", Group::Show),
     key(&["c"], Action::Clear, "clear", "clear filter, search and highlight", Group::Show),
+    key(&["u"], Action::Undo, "undo", "undo the last change of filter, search, sort order or v", Group::Show),
+    key(&["U"], Action::Redo, "redo", "redo the change that u undid", Group::Show),
     key(&["v"], Action::News, "all/changes", "show all events, or only changes", Group::Show),
     key(&["/", "f7"], Action::Search, "search", "search for a text (regular expression)", Group::Show),
     key(&["n"], Action::SearchNext, "next", "go to the next match", Group::Show),
@@ -147,6 +149,7 @@ const ACTIONS: &[Binding] = &[
         "move the border between the panes to the right",
         Group::Program,
     ),
+    key(&["o"], Action::Columns, "columns", "choose the columns of the pane", Group::Show),
     key(&["i"], Action::Strip, "strip", "show or hide the strip of time", Group::Program),
 ];
 

@@ -3,6 +3,7 @@
 
 pub mod action;
 pub mod app;
+pub mod ascii;
 mod bucket;
 mod cli;
 mod cmd;

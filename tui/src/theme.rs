@@ -13,6 +13,8 @@ use cobscope_decoder::sink::text::Tone;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::border;
 
+use crate::ascii;
+
 /// Role of a text; it decides colour and attributes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
@@ -141,8 +143,6 @@ pub enum Glyph {
     Horizontal,
     /// A difference.
     Delta,
-    /// Plus or minus.
-    PlusMinus,
 }
 
 /// The user's choice of palette, depth and characters.
@@ -216,17 +216,6 @@ impl Theme {
         }
     }
 
-    /// Replaces special characters of a text if the theme is ASCII.
-    pub fn plain(&self, text: &str) -> String {
-        if self.borders == Borders::Unicode {
-            return text.to_owned();
-        }
-        let glyphs = [("→", Glyph::Arrow), ("±", Glyph::PlusMinus), ("·", Glyph::Dot)];
-        let text =
-            glyphs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, self.glyph(*to)));
-        text.replace('–', "-").replace('×', "x")
-    }
-
     /// Border characters of a pane.
     pub fn border_set(&self) -> border::Set<'static> {
         match self.borders {
@@ -246,26 +235,27 @@ impl Theme {
 
     /// A glyph or its ASCII substitute.
     pub fn glyph(&self, glyph: Glyph) -> &'static str {
-        let (unicode, ascii) = match glyph {
-            Glyph::Arrow => ("→", "->"),
-            Glyph::Up => ("▲", "^"),
-            Glyph::Down => ("▼", "v"),
-            Glyph::Ellipsis => ("…", ".."),
-            Glyph::Warning => ("⚠", "!"),
-            Glyph::Bar => ("█", "#"),
-            Glyph::Check => ("✓", "+"),
-            Glyph::Cross => ("✗", "x"),
-            Glyph::Dot => ("·", "."),
-            Glyph::Closed => ("▸", "+"),
-            Glyph::Open => ("▾", "-"),
-            Glyph::Vertical => ("│", "|"),
-            Glyph::Horizontal => ("─", "-"),
-            Glyph::Delta => ("Δ", "d"),
-            Glyph::PlusMinus => ("±", "+-"),
+        let unicode = match glyph {
+            Glyph::Arrow => "→",
+            Glyph::Up => "▲",
+            Glyph::Down => "▼",
+            Glyph::Ellipsis => "…",
+            Glyph::Warning => "⚠",
+            Glyph::Bar => "█",
+            Glyph::Check => "✓",
+            Glyph::Cross => "✗",
+            Glyph::Dot => "·",
+            Glyph::Closed => "▸",
+            Glyph::Open => "▾",
+            Glyph::Vertical => "│",
+            Glyph::Horizontal => "─",
+            Glyph::Delta => "Δ",
         };
         match self.borders {
             Borders::Unicode => unicode,
-            Borders::Ascii => ascii,
+            // `>` between two values reads as a comparison.
+            Borders::Ascii if glyph == Glyph::Arrow => "->",
+            Borders::Ascii => ascii::of(unicode),
         }
     }
 }
@@ -459,9 +449,9 @@ mod tests {
         let set = theme.border_set();
         let glyphs = [Glyph::Arrow, Glyph::Up, Glyph::Down, Glyph::Ellipsis, Glyph::Warning, Glyph::Bar];
         let more = [Glyph::Check, Glyph::Cross, Glyph::Dot, Glyph::Closed, Glyph::Open, Glyph::Vertical];
-        let rest = [Glyph::Horizontal, Glyph::Delta, Glyph::PlusMinus];
+        let rest = [Glyph::Horizontal, Glyph::Delta];
         for glyph in glyphs.into_iter().chain(more).chain(rest) {
-            assert!(theme.glyph(glyph).is_ascii(), "{glyph:?}");
+            assert!(theme.glyph(glyph).is_ascii() && theme.glyph(glyph) != "?", "{glyph:?}");
         }
         assert_eq!((set.top_left, set.vertical_right, set.horizontal_top), ("+", "|", "-"));
         assert_eq!(theme.glyph(Glyph::Arrow), "->");

@@ -5,6 +5,7 @@
 //! ```
 
 mod compile;
+mod completion;
 mod error;
 mod expression;
 pub mod fields;
@@ -15,6 +16,7 @@ mod literal;
 mod parser;
 pub mod record;
 
+pub use completion::{Completion, Expected, completion};
 pub use error::FilterError;
 pub use filter::{Filter, MAX_TESTS};
 pub use kinds::KindSet;

@@ -43,10 +43,21 @@ pub struct Reassigned {
 /// Evaluates an added option; the second argument are the present options.
 pub type Reassign = Box<dyn FnMut(&AddedOption, &SessionOptions) -> anyhow::Result<Reassigned>>;
 
+/// Whether a name has the suffix of a device file or database.
+pub(super) fn is_file(name: &str) -> bool {
+    let suffix = suffix(name);
+    DEVICE_FILES.iter().chain(&DATABASES).any(|known| *known == suffix)
+}
+
+/// Suffix in lower case.
+fn suffix(name: &str) -> String {
+    name.rsplit_once('.').map_or(String::new(), |(_, suffix)| suffix.to_ascii_lowercase())
+}
+
 impl AddedOption {
     /// The option for a text of the user: a file by its suffix, else the name of a profile.
     pub(super) fn of(text: &str, place: &str) -> Self {
-        let suffix = text.rsplit_once('.').map_or(String::new(), |(_, suffix)| suffix.to_ascii_lowercase());
+        let suffix = suffix(text);
         let (place, text) = (place.to_owned(), text.to_owned());
         if DEVICE_FILES.contains(&suffix.as_str()) {
             Self::DeviceFile { place, file: text }

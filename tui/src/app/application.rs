@@ -4,6 +4,8 @@ use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
 use super::added::Reassign;
+use super::candidates::PromptRow;
+use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
 use crate::keymap::Keymap;
@@ -26,6 +28,10 @@ pub struct App {
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
     pub(super) mode: Mode,
+    /// Filters, searches and sort orders before and after the present ones.
+    pub(super) history: History,
+    /// The row above a prompt.
+    pub(super) prompt_row: PromptRow,
     /// Filter before the filter prompt was opened.
     pub(super) filter_before: String,
     /// Prompt history by purpose.
@@ -73,6 +79,7 @@ pub(super) enum PromptPurpose {
     GoTo,
     Export,
     Assign,
+    Columns,
 }
 
 impl App {
@@ -151,6 +158,7 @@ impl App {
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
+            || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
             || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)

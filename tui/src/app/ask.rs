@@ -4,7 +4,7 @@ use cobscope_decoder::query::Filter;
 
 use super::application::{App, Mode, PromptPurpose};
 use crate::select::Bound;
-use crate::state::{JumpPlace, SearchPattern, TimeDisplay, pattern};
+use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay, pattern};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -17,9 +17,10 @@ impl App {
             self.filter_before.clone_from(&self.core.filter);
         }
         if asking == PromptPurpose::Export {
-            prompt.set_text(&self.export_name());
+            prompt.propose(&self.export_name());
         }
         self.mode = Mode::Prompt(asking, prompt);
+        self.refresh_prompt_row();
     }
 
     /// Default file name of an export, in the current folder.
@@ -41,8 +42,9 @@ impl App {
                 self.ask(PromptPurpose::Assign, "profile, EDS or DBC");
                 let proposed = self.proposed_profile(node);
                 if let (Mode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
-                    prompt.set_text(&profile);
+                    prompt.propose(&profile);
                 }
+                self.refresh_prompt_row();
             }
             Err(reason) => self.core.refuse(&reason),
         }
@@ -50,6 +52,11 @@ impl App {
 
     /// Handles a change, submission or cancellation of the prompt.
     pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
+        self.react(asking, event);
+        self.refresh_prompt_row();
+    }
+
+    fn react(&mut self, asking: PromptPurpose, event: PromptEvent) {
         let Mode::Prompt(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
         let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
@@ -81,28 +88,37 @@ impl App {
                     self.filter(&text);
                 }
             }
-            PromptEvent::Submitted if text.trim().is_empty() && asking != PromptPurpose::Filter => {
+            PromptEvent::Submitted
+                if text.trim().is_empty()
+                    && !matches!(asking, PromptPurpose::Filter | PromptPurpose::Columns) =>
+            {
                 self.mode = Mode::Panes;
             }
-            PromptEvent::Submitted => {
-                if let Err((offset, reason)) = check(asking, &text) {
-                    return prompt.set_error(offset, reason);
-                }
-                if asking == PromptPurpose::Assign
-                    && let Some(node) = self.assigning
-                    && let Err(reason) = self.assign(node, &text)
-                {
-                    if let Mode::Prompt(_, prompt) = &mut self.mode {
-                        prompt.set_error(0, reason);
-                    }
-                    return;
-                }
-                self.mode = Mode::Panes;
-                self.typed.retain(|(other, old)| *other != asking || *old != text);
-                self.typed.push((asking, text.clone()));
-                self.submit(asking, &text);
-            }
+            PromptEvent::Submitted => self.submitted(asking, &text),
         }
+    }
+
+    /// Closes the prompt and applies its text, unless it has an error.
+    fn submitted(&mut self, asking: PromptPurpose, text: &str) {
+        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
+        if let Err((offset, reason)) = check(asking, text) {
+            return prompt.set_error(offset, reason);
+        }
+        let done = match (asking, self.assigning) {
+            (PromptPurpose::Assign, Some(node)) => self.assign(node, text),
+            (PromptPurpose::Columns, _) => self.choose_columns(text),
+            _ => Ok(()),
+        };
+        if let Err(reason) = done {
+            if let Mode::Prompt(_, prompt) = &mut self.mode {
+                prompt.set_error(0, reason);
+            }
+            return;
+        }
+        self.mode = Mode::Panes;
+        self.typed.retain(|(other, old)| *other != asking || old != text);
+        self.typed.push((asking, text.to_owned()));
+        self.submit(asking, text);
     }
 
     /// Passes the search text to the pane; `false` if the pane has no search of its own.
@@ -118,24 +134,16 @@ impl App {
                     pattern(text).ok().map(|pattern| SearchPattern { text: text.to_owned(), pattern });
                 self.core.search(false);
             }
-            PromptPurpose::GoTo => match self.local_place(text).or_else(|| place(text)) {
-                Some(Ok(step)) => match self.core.time() {
-                    Some(time) => self.core.go_to(Bound::Moment(time.plus(step))),
-                    None => self.core.refuse("this capture has no timestamps; enter a frame as #1234"),
-                },
-                Some(Err(bound)) => self.core.go_to(bound),
+            PromptPurpose::GoTo => match bound(&self.core, text) {
+                Some(Ok(bound)) => self.core.go_to(bound),
+                Some(Err(reason)) => self.core.refuse(&reason),
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
-            // Was assigned while the prompt could still show an error.
-            PromptPurpose::Assign => {}
+            // Done while the prompt could still show an error.
+            PromptPurpose::Assign | PromptPurpose::Columns => {}
         }
         self.refresh_panes();
-    }
-
-    /// A wall-clock time without a zone, while times are shown in local time.
-    fn local_place(&self, text: &str) -> Option<Result<i64, Bound>> {
-        (self.core.clock == TimeDisplay::Local).then(|| Bound::local(text)).flatten().map(Err)
     }
 
     pub(super) fn filter(&mut self, text: &str) {
@@ -170,11 +178,29 @@ impl App {
     }
 }
 
+/// The typed position; None for an incomplete text.
+fn bound(core: &Core, text: &str) -> Option<Result<Bound, String>> {
+    // While local times are shown, a typed time of day is local.
+    let local = (core.clock == TimeDisplay::Local).then(|| Bound::local(text)).flatten().map(Err);
+    Some(match local.or_else(|| place(text))? {
+        Ok(step) => match core.time() {
+            Some(time) => Ok(Bound::Moment(time.plus(step))),
+            None => Err("this capture has no timestamps; enter a frame as #1234".to_owned()),
+        },
+        Err(bound) => Ok(bound),
+    })
+}
+
+/// Target of the typed position, or the reason why there is none; None for an incomplete text.
+pub(super) fn target(core: &Core, text: &str) -> Option<Result<JumpPlace, String>> {
+    Some(bound(core, text)?.and_then(|bound| core.inside(bound)))
+}
+
 /// Checks a text; the error has a byte offset and a message.
-fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
+pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
-        PromptPurpose::Assign => Ok(()),
+        PromptPurpose::Assign | PromptPurpose::Columns => Ok(()),
         PromptPurpose::Filter => match text.parse::<Filter>() {
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),

@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use super::application::App;
 use crate::keymap::{Group, Keymap, defaults};
 use crate::panes::{COMMON, LegendEntry};
-use crate::theme::{Glyph, Role, Theme};
+use crate::theme::{Role, Theme};
 use crate::widgets::draw;
 use crate::widgets::text_lines::TextLines;
 
@@ -16,18 +16,6 @@ const WIDE: u16 = 170;
 
 /// Width of marks and keys.
 const MARK: usize = 16;
-
-/// Characters of legends with an ASCII substitute, in addition to those of [`Theme::plain`].
-const GLYPHS: [(&str, Glyph); 8] = [
-    ("⚠", Glyph::Warning),
-    ("✓", Glyph::Check),
-    ("▸", Glyph::Closed),
-    ("▾", Glyph::Open),
-    ("▲", Glyph::Up),
-    ("▼", Glyph::Down),
-    ("Δ", Glyph::Delta),
-    ("…", Glyph::Ellipsis),
-];
 
 impl App {
     /// Draws the legend and the keys: next to each other in a wide terminal, else the keys below the legend.
@@ -81,7 +69,7 @@ fn key_lines(theme: &Theme, keymap: &Keymap) -> Vec<Line<'static>> {
 }
 
 fn entry_line(theme: &Theme, entry: &LegendEntry) -> Line<'static> {
-    line(theme, &plain(theme, entry.mark), entry.role, plain(theme, entry.meaning))
+    line(theme, entry.mark, entry.role, entry.meaning.to_owned())
 }
 
 /// A mark in its style, and its meaning in a second column.
@@ -93,31 +81,4 @@ fn line(theme: &Theme, mark: &str, role: Role, meaning: String) -> Line<'static>
         Span::raw(" ".repeat(blank)),
         Span::styled(meaning, theme.style(Role::Text)),
     ])
-}
-
-/// The text in the characters of the theme.
-fn plain(theme: &Theme, text: &str) -> String {
-    let replace = |text: String, (glyph, name): &(&str, Glyph)| text.replace(*glyph, theme.glyph(*name));
-    theme.plain(&GLYPHS.iter().fold(text.to_owned(), replace))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::panes::{PaneId, Panes};
-    use crate::theme::{Borders, Depth, Palette};
-
-    #[test]
-    fn legends_are_ascii_in_an_ascii_terminal() {
-        let theme = Theme::new(Palette::Dark, Depth::Full, Borders::Ascii);
-        let panes = Panes::default();
-        let legends = PaneId::ALL.iter().filter_map(|id| Some(panes.get(*id)?.legend()));
-        let own = legends.flat_map(|legend| legend.columns.iter().chain(legend.marks));
-        for entry in own.chain(COMMON) {
-            for text in [entry.mark, entry.meaning] {
-                let plain = plain(&theme, text);
-                assert!(plain.is_ascii(), "{plain}");
-            }
-        }
-    }
 }

@@ -1,31 +1,39 @@
 //! Jumps to the next finding, story and error.
 
+use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::sink::escape;
 
 use super::application::App;
+use crate::panes::filtered_places;
 use crate::state::JumpPlace;
 
 impl App {
     pub(super) fn finding(&mut self, is_forward: bool) {
         let cursor = self.core.cursor.frame;
         let survey = self.core.timeline.survey();
-        let places = survey.places.iter();
-        let next = if is_forward {
-            places.clone().find(|place| place.frame > cursor)
-        } else {
-            places.rev().find(|place| place.frame < cursor)
-        }
-        .copied();
-        let is_complete = survey.is_complete;
+        let is_next = |frame: u64| if is_forward { frame > cursor } else { frame < cursor };
+        let inside = filtered_places(&self.core, &survey);
+        let listed = inside.as_deref().unwrap_or(&survey.places);
+        let ahead = || listed.iter().filter(|place| is_next(place.frame));
+        let next = if is_forward { ahead().next() } else { ahead().next_back() }.copied();
+        let is_between = |frame: u64| {
+            let is_before =
+                next.is_none_or(|next| if is_forward { frame < next.frame } else { frame > next.frame });
+            is_next(frame) && is_before
+        };
+        // Without a filter nothing is between the cursor and the next place.
+        let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
+        let has_filtered = self.core.timeline.matches().is_none_or(|matches| matches.is_complete());
+        let is_complete = survey.is_complete && has_filtered;
         drop(survey);
         match next {
             Some(place) => {
                 self.core.go(JumpPlace::Frame(place.frame));
                 let text = self.core.finding_text(place.id);
-                self.core.notify(&text);
+                self.core.notify(&format!("{}{text}", skipped_text(skipped)));
             }
-            None if is_complete => self.core.refuse("no further finding in this direction"),
-            None => self.core.refuse("no further finding yet; the rules still run"),
+            None if is_complete => self.core.refuse(&nothing_further("finding", skipped)),
+            None => self.core.refuse("no further finding yet; rules and filter still run"),
         }
         self.refresh_panes();
     }
@@ -63,19 +71,43 @@ impl App {
 
     pub(super) fn error(&mut self, is_forward: bool) {
         let cursor = self.core.cursor;
+        let matches = self.core.timeline.matches().filter(|_| self.core.matcher.filter.is_some());
+        let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has(*spot));
         let survey = self.core.timeline.survey();
         let at = survey.errors.partition_point(|spot| *spot <= cursor);
         let before = survey.errors.partition_point(|spot| *spot < cursor);
-        let next = if is_forward {
-            survey.errors.get(at)
+        let ahead: Box<dyn Iterator<Item = &EventPosition>> = if is_forward {
+            Box::new(survey.errors.iter().skip(at))
         } else {
-            before.checked_sub(1).and_then(|at| survey.errors.get(at))
+            Box::new(survey.errors.iter().take(before).rev())
         };
+        let mut skipped = 0;
+        let next = ahead.into_iter().find(|spot| {
+            skipped += usize::from(!is_shown(spot));
+            is_shown(spot)
+        });
         let next = next.copied();
         drop(survey);
         match next {
-            Some(spot) => self.core.go(JumpPlace::Event(spot)),
-            None => self.core.refuse("no further error in this direction"),
+            Some(spot) => {
+                self.core.go(JumpPlace::Event(spot));
+                if skipped > 0 {
+                    self.core.notify(skipped_text(skipped).trim_end_matches("; "));
+                }
+            }
+            None => self.core.refuse(&nothing_further("error", skipped)),
         }
+    }
+}
+
+/// Number of places outside the filter, before another text.
+fn skipped_text(skipped: usize) -> String {
+    if skipped == 0 { String::new() } else { format!("{skipped} outside the filter skipped; ") }
+}
+
+fn nothing_further(what: &str, skipped: usize) -> String {
+    match skipped {
+        0 => format!("no further {what} in this direction"),
+        _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
     }
 }

@@ -1,4 +1,4 @@
-//! The panes on the screen: focus, layout, zoom, strip of time, and what is remembered of them.
+//! The panes on the screen: focus, layout, zoom, strip of time, and the remembered choice of them.
 
 use ratatui::layout::Rect;
 
@@ -104,6 +104,7 @@ impl App {
             split: Some(split).filter(|split| *split != SPLIT || self.defaults.split.is_some()),
             has_strip: self.has_strip,
             palette: self.core.theme.palette(),
+            columns: self.core.columns.clone(),
         };
         if self.is_forgotten && now == self.defaults { None } else { Some(now) }
     }
@@ -113,8 +114,9 @@ impl App {
         self.is_forgotten = true;
         self.arrangement = Arrangement::new(self.defaults.layout, self.defaults.split);
         self.has_strip = self.defaults.has_strip;
+        self.core.columns = self.defaults.columns.clone();
         self.core.theme = self.core.theme.with(self.defaults.palette, self.core.theme.depth());
         self.fit();
-        self.core.notify("the remembered layout and colours are discarded");
+        self.core.notify("the remembered layout, columns and colours are discarded");
     }
 }

@@ -1,5 +1,7 @@
 //! What the program remembers from run to run.
 
+use std::collections::BTreeMap;
+
 use crate::panes::Layout;
 use crate::theme::Palette;
 
@@ -14,10 +16,18 @@ pub struct Preferences {
     pub has_strip: bool,
     /// Colours for a dark or light background.
     pub palette: Palette,
+    /// Titles of the columns that are shown, by name of the pane.
+    pub columns: BTreeMap<String, Vec<String>>,
 }
 
 impl Default for Preferences {
     fn default() -> Self {
-        Self { layout: None, split: None, has_strip: true, palette: Palette::default() }
+        Self {
+            layout: None,
+            split: None,
+            has_strip: true,
+            palette: Palette::default(),
+            columns: BTreeMap::new(),
+        }
     }
 }

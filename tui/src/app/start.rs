@@ -7,6 +7,8 @@ use ratatui::layout::Rect;
 
 use super::added::Reassign;
 use super::application::{App, Mode};
+use super::candidates::PromptRow;
+use super::history::History;
 use super::preferences::Preferences;
 use super::shell::quoted;
 use crate::keymap::Keymap;
@@ -52,6 +54,7 @@ impl App {
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
         core.named = start.named;
+        core.columns = start.preferences.columns;
         let mut app = Self {
             core,
             panes: Panes::default(),
@@ -66,6 +69,8 @@ impl App {
             is_dragging: false,
             trail: Vec::new(),
             mode: Mode::Panes,
+            history: History::default(),
+            prompt_row: PromptRow::default(),
             filter_before: String::new(),
             typed: Vec::new(),
             outputs: Vec::new(),
@@ -76,6 +81,7 @@ impl App {
             is_surveyed: false,
             opens_at_story: start.at.is_none() && !start.follows,
         };
+        app.history = History::starting(app.shown());
         if start.follows {
             app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");
             app.core.is_following = true;

@@ -12,7 +12,7 @@ use ratatui::layout::Rect;
 
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
-use crate::timeline::{LoadOverTime, LoadStep, Survey};
+use crate::timeline::{LoadOverTime, LoadStep, NmtMoment, Survey};
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
 
@@ -155,7 +155,7 @@ fn found(survey: &Survey, axis: &Axis) -> Vec<Mark> {
             put(time, Mark::of(place.severity));
         }
     }
-    for time in &survey.nmt {
+    for NmtMoment { time, .. } in &survey.nmt {
         put(*time, Mark::Nmt);
     }
     for bus in &survey.load {

@@ -26,9 +26,11 @@ impl App {
         let is_one_byte = matches!(key.code, KeyCode::Char(_) | KeyCode::Enter);
         if modifiers != key.modifiers && is_one_byte && !matches!(self.mode, Mode::Prompt(..)) {
             self.one_key(KeyCode::Esc.into());
-            return self.one_key(KeyEvent { modifiers, ..key });
+            self.one_key(KeyEvent { modifiers, ..key });
+        } else {
+            self.one_key(key);
         }
-        self.one_key(key);
+        self.remember();
     }
 
     fn one_key(&mut self, key: KeyEvent) {
@@ -48,6 +50,9 @@ impl App {
             }
             Mode::Prompt(asking, prompt) => {
                 let asking = *asking;
+                if matches!(key.code, KeyCode::Tab | KeyCode::BackTab) {
+                    return self.complete(key.code);
+                }
                 let event = prompt.key(key);
                 self.typed(asking, event);
             }
@@ -123,6 +128,7 @@ impl App {
             }
             _ => {}
         }
+        self.remember();
     }
 
     /// Handles a new size of the terminal.
@@ -149,6 +155,7 @@ impl App {
             Action::SplitLeft => self.move_split(false),
             Action::SplitRight => self.move_split(true),
             Action::Strip => self.toggle_strip(),
+            Action::Columns => self.ask_columns(),
             Action::Forget => self.forget(),
             Action::Filter => self.ask(PromptPurpose::Filter, "filter"),
             Action::Search => self.ask(PromptPurpose::Search, "search"),
@@ -173,6 +180,8 @@ impl App {
             Action::Copy => self.copy_line(),
             Action::Theme => self.next_theme(),
             Action::Clear => self.clear(),
+            Action::Undo => self.undo(true),
+            Action::Redo => self.undo(false),
             Action::Back => self.back(),
             Action::Up
             | Action::Down
@@ -230,11 +239,16 @@ impl App {
     }
 
     fn clear(&mut self) {
+        let before = self.shown();
         self.core.sought = None;
         if self.core.matcher.filter.is_some() {
             self.filter("");
         }
         self.pass(Action::Clear);
+        let cleared = before.cleared(&self.shown());
+        if !cleared.is_empty() {
+            self.core.notify(&format!("cleared: {}; u undoes it", cleared.join(", ")));
+        }
     }
 
     /// Passes the action to the current pane.

@@ -21,13 +21,17 @@ use ratatui::text::Line;
 use super::application::{App, Mode};
 use super::hints::{self, Hint};
 use super::{diagnosis, header, strip};
+use crate::ascii;
 use crate::panes::PaneId;
-use crate::theme::{Glyph, Role};
+use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::bars::Gauge;
 use crate::widgets::draw;
 
 /// Width of the progress bar of the index.
 const GAUGE: u16 = 20;
+
+/// Height of the pane up to which its last line is not used for the row above a prompt.
+const LEAST_BODY: u16 = 3;
 
 /// Heights from which the line of the diagnosis, one line and two lines of the strip of time are shown.
 const LOW: u16 = 10;
@@ -113,6 +117,10 @@ impl App {
         }
         self.draw_status(parts.status, buf);
         self.draw_footer(&parts, buf);
+        if self.core.theme.borders() == Borders::Ascii {
+            // All text ends here, also that of captures.
+            ascii::replace(buf);
+        }
     }
 
     /// Draws the panes of the layout with their titles.
@@ -192,7 +200,7 @@ impl App {
     fn draw_footer(&self, parts: &Parts, buf: &mut Buffer) {
         let theme = &self.core.theme;
         match &self.mode {
-            Mode::Prompt(_, prompt) => {
+            Mode::Prompt(asking, prompt) => {
                 // The error of the prompt needs a second line, so the prompt uses the two bottom lines.
                 let area = Rect { height: parts.status.height + parts.footer.height, ..parts.status };
                 for y in area.top()..area.bottom() {
@@ -200,6 +208,10 @@ impl App {
                     draw::put(buf, area.x, y, area.width, &blank, theme.style(Role::Text));
                 }
                 prompt.render(theme, area, buf);
+                if parts.body.height > LEAST_BODY {
+                    let above = Rect { y: parts.body.bottom() - 1, height: 1, ..parts.body };
+                    self.draw_prompt_row(*asking, above, buf);
+                }
             }
             Mode::Letter { is_new } => {
                 let text = if *is_new { "set mark: type a letter" } else { "go to mark: type its letter" };

@@ -45,7 +45,7 @@ pub struct ScreenArgs {
     /// Use colours for a dark or light background (default: auto)
     #[arg(long, value_name = "THEME")]
     pub theme: Option<ThemeName>,
-    /// Draw lines and plots with ASCII characters
+    /// Show only ASCII characters; others become their substitute or ?
     #[arg(long)]
     pub ascii: bool,
 }

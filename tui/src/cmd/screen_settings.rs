@@ -59,6 +59,7 @@ impl ScreenSettings {
                 Some(ThemeName::Dark) => Palette::Dark,
                 Some(ThemeName::Auto) | None => asked,
             },
+            columns: config.columns.clone().unwrap_or_default(),
         };
         let options = Config { theme: arguments.theme, layout: arguments.layout, ..Config::default() };
         let defaults = preferences(&options.clone().or(config.clone()));
@@ -77,7 +78,7 @@ impl ScreenSettings {
     }
 }
 
-/// Remembers layout, strip and colours if the user changed them, or removes what is remembered.
+/// Remembers layout, strip and colours if the user changed them, or removes the remembered choice.
 ///
 /// # Errors
 /// The file cannot be written or removed.
@@ -90,12 +91,13 @@ pub fn remember(app: &App, opened: &Preferences) -> anyhow::Result<()> {
         Palette::Dark => ThemeName::Dark,
         Palette::Light => ThemeName::Light,
     });
-    // What is not changed stays as it was remembered.
+    // Unchanged settings stay as they were remembered.
     let kept = Config::remembered();
     let config = Config {
         theme: theme.or(kept.theme),
         layout: now.layout,
         split: now.split,
+        columns: Some(now.columns),
         strip: Some(now.has_strip).filter(|shown| *shown != opened.has_strip).or(kept.strip),
         ..Config::default()
     };

@@ -9,6 +9,7 @@
 
 mod folders;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::keymap::Keymap;
-use crate::panes::{Layout, PaneId};
+use crate::panes::{Layout, PaneId, Panes};
 use crate::theme::ThemeName;
 
 pub use folders::config as folder;
@@ -42,6 +43,8 @@ pub struct Config {
     pub split: Option<u16>,
     /// The strip of time is shown.
     pub strip: Option<bool>,
+    /// Titles of the columns that are shown, by name of the pane.
+    pub columns: Option<BTreeMap<String, Vec<String>>>,
     /// Keys of actions.
     pub keymap: Keymap,
 }
@@ -56,8 +59,9 @@ struct ConfigFile {
     layout: Option<Spanned<String>>,
     split: Option<u16>,
     strip: Option<bool>,
+    columns: Option<BTreeMap<Spanned<String>, Vec<Spanned<String>>>>,
     #[serde(default)]
-    keys: std::collections::BTreeMap<Spanned<String>, Spanned<KeyNames>>,
+    keys: BTreeMap<Spanned<String>, Spanned<KeyNames>>,
 }
 
 /// One key or several.
@@ -115,6 +119,7 @@ impl Config {
             layout: choice("layout", file.layout)?,
             split: file.split,
             strip: file.strip,
+            columns: file.columns.map(columns).transpose()?,
             keymap,
         })
     }
@@ -134,6 +139,7 @@ impl Config {
             layout: self.layout.or(other.layout),
             split: self.split.or(other.split),
             strip: self.strip.or(other.strip),
+            columns: self.columns.or(other.columns),
             keymap: other.keymap,
         }
     }
@@ -179,8 +185,37 @@ impl Config {
         if let Some(strip) = self.strip {
             let _ = writeln!(text, "strip = {strip}");
         }
+        if let Some(columns) = &self.columns {
+            text.push_str("[columns]\n");
+            for (pane, titles) in columns {
+                let _ = writeln!(text, "{pane} = {titles:?}");
+            }
+        }
         text
     }
+}
+
+/// Columns of panes; both must exist.
+fn columns(
+    found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>,
+) -> Result<BTreeMap<String, Vec<String>>, (usize, String)> {
+    let panes = Panes::default();
+    let mut all = BTreeMap::new();
+    for (name, titles) in found {
+        let at = name.span().start;
+        let id = PaneId::ALL.iter().find(|id| id.name() == name.get_ref());
+        let pane =
+            id.and_then(|id| panes.get(*id)).ok_or_else(|| (at, format!("no pane {:?}", name.get_ref())))?;
+        let known: Vec<String> = pane.heads().into_iter().map(|head| head.title.into_owned()).collect();
+        if let Some(title) = titles.iter().find(|title| !known.contains(title.get_ref())) {
+            let known: Vec<&str> =
+                known.iter().map(String::as_str).filter(|known| !known.is_empty()).collect();
+            let text = format!("no column {:?}; columns: {}", title.get_ref(), known.join(", "));
+            return Err((title.span().start, text));
+        }
+        all.insert(name.into_inner(), titles.into_iter().map(Spanned::into_inner).collect());
+    }
+    Ok(all)
 }
 
 /// File of the remembered view.
@@ -214,14 +249,15 @@ mod tests {
 
     #[test]
     fn a_file_sets_what_it_names() {
-        let text = "theme = \"light\"\nlayout = \"list\"\nsplit = 70\nstrip = false\n[keys]\nplot = \"P\"\nfilter = [\"F\", \"f3\"]\n";
+        let text = "theme = \"light\"\nlayout = \"list\"\nsplit = 70\nstrip = false\n[columns]\nframes = [\"ID\", \"Data\"]\n[keys]\nplot = \"P\"\nfilter = [\"F\", \"f3\"]\n";
         let config = Config::parse(text).unwrap();
         assert_eq!((config.theme, config.layout), (Some(ThemeName::Light), Some(Layout::List)));
         assert_eq!((config.split, config.strip, config.ascii), (Some(70), Some(false), None));
         assert_eq!(config.keymap.keys(Action::Filter), ["F", "f3"]);
-        // What is remembered can be read again and goes first.
+        // The remembered settings can be read again and go first.
         let remembered = Config::parse(&config.text()).unwrap();
         assert_eq!(remembered.layout, Some(Layout::List));
+        assert_eq!(remembered.columns.unwrap().get("frames").unwrap(), &["ID", "Data"]);
         let both = Config { layout: Some(Layout::One), ..Config::default() }.or(config);
         assert_eq!((both.layout, both.theme), (Some(Layout::One), Some(ThemeName::Light)));
         assert_eq!(both.keymap.keys(Action::Plot), ["P"]);
@@ -233,6 +269,7 @@ mod tests {
         let config = Config::read(Path::new(path)).unwrap();
         assert!(config.theme.is_some() && config.ascii.is_some() && config.pane.is_some());
         assert!(config.layout.is_some() && config.split.is_some() && config.strip.is_some());
+        assert!(config.columns.is_some());
     }
 
     #[test]
@@ -244,6 +281,9 @@ mod tests {
         assert!(at == 1 && reason.contains("unknown field `layuot`"), "{at} {reason}");
         assert_eq!(wrong("[keys]\nplod = \"P\""), (7, "no action \"plod\"; did you mean plot?".to_owned()));
         assert_eq!(wrong("split = \"wide\"").0, 8);
+        let (at, reason) = wrong("[columns]\nnodes = [\"Nod\"]");
+        assert!(at == 19 && reason.starts_with("no column \"Nod\"; columns: ID/hex"), "{at} {reason}");
+        assert_eq!(wrong("[columns]\nnods = []").1, "no pane \"nods\"");
         assert_eq!(place("a\nbc\n", 3), (2, 2));
     }
 

@@ -20,8 +20,31 @@ use crate::figures::seconds;
 use crate::state::Core;
 use crate::theme::{Glyph, Role, Theme};
 use crate::widgets::draw;
-use crate::widgets::table::TableState;
+use crate::widgets::table::{Column, TableState, Width};
 use crate::widgets::text_lines::TextLines;
+
+/// Minimum width of a text whose column the user chose together with others.
+const LEAST_CHOSEN: u16 = 20;
+
+/// The columns that the user chose for the pane with this name; all without a choice. `heads` are all columns in
+/// the same order.
+pub(super) fn chosen(
+    core: &Core,
+    pane: &str,
+    heads: impl IntoIterator<Item = Column>,
+    mut columns: Vec<Column>,
+) -> Vec<Column> {
+    let Some(titles) = core.columns.get(pane) else { return columns };
+    for (column, head) in columns.iter_mut().zip(heads) {
+        let is_chosen = head.title.is_empty() || titles.iter().any(|title| *title == head.title);
+        column.width = match column.width {
+            _ if !is_chosen => Width::Fixed(0),
+            Width::Min(least) => Width::Min(least.min(LEAST_CHOSEN)),
+            width => width,
+        };
+    }
+    columns
+}
 
 /// A time in the chosen display: seconds from the first frame, or wall-clock time.
 pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
@@ -55,7 +78,7 @@ pub(super) fn node_filter(node: NodeId) -> String {
 }
 
 /// The state at the end of the capture if it is read, else at the cursor: it has the most buses.
-pub(super) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
+pub(crate) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
     core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 

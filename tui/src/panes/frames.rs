@@ -25,9 +25,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::common::{bus_short, bus_title, bus_width, has_buses, move_in};
+use super::common::{bus_short, bus_title, bus_width, chosen, has_buses, move_in};
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::{millis, seconds};
 use crate::state::Core;
@@ -179,7 +179,8 @@ impl Frames {
 
     fn columns(core: &Core, world: &ReplayState, area: Rect) -> Vec<Column> {
         let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
-        columns(bus_width(core, area.width), is_j1939, data_width(world.identifiers(), area))
+        let shown = columns(bus_width(core, area.width), is_j1939, data_width(world.identifiers(), area));
+        chosen(core, "frames", columns(4, true, 0), shown)
     }
 
     fn draw_row(
@@ -367,6 +368,14 @@ impl Pane for Frames {
             self.selected = Some(key(row));
         }
         Vec::new()
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

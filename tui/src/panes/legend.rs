@@ -213,7 +213,10 @@ pub(super) const SIGNALS: Legend = Legend {
         entry("B", "cursor B: set or removed with b"),
         entry("Δ", "B minus A: time or value"),
         entry("min, max", "lowest and highest value in the plotted range"),
-        entry("(own scale)", "no axis: third or further unit of the plot"),
+        entry("E w", "error, warning of plotted nodes or bus, begin to end"),
+        entry("N", "change of the NMT state of a plotted node"),
+        entry("══", "values of several curves"),
+        entry("(no room)", "not drawn: the plot is too low for a further unit"),
     ],
 };
 

@@ -18,10 +18,12 @@ mod signals;
 mod transfers;
 mod why;
 
+pub(crate) use common::last_world;
 pub use effect::Effect;
+pub use findings::filtered_places;
 pub use layout::{Arrangement, Cell, Layout, SPLIT};
 pub use legend::{COMMON, Legend, LegendEntry};
-pub use pane::Pane;
+pub use pane::{Pane, Sorting};
 
 macro_rules! panes {
     ($($id:ident $name:literal $title:literal $make:expr;)*) => {

@@ -9,6 +9,9 @@ use crate::action::Action;
 use crate::state::{Core, NodeKey};
 use crate::widgets::table::Column;
 
+/// Column of a sort order, and whether it is descending; None for the order of the pane.
+pub type Sorting = Option<(usize, bool)>;
+
 /// A view of the captures with its own selection.
 pub trait Pane {
     /// Draws the pane into `area`.
@@ -31,6 +34,19 @@ pub trait Pane {
     fn search(&mut self, _text: &str, _core: &Core) -> bool {
         false
     }
+
+    /// Text of its own search.
+    fn sought(&self) -> Option<&str> {
+        None
+    }
+
+    /// Sort order of its table.
+    fn sorting(&self) -> Sorting {
+        None
+    }
+
+    /// Sorts its table.
+    fn set_sorting(&mut self, _sorting: Sorting) {}
 
     /// Meaning of its columns, marks and colours.
     fn legend(&self) -> &'static Legend;

@@ -18,10 +18,11 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{
-    bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, time, time_title, time_width,
+    bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, node_filter, time, time_title,
+    time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, JumpPlace};
@@ -75,7 +76,8 @@ const IMPORTANT: u16 = 59;
 
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(time_title(core), time_width(core), bus_width(core, width), width)
+    let columns = arranged(time_title(core), time_width(core), bus_width(core, width), width);
+    chosen(core, "transfers", arranged("Time", 9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.
@@ -342,6 +344,14 @@ impl Pane for Transfers {
         }
     }
 
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
+    }
+
     fn legend(&self) -> &'static Legend {
         &legend::TRANSFERS
     }
@@ -394,7 +404,7 @@ fn row(core: &Core, exchange: &Exchange, widths: (u16, u16)) -> Row<'static> {
         Cell::new(bus_short(core, &bus_name(core, exchange.bus), widths.0), quiet),
         Cell::from(exchange.who.to_string()),
         Cell::new(exchange.kind, tone),
-        Cell::new(fit(&theme.plain(&exchange.news), widths.1, theme), tone),
+        Cell::new(fit(&exchange.news, widths.1, theme), tone),
         Cell::new(size(exchange), quiet),
         Cell::new(exchange.outcome, tone),
     ])

@@ -8,6 +8,7 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
+use super::place::Preview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
 use crate::select::{Bound, spans_days, wall_clock};
@@ -49,9 +50,12 @@ pub struct Core {
     pub height: u16,
     /// Width of the focused pane.
     pub width: u16,
+    /// Titles of the columns that the user chose, by name of the pane.
+    pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
-    serial: u64,
+    pub(super) serial: u64,
+    pub(super) preview: Option<Preview>,
     target: Target,
     /// Position requested by the user until it is reached; it may not exist.
     asked: Option<Bound>,
@@ -82,8 +86,10 @@ impl Core {
             screen_height: 24,
             height: 24,
             width: 80,
+            columns: BTreeMap::new(),
             named: Vec::new(),
             serial: 0,
+            preview: None,
             target: Target::Event(EventPosition::default()),
             asked: None,
             is_waiting: false,
@@ -122,44 +128,13 @@ impl Core {
     /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
     /// message.
     pub fn go_to(&mut self, bound: Bound) {
-        let bound = match (bound, self.timeline.progress().times()) {
-            (Bound::Clock(clock), Some((first, last))) => match clock.at(first, last) {
-                Ok(time) => Bound::Moment(time),
-                Err(reason) => return self.refuse(&reason),
-            },
-            (bound, _) => bound,
-        };
-        let place = match bound {
-            Bound::Frame(frame) => JumpPlace::Frame(frame),
-            Bound::Moment(time) => JumpPlace::Time(time),
-            Bound::Offset(offset) => match self.zero().or(self.timeline.first()) {
-                Some(zero) => JumpPlace::Time(zero.plus(offset)),
-                None => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
-            },
-            Bound::Clock(_) => return self.refuse("this capture has no timestamps; enter a frame as #1234"),
-        };
-        self.go(place);
-        self.asked = Some(bound);
-    }
-
-    /// Side and message for a position outside the captures.
-    fn outside(&self, bound: Bound) -> Option<(Ordering, String)> {
-        let frames = self.timeline.progress().frames();
-        let times = self.timeline.progress().times();
-        let (what, side) = match (bound, times) {
-            (Bound::Frame(0), _) => ("frame", Ordering::Less),
-            (Bound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
-            (_, None) | (Bound::Clock(_), _) => return None,
-            (Bound::Moment(time), Some((first, last))) => ("time", side(time, first, last)),
-            (Bound::Offset(offset), Some((first, last))) => ("time", side(first.plus(offset), first, last)),
-        };
-        let time = self.seconds(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
-        let text = match side {
-            Ordering::Less => format!("no such {what}: the capture starts here"),
-            Ordering::Equal => return None,
-            Ordering::Greater => format!("no such {what}: the capture ends here, #{frames}{time}"),
-        };
-        Some((side, text))
+        match self.place_of(bound) {
+            Ok((bound, place)) => {
+                self.go(place);
+                self.asked = Some(bound);
+            }
+            Err(reason) => self.refuse(&reason),
+        }
     }
 
     /// Requests the content at the cursor again after a change.
@@ -179,6 +154,7 @@ impl Core {
 
     fn ask(&mut self, search: Option<Search>) {
         self.serial += 1;
+        self.preview = None;
         self.is_waiting = true;
         let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
@@ -193,7 +169,8 @@ impl Core {
 
     /// Takes a requested window; windows of older requests are ignored.
     pub fn answer(&mut self, window: Window) {
-        if window.serial != self.serial {
+        // A window that is not awaited belongs to a preview that has ended.
+        if self.take_preview(&window) || window.serial != self.serial || !self.is_waiting {
             return;
         }
         self.is_waiting = false;
@@ -423,9 +400,4 @@ impl Core {
     pub fn refuse(&mut self, text: &str) {
         self.said = Some((Role::Caution, text.to_owned()));
     }
-}
-
-/// Position of a time relative to the captures.
-fn side(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
-    if time < first { Ordering::Less } else { time.cmp(&last).max(Ordering::Equal) }
 }

@@ -3,6 +3,7 @@
 mod clock;
 mod core;
 mod place;
+mod positions;
 mod search;
 
 pub use clock::TimeDisplay;

@@ -21,3 +21,11 @@ pub enum JumpPlace {
     /// A timestamp of the captures.
     Time(Timestamp),
 }
+
+/// A position that is only looked at.
+#[derive(Debug)]
+pub(super) struct Preview {
+    pub(super) serial: u64,
+    /// Its frame and time; None until they are known.
+    pub(super) text: Option<String>,
+}

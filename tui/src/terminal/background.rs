@@ -21,7 +21,7 @@ const LONGEST: usize = 40;
 
 /// Answer of the terminal.
 pub struct Background {
-    /// None: no answer, or one that is not understood.
+    /// None: no answer, or an unknown one.
     pub palette: Option<Palette>,
     /// An answer may still come.
     pub may_come: bool,

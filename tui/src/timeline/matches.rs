@@ -167,6 +167,17 @@ impl Matches {
         0
     }
 
+    /// Whether an event matches. With many matches: whether its frame has one. True if not searched yet.
+    pub fn has(&self, spot: EventPosition) -> bool {
+        if spot.frame > self.scanned() && !self.is_complete() {
+            return true;
+        }
+        match self.rows(spot, 1, 0) {
+            Some(rows) => rows.iter().any(|row| row.spot == spot),
+            None => self.has_frame(spot.frame),
+        }
+    }
+
     /// Whether a frame has a match.
     pub fn has_frame(&self, frame: u64) -> bool {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);

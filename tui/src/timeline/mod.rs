@@ -42,7 +42,9 @@ pub use order::{Order, Search, Target, Window};
 pub use row::Row;
 pub use shared::{Lane, Progress, Shared};
 pub use signal::SignalKey;
-pub use survey::{Exchange, FindingOccurrence, MOST_EXCHANGES, OpenedFinding, Survey, bit_rate_change};
+pub use survey::{
+    Exchange, FindingOccurrence, MOST_EXCHANGES, NmtMoment, OpenedFinding, Survey, bit_rate_change,
+};
 pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Points, Traces};
 

@@ -53,8 +53,10 @@ pub struct Survey {
     pub more_exchanges: u64,
     /// Positions of error events.
     pub errors: Vec<EventPosition>,
-    /// Times of NMT commands, changes of NMT states, and boot-ups.
-    pub nmt: Vec<Timestamp>,
+    /// Number of events of each kind, in the order of `Kind::ALL`.
+    pub kinds: Vec<u64>,
+    /// NMT commands, changes of NMT states, and boot-ups, in order.
+    pub nmt: Vec<NmtMoment>,
     /// Load of each bus over time.
     pub load: Vec<LoadOverTime>,
     /// Statistics so far.
@@ -72,6 +74,19 @@ impl Survey {
         self.diagnosed = diagnosed;
         self.revision += 1;
     }
+}
+
+/// Time of an NMT event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NmtMoment {
+    /// Time of the event.
+    pub time: Timestamp,
+    /// Bus of the event.
+    pub bus: BusIndex,
+    /// Node of the event.
+    pub node: Option<NodeId>,
+    /// The NMT state of the node changed.
+    pub is_change: bool,
 }
 
 /// A finding at the time it opened.
@@ -133,6 +148,16 @@ pub struct Exchange {
     pub outcome: &'static str,
     /// Tone that decides the colour.
     pub tone: Tone,
+}
+
+/// The time of an NMT command, an NMT state or a boot-up; None for other events.
+pub(super) fn nmt_moment(event: &Event) -> Option<NmtMoment> {
+    let is_change = match &event.kind {
+        EventKind::NmtState(state) => state.from != Some(state.to),
+        EventKind::NmtCommand { .. } | EventKind::BootUp { .. } => false,
+        _ => return None,
+    };
+    Some(NmtMoment { time: event.time?, bus: event.bus, node: event.node, is_change })
 }
 
 /// Text of an announced change of the bit rate.

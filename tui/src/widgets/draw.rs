@@ -163,12 +163,12 @@ pub mod tests {
         assert_eq!(drawn("spool", 6, Align::Left, Borders::Unicode), "spool");
         assert_eq!(drawn("spool", 6, Align::Right, Borders::Unicode), " spool");
         assert_eq!(drawn("spool position", 6, Align::Right, Borders::Unicode), "spool…");
-        assert_eq!(drawn("spool position", 6, Align::Left, Borders::Ascii), "spoo..");
+        assert_eq!(drawn("spool position", 6, Align::Left, Borders::Ascii), "spool~");
         // A wide character without enough room is dropped as a whole.
         assert_eq!(drawn("日本語", 6, Align::Left, Borders::Unicode), "日本語");
         assert_eq!(drawn("日本語", 4, Align::Left, Borders::Unicode), "日…");
         assert_eq!(drawn("ab", 1, Align::Left, Borders::Unicode), "…");
-        assert_eq!(drawn("ab", 1, Align::Left, Borders::Ascii), ".");
+        assert_eq!(drawn("ab", 1, Align::Left, Borders::Ascii), "~");
     }
 
     #[test]

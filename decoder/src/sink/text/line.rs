@@ -2,6 +2,7 @@
 
 use super::parts::{EventWords, LineContent, node_label, push_node};
 use super::tone::Tone;
+use super::transfer::TransferWords;
 use super::{bus, device, emcy, finding, j1939, node, pdo, sdo, uds};
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId};
@@ -151,5 +152,16 @@ fn words(event: &Event, bus: &Bus) -> EventWords {
             of_node(bus::unreadable(file.as_deref(), *line, *offset, reason))
         }
         EventKind::Note { text } => of_node(("NOTE", text.clone(), Tone::Caution)),
+    }
+}
+impl TransferWords {
+    /// The text of a transfer; None for other events.
+    pub fn of(event: &Event, bus: &Bus) -> Option<Self> {
+        match &event.kind {
+            EventKind::SdoTransfer(transfer) => Some(sdo::transfer(transfer, device_of(event, bus))),
+            EventKind::UdsExchange(exchange) => Some(uds::transfer(exchange, device_of(event, bus))),
+            EventKind::J1939Transfer(transfer) => Some(j1939::transfer_words(transfer)),
+            _ => None,
+        }
     }
 }

@@ -6,11 +6,6 @@
 //! 65260 (FEEC) VI incomplete, 1 packet missing, 21 of 28 bytes: 41 42 … | vehicle identification
 //! ```
 
-use super::{j1939, sdo, uds};
-use crate::event::{Event, EventKind};
-use crate::query::record::device as device_of;
-use crate::session::Bus;
-
 /// Parts of the text of an SDO transfer, a UDS exchange or a J1939 transport session.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TransferWords {
@@ -23,16 +18,6 @@ pub struct TransferWords {
 }
 
 impl TransferWords {
-    /// The text of a transfer; None for other events.
-    pub fn of(event: &Event, bus: &Bus) -> Option<Self> {
-        match &event.kind {
-            EventKind::SdoTransfer(transfer) => Some(sdo::transfer(transfer, device_of(event, bus))),
-            EventKind::UdsExchange(exchange) => Some(uds::transfer(exchange, device_of(event, bus))),
-            EventKind::J1939Transfer(transfer) => Some(j1939::transfer_words(transfer)),
-            _ => None,
-        }
-    }
-
     /// All parts in one text.
     pub fn news(&self) -> String {
         let Self { object, name, result } = self;

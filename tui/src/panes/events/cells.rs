@@ -65,7 +65,7 @@ pub(super) fn row(
 /// The event: changes first, then the unchanged signals, dimmed.
 fn event(core: &Core, row: &EventRow, widths: CellWidths) -> Line<'static> {
     let news = if widths.object > 0 { &row.value } else { &row.news };
-    let news = fit(&core.theme.plain(news), widths.event, &core.theme);
+    let news = fit(news, widths.event, &core.theme);
     let left = widths.event.saturating_sub(draw::width(&news));
     let mut spans = vec![Span::raw(news)];
     if !row.unchanged.is_empty() {
@@ -74,7 +74,7 @@ fn event(core: &Core, row: &EventRow, widths: CellWidths) -> Line<'static> {
             (true, 0) => " ",
             (true, _) => "",
         };
-        let rest = fit(&core.theme.plain(&format!("{blank}{}", row.unchanged)), left, &core.theme);
+        let rest = fit(&format!("{blank}{}", row.unchanged), left, &core.theme);
         spans.push(Span::styled(rest, core.theme.style(Role::Quiet)));
     }
     Line::from(spans)

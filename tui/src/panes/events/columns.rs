@@ -6,7 +6,7 @@
 //!  30 columns       Time          Node        Event
 //! ```
 
-use cobscope_decoder::session::Node;
+use cobscope_decoder::session::{Bus, Node};
 
 use crate::panes::common;
 use crate::state::Core;
@@ -56,7 +56,7 @@ impl Widths {
             |least: u16, text: &dyn Fn(&EventRow) -> u16| core.rows().iter().map(text).fold(least, u16::max);
         let world = common::last_world(core);
         let buses = world.iter().flat_map(|world| world.buses());
-        let nodes = buses.flat_map(cobscope_decoder::session::Bus::nodes);
+        let nodes = buses.flat_map(Bus::nodes);
         let name = |node: &Node| node.name().map_or(0, |name| draw::width(name).saturating_add(1));
         let node = nodes.map(|node| draw::width(&node.id().label()).saturating_add(name(node)));
         let node = node.fold(4, u16::max);
@@ -91,7 +91,8 @@ const NARROW_NODE: u16 = 6;
 
 /// Columns for a table of `width`.
 pub(super) fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(common::time_title(core), Widths::of(core, width), width)
+    let columns = arranged(common::time_title(core), Widths::of(core, width), width);
+    common::chosen(core, "events", all(), columns)
 }
 
 /// All columns.

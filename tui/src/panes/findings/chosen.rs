@@ -17,7 +17,7 @@ use cobscope_decoder::words::plural;
 
 use crate::panes::common::last_world;
 use crate::state::Core;
-use crate::timeline::{Matches, Survey};
+use crate::timeline::{FindingOccurrence, Matches, Survey};
 
 /// Event kind of a finding.
 const KIND: &str = "finding-opened";
@@ -89,6 +89,16 @@ impl FilterResult {
     pub(super) fn words(&self) -> String {
         format!("{} of {} {}; c shows all", self.ids.len(), plural(self.all, "finding"), self.how)
     }
+}
+
+/// Kept occurrences of findings inside the current filter; None without a filter.
+pub fn filtered_places(core: &Core, survey: &Survey) -> Option<Vec<FindingOccurrence>> {
+    let filter = core.matcher.filter.as_ref()?;
+    let result = FilterResult::new(core, survey)?;
+    let shown = if is_of_findings(filter) { None } else { core.timeline.matches() };
+    let is_shown = |frame| shown.as_ref().is_none_or(|shown| shown.has_frame(frame));
+    let places = survey.places.iter().filter(|place| result.has(place.id) && is_shown(place.frame));
+    Some(places.copied().collect())
 }
 
 fn all(survey: &Survey) -> BTreeSet<u64> {

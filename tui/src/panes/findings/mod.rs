@@ -24,14 +24,15 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
+pub use self::chosen::filtered_places;
 use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{
-    ahead, bus_name, bus_short, bus_title, bus_width, divider, move_in, node_filter, severity_role, time,
-    time_width,
+    ahead, bus_name, bus_short, bus_title, bus_width, chosen as chosen_columns, divider, move_in,
+    node_filter, severity_role, time, time_width,
 };
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
@@ -79,7 +80,8 @@ const IMPORTANT: u16 = 50;
 
 /// Columns for a table of `width`.
 fn columns(core: &Core, width: u16) -> Vec<Column> {
-    arranged(time_width(core).max(5), bus_width(core, width), width)
+    let columns = arranged(time_width(core).max(5), bus_width(core, width), width);
+    chosen_columns(core, "findings", arranged(9, 4, 0), columns)
 }
 
 /// Columns with these widths of time and bus.
@@ -302,6 +304,14 @@ impl Pane for Findings {
             self.listed = listed;
             self.table.selected = self.at(&self.listed.rows);
         }
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.table.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.table.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

@@ -29,7 +29,7 @@ pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<T
     lines.extend(start(core, subject).map(|text| (text, Role::Text)));
     lines.extend(identifiers(subject).map(|text| (text, Role::Quiet)));
     let styled = |(text, role): (String, Role)| {
-        let text = core.theme.plain(&escape(&text));
+        let text = escape(&text).into_owned();
         Text::from(Span::styled(text, core.theme.style(role)))
     };
     lines.into_iter().map(styled).collect()
@@ -47,7 +47,7 @@ pub fn of_other(core: &Core, key: Key) -> Vec<Text<'static>> {
         Key::Bus(_) | Key::Node(..) => None,
     };
     let texts = texts.unwrap_or_default().into_iter();
-    texts.map(|text| Text::styled(core.theme.plain(&text), core.theme.style(Role::Text))).collect()
+    texts.map(|text| Text::styled(text, core.theme.style(Role::Text))).collect()
 }
 
 fn row_of<'a>(world: &'a ReplayState, bus: &Bus, id: CanId) -> Option<&'a IdentifierRow> {

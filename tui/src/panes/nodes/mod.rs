@@ -32,8 +32,9 @@ use self::line::{Key, Line, StyledCell};
 use self::node::Subject;
 use self::order::{EFFECT, Order, VALUES, columns};
 use self::wishes::{filter_of, signals, subject, to_events};
+use super::common::chosen;
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, NodeKey};
 use crate::theme::{Glyph, Role};
@@ -183,17 +184,17 @@ impl Nodes {
 
     fn row(core: &Core, line: &Line, room: u16) -> Row<'static> {
         let theme = &core.theme;
-        let cell = |shown: &StyledCell| Cell::new(theme.plain(&shown.text), theme.style(shown.role));
+        let cell = |shown: &StyledCell| Cell::new(shown.text.clone(), theme.style(shown.role));
         if let Key::Bus(_) = line.key {
             let title = Cell::new(line.name.clone(), theme.style(Role::Title));
             return Row::new([Cell::default(), title]);
         }
         let quiet = theme.style(Role::Quiet);
-        let values = theme.plain(&line.values.fit(room, theme.glyph(Glyph::Arrow)));
+        let values = line.values.fit(room, theme.glyph(Glyph::Arrow));
         let is_remark = line.values.pairs.is_empty() && line.key.node().is_none();
         let style = if is_remark { quiet } else { Style::new() };
         Row::new([
-            theme.plain(&line.id).into(),
+            line.id.clone().into(),
             line.name.clone().into(),
             Cell::new(line.device.clone(), if line.key.node().is_none() { quiet } else { Style::new() }),
             cell(&line.nmt),
@@ -210,10 +211,7 @@ impl Pane for Nodes {
     fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
         let lines = self.lines(core);
         let (table, below) = split(area, lines.len());
-        let mut columns = columns(area.width);
-        for column in &mut columns {
-            column.title = core.theme.plain(&column.title).into();
-        }
+        let columns = chosen(core, "nodes", columns(0), columns(area.width));
         let scrolls = u16::from(lines.len() > Table::height(table));
         let room = room(&columns, table.width - scrolls.min(table.width));
         let state = self.state(&lines);
@@ -277,7 +275,8 @@ impl Pane for Nodes {
         }
         let lines = self.lines(core);
         let (inside, _) = split(area, lines.len());
-        let (columns, state) = (columns(area.width), self.state(&lines));
+        let columns = chosen(core, "nodes", columns(0), columns(area.width));
+        let state = self.state(&lines);
         let table = Table::new(&core.theme, &columns).row_count(lines.len());
         if let Some(column) = table.column_at(inside, x) {
             self.column = column;
@@ -291,6 +290,14 @@ impl Pane for Nodes {
         {
             self.key = Some(Key::Node(*bus, *node, None));
         }
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.order.column()
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.order = Order::of_column(sorting);
     }
 
     fn legend(&self) -> &'static Legend {

@@ -1,5 +1,6 @@
 //! Columns of the node table and its sort orders.
 
+use crate::panes::Sorting;
 use crate::widgets::table::{Column, Width};
 
 /// Index of `Eff`.
@@ -40,13 +41,19 @@ impl Order {
     }
 
     /// Column with the sort mark, and whether it is descending.
-    pub(super) const fn column(self) -> Option<(usize, bool)> {
+    pub(super) const fn column(self) -> Sorting {
         match self {
             Self::Number => None,
             Self::Worst => Some((ERRORS, true)),
             Self::Name => Some((1, false)),
             Self::Device => Some((2, false)),
         }
+    }
+
+    /// The order with this sort mark.
+    pub(super) fn of_column(column: Sorting) -> Self {
+        let orders = [Self::Worst, Self::Name, Self::Device];
+        orders.into_iter().find(|order| order.column() == column).unwrap_or_default()
     }
 
     pub(super) const fn words(self) -> &'static str {

@@ -19,9 +19,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::Line;
 
-use super::common::move_in;
+use super::common::{chosen, move_in};
 use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace, NodeKey};
 use crate::theme::Role;
@@ -147,7 +147,7 @@ impl Pane for Objects {
                 Row::new(cells)
             })
         };
-        let columns = columns();
+        let columns = chosen(core, "objects", columns(), columns());
         let state = self.state(&rows);
         let empty = if self.search.is_empty() {
             "no objects of this node known up to the cursor"
@@ -201,7 +201,8 @@ impl Pane for Objects {
     fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
         let [_, place, _] = layout(area);
         let Some(subject) = Subject::of(core) else { return Vec::new() };
-        let (columns, rows) = (columns(), self.rows(&subject));
+        let columns = chosen(core, "objects", columns(), columns());
+        let rows = self.rows(&subject);
         let table = Table::new(&core.theme, &columns).row_count(rows.len());
         if let Some(column) = table.column_at(place, x) {
             self.state.column = column;
@@ -230,6 +231,18 @@ impl Pane for Objects {
         self.state.home();
         self.object = None;
         true
+    }
+
+    fn sought(&self) -> Option<&str> {
+        Some(&self.search)
+    }
+
+    fn sorting(&self) -> Sorting {
+        self.state.sort
+    }
+
+    fn set_sorting(&mut self, sorting: Sorting) {
+        self.state.sort = sorting;
     }
 
     fn legend(&self) -> &'static Legend {

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::words::plural;
 
 use super::view::View;
 use super::{OF_LEGEND, PlottedKey, Signals, list};
@@ -65,10 +66,12 @@ impl Signals {
             .collect();
         let second = self.second.as_ref().map(|second| second.time);
         let is_over = self.view.share(core).is_none();
+        let marks = self.marks(core, last);
         let plot = Plot::new(&core.theme, &series, from, to)
             .zero(core.zero().map_or(from, |zero| zero.0))
             .cursors(self.view.cursor(core), second)
             .until(last)
+            .marks(&marks)
             .empty(if is_over { "no values in this range" } else { "reading …" });
         Some(then(&plot))
     }
@@ -87,6 +90,14 @@ impl Signals {
             format!("{:.digits$} to {:.digits$} s, {delta} {span:.digits$} s{all}", time(from), time(to));
         if let Some(share) = self.view.share(core) {
             text = format!("reading {share} %  {text}");
+        }
+        let area = self.parts(Self::area(core)).plot;
+        match self.with_plot(core, |plot| plot.units_without_room(area)) {
+            None | Some(0) => {}
+            Some(missing) => {
+                let larger = if self.is_large { "" } else { "; enter enlarges the plot" };
+                text = format!("no room for {}{larger}  {text}", plural(missing, "unit"));
+            }
         }
         if self.refused > 0 {
             text = format!("{} more not plotted (max {MOST_SIGNALS})  {text}", self.refused);

@@ -18,9 +18,9 @@ use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use regex_lite::Regex;
 
-use crate::state::{Core, pattern};
+use crate::panes::common::chosen;
+use crate::state::{Core, SearchPattern, pattern};
 use crate::theme::{Glyph, Role};
 use crate::timeline::{SignalKey, signal};
 use crate::widgets::draw;
@@ -45,7 +45,7 @@ pub(super) struct List {
     /// Indices of the entries that match the search.
     shown: Vec<usize>,
     state: TableState,
-    sought: Option<Regex>,
+    sought: Option<SearchPattern>,
     /// Fingerprint of the identifiers and layouts that the entries were made from.
     made_of: u64,
 }
@@ -101,12 +101,17 @@ impl List {
     pub(super) fn search(&mut self, text: &str) {
         self.sought = match pattern(text) {
             _ if text.trim().is_empty() => None,
-            Ok(pattern) => Some(pattern),
+            Ok(pattern) => Some(SearchPattern { text: text.to_owned(), pattern }),
             // An incomplete pattern: keep the last valid one.
             Err(_) => return,
         };
         self.narrow();
         self.state.home();
+    }
+
+    /// Text of the search; empty if all signals are listed.
+    pub(super) fn sought(&self) -> &str {
+        self.sought.as_ref().map_or("", |sought| &sought.text)
     }
 
     pub(super) fn is_narrowed(&self) -> bool {
@@ -116,7 +121,7 @@ impl List {
     fn narrow(&mut self) {
         let has = |entry: &Entry| {
             let text = format!("{} {} {} {}", entry.node, entry.from, entry.key.name, entry.key.unit);
-            self.sought.as_ref().is_none_or(|sought| sought.is_match(&text))
+            self.sought.as_ref().is_none_or(|sought| sought.pattern.is_match(&text))
         };
         let places = self.entries.iter().enumerate().filter(|(_, entry)| has(entry));
         self.shown = places.map(|(place, _)| place).collect();
@@ -159,7 +164,7 @@ impl List {
         buf: &mut Buffer,
         look_of: impl Fn(&SignalKey) -> Option<Role>,
     ) {
-        let columns = self.columns(area);
+        let columns = chosen(core, "signals", self.columns(Rect::ZERO), self.columns(area).to_vec());
         let others: u16 = columns
             .iter()
             .map(|column| match column.width {

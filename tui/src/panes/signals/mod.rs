@@ -14,6 +14,7 @@
 
 mod drawn;
 mod list;
+mod marks;
 mod offered;
 mod view;
 
@@ -290,6 +291,10 @@ impl Pane for Signals {
     fn search(&mut self, text: &str, _core: &Core) -> bool {
         self.list.search(text);
         true
+    }
+
+    fn sought(&self) -> Option<&str> {
+        Some(self.list.sought())
     }
 
     fn legend(&self) -> &'static Legend {

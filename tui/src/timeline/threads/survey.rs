@@ -5,9 +5,9 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome,
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, MessageOutcome, Outcome,
 };
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::Bus;
@@ -20,8 +20,8 @@ use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
-    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, OpenedFinding,
-    bit_rate_change,
+    Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
+    bit_rate_change, nmt_moment,
 };
 use crate::timeline::walk::Walk;
 
@@ -86,10 +86,11 @@ struct Surveyor {
     findings: FindingInbox,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
-    nmt: Vec<Timestamp>,
+    nmt: Vec<NmtMoment>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
     kept: (usize, usize, usize),
+    kinds: Vec<u64>,
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
     /// Frames or events since the last publication.
@@ -136,6 +137,7 @@ impl Surveyor {
             load: Vec::new(),
             statistics: Statistics::default(),
             kept: (0, 0, 0),
+            kinds: vec![0; Kind::ALL.len()],
             more_exchanges: 0,
             bit_rate_change: None,
             has_news: false,
@@ -160,6 +162,9 @@ impl Surveyor {
         self.has_news = true;
         let findings = &mut self.findings;
         self.engine.event(told.event, told.bus, &mut |event: &Event, _: &Bus| findings.see(told.spot, event));
+        if let Some(count) = self.kinds.get_mut(told.event.kind.kind() as usize) {
+            *count += 1;
+        }
         if let Some(change) = bit_rate_change(told.event) {
             self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
         }
@@ -167,13 +172,9 @@ impl Surveyor {
             self.kept.0 += 1;
             self.errors.push(told.spot);
         }
-        let is_nmt = matches!(
-            told.event.kind,
-            EventKind::NmtCommand { .. } | EventKind::NmtState(_) | EventKind::BootUp { .. }
-        );
-        if let Some(time) = told.event.time.filter(|_| is_nmt && self.kept.2 < MOST_NMT) {
+        if let Some(moment) = nmt_moment(told.event).filter(|_| self.kept.2 < MOST_NMT) {
             self.kept.2 += 1;
-            self.nmt.push(time);
+            self.nmt.push(moment);
         }
         if let Some(exchange) = exchange(told) {
             if self.kept.1 < MOST_EXCHANGES {
@@ -209,6 +210,7 @@ impl Surveyor {
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
         survey.nmt.append(&mut self.nmt);
+        survey.kinds.clone_from(&self.kinds);
         survey.more_exchanges = self.more_exchanges;
         survey.bit_rate_change.clone_from(&self.bit_rate_change);
         survey.load.clone_from(&self.load);

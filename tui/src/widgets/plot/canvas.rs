@@ -1,7 +1,8 @@
 //! Canvas of dots: eight per braille character, one per ASCII character.
 //!
 //! ```text
-//! ⠀⠀⡠⠒⠉⢢⣀⣀        ··***|**
+//! ⠀⠀⡠⠒⠉⢢⣀⣀        ··***|**         one series
+//! ⠤*⠤⠤══⠤o⠤⠤      ooo====|***      several: each has a mark, `═` is on several curves
 //! ```
 
 use ratatui::buffer::Buffer;
@@ -11,8 +12,11 @@ use crate::theme::Borders;
 
 /// Bits of a braille character by row from above; left and right column.
 const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
-/// ASCII characters for values, one per series, because there may be no colours.
+/// Marks of the series: in ASCII each of their characters, in Unicode one in [`MARK_COLUMNS`] columns.
 const MARKS: [char; 6] = ['*', 'o', 'x', '+', '#', '@'];
+/// Columns from a mark to the next one of the same series, and from a series to the next one.
+const MARK_COLUMNS: usize = 8;
+const MARK_SHIFT: usize = 3;
 
 /// Reason of a dot; a later variant covers an earlier one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,6 +35,10 @@ struct Cell {
     dots: u8,
     ink: Ink,
     series: usize,
+    /// The first series with a value.
+    first: Option<usize>,
+    /// Several series have a value.
+    is_shared: bool,
 }
 
 /// An area of dots; dot 0, 0 is at the bottom left.
@@ -82,39 +90,61 @@ impl Canvas {
             return;
         };
         let (x, y) = ((column % wide) as usize, (row % high) as usize);
-        cell.dots |= DOTS.get(y).and_then(|dots| dots.get(x)).copied().unwrap_or_default();
+        let dot = DOTS.get(y).and_then(|dots| dots.get(x)).copied().unwrap_or_default();
         // A cell has one colour: a later series covers an earlier one.
         if cell.series != series {
             (cell.series, cell.ink) = (series, ink);
         }
+        if ink != Ink::Join {
+            cell.is_shared |= *cell.first.get_or_insert(series) != series;
+        }
+        cell.dots |= dot;
         cell.ink = cell.ink.max(ink);
     }
 
-    /// Draws the cells with dots in the styles of their series.
-    pub fn render(&self, area: Rect, buf: &mut Buffer, style: impl Fn(usize) -> ratatui::style::Style) {
+    /// Draws the cells with dots in the styles of their series. A series that is alone needs no marks.
+    pub fn render(
+        &self,
+        area: Rect,
+        buf: &mut Buffer,
+        is_alone: bool,
+        style: impl Fn(usize) -> ratatui::style::Style,
+    ) {
         let places =
             (area.top()..area.bottom()).flat_map(|y| (area.left()..area.right()).map(move |x| (x, y)));
-        for (place, drawn) in places.zip(&self.cells) {
+        for ((x, y), drawn) in places.zip(&self.cells) {
             if drawn.dots == 0 {
                 continue;
             }
-            if let Some(cell) = buf.cell_mut(Position::from(place)) {
-                cell.set_char(self.symbol(*drawn)).set_style(style(drawn.series));
+            if let Some(cell) = buf.cell_mut(Position::from((x, y))) {
+                let symbol = self.symbol(*drawn, usize::from(x - area.x), is_alone);
+                cell.set_char(symbol).set_style(style(drawn.series));
             }
         }
     }
 
-    fn symbol(&self, cell: Cell) -> char {
+    fn symbol(&self, cell: Cell, column: usize, is_alone: bool) -> char {
+        if cell.is_shared {
+            return shared(self.borders);
+        }
+        let shift = cell.series.wrapping_mul(MARK_SHIFT);
+        let has_mark = !is_alone && column % MARK_COLUMNS == shift % MARK_COLUMNS;
         match (self.borders, cell.ink) {
-            (Borders::Unicode, _) => char::from_u32(0x2800 + u32::from(cell.dots)).unwrap_or(' '),
-            (Borders::Ascii, Ink::Hold) => '.',
             (Borders::Ascii, Ink::Join) => '|',
-            (Borders::Ascii, Ink::Value) => mark(cell.series),
+            (Borders::Ascii, Ink::Hold) if is_alone => '.',
+            (Borders::Ascii, Ink::Hold | Ink::Value) => mark(cell.series),
+            (Borders::Unicode, Ink::Hold | Ink::Value) if has_mark => mark(cell.series),
+            (Borders::Unicode, _) => char::from_u32(0x2800 + u32::from(cell.dots)).unwrap_or(' '),
         }
     }
 }
 
-/// ASCII character for the values of a series.
+/// Character of values on several curves.
+pub fn shared(borders: Borders) -> char {
+    if borders == Borders::Unicode { '═' } else { '=' }
+}
+
+/// Mark of a series.
 pub fn mark(series: usize) -> char {
     MARKS.get(series % MARKS.len()).copied().unwrap_or('*')
 }
@@ -128,7 +158,7 @@ mod tests {
 
     fn drawn(canvas: &Canvas) -> Vec<String> {
         let mut buf = Buffer::empty(Rect::new(0, 0, canvas.width, canvas.height));
-        canvas.render(buf.area, &mut buf, |_| Style::new());
+        canvas.render(buf.area, &mut buf, true, |_| Style::new());
         shown(&buf)
     }
 
@@ -156,14 +186,29 @@ mod tests {
     }
 
     #[test]
-    fn values_hide_joins_and_later_series_earlier_ones() {
-        let mut canvas = Canvas::new(3, 3, Borders::Ascii);
+    fn values_hide_joins_and_curves_that_meet_have_their_own_character() {
+        let mut canvas = Canvas::new(4, 3, Borders::Ascii);
         canvas.span(0, 0, 2, 0, Ink::Join);
         canvas.span(0, 0, 0, 0, Ink::Value);
         canvas.span(1, 0, 0, 0, Ink::Value);
         canvas.span(1, 0, 0, 0, Ink::Hold);
         canvas.span(2, 0, 0, 0, Ink::Value);
         canvas.span(2, 0, 0, 1, Ink::Hold);
-        assert_eq!(drawn(&canvas), ["|", "|", "**."]);
+        // A join that crosses a curve is not on both.
+        canvas.span(3, 0, 0, 0, Ink::Value);
+        canvas.span(3, 0, 0, 1, Ink::Join);
+        assert_eq!(drawn(&canvas), ["|", "|", "**=|"]);
+    }
+
+    #[test]
+    fn several_series_have_marks() {
+        let mut canvas = Canvas::new(8, 1, Borders::Unicode);
+        (0..6).for_each(|column| canvas.span(column, 3, 3, 0, Ink::Value));
+        (4..8).for_each(|column| canvas.span(column, 0, 0, 1, Ink::Value));
+        canvas.span(8, 0, 3, 1, Ink::Join);
+        (9..16).for_each(|column| canvas.span(column, 0, 0, 2, Ink::Hold));
+        let mut buf = Buffer::empty(Rect::new(0, 0, 8, 1));
+        canvas.render(buf.area, &mut buf, false, |_| Style::new());
+        assert_eq!(shown(&buf), ["*⠉═o⣇⣀x⣀"]);
     }
 }

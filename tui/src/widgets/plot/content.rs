@@ -8,6 +8,22 @@ use super::window::Window;
 use crate::bucket::Bucket;
 use crate::theme::{Role, Theme};
 
+/// Name of the row of marks.
+pub(super) const MARKS_LABEL: &str = "find";
+
+/// A mark over a range of time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Begin in ns.
+    pub from: i64,
+    /// End in ns, inclusive; equal to the begin for a single moment.
+    pub to: i64,
+    /// One character.
+    pub symbol: &'static str,
+    /// Role that decides its colour.
+    pub role: Role,
+}
+
 /// A plotted signal.
 #[derive(Clone, Debug)]
 pub struct Series<'a> {
@@ -29,6 +45,7 @@ pub struct Plot<'a> {
     pub(super) window: Window,
     pub(super) zero: i64,
     pub(super) cursors: (Option<i64>, Option<i64>),
+    pub(super) marks: Option<&'a [Mark]>,
     pub(super) empty: &'a str,
 }
 
@@ -36,7 +53,7 @@ impl<'a> Plot<'a> {
     /// A plot of the range from `from` to `to` in ns, inclusive.
     pub fn new(theme: &'a Theme, series: &'a [Series<'a>], from: i64, to: i64) -> Self {
         let window = Window { from, to: to.max(from), gap: None, until: i64::MAX };
-        Self { theme, series, window, zero: 0, cursors: (None, None), empty: "" }
+        Self { theme, series, window, zero: 0, cursors: (None, None), marks: None, empty: "" }
     }
 
     /// Sets the time shown as 0 s.
@@ -49,6 +66,12 @@ impl<'a> Plot<'a> {
     #[must_use]
     pub fn cursors(self, a: Option<i64>, b: Option<i64>) -> Self {
         Self { cursors: (a, b), ..self }
+    }
+
+    /// Sets the marks in the row above the plot; later ones cover earlier ones.
+    #[must_use]
+    pub fn marks(self, marks: &'a [Mark]) -> Self {
+        Self { marks: Some(marks), ..self }
     }
 
     /// Sets the maximum time in ns for which a value applies.
@@ -69,16 +92,21 @@ impl<'a> Plot<'a> {
         Self { empty: text, ..self }
     }
 
-    /// Index of the unit of a series.
-    pub(super) fn axis(&self, series: usize) -> usize {
+    /// Units in the order of their first series.
+    pub(super) fn units(&self) -> Vec<&str> {
         let mut units: Vec<&str> = Vec::new();
-        for unit in self.series.iter().take(series + 1).map(|series| series.unit.as_ref()) {
-            if !units.contains(&unit) {
-                units.push(unit);
+        for series in self.series {
+            if !units.contains(&series.unit.as_ref()) {
+                units.push(&series.unit);
             }
         }
-        let unit = self.series.get(series).map(|series| series.unit.as_ref());
-        units.iter().position(|known| Some(*known) == unit).unwrap_or(0)
+        units
+    }
+
+    /// Index of the unit of a series.
+    pub(super) fn unit_of(&self, series: usize) -> Option<usize> {
+        let unit = self.series.get(series)?.unit.as_ref();
+        self.units().iter().position(|known| *known == unit)
     }
 
     /// Lowest and highest visible value of a series.
@@ -104,10 +132,10 @@ impl<'a> Plot<'a> {
         }
     }
 
-    /// Range of all series of an axis.
-    pub(super) fn axis_range(&self, axis: usize) -> Option<(f64, f64)> {
-        let of_axis = (0..self.series.len()).filter(|series| self.axis(*series) == axis);
-        of_axis
+    /// Range of all series of a unit.
+    pub(super) fn unit_range(&self, unit: usize) -> Option<(f64, f64)> {
+        let of_unit = (0..self.series.len()).filter(|series| self.unit_of(*series) == Some(unit));
+        of_unit
             .filter_map(|series| self.range(series))
             .reduce(|(low, high), (other_low, other_high)| (low.min(other_low), high.max(other_high)))
     }

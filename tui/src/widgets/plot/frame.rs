@@ -9,85 +9,30 @@
 //! ```
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
 
 use super::content::Plot;
-use super::scale::{Scale, seconds, time_decimals, time_step};
+use super::places::{Axis, Part, Places};
+use super::scale::{seconds, time_decimals, time_step};
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw;
 
-/// Minimum width of the plot; below it axes are dropped.
-const LEAST_WIDTH: u16 = 12;
-const LEAST_HEIGHT: u16 = 5;
-/// Minimum height with a legend.
-const LEGEND_FROM: u16 = 9;
-/// Lines per tick of a value, and columns per tick of the time.
-const TICK_LINES: u16 = 3;
+/// Columns per tick of the time.
 const TICK_COLUMNS: u16 = 10;
-
-/// Areas and scales of a plot.
-#[derive(Clone, Copy, Debug)]
-pub struct Places {
-    /// Area of the curves.
-    pub plot: Rect,
-    /// Scale of the first unit.
-    pub left: Option<Scale>,
-    /// Scale of the second unit.
-    pub right: Option<Scale>,
-    /// Width of the labels of the left axis; 0 without room for an axis.
-    left_width: u16,
-    right_width: u16,
-    /// Whether there are lines for the time axis and the units.
-    has_frame: bool,
-    /// Area of the legend below the plot.
-    pub legend: Rect,
-}
-
-impl Places {
-    /// Divides an area into these parts.
-    pub fn new(plot: &Plot<'_>, area: Rect) -> Self {
-        let lines = draw::cells(plot.series.len()).saturating_add(1);
-        let legend_height = if area.height < LEGEND_FROM { 0 } else { lines.min(area.height / 3) };
-        let rest = area.height - legend_height;
-        let has_frame = rest >= LEAST_HEIGHT;
-        let (above, below) = if has_frame { (1, 2) } else { (0, 0) };
-        let height = rest - above - below;
-        let scale = |axis| {
-            plot.axis_range(axis).map(|(low, high)| Scale::round(low, high, (height / TICK_LINES).max(1)))
-        };
-        let (left, right) = (scale(0), scale(1));
-        let wide = |scale: Option<Scale>| {
-            let labels = scale.map(|scale| scale.ticks().map(|tick| draw::width(&scale.label(tick))).max());
-            labels.flatten().map_or(0, |width| width + 1)
-        };
-        let (mut left_width, mut right_width) = (wide(left), wide(right));
-        if area.width < LEAST_WIDTH.saturating_add(left_width).saturating_add(right_width) || !has_frame {
-            right_width = 0;
-        }
-        if area.width < LEAST_WIDTH.saturating_add(left_width) || !has_frame {
-            left_width = 0;
-        }
-        let inside = Rect {
-            x: area.x + left_width,
-            y: area.y + above,
-            width: area.width - left_width - right_width,
-            height,
-        };
-        let legend = Rect { y: area.y + rest, height: legend_height, ..area };
-        Self { plot: inside, left, right, left_width, right_width, has_frame, legend }
-    }
-}
 
 /// Draws axes and cursors.
 pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
-    if places.left_width > 0 {
-        draw_values(plot, places, true, buf);
-    }
-    if places.right_width > 0 {
-        draw_values(plot, places, false, buf);
+    for part in &places.parts {
+        if let Some(axis) = part.left.filter(|_| places.left_width > 0) {
+            draw_values(plot, part, &axis, true, buf);
+        }
+        if let Some(axis) = part.right.filter(|_| places.right_width > 0) {
+            draw_values(plot, part, &axis, false, buf);
+        }
+        if places.has_frame {
+            draw_units(plot, places, part, buf);
+        }
     }
     if places.has_frame {
-        draw_units(plot, places, buf);
         draw_times(plot, places, buf);
     }
     for (name, time) in [("A", plot.cursors.0), ("B", plot.cursors.1)] {
@@ -97,11 +42,9 @@ pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     }
 }
 
-fn draw_values(plot: &Plot<'_>, places: &Places, is_left: bool, buf: &mut Buffer) {
-    let area = places.plot;
-    let (scale, x) =
-        if is_left { (places.left, area.x.saturating_sub(1)) } else { (places.right, area.right()) };
-    let Some(scale) = scale else { return };
+fn draw_values(plot: &Plot<'_>, part: &Part, axis: &Axis, is_left: bool, buf: &mut Buffer) {
+    let (area, scale) = (part.area, axis.scale);
+    let x = if is_left { area.x.saturating_sub(1) } else { area.right() };
     let (border, quiet) = (plot.theme.style(Role::Border), plot.theme.style(Role::Quiet));
     for y in area.top()..area.bottom() {
         draw::put(buf, x, y, 1, plot.theme.glyph(Glyph::Vertical), border);
@@ -126,22 +69,19 @@ fn draw_values(plot: &Plot<'_>, places: &Places, is_left: bool, buf: &mut Buffer
     }
 }
 
-/// Writes the units above their axes.
-fn draw_units(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
-    let style = plot.theme.style(Role::Quiet);
-    let unit = |axis| {
-        let series = (0..plot.series.len()).find(|series| plot.axis(*series) == axis);
-        series.and_then(|series| plot.series.get(series)).map_or("", |series| series.unit.as_ref())
-    };
-    let Some(y) = places.plot.y.checked_sub(1) else { return };
-    if places.left_width > 0 {
-        let x = places.plot.x - places.left_width;
-        draw::put(buf, x, y, places.plot.right() - x, unit(0), style);
+/// Writes the units of a part above their axes.
+fn draw_units(plot: &Plot<'_>, places: &Places, part: &Part, buf: &mut Buffer) {
+    let (style, units) = (plot.theme.style(Role::Quiet), plot.units());
+    let unit = |axis: Axis| units.get(axis.unit).copied().unwrap_or_default();
+    let (Some(y), area) = (part.area.y.checked_sub(1), part.area) else { return };
+    if let Some(axis) = part.left.filter(|_| places.left_width > 0) {
+        let x = area.x - places.left_width;
+        draw::put(buf, x, y, area.right() - x, unit(axis), style);
     }
-    if places.right_width > 0 {
-        let right = places.plot.right() + places.right_width;
-        let x = right.saturating_sub(draw::width(unit(1))).max(places.plot.x);
-        draw::put(buf, x, y, right - x, unit(1), style);
+    if let Some(axis) = part.right.filter(|_| places.right_width > 0) {
+        let right = area.right() + places.right_width;
+        let x = right.saturating_sub(draw::width(unit(axis))).max(area.x);
+        draw::put(buf, x, y, right - x, unit(axis), style);
     }
 }
 

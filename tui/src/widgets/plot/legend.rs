@@ -10,8 +10,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::Line;
 
-use super::canvas::mark;
+use super::canvas::{mark, shared};
 use super::content::Plot;
+use super::places::Places;
 use super::scale::{decimals, number};
 use super::trace;
 use super::window::Window;
@@ -37,11 +38,12 @@ impl Values {
 }
 
 /// Draws the head and as many series as fit.
-pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
+pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
+    let area = places.legend;
     if area.is_empty() {
         return;
     }
-    let units: Vec<_> = (0..plot.series.len()).map(|index| unit(plot, index)).collect();
+    let units: Vec<_> = (0..plot.series.len()).map(|index| unit(plot, places, index)).collect();
     let units_width = units.iter().map(|unit| draw::width(unit)).max().unwrap_or(0);
     let wanted = plot.series.iter().map(|series| draw::width(&series.name)).max().unwrap_or(0);
     let mut columns = columns(plot);
@@ -62,6 +64,9 @@ pub fn render(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
             draw::put(buf, x, y, area.width, &sample(plot, line - 1), style);
             let place = Rect { x: x + SAMPLE, y, width: names, height: 1 };
             draw::line(buf, place, &Line::styled(series.name.as_ref(), style), Align::Left, plot.theme);
+        } else {
+            let room = SAMPLE.saturating_add(names);
+            draw::put(buf, x, y, room.min(area.width), &shared_text(plot), quiet);
         }
         x = x.saturating_add(SAMPLE).saturating_add(names);
         for column in &columns {
@@ -106,18 +111,32 @@ fn blank(width: u16) -> String {
 
 /// Sample of the line of a series.
 fn sample(plot: &Plot<'_>, series: usize) -> String {
+    let mark = mark(series);
     match plot.theme.borders() {
-        Borders::Unicode => "⠤⠤".to_owned(),
-        Borders::Ascii => std::iter::repeat_n(mark(series), 2).collect(),
+        Borders::Unicode if plot.series.len() == 1 => "⠤⠤".to_owned(),
+        Borders::Unicode => format!("⠤{mark}"),
+        Borders::Ascii => format!("{mark}{mark}"),
     }
 }
 
-fn unit(plot: &Plot<'_>, series: usize) -> String {
+/// Unit of a series, and the remark that it is not drawn.
+fn unit(plot: &Plot<'_>, places: &Places, series: usize) -> String {
     let unit = plot.series.get(series).map_or("", |series| series.unit.as_ref());
-    match (plot.axis(series), unit) {
-        (0 | 1, unit) => unit.to_owned(),
-        (_, "") => "(own scale)".to_owned(),
-        (_, unit) => format!("{unit} (own scale)"),
+    let is_drawn = plot.unit_of(series).is_some_and(|unit| places.of_unit(unit).is_some());
+    match (is_drawn || plot.range(series).is_none(), unit) {
+        (true, unit) => unit.to_owned(),
+        (false, "") => "(no room)".to_owned(),
+        (false, unit) => format!("{unit} (no room)"),
+    }
+}
+
+/// Meaning of the character of values on several curves.
+fn shared_text(plot: &Plot<'_>) -> String {
+    let sample = shared(plot.theme.borders());
+    match plot.series.len() {
+        ..=1 => String::new(),
+        2 => format!("{sample}{sample} both"),
+        _ => format!("{sample}{sample} several"),
     }
 }
 

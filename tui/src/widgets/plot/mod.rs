@@ -15,13 +15,16 @@
 //! ⠤⠤ pressure       130  121  130 bar
 //! ```
 //!
-//! Series with the same unit share an axis: the first unit the left one, the second unit the right one.
-//! Series of further units have their own scale.
+//! Series with the same unit share a scale with a labelled axis: the first unit the left one, the second unit
+//! the right one. With more units, parts with their own axes are stacked. Marks above the plot show events
+//! at their times.
 
 mod canvas;
 mod content;
 mod frame;
 mod legend;
+mod marks;
+mod places;
 mod scale;
 mod trace;
 mod window;
@@ -31,9 +34,8 @@ use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use self::canvas::Canvas;
-pub use self::content::{Plot, Series};
-use self::frame::Places;
-use self::scale::Scale;
+pub use self::content::{Mark, Plot, Series};
+use self::places::Places;
 use crate::theme::{Borders, Role};
 use crate::widgets::draw::{self, Align};
 
@@ -44,28 +46,33 @@ impl Plot<'_> {
         if area.is_empty() {
             return;
         }
-        let ranges: Vec<_> = (0..self.series.len()).map(|index| self.range(index)).collect();
-        if ranges.iter().all(Option::is_none) {
+        if (0..self.series.len()).all(|index| self.range(index).is_none()) {
             let text = Line::styled(self.empty, self.theme.style(Role::Quiet));
             draw::line(buf, area, &text, Align::Left, self.theme);
             return;
         }
         let places = Places::new(self, area);
         frame::render(self, &places, buf);
-        let mut canvas = Canvas::new(places.plot.width, places.plot.height, self.theme.borders());
-        for (index, (series, range)) in self.series.iter().zip(ranges).enumerate() {
-            let scale = match (self.axis(index), range) {
-                (0, _) => places.left,
-                (1, _) => places.right,
-                (_, range) => range.map(|(low, high)| Scale::exact(low, high)),
-            };
-            if let Some(scale) = scale {
+        for place in 0..places.parts.len() {
+            self.draw_part(&places, place, buf);
+        }
+        marks::render(self, &places, buf);
+        legend::render(self, &places, buf);
+    }
+
+    /// Draws the curves of a part.
+    fn draw_part(&self, places: &Places, place: usize, buf: &mut Buffer) {
+        let Some(area) = places.parts.get(place).map(|part| part.area) else { return };
+        let is_alone = self.series.len() == 1;
+        let mut canvas = Canvas::new(area.width, area.height, self.theme.borders());
+        for (index, series) in self.series.iter().enumerate() {
+            let found = self.unit_of(index).and_then(|unit| places.of_unit(unit));
+            if let Some((_, scale)) = found.filter(|(part, _)| *part == place) {
                 trace::draw(&mut canvas, series.points, &self.window, &scale, index);
             }
         }
         let role = |index: usize| self.series.get(index).map_or(Role::Text, |series| series.role);
-        canvas.render(places.plot, buf, |index| self.theme.style(role(index)));
-        legend::render(self, places.legend, buf);
+        canvas.render(area, buf, is_alone, |index| self.theme.style(role(index)));
     }
 
     /// The time of a screen column inside the plot.
@@ -92,6 +99,13 @@ impl Plot<'_> {
     /// The legend as text: a line with the heads, then one line per series.
     pub fn legend(&self) -> String {
         legend::text(self)
+    }
+
+    /// Number of units that have no room in an area.
+    pub fn units_without_room(&self, area: Rect) -> usize {
+        let places = Places::new(self, area);
+        let is_missing = |unit: &usize| self.unit_range(*unit).is_some() && places.of_unit(*unit).is_none();
+        (0..self.units().len()).filter(is_missing).count()
     }
 
     /// Number of dot columns; finer samples are not visible.

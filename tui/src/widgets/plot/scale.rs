@@ -27,12 +27,6 @@ impl Scale {
         Self { low: (low / step).floor() * step, high: (high / step).ceil() * step, step }
     }
 
-    /// A scale that ends exactly at `low` and `high`.
-    pub fn exact(low: f64, high: f64) -> Self {
-        let (low, high) = widened(low, high);
-        Self { low, high, step: high - low }
-    }
-
     /// Row of a value; row 0 is the lowest. Values beyond the ends are at the end.
     pub fn row(&self, value: f64, rows: u32) -> u32 {
         // Halves, because the difference of two finite numbers may overflow.
@@ -185,13 +179,13 @@ mod tests {
         ] {
             let scale = Scale::round(low, high, 4);
             let _ = (scale.ticks().map(|tick| scale.label(tick)).collect::<Vec<_>>(), scale.row(0.0, 10));
-            let _ = Scale::exact(low, high).row(low, 10);
+            let _ = Scale::round(low, high, 1).row(low, 10);
         }
     }
 
     #[test]
     fn values_beyond_the_ends_are_at_the_ends() {
-        let scale = Scale::exact(0.0, 10.0);
+        let scale = Scale::round(0.0, 10.0, 1);
         let rows = [-1.0, 0.0, 5.0, 10.0, 99.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
         assert_eq!(rows.map(|value| scale.row(value, 11)), [0, 0, 5, 10, 10, 10, 0, 0]);
         assert_eq!(scale.row(5.0, 0), 0);

@@ -54,7 +54,7 @@ fn a_line_with_axes_cursor_and_legend() {
 }
 
 #[test]
-fn two_units_two_axes_and_a_third_has_its_own_scale() {
+fn two_units_have_two_axes_and_a_third_its_own_part() {
     let pressure = values(&[(0, 124.0), (500, 130.0), (1000, 121.0), (1500, 121.5)]);
     let set = values(&[(200, 0.0), (1200, 50.0)]);
     let series = [
@@ -69,21 +69,82 @@ fn two_units_two_axes_and_a_third_has_its_own_scale() {
         drawn(plot.cursors(Some(700 * MILLISECOND), Some(1600 * MILLISECOND)), 70, 14),
         [
             "bar                       A                           B              %",
-            "130+               *...............|     x.........................+50",
-            "   |               |      :        |     |            :            |",
-            "   |               |      :        |     |            :            |",
-            "125+               |      :        |     |            :            |",
-            "   |*..............|      :        |     |            :            |",
-            "   |                      :        *.....|.........*...............|",
-            "120+      x..............................|            :            +0",
+            "130+               ****************|     oooooooooooooooooooooooooo+50",
+            "   |***************|      :        |     |            :            |",
+            "120+      ooooooooooooooooooooooooo======|*************************+0",
+            "                          :                           :",
+            " 50+                      :              xxxxxxxxxxxxxxxxxxxxxxxxxx",
+            "   |                      :              |            :",
+            "  0+      xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx|            :",
             "   ++--------------+---------------+---------------+---------------",
             "   0.0            0.5             1.0             1.5             s",
-            "              A 0.70 s  B 1.60 s  d 0.90 s    min    max",
+            "== several    A 0.70 s  B 1.60 s  d 0.90 s    min    max",
             "** pressure      130.0     121.5      -8.5  121.0  130.0 bar",
             "oo set point         0        50        50      0     50 %",
-            "xx speed             0        50        50      0     50 (own scale)",
+            "xx speed             0        50        50      0     50",
         ]
     );
+    // A high plot has a part for each unit, a low one has no room for the third.
+    let high = drawn(plot, 70, 30);
+    let axes = ["bar", "%", "", "   ++---"];
+    let rows: Vec<_> = [0, 8, 16, 24].into_iter().map(|row: usize| high[row].as_str()).collect();
+    assert!(rows.iter().zip(axes).all(|(row, axis)| row.starts_with(axis)), "{}", high.join("\n"));
+    assert_eq!(plot.units_without_room(Rect::new(0, 0, 70, 30)), 0);
+    assert_eq!(plot.units_without_room(Rect::new(0, 0, 70, 9)), 1);
+    let low = drawn(plot, 70, 9);
+    assert_eq!(low[8], "oo set point    0   50 %");
+}
+
+#[test]
+fn series_of_one_unit_share_its_scale() {
+    let (set, position) = (values(&[(0, 37.5)]), values(&[(0, 37.5), (1_000, 12.0)]));
+    let series = [series("set point", "%", 0, &set), series("position", "%", 1, &position)];
+    let (from, to) = ends(0, 2000);
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to);
+    assert_eq!(
+        drawn(plot, 44, 13),
+        [
+            "%",
+            "40+====================|********************",
+            "  |                    |",
+            "  |                    |",
+            "20+                    |",
+            "  |                    ooooooooooooooooooooo",
+            "  |",
+            " 0+",
+            "  ++---------+---------+---------+----------",
+            "  0.0       0.5       1.0       1.5        s",
+            "== both        min   max",
+            "** set point  37.5  37.5 %",
+            "oo position   12.0  37.5 %",
+        ]
+    );
+}
+
+#[test]
+fn marks_are_above_the_plot_and_later_ones_cover_earlier_ones() {
+    let set = values(&[(0, 10.0), (500, 20.0)]);
+    let series = [series("set point", "%", 0, &set)];
+    let (from, to) = ends(0, 1000);
+    let mark =
+        |from, to, symbol| Mark { from: from * MILLISECOND, to: to * MILLISECOND, symbol, role: Role::Bad };
+    // Outside the window, across its end, and within it.
+    let marks = [
+        mark(-50, -10, "x"),
+        mark(800, 5_000, "w"),
+        mark(900, 900, "E"),
+        mark(0, 0, "N"),
+        mark(9_000, 9_000, "x"),
+    ];
+    let theme = plain(Borders::Ascii);
+    let plot = Plot::new(&theme, &series, from, to).marks(&marks);
+    let rows = drawn(plot, 45, 8);
+    assert_eq!(rows[..2], ["find N                               wwwwEwww", "%"]);
+    // Below this height the row is dropped.
+    assert_eq!(drawn(plot, 45, 5)[0], "%");
+    let none = Plot::new(&theme, &series, from, to).marks(&[]);
+    assert_eq!(drawn(none, 45, 8)[0], "find");
 }
 
 #[test]
@@ -157,7 +218,7 @@ fn series_have_their_looks() {
     let theme = plain(Borders::Unicode);
     let mut buf = Buffer::empty(Rect::new(0, 0, 20, 4));
     Plot::new(&theme, &series, 0, 100).render(buf.area, &mut buf);
-    assert_eq!(shown(&buf), ["⠉".repeat(20), String::new(), String::new(), "⣀".repeat(20)]);
+    assert_eq!(shown(&buf), ["⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o", "", "", "*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀"]);
     let looks = [3, 0].map(|y| buf[(4, y)].modifier);
     assert_eq!(looks, [0, 1].map(|look| theme.style(Role::Highlight(look)).add_modifier));
 }

@@ -123,11 +123,12 @@ mod tests {
         let until = points.last().map_or(0, |bucket| bucket.t);
         let window = Window { from: 0, to: 9, gap, until };
         let mut canvas = Canvas::new(if borders == Borders::Ascii { 10 } else { 5 }, 3, borders);
-        draw(&mut canvas, points, &window, &Scale::exact(0.0, 2.0), 0);
+        draw(&mut canvas, points, &window, &Scale::round(0.0, 2.0, 1), 0);
         let mut buf = Buffer::empty(Rect::new(0, 0, 10, 3));
         canvas.render(
             Rect { width: if borders == Borders::Ascii { 10 } else { 5 }, ..buf.area },
             &mut buf,
+            true,
             |_| Style::new(),
         );
         shown(&buf)
@@ -175,9 +176,9 @@ mod tests {
         let held = |until, gap| {
             let window = Window { from: 0, to: 9, gap, until };
             let mut canvas = Canvas::new(10, 1, Borders::Ascii);
-            draw(&mut canvas, &[value(2, 1.0)], &window, &Scale::exact(0.0, 2.0), 0);
+            draw(&mut canvas, &[value(2, 1.0)], &window, &Scale::round(0.0, 2.0, 1), 0);
             let mut buf = Buffer::empty(Rect::new(0, 0, 10, 1));
-            canvas.render(buf.area, &mut buf, |_| Style::new());
+            canvas.render(buf.area, &mut buf, true, |_| Style::new());
             shown(&buf).remove(0)
         };
         assert_eq!(held(i64::MAX, None), "  *.......");

@@ -346,9 +346,9 @@ mod tests {
             drawn(32, 4, Borders::Ascii, 40, &state),
             [
                 "  No Nodev  What",
-                "  11 boom   EMCY 8305 spool p..|",
+                "  11 boom   EMCY 8305 spool po~|",
                 "  12 boom   boot-up            #",
-                "  13 boom   EMCY 8305 spool p..|",
+                "  13 boom   EMCY 8305 spool po~|",
             ]
         );
     }

@@ -1,0 +1,159 @@
+//! Words that complete a filter: fields, operators, and values of the captures with their counts.
+
+use std::collections::BTreeMap;
+
+use cobscope_decoder::event::Kind;
+use cobscope_decoder::finding::{Findings, Severity};
+use cobscope_decoder::query::fields::{FieldType, Target};
+use cobscope_decoder::query::{Expected, completion};
+use cobscope_decoder::replay::ReplayState;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::NodeId;
+
+use crate::panes::last_world;
+use crate::state::Core;
+
+/// A word that completes the input.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Candidate {
+    /// The word as it is written in a filter.
+    pub(super) text: String,
+    /// Number of frames, events or findings with this value; None if counting is expensive.
+    pub(super) count: Option<u64>,
+}
+
+impl Candidate {
+    pub(super) fn new(text: &str, count: Option<u64>) -> Self {
+        Self { text: text.to_owned(), count }
+    }
+}
+
+/// Content of the row above a prompt.
+#[derive(Debug, Default)]
+pub(super) struct PromptRow {
+    /// Byte offset of the word to complete.
+    pub(super) start: usize,
+    pub(super) candidates: Vec<Candidate>,
+    /// The candidate in the text, after Tab.
+    pub(super) chosen: Option<usize>,
+    /// Text of a row without candidates.
+    pub(super) text: String,
+}
+
+/// Offset of the word at the end of `before`, the words that complete it, and a text if there are none.
+pub(super) fn candidates(core: &Core, before: &str) -> (usize, Vec<Candidate>, String) {
+    let Some(found) = completion(before) else { return (before.len(), Vec::new(), String::new()) };
+    let typed = before.get(found.start..).unwrap_or_default().to_lowercase();
+    let mut words = match &found.expected {
+        Expected::Value(targets) => values(core, targets, &found.expected.words()),
+        other => other.words().into_iter().map(|word| Candidate::new(word, None)).collect(),
+    };
+    words.retain(|word| word.text.to_lowercase().starts_with(&typed));
+    // A complete word needs no completion.
+    if matches!(words.as_slice(), [only] if only.text == typed) && !matches!(found.expected, Expected::Field)
+    {
+        words.clear();
+    }
+    let text = match &found.expected {
+        Expected::Value(targets) => meaning(targets),
+        _ => String::new(),
+    };
+    (found.start, words, text)
+}
+
+/// The meaning of a field.
+fn meaning(targets: &[Target]) -> String {
+    targets.first().map_or(String::new(), |target| format!("{}: {}", target.field.key, target.field.doc))
+}
+
+/// Values of a field: those of the captures, most frequent first, then the other possible ones.
+fn values(core: &Core, targets: &[Target], fixed: &[&str]) -> Vec<Candidate> {
+    let key = targets.first().map_or("", |target| target.field.key.as_str());
+    let counted = match last_world(core) {
+        Some(world) => counts(core, key, targets, &world),
+        None => BTreeMap::new(),
+    };
+    let mut found: Vec<_> = counted.iter().map(|(text, count)| Candidate::new(text, Some(*count))).collect();
+    if key != "node" {
+        found.sort_by_key(|candidate| std::cmp::Reverse(candidate.count));
+    }
+    let others = fixed.iter().map(|word| (*word).to_owned()).chain(other_rules(core, key));
+    let others = others.filter(|word| !counted.contains_key(word));
+    found.extend(others.map(|text| Candidate { text, count: None }));
+    found
+}
+
+/// Names of all rules for the field `rule`.
+fn other_rules(core: &Core, key: &str) -> Vec<String> {
+    let survey = core.timeline.survey();
+    let rules = survey.findings.iter().filter(|_| key == "rule").flat_map(|findings| &findings.rules);
+    rules.filter(|rule| rule.is_on).map(|rule| quoted(&rule.name)).collect()
+}
+
+fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BTreeMap<String, u64> {
+    let survey = core.timeline.survey();
+    let rows = world.identifiers().rows().iter();
+    let is_id = targets.iter().any(|target| target.value() == FieldType::Id);
+    match key {
+        "kind" => {
+            let kinds = Kind::ALL.iter().zip(&survey.kinds).filter(|(_, count)| **count > 0);
+            kinds.map(|(kind, count)| (kind.name().to_owned(), *count)).collect()
+        }
+        "severity" => {
+            let Some(findings) = &survey.findings else { return BTreeMap::new() };
+            let all = [Severity::Error, Severity::Warning, Severity::Note];
+            let count = |severity: Severity| findings.number(severity) as u64;
+            all.into_iter().map(|severity| (severity.name().to_owned(), count(severity))).collect()
+        }
+        "rule" => {
+            let groups = survey.findings.iter().flat_map(Findings::counting);
+            sum(groups.map(|group| (Some(quoted(&group.rule)), 1)))
+        }
+        "bus" => {
+            let name = |row: &IdentifierRow| Some(quoted(world.buses().get(usize::from(row.bus.0))?.name()));
+            sum(rows.map(|row| (name(row), row.count)))
+        }
+        "node" => {
+            // Two digits sort before three.
+            let number = |row: &IdentifierRow| match row.node {
+                Some(NodeId::Canopen(id)) => Some(id),
+                _ => None,
+            };
+            let nodes = rows.filter_map(|row| Some((number(row)?, row.count)));
+            sum(nodes.map(|(node, count)| (Some(node.to_string()), count)))
+        }
+        "pdo" => sum(rows.map(|row| (row.pdo.map(|pdo| pdo.to_string()), row.count))),
+        _ if is_id => sum(rows.map(|row| (Some(format!("0x{:03X}", row.id.number())), row.count))),
+        _ => BTreeMap::new(),
+    }
+}
+
+fn sum(values: impl Iterator<Item = (Option<String>, u64)>) -> BTreeMap<String, u64> {
+    let mut counts = BTreeMap::new();
+    for (text, count) in values.filter_map(|(text, count)| Some((text?, count))) {
+        let sum: &mut u64 = counts.entry(text).or_default();
+        *sum = sum.saturating_add(count);
+    }
+    counts
+}
+
+/// A text as a value in a filter; in quotes if it is not a plain word.
+fn quoted(text: &str) -> String {
+    let is_plain = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-' | ':');
+    let filter = format!("bus == {text}").parse::<cobscope_decoder::query::Filter>();
+    if text.chars().all(is_plain) && filter.is_ok() { text.to_owned() } else { format!("{text:?}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_that_are_not_words_are_quoted() {
+        assert_eq!(quoted("can0"), "can0");
+        assert_eq!(quoted("rexroth-sydfec:eeprom-wear"), "rexroth-sydfec:eeprom-wear");
+        assert_eq!(quoted("bus 1"), "\"bus 1\"");
+        assert_eq!(quoted("and"), "\"and\"");
+        assert_eq!(quoted(""), "\"\"");
+    }
+}

@@ -1,0 +1,153 @@
+//! Filters, searches and sort orders before and after the present ones.
+//!
+//! ```text
+//! undo  [ all ] [ kind == emcy ]   present   [ node == 5 ]  redo
+//! ```
+
+use std::collections::BTreeMap;
+
+use crate::panes::{PaneId, Sorting};
+
+/// Maximum number of states that can be restored.
+const MOST: usize = 100;
+
+/// The user's selection of rows and their order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Shown {
+    pub(super) filter: String,
+    pub(super) only_news: bool,
+    /// Text of the search for rows.
+    pub(super) sought: Option<String>,
+    pub(super) panes: Vec<PaneShown>,
+    /// Chosen columns by name of the pane.
+    pub(super) columns: BTreeMap<String, Vec<String>>,
+}
+
+/// Choices in one pane.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PaneShown {
+    pub(super) pane: PaneId,
+    pub(super) sorting: Sorting,
+    /// Text of its own search.
+    pub(super) sought: String,
+}
+
+impl Shown {
+    /// Filters and searches that `next` no longer has.
+    pub(super) fn cleared(&self, next: &Self) -> Vec<String> {
+        let gone = |what: &str, old: &str, new: &str| {
+            if old.is_empty() || !new.is_empty() { None } else { Some(format!("{what} {old}")) }
+        };
+        let texts = |shown: &Self| shown.sought.clone().unwrap_or_default();
+        let panes = self.panes.iter().zip(&next.panes);
+        let of_panes = panes.filter_map(|(old, new)| gone("search", &old.sought, &new.sought));
+        let own = [gone("filter", &self.filter, &next.filter), gone("search", &texts(self), &texts(next))];
+        own.into_iter().flatten().chain(of_panes).collect()
+    }
+}
+
+/// States before and after the present one.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    pub(super) present: Shown,
+    undo: Vec<Shown>,
+    redo: Vec<Shown>,
+}
+
+impl History {
+    /// A history that begins with a state.
+    pub(super) fn starting(present: Shown) -> Self {
+        Self { present, ..Self::default() }
+    }
+
+    /// Adds the state after an action; equal states are one.
+    pub(super) fn add(&mut self, next: Shown) {
+        if next == self.present {
+            return;
+        }
+        self.redo.clear();
+        self.undo.push(std::mem::replace(&mut self.present, next));
+        if self.undo.len() > MOST {
+            self.undo.remove(0);
+        }
+    }
+
+    /// Goes one state back or forth; returns the changes from the older to the newer state.
+    pub(super) fn step(&mut self, is_undo: bool) -> Option<Vec<String>> {
+        let (from, to) =
+            if is_undo { (&mut self.undo, &mut self.redo) } else { (&mut self.redo, &mut self.undo) };
+        let next = from.pop()?;
+        let left = std::mem::replace(&mut self.present, next);
+        let (old, new) = if is_undo { (&self.present, &left) } else { (&left, &self.present) };
+        let changes = changes(old, new);
+        to.push(left);
+        Some(changes)
+    }
+}
+
+/// The changes from one state to another in words: `filter kind == emcy`, `clearing of the filter node == 5`.
+fn changes(old: &Shown, new: &Shown) -> Vec<String> {
+    let text = |what: &str, old: &str, new: &str| match (old == new, new) {
+        (true, _) => None,
+        (false, "") => Some(format!("clearing of the {what} {old}")),
+        (false, new) => Some(format!("{what} {new}")),
+    };
+    let sought = |shown: &Shown| shown.sought.clone().unwrap_or_default();
+    let mut found: Vec<String> = text("filter", &old.filter, &new.filter).into_iter().collect();
+    found.extend(text("search", &sought(old), &sought(new)));
+    if old.only_news != new.only_news {
+        found.push(if new.only_news { "only changes" } else { "all events" }.to_owned());
+    }
+    for pane in PaneId::ALL.iter().filter(|pane| old.columns.get(pane.name()) != new.columns.get(pane.name()))
+    {
+        found.push(format!("columns of {}", pane.title()));
+    }
+    for (old, new) in old.panes.iter().zip(&new.panes) {
+        let title = new.pane.title();
+        found.extend(text("search", &old.sought, &new.sought).map(|text| format!("{text} in {title}")));
+        if old.sorting != new.sorting {
+            found.push(format!("sort order of {title}"));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filter(text: &str) -> Shown {
+        Shown { filter: text.to_owned(), ..Shown::default() }
+    }
+
+    #[test]
+    fn states_are_restored_in_both_directions() {
+        let mut history = History::starting(filter(""));
+        history.add(filter("kind == emcy"));
+        history.add(filter("kind == emcy"));
+        history.add(filter(""));
+        assert_eq!(history.step(true).unwrap(), ["clearing of the filter kind == emcy"]);
+        assert_eq!(history.step(true).unwrap(), ["filter kind == emcy"]);
+        assert_eq!(history.step(true), None);
+        assert_eq!(history.step(false).unwrap(), ["filter kind == emcy"]);
+        assert_eq!(history.present, filter("kind == emcy"));
+        // A new change ends the possible redo.
+        history.add(filter("node == 5"));
+        assert_eq!(history.step(false), None);
+        assert_eq!(history.step(true).unwrap(), ["filter node == 5"]);
+    }
+
+    #[test]
+    fn the_history_is_limited() {
+        let mut history = History::starting(filter(""));
+        (0..MOST * 2).for_each(|node| history.add(filter(&format!("node == {node}"))));
+        assert_eq!(history.undo.len(), MOST);
+    }
+
+    #[test]
+    fn several_changes_of_one_key_are_listed() {
+        let old = Shown { sought: Some("emcy".to_owned()), only_news: true, ..filter("node == 5") };
+        let texts = changes(&old, &Shown::default());
+        assert_eq!(texts, ["clearing of the filter node == 5", "clearing of the search emcy", "all events"]);
+    }
+}

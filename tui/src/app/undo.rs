@@ -1,0 +1,67 @@
+//! Undo and redo of filter, search, only changes and sort order.
+//!
+//! The state after each key is compared with the one before it, so that no action can be forgotten.
+
+use super::application::{App, Mode};
+use super::history::{PaneShown, Shown};
+use crate::panes::PaneId;
+use crate::state::{SearchPattern, pattern};
+use crate::timeline::Matcher;
+
+impl App {
+    /// The present filters, searches and sort orders.
+    pub(super) fn shown(&self) -> Shown {
+        let pane = |id: &PaneId| {
+            let pane = self.panes.get(*id)?;
+            Some(PaneShown {
+                pane: *id,
+                sorting: pane.sorting(),
+                sought: pane.sought().unwrap_or_default().to_owned(),
+            })
+        };
+        Shown {
+            filter: self.core.filter.clone(),
+            only_news: self.core.matcher.only_news,
+            sought: self.core.sought.as_ref().map(|sought| sought.text.clone()),
+            panes: PaneId::ALL.iter().filter_map(pane).collect(),
+            columns: self.core.columns.clone(),
+        }
+    }
+
+    /// Adds the present state to the history, unless a text is being typed.
+    pub(super) fn remember(&mut self) {
+        if !matches!(self.mode, Mode::Prompt(..)) {
+            let shown = self.shown();
+            self.history.add(shown);
+        }
+    }
+
+    /// Goes one state back or forth, and reports the changes.
+    pub(super) fn undo(&mut self, is_undo: bool) {
+        let Some(changes) = self.history.step(is_undo) else {
+            return self.core.refuse(if is_undo { "nothing to undo" } else { "nothing to redo" });
+        };
+        let shown = self.history.present.clone();
+        for PaneShown { pane, sorting, sought } in shown.panes {
+            let Some(pane) = self.panes.get_mut(pane) else { continue };
+            pane.set_sorting(sorting);
+            if pane.sought().is_some_and(|present| present != sought) {
+                pane.search(&sought, &self.core);
+            }
+        }
+        let search = |text: String| {
+            let pattern = pattern(&text).ok()?;
+            Some(SearchPattern { text, pattern })
+        };
+        self.core.sought = shown.sought.and_then(search);
+        if (&self.core.filter, self.core.matcher.only_news) != (&shown.filter, shown.only_news) {
+            let filter = shown.filter.parse().ok();
+            self.core.filter = shown.filter;
+            self.core.show(Matcher { filter, only_news: shown.only_news, ..self.core.matcher.clone() });
+        }
+        self.core.columns = shown.columns;
+        let done = if is_undo { "undone" } else { "redone" };
+        self.core.notify(&format!("{} {done}", changes.join(", ")));
+        self.refresh_panes();
+    }
+}
