@@ -162,3 +162,42 @@ fn the_stories_of_recordings_are_the_reviewed_ones() {
     }
     assert_eq!(found, reviewed);
 }
+
+/// The same traffic on two buses: a cause that is a fact names its bus, as a finding does.
+#[test]
+fn a_fact_names_its_bus_if_there_are_two() {
+    let path = folder().join("plc-commands-pre-operational.log");
+    let text = fs::read_to_string(&path).unwrap();
+    let one = stories(&findings(&path, &[], "", &text));
+    assert!(one[0].title.starts_with("63/3F  NMT"), "{}", one[0].title);
+    let both: String = text.lines().flat_map(|line| [line.to_owned(), line.replace("can0", "can1")]).fold(
+        String::new(),
+        |mut all, line| {
+            writeln!(all, "{line}").unwrap();
+            all
+        },
+    );
+    let two = stories(&findings(&path, &[], "", &both));
+    let titles: Vec<_> = two.iter().map(|story| story.title.as_str()).collect();
+    for bus in ["can0 63/3F  NMT", "can1 63/3F  NMT"] {
+        assert!(titles.iter().any(|title| title.starts_with(bus)), "{titles:?}");
+    }
+    assert!(two[0].lines[0].text.starts_with("can"), "{}", two[0].lines[0].text);
+}
+
+/// While the capture grows, an open condition is not at its end.
+#[test]
+fn an_open_condition_of_a_growing_capture_is_still_present() {
+    let path = workspace().join("fixtures/devices/pve.log");
+    let text = fs::read_to_string(&path).unwrap();
+    let part: Vec<_> = text.lines().take(110).collect();
+    let findings = findings(&path, &["32=danfoss-pve-ci".to_owned()], "", &part.join("\n"));
+    let zero = findings.groups[0].first[0].time;
+    let first = |is_growing| {
+        let setting = Setting { zero, is_growing, ..Setting::default() };
+        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
+        diagnosis.stories[0].lines[0].text.clone()
+    };
+    assert!(first(false).contains("to the end of the capture"), "{}", first(false));
+    assert!(first(true).contains("from 0.000 s, still present"), "{}", first(true));
+}

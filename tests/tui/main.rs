@@ -3,6 +3,7 @@
 
 mod baseline;
 mod bus_file;
+mod changed;
 mod check;
 mod check_schema;
 mod cli;

@@ -14,7 +14,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("words", &["figures"]),
     ("select", &["figures"]),
     ("record", &["figures"]),
-    ("source", &["record"]),
+    ("source", &["figures", "record"]),
     ("widgets", &["bucket", "theme"]),
     ("timeline", &["bucket", "record", "source"]),
     ("state", &["figures", "theme", "words", "select", "timeline"]),

@@ -7,7 +7,7 @@ use super::incident::IncidentFinding;
 use super::plot::Plot;
 use super::ranking::ranking;
 use crate::finding::phrase::{fact_text, interval, length, seconds, what};
-use crate::finding::{Advice, Findings, Group, Occurrence};
+use crate::finding::{Advice, FactCause, Findings, Group, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 use crate::words::plural;
@@ -90,6 +90,7 @@ pub struct StoryLine {
 pub(super) struct Page<'a> {
     pub(super) findings: &'a Findings,
     pub(super) zero: Option<Timestamp>,
+    pub(super) is_growing: bool,
     pub(super) has_several_buses: bool,
 }
 
@@ -106,7 +107,7 @@ impl Page<'_> {
         match (&plot.fact, ranking().record(root.group)) {
             (Some(fact), _) => {
                 let at = self.moment(fact.at).map_or_else(String::new, |at| format!("   at {at}"));
-                lines.push(line(Label::Cause, format!("{}{at}", fact_text(fact)), fact.at));
+                lines.push(line(Label::Cause, format!("{}{at}", self.fact(root.group, fact)), fact.at));
             }
             (None, Some(record)) => {
                 let text = format!("cause not visible in this capture; record next: {record}");
@@ -155,6 +156,16 @@ impl Page<'_> {
         format!("{who}{gap}{}", cited(group))
     }
 
+    /// Text of a fact that is the cause of a finding: `can1 7/07 mixer  1005:00 = 40000080h written {185-188}`.
+    pub(super) fn fact(&self, effect: &Group, fact: &FactCause) -> String {
+        let text = fact_text(fact);
+        match (self.has_several_buses, fact.node) {
+            (false, _) => text,
+            (true, Some(_)) => format!("{} {text}", effect.bus),
+            (true, None) => format!("{}  {text}", effect.bus),
+        }
+    }
+
     fn who(&self, group: &Group) -> String {
         let bus = self.has_several_buses.then(|| group.bus.to_string());
         let node = group.key.node.map(NodeId::label);
@@ -171,6 +182,9 @@ impl Page<'_> {
     fn when(&self, group: &Group) -> String {
         let moment = |at: Occurrence| self.moment(at);
         let mut text = match (moment(group.began()), moment(group.ended())) {
+            (Some(began), _) if group.lasts_to_end && self.is_growing => {
+                format!("from {began}, still present")
+            }
             (Some(began), _) if group.lasts_to_end => format!("from {began} to the end of the capture"),
             (Some(began), _) if group.lasted.is_some_and(|lasted| lasted > 0) => {
                 format!("from {began} for {}", length(group.lasted.unwrap_or(0)))

@@ -22,7 +22,6 @@ use std::sync::Arc;
 use self::incident::incidents;
 use self::plot::{Plot, plots};
 use self::ranking::ranking;
-use crate::finding::phrase::fact_text;
 use crate::finding::{Advice, Findings, Group, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
@@ -34,6 +33,8 @@ pub struct Setting {
     pub zero: Option<Timestamp>,
     /// The capture ends at this requested moment: only stories that last, or ended up to [`RECENT`] before it.
     pub end: Option<Timestamp>,
+    /// The capture still grows: open conditions are not at its end.
+    pub is_growing: bool,
 }
 
 /// Time in ns for which a story counts after its last finding, for a diagnosis of a moment.
@@ -100,7 +101,8 @@ impl Diagnosis {
             [one, other] => one.key.bus != other.key.bus,
             _ => false,
         });
-        let page = lines::Page { findings, zero: setting.zero, has_several_buses };
+        let page =
+            lines::Page { findings, zero: setting.zero, is_growing: setting.is_growing, has_several_buses };
         let mut diagnosis = Self::default();
         for plot in plots(incidents(counting)) {
             if plot.severity() == Severity::Note {
@@ -154,7 +156,7 @@ fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
         node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
         severity: plot.severity(),
         is_cause_visible: plot.fact.is_some() || ranking.record(root).is_none(),
-        title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| fact_text(fact)),
+        title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| page.fact(root, fact)),
         findings: all().map(|group| group.id).collect(),
         rules: plot.findings.iter().map(|it| Arc::clone(&it.group.rule)).collect(),
         nodes,

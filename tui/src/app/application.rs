@@ -98,7 +98,7 @@ impl App {
                 }
             }
             News::Exported(told) => self.core.exported(told),
-            News::Failed(text) => self.core.refuse(&text),
+            News::Changed(text) | News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),
             News::Indexed if self.core.is_pending() => self.core.refresh(),
@@ -162,5 +162,122 @@ impl App {
             || is_searching
             || timeline.is_tracing()
             || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::BufWriter;
+    use std::sync::Arc;
+    use std::sync::mpsc::{Receiver, channel};
+    use std::time::Duration;
+
+    use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE, WriteOptions};
+    use cobscope_decoder::frame::{BusIndex, CanId, Frame, LinkState, Timestamp};
+    use ratatui::buffer::Buffer;
+
+    use super::super::preferences::Preferences;
+    use super::super::start::Start;
+    use super::*;
+    use crate::action::Action;
+    use crate::keymap::Keymap;
+    use crate::source::Store;
+    use crate::source::live::LiveState;
+    use crate::theme::{Borders, Depth, Palette, Theme};
+    use crate::timeline::{Captures, JoinOptions, LiveBuses, Timeline};
+
+    /// Time limit of a test step on a busy machine.
+    const LIMIT: Duration = Duration::from_mins(1);
+
+    /// A live view, and the writer of its bus.
+    struct LiveView {
+        app: App,
+        news: Receiver<News>,
+        writer: Box<dyn FrameWriter>,
+    }
+
+    impl LiveView {
+        fn new() -> Self {
+            let (store, written) = Store::live("live".into(), 0).unwrap();
+            let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
+            let mut writer = (format.writer)(Box::new(BufWriter::new(written)), &WriteOptions::default());
+            writer.flush().unwrap();
+            let (sender, news) = channel();
+            let captures = Captures {
+                paths: Vec::new(),
+                align: false,
+                join: JoinOptions::OFF,
+                read: cobscope_decoder::capture::ReadOptions::default(),
+                session: cobscope_decoder::session::SessionOptions::default(),
+                rules: Arc::default(),
+                live: Some(LiveBuses { store, state: LiveState::default() }),
+            };
+            let timeline = Timeline::open(captures, sender).unwrap();
+            let start = Start {
+                command: "cobscope live can0".into(),
+                pane: PaneId::Events,
+                preferences: Preferences::default(),
+                defaults: Preferences::default(),
+                keymap: Keymap::default(),
+                reassign: Box::new(|_, _| anyhow::bail!("not needed here")),
+                at: None,
+                filter: None,
+                all: false,
+                follows: true,
+                named: Vec::new(),
+            };
+            let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
+            let mut app = App::new(timeline, theme, start);
+            app.resize(80, 24);
+            Self { app, news, writer }
+        }
+
+        fn frame(&mut self, millis: i64, id: u16, data: &[u8]) {
+            let time = Some(Timestamp(millis * 1_000_000));
+            let frame = Frame { time, ..Frame::data_frame(CanId::standard(id), data) };
+            self.writer.write(&frame, "can0").unwrap();
+            self.writer.flush().unwrap();
+        }
+
+        fn screen(&mut self) -> String {
+            let area = Rect::new(0, 0, 80, 24);
+            let mut buffer = Buffer::empty(area);
+            self.app.draw(area, &mut buffer);
+            let cells = (0..area.height).flat_map(|y| (0..area.width).map(move |x| (x, y)));
+            cells.filter_map(|cell| buffer.cell(cell)).map(ratatui::buffer::Cell::symbol).collect()
+        }
+
+        /// Handles messages until the screen contains a text.
+        fn wait(&mut self, text: &str) -> String {
+            loop {
+                let screen = self.screen();
+                if screen.contains(text) {
+                    return screen;
+                }
+                let news = self.news.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("no {text}:\n{screen}"));
+                self.app.news(news);
+                self.app.tick();
+            }
+        }
+    }
+
+    #[test]
+    fn a_live_view_shows_links_and_stories_as_they_happen() {
+        let mut view = LiveView::new();
+        for number in 0..300 {
+            view.frame(number * 7 + number % 3, 0x701 + u16::try_from(number % 4).unwrap(), &[5]);
+        }
+        view.wait("#300/300");
+        let (bus, time) = (BusIndex(0), Timestamp(2_200_000_000));
+        let link = Notice::Link { bus, time, state: LinkState::Down, bit_rate: None };
+        view.writer.notice(&link, "can0").unwrap();
+        view.writer.flush().unwrap();
+        assert!(view.wait("LINK").contains("2.200"));
+        // The cursor stays with the user.
+        view.app.act(Action::Top);
+        view.wait("#1/300");
+        view.frame(2_300, 0x81, &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
+        view.wait("1 warning so far: 1/01");
+        view.wait("#1/301");
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! 1 error 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s             } story  0 why
+//! 1 error so far: 32/20 EMCY 8305 spool position error, 7.204 s                 } story  0 why
 //! ```
 
 use cobscope_decoder::finding::{Severity, Verdict};
@@ -47,24 +48,23 @@ pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
 
 /// Text, its time, and its role.
 fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
-    let (Some(diagnosis), Some(findings)) = (&survey.diagnosis, &survey.findings) else {
-        return ("rules run …".to_owned(), String::new(), Role::Quiet);
-    };
-    let Some(story) = diagnosis.stories.first() else {
+    let Some(story) = survey.diagnosis.as_ref().and_then(|diagnosis| diagnosis.stories.first()) else {
+        let Some(findings) = survey.findings.as_ref().filter(|_| survey.is_complete) else {
+            return ("rules run; no fault so far".to_owned(), String::new(), Role::Quiet);
+        };
         let rules = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
         let missing = rules.filter(|(_, tally)| tally.verdict() == Verdict::NotExercised).count();
         let text = format!("no findings; {} not exercised", plural(missing, "rule"));
         return (text, String::new(), Role::Good);
     };
-    let count = |severity, name| match findings.number(severity) {
-        0 => None,
-        number => Some(plural(number, name)),
-    };
-    let counts = [count(Severity::Error, "error"), count(Severity::Warning, "warning")];
+    let (errors, warnings) = survey.diagnosed;
+    let count = |number, name| (number > 0).then(|| plural(number, name));
+    let counts = [count(errors, "error"), count(warnings, "warning")];
     let counts: Vec<_> = counts.into_iter().flatten().collect();
+    let so_far = if survey.is_complete { "" } else { " so far" };
     // The frames are in the Why pane.
     let title = story.title.split(" {").next().unwrap_or_default();
-    let text = format!("{}: {}", counts.join(" "), escape(title).replace("  ", " "));
+    let text = format!("{}{so_far}: {}", counts.join(" "), escape(title).replace("  ", " "));
     let time = core.seconds(story.began.time);
     let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time:.3} s"));
     let role = if story.severity == Severity::Error { Role::Bad } else { Role::Caution };

@@ -20,7 +20,11 @@ const SECOND: i64 = 1_000_000_000;
 pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
     let base = core.theme.style(Role::Header);
     buf.set_style(area.intersection(buf.area), base);
-    let time = core.time_words(core.time(), 3).map_or("no times".to_owned(), |time| format!("t {time}"));
+    let time = match core.time_words(core.time(), 3) {
+        Some(time) => format!("t {time}"),
+        None if core.zero().is_some() => "t unknown".to_owned(),
+        None => "no times".to_owned(),
+    };
     let right = Line::styled(time, base);
     let room = area.width.saturating_sub(draw::cells(right.width()) + 2);
     let mut spans = Vec::new();
@@ -40,6 +44,9 @@ fn front(core: &Core, role: Role) -> Style {
 
 fn parts(core: &Core) -> Vec<(String, Role)> {
     let mut parts = Vec::new();
+    if let Some(name) = core.timeline.changed() {
+        parts.push((format!("CHANGED {name}"), Role::Bad));
+    }
     if let Some(failure) = core.timeline.failure() {
         parts.push((format!("INCOMPLETE: {failure}"), Role::Bad));
     }

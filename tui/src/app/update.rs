@@ -220,7 +220,9 @@ impl App {
         } else {
             "paused at the cursor"
         });
-        self.core.follow();
+        if self.core.is_following {
+            self.core.go(JumpPlace::End);
+        }
     }
 
     fn toggle_news(&mut self) {

@@ -8,7 +8,7 @@
 //!  NOT JUDGED     wiring: no error frames, and the capture does not show whether they were recorded
 //! ```
 
-use cobscope_decoder::diagnosis::{Diagnosis, Label, StoryLine};
+use cobscope_decoder::diagnosis::{Diagnosis, Label, StoryLine, stories};
 use cobscope_decoder::finding::{Findings, Verdict};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
@@ -33,6 +33,22 @@ const LABELS: u16 = 16;
 pub struct Why {
     /// Index of the selected line.
     selected: usize,
+    /// The line that the user selected; stories so far may move it.
+    kept: Option<LineKey>,
+    /// Number of the diagnosis of the selection, and whether it was the last one.
+    seen: (u64, bool),
+}
+
+/// Identity of a line in all diagnoses of a capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct LineKey {
+    /// Id of the first finding of the story; 0 for a line outside the stories.
+    story: u64,
+    label: Option<Label>,
+    /// First frame of evidence.
+    frame: u64,
+    /// Number of earlier lines with the same story, label and frame.
+    nth: usize,
 }
 
 /// A line of the pane.
@@ -42,14 +58,15 @@ struct WhyLine {
     role: Role,
     /// Frame of evidence.
     frame: Option<u64>,
+    key: LineKey,
 }
 
 impl WhyLine {
     fn plain(text: String, role: Role) -> Self {
-        Self { label: "", text, role, frame: None }
+        Self { label: "", text, role, frame: None, key: LineKey { story: 0, label: None, frame: 0, nth: 0 } }
     }
 
-    fn of(line: &StoryLine) -> Self {
+    fn of(line: &StoryLine, story: u64) -> Self {
         let role = match line.label {
             Label::Cause | Label::FirstEffect => Role::Bad,
             Label::NoCause => Role::Caution,
@@ -60,28 +77,60 @@ impl WhyLine {
         // A line without a label continues the one before; a blank keeps it below the text.
         let label = if line.label.word().is_empty() { " " } else { line.label.word() };
         let frame = Some(line.at.frames.last).filter(|frame| *frame > 0);
-        Self { label, text: escape(&line.text).into_owned(), role, frame }
+        let key = LineKey { story, label: Some(line.label), frame: line.at.frames.first, nth: 0 };
+        Self { label, text: escape(&line.text).into_owned(), role, frame, key }
     }
+}
+
+/// Numbers lines with equal keys.
+fn number(lines: &mut [WhyLine]) {
+    let mut known: Vec<(LineKey, usize)> = Vec::new();
+    for line in lines {
+        if let Some((_, count)) = known.iter_mut().find(|(key, _)| *key == line.key) {
+            line.key.nth = *count;
+            *count += 1;
+        } else {
+            known.push((line.key, 1));
+        }
+    }
+}
+
+/// Index of a line in other lines; else of the last line of its story.
+fn place_of(key: LineKey, lines: &[WhyLine]) -> Option<usize> {
+    let same = lines.iter().position(|line| line.key == key);
+    same.or_else(|| lines.iter().rposition(|line| key.story > 0 && line.key.story == key.story))
 }
 
 /// Lines of all stories, of the notes, or the reason why there is none.
 fn lines(survey: &Survey) -> Vec<WhyLine> {
-    let (Some(diagnosis), Some(findings)) = (&survey.diagnosis, &survey.findings) else {
-        return vec![WhyLine::plain("rules run; the diagnosis follows at the end …".into(), Role::Quiet)];
-    };
+    let none = Diagnosis::default();
+    let diagnosis = survey.diagnosis.as_ref().unwrap_or(&none);
     let count = diagnosis.stories.len();
     let mut lines = Vec::new();
-    for (number, story) in (1..).zip(&diagnosis.stories) {
-        if count > 1 {
-            lines.push(WhyLine::plain(format!("story {number} of {count}"), Role::Title));
-        }
-        lines.extend(story.lines.iter().map(WhyLine::of));
+    if !survey.is_complete {
+        lines.push(WhyLine::plain(so_far(survey, count), Role::Quiet));
     }
-    if count == 0 {
+    for (number, story) in (1..).zip(&diagnosis.stories) {
+        let id = story.findings.first().copied().unwrap_or(0);
+        if count > 1 {
+            let key = LineKey { story: id, label: None, frame: 0, nth: 0 };
+            let text = format!("story {number} of {count}");
+            lines.push(WhyLine { key, ..WhyLine::plain(text, Role::Title) });
+        }
+        lines.extend(story.lines.iter().map(|line| WhyLine::of(line, id)));
+    }
+    if let Some(findings) = survey.findings.as_ref().filter(|_| count == 0 && survey.is_complete) {
         lines.push(WhyLine::plain(nothing(diagnosis, findings), Role::Good));
     }
-    lines.extend(diagnosis.notes.iter().map(WhyLine::of));
+    lines.extend(diagnosis.notes.iter().map(|line| WhyLine::of(line, 0)));
+    number(&mut lines);
     lines
+}
+
+/// `2 stories so far, 1204 frames judged; rules still run`.
+fn so_far(survey: &Survey, count: usize) -> String {
+    let found = if count == 0 { "no fault".to_owned() } else { stories(count) };
+    format!("{found} so far, {} judged; rules still run", plural(survey.frames, "frame"))
 }
 
 /// `no fault; 52 rules not exercised`.
@@ -127,7 +176,19 @@ impl Why {
     }
 
     fn step(&mut self, lines: &[WhyLine], delta: isize) {
-        self.selected = self.at(lines).saturating_add_signed(delta).min(lines.len().saturating_sub(1));
+        self.select(lines, self.at(lines).saturating_add_signed(delta));
+    }
+
+    fn select(&mut self, lines: &[WhyLine], index: usize) {
+        self.selected = index.min(lines.len().saturating_sub(1));
+        self.kept = lines.get(self.selected).map(|line| line.key);
+    }
+
+    /// Moves the selection to its line in a new diagnosis.
+    fn keep(&mut self, lines: &[WhyLine]) {
+        if let Some(place) = self.kept.and_then(|key| place_of(key, lines)) {
+            self.selected = place;
+        }
     }
 
     /// Goes to the frames of the selected line.
@@ -151,6 +212,14 @@ impl Pane for Why {
         drawn.render(&core.theme, self.scroll(&lines, &starts, area.height), area, buf);
     }
 
+    fn refresh(&mut self, core: &Core) {
+        let survey = core.timeline.survey();
+        let present = (survey.revision, survey.is_complete);
+        if std::mem::replace(&mut self.seen, present) != present {
+            self.keep(&lines(&survey));
+        }
+    }
+
     fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
         let lines = lines(&survey);
@@ -161,7 +230,7 @@ impl Pane for Why {
             Action::Up => self.step(&lines, -1),
             Action::PageDown => self.step(&lines, page),
             Action::PageUp => self.step(&lines, -page),
-            Action::Top => self.selected = 0,
+            Action::Top => self.select(&lines, 0),
             Action::Bottom => self.step(&lines, isize::MAX),
             Action::Open | Action::Toggle => return self.open(core),
             _ => {}
@@ -176,7 +245,7 @@ impl Pane for Why {
         let scroll = self.scroll(&lines, &starts, area.height).min(drawn.last_scroll(&core.theme, area));
         let row = scroll.saturating_add(usize::from(y.saturating_sub(area.y)));
         if let Some(at) = starts.partition_point(|start| *start <= row).checked_sub(1) {
-            self.selected = at;
+            self.select(&lines, at);
         }
         Vec::new()
     }
@@ -194,5 +263,50 @@ impl Pane for Why {
         let lines = lines(&survey);
         let line = lines.get(self.at(&lines))?;
         Some(format!("{:14} {}", line.label, line.text).trim().to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line of a story at a frame.
+    fn line(story: u64, label: Label, frame: u64) -> WhyLine {
+        let key = LineKey { story, label: Some(label), frame, nth: 0 };
+        WhyLine { key, ..WhyLine::plain(format!("{story} {frame}"), Role::Text) }
+    }
+
+    fn numbered(mut lines: Vec<WhyLine>) -> Vec<WhyLine> {
+        number(&mut lines);
+        lines
+    }
+
+    #[test]
+    fn the_selection_stays_on_its_line() {
+        let before = numbered(vec![
+            line(1, Label::Cause, 10),
+            line(1, Label::Effect, 12),
+            line(1, Label::More, 0),
+            line(1, Label::More, 0),
+        ]);
+        let after = || {
+            let mut after =
+                vec![line(7, Label::Cause, 30), line(7, Label::Act, 0), line(1, Label::Cause, 10)];
+            after.extend([line(1, Label::Effect, 11), line(1, Label::Effect, 12)]);
+            after.extend([line(1, Label::More, 0), line(1, Label::More, 0), line(1, Label::Act, 0)]);
+            numbered(after)
+        };
+        let mut why = Why::default();
+        why.keep(&after());
+        assert_eq!(why.selected, 0, "without a choice of the user the first story is selected");
+        for (chosen, expected) in [(1, 4), (2, 5), (3, 6)] {
+            why.select(&before, chosen);
+            why.keep(&after());
+            assert_eq!(why.selected, expected, "{chosen}");
+        }
+        // Its line is gone, its story remains.
+        why.select(&before, 1);
+        why.keep(&numbered(vec![line(7, Label::Cause, 30), line(1, Label::Cause, 10)]));
+        assert_eq!(why.selected, 1);
     }
 }

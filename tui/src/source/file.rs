@@ -11,6 +11,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
 
 use super::ahead::{Frames, ReadAhead};
+use super::original::OriginalFile;
 use super::progress::Progress;
 
 /// Bytes buffered to detect compression; larger reads bypass the buffer.
@@ -54,8 +55,12 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     } else {
         let file = File::open(path).with_context(|| format!("{}: cannot be opened", path.display()))?;
         ensure_no_folder(path)?;
-        let size = file.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len());
-        (Box::new(file), size)
+        let original =
+            OriginalFile::of(path, &file).with_context(|| path.display().to_string())?.map(Arc::new);
+        match original {
+            Some(original) => (Box::new(original.once()), Some(original.length())),
+            None => (Box::new(file), None),
+        }
     };
     let source = CountedInput { source, taken: Arc::clone(&taken) };
     let name = path.display();
@@ -87,5 +92,31 @@ impl Read for CountedInput {
         let count = self.source.read(buffer)?;
         self.taken.fetch_add(count as u64, Ordering::Relaxed);
         Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cobscope_decoder::capture::Batch;
+
+    use super::*;
+
+    #[test]
+    fn a_file_that_shrinks_while_it_is_read_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.log");
+        std::fs::write(&path, "(1.000000) can0 185#0102030405060708\n".repeat(30_000)).unwrap();
+        let mut reader = open(&path, &ReadOptions::default()).unwrap().reader;
+        let mut batch = Batch::new();
+        assert!(reader.read(&mut batch).unwrap());
+        File::options().write(true).open(&path).unwrap().set_len(700_000).unwrap();
+        let error = loop {
+            match reader.read(&mut batch) {
+                Ok(more) => assert!(more, "an early end is not the end of the capture"),
+                Err(error) => break error.to_string(),
+            }
+        };
+        let expected = "reading failed: file changed: 1,110,000 bytes are now 700,000";
+        assert_eq!(error, expected);
     }
 }

@@ -5,6 +5,8 @@ mod arrange;
 mod file;
 pub mod live;
 mod names;
+mod original;
+mod positioned;
 mod progress;
 mod scan;
 mod series;

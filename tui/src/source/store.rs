@@ -14,8 +14,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{decompress, is_compressed};
+use cobscope_decoder::sink::escape;
 
 use super::file::{HEAD, ensure_no_folder};
+use super::original::{FileChange, OriginalFile, OriginalReader};
+use super::positioned::{read_at, write_at};
 
 /// Number of bytes written to the temporary file at a time.
 const PIECE: usize = 256 * 1024;
@@ -35,6 +38,9 @@ const PIECES: u64 = 16;
 /// The decompressed bytes of a capture.
 pub struct Store {
     name: String,
+    /// The file of the capture, unless it is a pipe or a live bus.
+    original: Option<Arc<OriginalFile>>,
+    /// Temporary files; none if the original is read in place.
     pieces: RwLock<VecDeque<StoreSegment>>,
     state: Mutex<State>,
     grew: Condvar,
@@ -66,23 +72,24 @@ impl Store {
     pub fn open(path: &Path) -> anyhow::Result<Arc<Self>> {
         let name = path.display().to_string();
         if path.as_os_str() == "-" {
-            return Self::spooled(name, Box::new(io::stdin()));
+            return Self::spooled(name, None, Box::new(io::stdin()));
         }
         let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
         ensure_no_folder(path)?;
-        let metadata = file.metadata().with_context(|| format!("{name}: cannot read the file size"))?;
+        let original =
+            OriginalFile::of(path, &file).with_context(|| format!("{name}: cannot read the file size"))?;
+        let Some(original) = original.map(Arc::new) else { return Self::spooled(name, None, Box::new(file)) };
         let mut head = [0; 8];
-        let is_in_place = metadata.is_file() && !is_compressed(&head_of(&file, &mut head));
-        if !is_in_place {
-            return Self::spooled(name, Box::new(file));
+        if is_compressed(&head_of(&file, &mut head)) {
+            let source = original.once();
+            return Self::spooled(name, Some(original), Box::new(source));
         }
-        let state = State { length: metadata.len(), is_complete: true, ..State::default() };
-        Ok(Arc::new(Self::of(name, file, state)))
+        let state = State { length: original.length(), is_complete: true, ..State::default() };
+        Ok(Arc::new(Self { state: Mutex::new(state), ..Self::of(name, Some(original), VecDeque::new()) }))
     }
 
-    fn of(name: String, file: File, state: State) -> Self {
-        let pieces = VecDeque::from([StoreSegment { start: 0, file: Arc::new(file) }]);
-        Self { name, pieces: RwLock::new(pieces), state: Mutex::new(state), grew: Condvar::new() }
+    fn of(name: String, original: Option<Arc<OriginalFile>>, pieces: VecDeque<StoreSegment>) -> Self {
+        Self { name, original, pieces: RwLock::new(pieces), state: Mutex::default(), grew: Condvar::new() }
     }
 
     /// A store for a live source; about the last `keep` bytes are kept.
@@ -90,19 +97,21 @@ impl Store {
     /// # Errors
     /// A temporary file cannot be created.
     pub fn live(name: String, keep: u64) -> anyhow::Result<(Arc<Self>, StoreWriter)> {
-        let file = tempfile::tempfile().context("cannot create a temporary file")?;
-        let store = Arc::new(Self::of(name, file, State::default()));
+        let (_, pieces) = spool()?;
+        let store = Arc::new(Self::of(name, None, pieces));
         let keep = keep.max(LEAST_KEPT);
         let writer = StoreWriter { store: Arc::clone(&store), keep, piece: keep / PIECES, written: 0 };
         Ok((store, writer))
     }
 
     /// Copies a source, decompressed, to an unnamed temporary file while it is being read.
-    fn spooled(name: String, source: Box<dyn Read + Send>) -> anyhow::Result<Arc<Self>> {
-        let file = tempfile::tempfile().context("cannot create a temporary file")?;
-        let file = Arc::new(file);
-        let pieces = RwLock::new(VecDeque::from([StoreSegment { start: 0, file: Arc::clone(&file) }]));
-        let store = Arc::new(Self { name, pieces, state: Mutex::default(), grew: Condvar::new() });
+    fn spooled(
+        name: String,
+        original: Option<Arc<OriginalFile>>,
+        source: Box<dyn Read + Send>,
+    ) -> anyhow::Result<Arc<Self>> {
+        let (file, pieces) = spool()?;
+        let store = Arc::new(Self::of(name, original, pieces));
         let filled = Arc::clone(&store);
         std::thread::Builder::new()
             .name("spool".into())
@@ -161,6 +170,14 @@ impl Store {
         (state.length, state.is_complete)
     }
 
+    /// Waits at most `most` for bytes beyond a length or for the end; whether one of them occurred.
+    pub fn waits_beyond(&self, length: u64, most: Duration) -> bool {
+        let is_quiet =
+            |state: &mut State| state.length <= length && !state.is_complete && !state.is_abandoned;
+        let waited = self.grew.wait_timeout_while(self.lock(), most, is_quiet);
+        !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
+    }
+
     /// Number of evicted bytes at the start.
     pub fn start(&self) -> u64 {
         self.lock().start
@@ -181,6 +198,44 @@ impl Store {
             ErrorKind::UnexpectedEof => format!("the file is cut off: {error}"),
             _ => error.to_string(),
         })
+    }
+
+    /// Compares the file of the capture with its state when it was opened, and returns a message on the change.
+    pub fn change(&self) -> Option<String> {
+        let original = self.original.as_ref()?;
+        original.check();
+        let (change, name) = (original.change()?, self.short_name());
+        let has_copy = !self.is_in_place() && self.length().1 && self.error().is_none();
+        Some(match change {
+            FileChange::Replaced => {
+                format!("{name} is now another file; restart view to show it: the former one is shown")
+            }
+            FileChange::Gone => format!("{name} was renamed or deleted while open; it is still shown"),
+            _ if has_copy => {
+                format!("{name} changed while open: {change}; restart view: the former content is shown")
+            }
+            _ => format!("{name} changed while open: {change}; restart view: counts and rows may not match"),
+        })
+    }
+
+    /// File name without its folders, escaped.
+    pub fn short_name(&self) -> String {
+        let name = Path::new(&self.name).file_name().and_then(|name| name.to_str());
+        escape(name.unwrap_or(&self.name)).into_owned()
+    }
+
+    /// Whether content that readers need is lost.
+    pub fn has_lost_content(&self) -> bool {
+        self.is_in_place()
+            && self
+                .original
+                .as_ref()
+                .and_then(|original| original.change())
+                .is_some_and(FileChange::is_content)
+    }
+
+    fn is_in_place(&self) -> bool {
+        self.pieces.read().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 
     /// The error that a reader would return at the end.
@@ -208,8 +263,17 @@ impl Store {
 
     /// A reader from `offset`. At the present end it waits for more.
     pub fn reader(self: &Arc<Self>, offset: u64) -> StoreReader {
-        StoreReader { store: Arc::clone(self), offset }
+        let original = self.original.as_ref().filter(|_| self.is_in_place());
+        let original = original.map(|original| original.reader(offset));
+        StoreReader { store: Arc::clone(self), original, offset }
     }
+}
+
+/// A temporary file as the only segment of a store.
+fn spool() -> anyhow::Result<(Arc<File>, VecDeque<StoreSegment>)> {
+    let file = Arc::new(tempfile::tempfile().context("cannot create a temporary file")?);
+    let segments = VecDeque::from([StoreSegment { start: 0, file: Arc::clone(&file) }]);
+    Ok((file, segments))
 }
 
 /// The first bytes of a file, without moving its position.
@@ -218,39 +282,19 @@ fn head_of(file: &File, head: &mut [u8]) -> Vec<u8> {
     head.get(..count).unwrap_or_default().to_vec()
 }
 
-#[cfg(unix)]
-fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
-    std::os::unix::fs::FileExt::read_at(file, buffer, offset)
-}
-
-#[cfg(windows)]
-fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
-    std::os::windows::fs::FileExt::seek_read(file, buffer, offset)
-}
-
-#[cfg(unix)]
-fn write_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
-    while !bytes.is_empty() {
-        let count = std::os::windows::fs::FileExt::seek_write(file, bytes, offset)?;
-        bytes = bytes.get(count..).unwrap_or_default();
-        offset += count as u64;
-    }
-    Ok(())
-}
-
 /// A reader of a store.
 pub struct StoreReader {
     store: Arc<Store>,
+    /// The file read in place.
+    original: Option<OriginalReader>,
     offset: u64,
 }
 
 impl Read for StoreReader {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if let Some(original) = &mut self.original {
+            return if self.store.lock().is_abandoned { Ok(0) } else { original.read(buffer) };
+        }
         let mut state = self.store.lock();
         while self.offset >= state.length && !state.is_complete && !state.is_abandoned {
             state = self.store.grew.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -330,7 +374,7 @@ mod tests {
     #[test]
     fn what_comes_in_pieces_is_read_whole_from_any_place() {
         let (mut writer, reader) = io::pipe().map(|(reader, writer)| (writer, reader)).unwrap();
-        let store = Store::spooled("-".into(), Box::new(reader)).unwrap();
+        let store = Store::spooled("-".into(), None, Box::new(reader)).unwrap();
         let late = {
             let store = Arc::clone(&store);
             std::thread::spawn(move || {
@@ -375,6 +419,25 @@ mod tests {
         store.reader(start).read_to_end(&mut kept).unwrap();
         let expected: Vec<u8> = (start >> 20..chunks).flat_map(chunk).collect();
         assert!(kept == expected, "what is kept is whole, across pieces");
+    }
+
+    #[test]
+    fn a_compressed_capture_is_shown_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.log.gz");
+        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/malformed/long_lines.log.gz");
+        std::fs::copy(fixture, &path).unwrap();
+        let store = Store::open(&path).unwrap();
+        let mut text = Vec::new();
+        store.reader(0).read_to_end(&mut text).unwrap();
+        assert_eq!((store.change(), store.length()), (None, (text.len() as u64, true)));
+        File::options().write(true).open(&path).unwrap().set_len(10).unwrap();
+        let change = store.change().unwrap();
+        assert!(change.ends_with("bytes are now 10; restart view: the former content is shown"), "{change}");
+        assert!(!store.has_lost_content());
+        let mut again = Vec::new();
+        store.reader(0).read_to_end(&mut again).unwrap();
+        assert!(again == text);
     }
 
     #[test]

@@ -62,8 +62,8 @@ pub struct Core {
     is_waiting: bool,
     /// Number of running exports.
     exports: usize,
-    /// Number of frames when the cursor last moved to the end.
-    followed: u64,
+    /// Last event when the cursor last moved to the end.
+    followed: EventPosition,
 }
 
 impl Core {
@@ -94,12 +94,15 @@ impl Core {
             asked: None,
             is_waiting: false,
             exports: 0,
-            followed: 0,
+            followed: EventPosition::default(),
         }
     }
 
     /// Moves the cursor and requests the content there.
     pub fn go(&mut self, place: JumpPlace) {
+        if place != JumpPlace::End {
+            self.pause();
+        }
         let target = match place {
             JumpPlace::Start => Target::Event(EventPosition::before(1)),
             JumpPlace::End => Target::End,
@@ -113,6 +116,13 @@ impl Core {
         self.target = target;
         self.asked = None;
         self.ask(None);
+    }
+
+    /// Ends following: the cursor stays where the user moves it.
+    fn pause(&mut self) {
+        if std::mem::take(&mut self.is_following) {
+            self.notify("paused at the cursor; space follows again");
+        }
     }
 
     /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
@@ -136,6 +146,7 @@ impl Core {
     pub fn search(&mut self, is_backward: bool) {
         let Some(sought) = &self.sought else { return self.refuse("no search text; press / first") };
         let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
+        self.pause();
         self.target = Target::Event(self.row().map_or(self.cursor, |row| row.spot));
         self.asked = None;
         self.ask(Some(Search { matcher, is_backward }));
@@ -207,12 +218,13 @@ impl Core {
 
     /// Moves to the end while following, and requests a position again that was not read yet.
     pub fn follow(&mut self) {
-        let frames = self.timeline.progress().frames();
         if self.is_pending() && !self.is_waiting {
             self.refresh();
         }
-        if self.is_following && !self.is_waiting && frames > self.followed {
-            self.followed = frames;
+        // Events without a frame count too: a link that closes, a node that is lost.
+        let end = self.timeline.progress().spot();
+        if self.is_following && !self.is_waiting && end != self.followed {
+            self.followed = end;
             self.go(JumpPlace::End);
         }
     }
@@ -287,7 +299,9 @@ impl Core {
                 row.filter(is_there).and_then(|row| row.event.time)
             }
         };
-        event.or_else(|| self.world()?.time()).or_else(|| self.timeline.first())
+        // Without a state, only the start has a known time.
+        let first = || self.timeline.first().filter(|_| self.cursor.frame <= 1);
+        event.or_else(|| self.world()?.time()).or_else(first)
     }
 
     /// Time of the first frame.

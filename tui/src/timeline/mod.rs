@@ -3,6 +3,7 @@
 //! ```text
 //!            ┌─ index ──▶ marks, progress          one pass, stores a state every 262,144 frames
 //! captures ──┼─ survey ─▶ findings, transfers …    one pass, runs the rules
+//!            ├─ watch ──▶ changes of the files         once per second
 //!            ├─ matches ▶ frames with shown events one pass per filter
 //!            ├─ traces ─▶ signals over time        from the nearest mark
 //!            └─ seek ───▶ rows and state at the cursor, from the nearest mark
@@ -118,6 +119,7 @@ impl Timeline {
         let setup = Arc::clone(&rules);
         spawn("index", &shared, &news, |shared, news| threads::index::run(shared, news))?;
         spawn("survey", &shared, &news, move |shared, news| threads::survey::run(shared, &setup, news))?;
+        spawn("watch", &shared, &news, |shared, news| threads::watch::run(shared, news))?;
         spawn("seek", &shared, &news, move |shared, news| threads::seek::run(shared, &inbox, news))?;
         Ok(Self { shared, orders, news, rules, first, live, is_replaced: false })
     }
@@ -232,6 +234,12 @@ impl Timeline {
                 .filter_map(|lane| Some(format!("{}: {}", lane.store.name(), lane.store.failure()?)));
             failures.next()
         })
+    }
+
+    /// Name of a capture whose file lost content that is shown.
+    pub fn changed(&self) -> Option<String> {
+        let mut lanes = self.shared.lanes.iter();
+        lanes.find(|lane| lane.store.has_lost_content()).map(|lane| lane.store.short_name())
     }
 
     /// Whether a capture may still grow.
@@ -366,10 +374,8 @@ mod tests {
         writer.flush().unwrap();
     }
 
-    /// Evicted frames of a live bus cannot be reached, kept frames can.
-    #[test]
-    fn a_live_bus_is_kept_in_part_and_says_so() {
-        const FRAMES: u64 = 600_000;
+    /// A live bus with the writer of its store.
+    fn live_bus() -> (Arc<Store>, Box<dyn FrameWriter>, Timeline, Receiver<News>) {
         let (store, written) = Store::live("live".into(), 0).unwrap();
         let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
         let mut writer = (format.writer)(Box::new(BufWriter::new(written)), &WriteOptions::default());
@@ -382,7 +388,52 @@ mod tests {
             Captures { paths: Vec::new(), align: false, join, read, session, rules, live },
             news,
         );
-        let timeline = timeline.unwrap();
+        (store, writer, timeline.unwrap(), found)
+    }
+
+    /// Shows the story of an error while the bus is still read, and the link that closes after the last frame.
+    #[test]
+    fn a_live_bus_has_stories_and_links_as_they_happen() {
+        let (store, mut writer, timeline, found) = live_bus();
+        write(&mut *writer, 0..4_000);
+        let time = Timestamp(4_000_000_000);
+        let error = Frame::data_frame(CanId::standard(0x81), &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
+        writer.write(&Frame { time: Some(time), ..error }, "can0").unwrap();
+        writer.flush().unwrap();
+        let first_story = |survey: &Survey| {
+            let first = survey.diagnosis.as_ref()?.stories.first()?;
+            Some((first.title.clone(), first.lines.first()?.text.clone(), survey.is_complete))
+        };
+        let (title, text, is_complete) = loop {
+            let shown = first_story(&timeline.survey());
+            if let Some(shown) = shown {
+                break shown;
+            }
+            assert!(matches!(found.recv_timeout(LIMIT).unwrap(), News::Grew));
+            timeline.see_growth();
+        };
+        assert!(title.contains("EMCY 2310") && text.contains("still present") && !is_complete, "{text}");
+        let before = timeline.progress().spot();
+        let (time, state) = (time.plus(1_000_000), cobscope_decoder::frame::LinkState::Down);
+        writer.notice(&Notice::Link { bus: BusIndex(0), time, state, bit_rate: None }, "can0").unwrap();
+        writer.flush().unwrap();
+        while timeline.progress().spot() == before {
+            std::thread::yield_now();
+        }
+        let (target, matcher) = (Target::End, Matcher::default());
+        timeline.order(Order { serial: 1, target, before: 5, after: 5, matcher, search: None });
+        let News::Window(window) = until(&found, |news| matches!(news, News::Window(_))) else {
+            unreachable!()
+        };
+        assert_eq!(window.rows.last().map(|row| row.kind), Some("LINK"));
+        store.end(None);
+    }
+
+    /// Evicted frames of a live bus cannot be reached, kept frames can.
+    #[test]
+    fn a_live_bus_is_kept_in_part_and_says_so() {
+        const FRAMES: u64 = 600_000;
+        let (store, mut writer, timeline, found) = live_bus();
         // Not faster than the index, so that nothing is evicted before it is indexed.
         for begin in (0..FRAMES).step_by(10_000) {
             write(&mut *writer, begin..begin + 10_000);

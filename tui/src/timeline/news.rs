@@ -16,6 +16,8 @@ pub enum News {
     Traced,
     /// A requested window.
     Window(Box<Window>),
+    /// The file of a capture changed while open; the text states what was found.
+    Changed(String),
     /// Result of an export: summary or error.
     Exported(Result<String, String>),
     /// A request failed; the text is the reason.

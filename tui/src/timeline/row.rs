@@ -1,7 +1,7 @@
 //! A row of the Events pane with its event.
 
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
+use cobscope_decoder::event::{Event, EventKind, FrameRange};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::{Line, MessageChanges, Tone, TransferWords};
@@ -64,6 +64,27 @@ impl Row {
             unchanged: escape(&unchanged).into_owned(),
             tone: line.tone,
             is_news: told.is_news,
+        }
+    }
+
+    /// A row that states why there are no rows at a position.
+    pub fn unreadable(spot: EventPosition, reason: String) -> Self {
+        let value = escape(&reason).into_owned();
+        let kind = EventKind::Unreadable { file: None, line: None, offset: None, count: 1, reason };
+        Self {
+            spot,
+            event: Event::new(BusIndex(0), FrameRange::one(0), kind),
+            bus: String::new(),
+            frame: None,
+            who: String::new(),
+            kind: "UNREAD",
+            object: String::new(),
+            news: value.clone(),
+            what: value.clone(),
+            value,
+            unchanged: String::new(),
+            tone: Tone::Bad,
+            is_news: true,
         }
     }
 

@@ -1,6 +1,7 @@
 //! Data shared by the threads of a timeline.
 
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::Sender;
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
@@ -8,10 +9,11 @@ use cobscope_decoder::capture::{
     CaptureError, MergedCapture, MergedPosition, MergedReader, ReadOptions, Reader,
 };
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Checkpoint, Index, ReplayState};
+use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 
 use super::matches::Matches;
+use super::news::News;
 use super::survey::Survey;
 use crate::source::{Store, StoreReader};
 
@@ -47,6 +49,8 @@ pub struct Shared {
     pub(super) end: Mutex<Option<Arc<ReplayState>>>,
     /// Reason why reading ended early.
     pub(super) failure: Mutex<Option<String>>,
+    /// Last reported change of a file.
+    change: Mutex<Option<String>>,
     pub(super) progress: Progress,
     /// Number of threads that sample signals.
     pub(super) tracing: AtomicUsize,
@@ -62,6 +66,8 @@ pub struct Shared {
 #[derive(Default)]
 pub struct Progress {
     frames: AtomicU64,
+    /// Events since the last frame: a link that closes, a node that is lost.
+    ordinal: AtomicU32,
     bytes: AtomicU64,
     is_complete: AtomicBool,
     zero: AtomicI64,
@@ -79,6 +85,7 @@ impl Progress {
             self.has_times.store(true, Ordering::Relaxed);
         }
         self.bytes.store(bytes, Ordering::Relaxed);
+        self.ordinal.store(world.spot().ordinal, Ordering::Relaxed);
         self.frames.store(world.frames(), Ordering::Release);
     }
 
@@ -89,6 +96,12 @@ impl Progress {
     /// Number of indexed frames.
     pub fn frames(&self) -> u64 {
         self.frames.load(Ordering::Acquire)
+    }
+
+    /// Position after the last indexed event.
+    pub fn spot(&self) -> EventPosition {
+        let frame = self.frames();
+        EventPosition { frame, ordinal: self.ordinal.load(Ordering::Relaxed) }
     }
 
     /// Number of decompressed bytes read.
@@ -128,6 +141,7 @@ impl Shared {
             matches: RwLock::default(),
             end: Mutex::default(),
             failure: Mutex::default(),
+            change: Mutex::default(),
             progress: Progress::default(),
             tracing: AtomicUsize::new(0),
             has_told_growth: AtomicBool::new(false),
@@ -185,6 +199,40 @@ impl Shared {
         failure.get_or_insert_with(|| error.to_string());
     }
 
+    /// Compares the files of the captures with their content when they were opened; reports each change once.
+    pub(super) fn report_changes(&self, news: &Sender<News>) {
+        let Some(text) = self.lanes.iter().find_map(|lane| lane.store.change()) else { return };
+        let mut change = self.change.lock().unwrap_or_else(PoisonError::into_inner);
+        if change.as_ref() != Some(&text) {
+            *change = Some(text.clone());
+            // The application may have ended.
+            let _ = news.send(News::Changed(text));
+        }
+    }
+
+    /// Reports growth, unless an earlier report was not handled yet.
+    pub(super) fn report_growth(&self, news: &Sender<News>) {
+        if self.grows() && !self.has_told_growth.swap(true, Ordering::AcqRel) {
+            // The application may have ended.
+            let _ = news.send(News::Grew);
+        }
+    }
+
+    /// Waits at most `most` for bytes after an offset in all captures together; `true` if the next read does not
+    /// wait.
+    pub(super) fn waits_for_growth(&self, offset: u64, most: Duration) -> bool {
+        let (mut total, mut growing) = (0, None);
+        for lane in &self.lanes {
+            let (length, is_complete) = lane.store.length();
+            total += length;
+            growing = growing.or((!is_complete).then_some((lane, length)));
+        }
+        match growing {
+            Some((lane, length)) if total <= offset => lane.store.waits_beyond(length, most),
+            _ => true,
+        }
+    }
+
     /// Whether a capture may still grow.
     pub(super) fn grows(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.store.length().1)
@@ -214,6 +262,14 @@ impl Shared {
     pub(super) fn begin(&self) {
         *self.may_begin.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.begins.notify_all();
+    }
+
+    /// Waits for the end of the timeline, at most `most`; whether it has ended.
+    pub(super) fn waits_for_end(&self, most: Duration) -> bool {
+        let begun = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);
+        let wait = self.begins.wait_timeout_while(begun, most, |_| !self.is_over());
+        drop(wait.unwrap_or_else(PoisonError::into_inner));
+        self.is_over()
     }
 
     pub(super) fn is_over(&self) -> bool {

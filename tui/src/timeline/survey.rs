@@ -39,8 +39,12 @@ pub struct Survey {
     pub news: Vec<OpenedFinding>,
     /// Findings in groups; None until the end.
     pub findings: Option<Findings>,
-    /// Stories of the findings; None until the end.
+    /// Stories of the findings so far; None before the first one.
     pub diagnosis: Option<Diagnosis>,
+    /// Number of errors and warnings in the diagnosis.
+    pub diagnosed: (usize, usize),
+    /// Number of diagnoses so far; a new number means that lines may have changed.
+    pub revision: u64,
     /// Positions of the kept occurrences of findings, in order.
     pub places: Vec<FindingOccurrence>,
     /// SDO transfers, J1939 transport sessions and UDS exchanges.
@@ -61,6 +65,15 @@ pub struct Survey {
     pub buses: Vec<String>,
     /// Bus name and text of the last announced change of the bit rate.
     pub bit_rate_change: Option<(String, String)>,
+}
+
+impl Survey {
+    /// Replaces the stories and the numbers of errors and warnings.
+    pub(super) fn set_diagnosis(&mut self, (diagnosis, diagnosed): (Diagnosis, (usize, usize))) {
+        self.diagnosis = Some(diagnosis);
+        self.diagnosed = diagnosed;
+        self.revision += 1;
+    }
 }
 
 /// Time of an NMT event.

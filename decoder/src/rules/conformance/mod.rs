@@ -18,7 +18,7 @@ use crate::wire::canopen::test_marker::{TestMarker, TestResult};
 const CASE_LIMIT: usize = 4096;
 
 /// The open test case.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Segment {
     marker: TestMarker,
     case: Option<&'static Case>,
@@ -38,7 +38,7 @@ pub(super) enum Standing {
 }
 
 /// Verdicts so far and the open case.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Run {
     open: Option<Segment>,
     /// Frame and verdict counts at the last marker; a case without a start marker starts there.

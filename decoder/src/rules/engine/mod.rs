@@ -197,6 +197,17 @@ impl Engine {
         Findings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
     }
 
+    /// Results up to now, with open findings as at an end of the capture. Conditions that rules judge only at the
+    /// end are not among them. Costs a copy of all groups.
+    pub fn so_far(&self, buses: Buses<'_>) -> Findings {
+        let mut ledger = self.ledger.clone();
+        for bus in buses {
+            ledger.close_all(bus);
+        }
+        let error_frames = self.quality.error_frames;
+        Findings { error_frames, ..ledger.into_findings(self.quality.is_timed(), Vec::new()) }
+    }
+
     /// Emits new findings; those about times are held back until times are known to be real.
     #[cold]
     fn emit_news(&mut self, bus: &Bus, is_timed: bool, out: &mut dyn Observer) {

@@ -17,7 +17,7 @@ const FACT_LIMIT: usize = 256;
 const BURST: i64 = 1_000_000_000;
 
 /// A fact on a bus, about a node.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct KnownFact {
     row: usize,
     bus: BusIndex,
@@ -29,7 +29,7 @@ struct KnownFact {
 }
 
 /// Facts of a capture.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Facts(Vec<KnownFact>);
 
 impl Facts {

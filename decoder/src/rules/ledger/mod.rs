@@ -111,7 +111,7 @@ pub(in crate::rules) struct RuleRelations {
 }
 
 /// `takes_in` relations of device rules.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct DeviceRuleCauses {
     /// Rules that absorb findings of the named rule.
     by_effect: HashMap<Arc<str>, Vec<u16>, FixedState>,
@@ -120,7 +120,7 @@ struct DeviceRuleCauses {
 }
 
 /// Groups, verdict counts and pending news of one capture.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Ledger {
     policy: Arc<Policy>,
     pub(super) rules: Vec<RuleInfo>,

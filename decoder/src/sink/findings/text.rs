@@ -157,7 +157,7 @@ impl Page<'_> {
 
     /// The stories of `why`: cause, effects and steps.
     fn stories(&mut self, judged: &CaptureResult) {
-        let setting = Setting { zero: judged.first, end: None };
+        let setting = Setting { zero: judged.first, ..Setting::default() };
         let diagnosis = Diagnosis::of(&judged.findings, judged.telling(), setting);
         for story in diagnosis.stories.iter().take(SHOWN_STORIES) {
             self.line("", "");

@@ -220,7 +220,10 @@ impl<W: Write> EventSink for Text<W> {
 
     #[inline]
     fn write(&mut self, event: &Event, bus: &Bus) -> bool {
-        self.clock.see(event.time);
+        // The state of a link may be known before the first frame.
+        if event.frames.last > 0 {
+            self.clock.see(event.time);
+        }
         if self.error.is_some() || !self.is_shown(event) {
             return false;
         }

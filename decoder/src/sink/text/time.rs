@@ -6,6 +6,9 @@ use crate::ascii::{push_blanks, push_decimal, push_digits};
 use crate::frame::Timestamp;
 use crate::sink::options::TimeColumn;
 
+/// The column of an event without a time, or before the first frame.
+const UNKNOWN: &str = "        –";
+
 /// Formats timestamps for the time column.
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
@@ -22,7 +25,7 @@ impl Clock {
         Self { style, first: None, last: None, second: 0, date: String::new() }
     }
 
-    /// Sets the zero of the column at the first timestamp.
+    /// Sets the zero of the column at the first timestamp of a frame.
     #[inline]
     pub(super) fn see(&mut self, time: Option<Timestamp>) {
         if self.first.is_none() {
@@ -32,10 +35,13 @@ impl Clock {
 
     /// Appends the column with constant width.
     pub(super) fn column(&mut self, time: Option<Timestamp>, out: &mut Vec<u8>) {
-        let Some(time) = time else { return out.extend_from_slice("        –".as_bytes()) };
+        let Some(time) = time else { return out.extend_from_slice(UNKNOWN.as_bytes()) };
         let before = self.last.replace(time);
         match self.style {
-            TimeColumn::Zero => seconds::<3>(time.since(self.first.unwrap_or(time)), 9, out),
+            TimeColumn::Zero => match self.first {
+                Some(first) => seconds::<3>(time.since(first), 9, out),
+                None => out.extend_from_slice(UNKNOWN.as_bytes()),
+            },
             TimeColumn::Delta => seconds::<6>(time.since(before.unwrap_or(time)), 11, out),
             TimeColumn::Absolute => seconds::<6>(time.0, 17, out),
             TimeColumn::Date => self.date(time, out),
@@ -97,6 +103,15 @@ mod tests {
         assert_eq!(columns(TimeColumn::Delta), ["   0.000000", "   1.234567"]);
         assert_eq!(columns(TimeColumn::Absolute), ["1436516252.249713", "1436516253.484280"]);
         assert_eq!(columns(TimeColumn::Date), ["2015-07-10 08:17:32.249713", "2015-07-10 08:17:33.484280"]);
+    }
+
+    /// The state of a link is known before the first frame.
+    #[test]
+    fn without_a_frame_there_is_no_zero() {
+        let mut clock = Clock::new(TimeColumn::Zero);
+        assert_eq!(column(&mut clock, START), UNKNOWN);
+        clock.see(Some(START.plus(1_000_000_000)));
+        assert_eq!(column(&mut clock, START.plus(3_000_000_000)), "    2.000");
     }
 
     #[test]

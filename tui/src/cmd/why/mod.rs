@@ -83,7 +83,7 @@ fn diagnosis(
     (zero, end): (Option<Timestamp>, Option<Timestamp>),
     (arguments, buses): (&WhyArgs, Buses<'_>),
 ) -> Diagnosis {
-    let setting = diagnosis::Setting { zero, end: end.filter(|_| arguments.at.is_some()) };
+    let setting = diagnosis::Setting { zero, end: end.filter(|_| arguments.at.is_some()), is_growing: false };
     let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
     diagnosis.stories.retain(|story| story.findings.iter().any(|id| selected.contains(id)));
     if let Some(chosen) = question(arguments).chosen {

@@ -1,6 +1,5 @@
 //! Reads a capture once and stores marks at regular intervals.
 
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 
@@ -34,10 +33,8 @@ fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
         match walk.leap(u64::MAX, &mut |_| ()) {
             Ok(true) => {
                 shared.progress.publish(&walk.world, walk.names(), walk.offset());
-                if walk.is_drained() && shared.grows() && !shared.has_told_growth.swap(true, Ordering::AcqRel)
-                {
-                    // The application may have ended.
-                    let _ = news.send(News::Grew);
+                if walk.is_drained() {
+                    shared.report_growth(news);
                 }
             }
             Ok(false) => return,

@@ -27,7 +27,8 @@ pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &S
             match walk.leap(u64::MAX, &mut see) {
                 Ok(true) => {}
                 Ok(false) => break,
-                Err(_) => {
+                Err(error) => {
+                    shared.fail(&error);
                     walk.close(&mut see);
                     break;
                 }

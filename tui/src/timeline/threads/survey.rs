@@ -4,18 +4,18 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{
     DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, MessageOutcome, Outcome,
 };
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::replay::{EventPosition, PlacedEvent};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Buses};
+use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::{Line, TransferWords};
 use cobscope_decoder::statistics::Statistics;
 
+use super::diagnosing::{Diagnosing, diagnose};
 use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
@@ -38,33 +38,42 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
         let mut next = STRIDE;
         let mut told = Instant::now();
         while !shared.is_over() {
-            // The next frame may take long to arrive.
-            if walk.is_drained() && told.elapsed() >= TELL {
-                told = Instant::now();
-                surveyor.publish(shared, walk.world.frames());
+            // The next frame may take long to arrive: until then, everything known is published.
+            if walk.is_drained() {
+                while !shared.is_over() && surveyor.has_unpublished() {
+                    if told.elapsed() >= TELL {
+                        told = Instant::now();
+                        surveyor.publish(shared, &walk.world);
+                        shared.report_growth(news);
+                    }
+                    if shared.waits_for_growth(walk.offset(), TELL) {
+                        break;
+                    }
+                }
             }
             match walk.peek() {
                 Ok(Some(frame)) => surveyor.frame(frame),
                 // A notice: time may have advanced without a frame.
-                Ok(None) => surveyor.advance(walk.world.buses()),
-                Err(_) => {}
+                Ok(None) => surveyor.advance(&walk.world),
+                Err(error) => shared.fail(&error),
             }
             match walk.step(&mut |told: PlacedEvent<'_>| surveyor.event(&told)) {
                 Ok(true) => {}
                 Ok(false) => break,
-                Err(_) => {
+                Err(error) => {
+                    shared.fail(&error);
                     walk.close(&mut |told: PlacedEvent<'_>| surveyor.event(&told));
                     break;
                 }
             }
             if walk.world.frames() >= next {
                 next = walk.world.frames() + STRIDE;
-                surveyor.publish(shared, walk.world.frames());
+                surveyor.publish(shared, &walk.world);
             }
         }
-        surveyor.publish(shared, walk.world.frames());
+        surveyor.publish(shared, &walk.world);
         let names = walk.names().to_vec();
-        surveyor.finish(shared, walk.world.buses(), names);
+        surveyor.finish(shared, &walk.world, names);
     }
     shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;
     // The application may have ended.
@@ -74,49 +83,69 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
 /// Results since the last publication.
 struct Surveyor {
     engine: Engine,
-    news: Vec<OpenedFinding>,
+    findings: FindingInbox,
     exchanges: Vec<Exchange>,
     errors: Vec<EventPosition>,
     nmt: Vec<NmtMoment>,
     load: Vec<LoadOverTime>,
     statistics: Statistics,
-    kept: (usize, usize, usize, usize),
+    kept: (usize, usize, usize),
     kinds: Vec<u64>,
     more_exchanges: u64,
     bit_rate_change: Option<(String, String)>,
-    /// Timestamp of the first frame.
-    first: Option<Timestamp>,
+    /// Frames or events since the last publication.
+    has_news: bool,
+}
+
+/// Findings since the last publication.
+#[derive(Default)]
+struct FindingInbox {
+    opened: Vec<OpenedFinding>,
+    kept: usize,
+    diagnosing: Diagnosing,
+}
+
+impl FindingInbox {
+    fn see(&mut self, spot: EventPosition, event: &Event) {
+        self.diagnosing.see(event);
+        if let EventKind::FindingOpened(news) = &event.kind
+            && self.kept < MOST_NEWS
+        {
+            self.kept += 1;
+            let (bus, node, news) = (event.bus, event.node, (**news).clone());
+            self.opened.push(OpenedFinding { spot, time: event.time, bus, node, news });
+        }
+    }
 }
 
 impl Surveyor {
     /// Advances the time of the rules to that of the buses.
-    fn advance(&mut self, buses: Buses<'_>) {
-        for bus in buses {
-            self.engine.advance(bus, &mut |_: &Event, _: &Bus| ());
+    fn advance(&mut self, world: &ReplayState) {
+        let (engine, findings) = (&mut self.engine, &mut self.findings);
+        for bus in world.buses() {
+            engine.advance(bus, &mut |event: &Event, _: &Bus| findings.see(world.spot(), event));
         }
     }
 
     fn new(setup: &Arc<Setup>) -> Self {
         Self {
             engine: Engine::new(Arc::clone(setup)),
-            news: Vec::new(),
+            findings: FindingInbox::default(),
             exchanges: Vec::new(),
             errors: Vec::new(),
             nmt: Vec::new(),
             load: Vec::new(),
             statistics: Statistics::default(),
-            kept: (0, 0, 0, 0),
+            kept: (0, 0, 0),
             kinds: vec![0; Kind::ALL.len()],
             more_exchanges: 0,
             bit_rate_change: None,
-            first: None,
+            has_news: false,
         }
     }
 
     fn frame(&mut self, frame: &Frame) {
-        if frame.number == 1 {
-            self.first = frame.time;
-        }
+        self.has_news = true;
         self.engine.frame(frame);
         self.statistics.frame(frame);
         let bus = usize::from(frame.bus.0);
@@ -133,31 +162,23 @@ impl Surveyor {
         if let Some(count) = self.kinds.get_mut(told.event.kind.kind() as usize) {
             *count += 1;
         }
-        let (news, kept) = (&mut self.news, &mut self.kept);
-        let mut opened = |event: &Event, _: &Bus| {
-            if let EventKind::FindingOpened(finding) = &event.kind
-                && kept.0 < MOST_NEWS
-            {
-                kept.0 += 1;
-                let (bus, node, finding) = (event.bus, event.node, (**finding).clone());
-                news.push(OpenedFinding { spot: told.spot, time: event.time, bus, node, news: finding });
-            }
-        };
-        self.engine.event(told.event, told.bus, &mut opened);
+        self.has_news = true;
+        let findings = &mut self.findings;
+        self.engine.event(told.event, told.bus, &mut |event: &Event, _: &Bus| findings.see(told.spot, event));
         if let Some(change) = bit_rate_change(told.event) {
             self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
         }
-        if is_error(told.event) && self.kept.1 < MOST_ERRORS {
-            self.kept.1 += 1;
+        if is_error(told.event) && self.kept.0 < MOST_ERRORS {
+            self.kept.0 += 1;
             self.errors.push(told.spot);
         }
-        if let Some(moment) = nmt_moment(told.event).filter(|_| self.kept.3 < MOST_NMT) {
-            self.kept.3 += 1;
+        if let Some(moment) = nmt_moment(told.event).filter(|_| self.kept.2 < MOST_NMT) {
+            self.kept.2 += 1;
             self.nmt.push(moment);
         }
         if let Some(exchange) = exchange(told) {
-            if self.kept.2 < MOST_EXCHANGES {
-                self.kept.2 += 1;
+            if self.kept.1 < MOST_EXCHANGES {
+                self.kept.1 += 1;
                 self.exchanges.push(exchange);
             } else {
                 self.more_exchanges += 1;
@@ -165,16 +186,27 @@ impl Surveyor {
         }
     }
 
-    fn publish(&mut self, shared: &Shared, frames: u64) {
+    /// Whether something is known that the survey does not contain.
+    fn has_unpublished(&self) -> bool {
+        self.has_news || self.findings.diagnosing.is_pending()
+    }
+
+    fn publish(&mut self, shared: &Shared, world: &ReplayState) {
+        self.has_news = false;
+        let so_far = self.findings.diagnosing.is_due(Instant::now());
+        let so_far = so_far.then(|| diagnose(&self.engine.so_far(world.buses()), world.zero(), true));
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
-        survey.frames = frames;
-        survey.places.extend(self.news.iter().map(|opened| FindingOccurrence {
+        if let Some(so_far) = so_far {
+            survey.set_diagnosis(so_far);
+        }
+        survey.frames = world.frames();
+        survey.places.extend(self.findings.opened.iter().map(|opened| FindingOccurrence {
             frame: opened.spot.frame,
             time: opened.time,
             id: opened.news.id,
             severity: opened.news.severity,
         }));
-        survey.news.append(&mut self.news);
+        survey.news.append(&mut self.findings.opened);
         survey.exchanges.append(&mut self.exchanges);
         survey.errors.append(&mut self.errors);
         survey.nmt.append(&mut self.nmt);
@@ -185,7 +217,8 @@ impl Surveyor {
         survey.statistics.clone_from(&self.statistics);
     }
 
-    fn finish(self, shared: &Shared, buses: Buses<'_>, names: Vec<String>) {
+    fn finish(self, shared: &Shared, world: &ReplayState, names: Vec<String>) {
+        let buses = world.buses();
         let findings = self.engine.finish(buses, &mut |_: &Event, _: &Bus| ());
         let mut places = Vec::new();
         for group in findings.counting() {
@@ -198,11 +231,10 @@ impl Surveyor {
         }
         places.sort_by_key(|place| (place.frame, place.id));
         places.dedup();
-        let setting = Setting { zero: self.first, end: None };
-        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
+        let diagnosed = diagnose(&findings, world.zero(), false);
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.places = places;
-        survey.diagnosis = Some(diagnosis);
+        survey.set_diagnosis(diagnosed);
         survey.statistics.withdraw(buses);
         survey.findings = Some(findings);
         survey.buses = names;

@@ -73,7 +73,8 @@ fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk
     while !shared.is_over() && !traces.is_stopped() {
         match walk.leap(u64::MAX, &mut |told: PlacedEvent<'_>| follower.take(&told)) {
             Ok(true) => {}
-            Ok(false) | Err(_) => return,
+            Ok(false) => return,
+            Err(error) => return shared.fail(&error),
         }
         let time = walk.world.time().map_or(traces.from, |time| time.0);
         traces.set_reached(time);

@@ -7,6 +7,7 @@
 //! It keeps closely spaced marks of its own, so that moving nearby is cheap.
 
 mod ahead;
+mod lost;
 mod search;
 
 use std::collections::VecDeque;
@@ -56,7 +57,10 @@ pub(in crate::timeline) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, n
         let message = match answer {
             Ok(Some(window)) => Some(News::Window(Box::new(window))),
             Ok(None) => None,
-            Err(error) => Some(News::Failed(error.to_string())),
+            Err(error) => {
+                shared.report_changes(news);
+                Some(lost::window(shared, &order, &error))
+            }
         };
         if message.is_some_and(|message| news.send(message).is_err()) || shared.is_over() {
             return;

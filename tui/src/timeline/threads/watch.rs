@@ -1,0 +1,18 @@
+//! Compares the files of the captures with their content when they were opened, at regular intervals. Readers
+//! compare what they read; this thread finds changes while nothing is read.
+
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use crate::timeline::News;
+use crate::timeline::shared::Shared;
+
+/// Interval of the comparison.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// Runs until the timeline ends.
+pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
+    while !shared.waits_for_end(INTERVAL) {
+        shared.report_changes(news);
+    }
+}
