@@ -159,12 +159,12 @@ impl Surveyor {
 
     fn event(&mut self, told: &PlacedEvent<'_>) {
         self.statistics.event(told.event);
-        self.has_news = true;
-        let findings = &mut self.findings;
-        self.engine.event(told.event, told.bus, &mut |event: &Event, _: &Bus| findings.see(told.spot, event));
         if let Some(count) = self.kinds.get_mut(told.event.kind.kind() as usize) {
             *count += 1;
         }
+        self.has_news = true;
+        let findings = &mut self.findings;
+        self.engine.event(told.event, told.bus, &mut |event: &Event, _: &Bus| findings.see(told.spot, event));
         if let Some(change) = bit_rate_change(told.event) {
             self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
         }
