@@ -29,7 +29,7 @@ const CHECKED: usize = 64;
 
 /// A difference between a file and its former content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FileChange {
+pub enum ContentChange {
     /// Its name now belongs to another file.
     Replaced,
     /// No file has its name.
@@ -45,7 +45,7 @@ pub enum FileChange {
     Rewritten(u64),
 }
 
-impl FileChange {
+impl ContentChange {
     /// Whether bytes that were read are lost; another name is harmless.
     pub fn is_content(self) -> bool {
         matches!(self, Self::Shrunk { .. } | Self::Rewritten(_))
@@ -56,7 +56,7 @@ impl FileChange {
     }
 }
 
-impl fmt::Display for FileChange {
+impl fmt::Display for ContentChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Replaced => f.write_str("another file has its name"),
@@ -88,7 +88,7 @@ struct Checks {
     /// Next block to read again, and number of blocks left since the time changed.
     next: usize,
     left: usize,
-    change: Option<FileChange>,
+    change: Option<ContentChange>,
 }
 
 impl OriginalFile {
@@ -119,7 +119,7 @@ impl OriginalFile {
     }
 
     /// The change found so far; lost content takes precedence over another name.
-    pub fn change(&self) -> Option<FileChange> {
+    pub fn change(&self) -> Option<ContentChange> {
         self.lock().change
     }
 
@@ -128,7 +128,7 @@ impl OriginalFile {
     }
 
     /// Notes a change and returns the one to report: the first change of content stays.
-    fn note(&self, change: FileChange) -> FileChange {
+    fn note(&self, change: ContentChange) -> ContentChange {
         let mut state = self.lock();
         let known = state.change.filter(|known| known.is_content());
         *state.change.insert(known.unwrap_or(change))
@@ -139,16 +139,16 @@ impl OriginalFile {
     pub fn check(&self) {
         let Ok(metadata) = self.file.metadata() else { return };
         if metadata.len() < self.length {
-            self.note(FileChange::Shrunk { from: self.length, to: metadata.len() });
+            self.note(ContentChange::Shrunk { from: self.length, to: metadata.len() });
         }
         match std::fs::metadata(&self.path) {
             Ok(named) if identity(&named) != self.identity => {
-                self.note(FileChange::Replaced);
+                self.note(ContentChange::Replaced);
             }
             // Its name is back.
             Ok(_) => self.forget_name(),
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                self.note(FileChange::Gone);
+                self.note(ContentChange::Gone);
             }
             Err(_) => {}
         }
@@ -166,7 +166,7 @@ impl OriginalFile {
         if modified != state.modified {
             (state.modified, state.left) = (modified, self.sums.len());
         }
-        if state.left == 0 || state.change.is_some_and(FileChange::is_content) {
+        if state.left == 0 || state.change.is_some_and(ContentChange::is_content) {
             return;
         }
         let (from, count) = (state.next, state.left.min(CHECKED));
@@ -195,7 +195,7 @@ impl OriginalFile {
             match read_at(&self.file, rest, start.saturating_add(filled as u64)) {
                 Ok(0) => {
                     let to = start.saturating_add(filled as u64);
-                    return Err(self.note(FileChange::Shrunk { from: self.length, to }).error());
+                    return Err(self.note(ContentChange::Shrunk { from: self.length, to }).error());
                 }
                 Ok(count) => filled += count,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -213,7 +213,7 @@ impl OriginalFile {
             return Err(change.error());
         }
         match known.compare_exchange(0, sum, Ordering::Relaxed, Ordering::Relaxed) {
-            Err(first) if first != sum => Err(self.note(FileChange::Rewritten(start)).error()),
+            Err(first) if first != sum => Err(self.note(ContentChange::Rewritten(start)).error()),
             _ => Ok(()),
         }
     }
@@ -347,7 +347,7 @@ mod tests {
             file.set_modified(SystemTime::now() + Duration::from_mins(minutes)).unwrap();
         }
 
-        fn checked(&self) -> Option<FileChange> {
+        fn checked(&self) -> Option<ContentChange> {
             self.original.check();
             self.original.change()
         }
@@ -359,11 +359,11 @@ mod tests {
         fs::OpenOptions::new().write(true).open(opened.path()).unwrap().set_len(800).unwrap();
         let error = opened.read(900).unwrap_err().to_string();
         assert_eq!(error, "file changed: 1,000 bytes are now 800");
-        assert_eq!(opened.checked(), Some(FileChange::Shrunk { from: 1_000, to: 800 }));
+        assert_eq!(opened.checked(), Some(ContentChange::Shrunk { from: 1_000, to: 800 }));
         // Without a reader, the check finds it.
         let opened = Opened::new();
         fs::OpenOptions::new().write(true).open(opened.path()).unwrap().set_len(800).unwrap();
-        assert_eq!(opened.checked(), Some(FileChange::Shrunk { from: 1_000, to: 800 }));
+        assert_eq!(opened.checked(), Some(ContentChange::Shrunk { from: 1_000, to: 800 }));
     }
 
     #[test]
@@ -374,7 +374,7 @@ mod tests {
         assert_eq!(error, "file changed: content at byte 0 differs");
         let opened = Opened::new();
         opened.write(b"b", 950, 1);
-        assert_eq!(opened.checked(), Some(FileChange::Rewritten(0)));
+        assert_eq!(opened.checked(), Some(ContentChange::Rewritten(0)));
         assert!(opened.read(0).is_err(), "and it stays one");
     }
 
@@ -389,17 +389,17 @@ mod tests {
         // A file that is written again from its start, and is longer than before.
         fs::write(opened.path(), content('c', 20)).unwrap();
         opened.write(b"", 0, 3);
-        assert_eq!(opened.checked(), Some(FileChange::Rewritten(0)));
+        assert_eq!(opened.checked(), Some(ContentChange::Rewritten(0)));
     }
 
     #[test]
     fn a_replaced_file_is_still_readable() {
         let opened = Opened::new();
         fs::rename(opened.path(), opened.folder.path().join("a.log.1")).unwrap();
-        assert_eq!(opened.checked(), Some(FileChange::Gone));
+        assert_eq!(opened.checked(), Some(ContentChange::Gone));
         fs::write(opened.path(), content('b', 10)).unwrap();
         if cfg!(unix) {
-            assert_eq!(opened.checked(), Some(FileChange::Replaced));
+            assert_eq!(opened.checked(), Some(ContentChange::Replaced));
         }
         assert_eq!(opened.read(0).unwrap(), content('a', 10));
         fs::rename(opened.folder.path().join("a.log.1"), opened.path()).unwrap();
@@ -407,7 +407,7 @@ mod tests {
         fs::rename(opened.path(), opened.folder.path().join("a.log.1")).unwrap();
         let former = fs::OpenOptions::new().write(true).open(opened.folder.path().join("a.log.1")).unwrap();
         former.set_len(0).unwrap();
-        assert_eq!(opened.checked(), Some(FileChange::Shrunk { from: 1_000, to: 0 }));
+        assert_eq!(opened.checked(), Some(ContentChange::Shrunk { from: 1_000, to: 0 }));
     }
 
     /// A block that was not read before the change would mix two captures.

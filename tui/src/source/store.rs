@@ -17,7 +17,7 @@ use cobscope_decoder::capture::{decompress, is_compressed};
 use cobscope_decoder::sink::escape;
 
 use super::file::{HEAD, ensure_no_folder};
-use super::original::{FileChange, OriginalFile, OriginalReader};
+use super::original::{ContentChange, OriginalFile, OriginalReader};
 use super::positioned::{read_at, write_at};
 
 /// Number of bytes written to the temporary file at a time.
@@ -207,10 +207,10 @@ impl Store {
         let (change, name) = (original.change()?, self.short_name());
         let has_copy = !self.is_in_place() && self.length().1 && self.error().is_none();
         Some(match change {
-            FileChange::Replaced => {
+            ContentChange::Replaced => {
                 format!("{name} is now another file; restart view to show it: the former one is shown")
             }
-            FileChange::Gone => format!("{name} was renamed or deleted while open; it is still shown"),
+            ContentChange::Gone => format!("{name} was renamed or deleted while open; it is still shown"),
             _ if has_copy => {
                 format!("{name} changed while open: {change}; restart view: the former content is shown")
             }
@@ -231,7 +231,7 @@ impl Store {
                 .original
                 .as_ref()
                 .and_then(|original| original.change())
-                .is_some_and(FileChange::is_content)
+                .is_some_and(ContentChange::is_content)
     }
 
     fn is_in_place(&self) -> bool {

@@ -11,7 +11,7 @@
 use ratatui::buffer::Buffer;
 
 use super::content::Plot;
-use super::places::{Axis, Part, Places};
+use super::places::{Axis, Places, PlotSection};
 use super::scale::{seconds, time_decimals, time_step};
 use crate::theme::{Borders, Glyph, Role};
 use crate::widgets::draw;
@@ -42,7 +42,7 @@ pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     }
 }
 
-fn draw_values(plot: &Plot<'_>, part: &Part, axis: &Axis, is_left: bool, buf: &mut Buffer) {
+fn draw_values(plot: &Plot<'_>, part: &PlotSection, axis: &Axis, is_left: bool, buf: &mut Buffer) {
     let (area, scale) = (part.area, axis.scale);
     let x = if is_left { area.x.saturating_sub(1) } else { area.right() };
     let (border, quiet) = (plot.theme.style(Role::Border), plot.theme.style(Role::Quiet));
@@ -70,7 +70,7 @@ fn draw_values(plot: &Plot<'_>, part: &Part, axis: &Axis, is_left: bool, buf: &m
 }
 
 /// Writes the units of a part above their axes.
-fn draw_units(plot: &Plot<'_>, places: &Places, part: &Part, buf: &mut Buffer) {
+fn draw_units(plot: &Plot<'_>, places: &Places, part: &PlotSection, buf: &mut Buffer) {
     let (style, units) = (plot.theme.style(Role::Quiet), plot.units());
     let unit = |axis: Axis| units.get(axis.unit).copied().unwrap_or_default();
     let (Some(y), area) = (part.area.y.checked_sub(1), part.area) else { return };

@@ -38,7 +38,7 @@ pub struct Places {
     /// Area of all parts; its columns are the time.
     pub plot: Rect,
     /// Parts from above to below; at least one.
-    pub parts: Vec<Part>,
+    pub parts: Vec<PlotSection>,
     /// Row of the marks; empty without marks.
     pub marks: Rect,
     /// Area of the legend below the plot.
@@ -52,7 +52,7 @@ pub struct Places {
 
 /// Curves of one or two units.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct PlotSection {
     pub area: Rect,
     pub left: Option<Axis>,
     pub right: Option<Axis>,
@@ -77,7 +77,7 @@ impl Places {
         let (above, below) = if has_frame { (1 + marks_height, 2) } else { (0, 0) };
         let inside = Rect { y: area.y + above, height: rest - above - below, ..area };
         let mut parts = parts(plot, inside);
-        let wide = |axes: &dyn Fn(&Part) -> Option<Axis>| {
+        let wide = |axes: &dyn Fn(&PlotSection) -> Option<Axis>| {
             let labels = parts.iter().filter_map(axes).flat_map(|axis| {
                 axis.scale.ticks().map(move |tick| draw::width(&axis.scale.label(tick)) + 1)
             });
@@ -113,7 +113,7 @@ impl Places {
 }
 
 /// Stacks the parts: one for up to two units, else one per unit, or one per two units on low screens.
-fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<Part> {
+fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<PlotSection> {
     let units = plot.units().len();
     // A line with the units precedes each part.
     let fitting = |least: u16| usize::from((inside.height + 1) / (least + 1));
@@ -137,7 +137,7 @@ fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<Part> {
         };
         let first = place * per_part;
         let right = if per_part > 1 { axis(first + 1) } else { None };
-        Part { area, left: axis(first), right }
+        PlotSection { area, left: axis(first), right }
     };
     (0..count).map(part).collect()
 }

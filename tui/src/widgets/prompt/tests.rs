@@ -22,8 +22,8 @@ fn control(prompt: &mut Prompt, letter: char) -> PromptEvent {
 
 /// The text with a bar at the cursor.
 fn line(prompt: &Prompt) -> String {
-    let (before, behind) = prompt.text().split_at(prompt.cursor());
-    format!("{before}|{behind}")
+    let (before, after) = prompt.text().split_at(prompt.cursor());
+    format!("{before}|{after}")
 }
 
 #[test]
