@@ -12,9 +12,9 @@ import subprocess
 import sys
 import time
 
-CAPTURE = ["view", "--node", "2=rexroth-sydfec", "fixtures/devices/sydfec.log"]
-KEYS = ["]", "p"]
-SIZE = (112, 30)
+CAPTURE = ["view", "--node", "32=danfoss-pve-ci", "fixtures/devices/pve.log"]
+KEYS = ["p"]
+SIZE = (168, 46)
 CELL = (8.4, 17)
 BACKGROUND, FOREGROUND = "#16181d", "#d8dbe2"
 BASE = ["#16181d", "#e06c75", "#98c379", "#e5c07b", "#61afef", "#c678dd", "#56b6c2", "#abb2bf",
@@ -48,7 +48,9 @@ def screen(program):
     words = ["env", "TERM=xterm-256color", "COLORTERM=truecolor", program, *CAPTURE]
     tmux("new-session", "-d", "-x", str(SIZE[0]), "-y", str(SIZE[1]), " ".join(words))
     try:
-        wait("FINDINGS")
+        # The cursor is at the first story.
+        wait("#104/190")
+        time.sleep(1)
         for key in KEYS:
             tmux("send-keys", key)
             time.sleep(1)

@@ -62,11 +62,30 @@ fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
     let counts = [count(errors, "error"), count(warnings, "warning")];
     let counts: Vec<_> = counts.into_iter().flatten().collect();
     let so_far = if survey.is_complete { "" } else { " so far" };
-    // The frames are in the Why pane.
-    let title = story.title.split(" {").next().unwrap_or_default();
+    let title = without_frames(&story.title);
     let text = format!("{}{so_far}: {}", counts.join(" "), escape(title).replace("  ", " "));
     let time = core.seconds(story.began.time);
     let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time:.3} s"));
     let role = if story.severity == Severity::Error { Role::Bad } else { Role::Caution };
     (text, end, role)
+}
+
+/// The title of a story without the frames at its end, which the Why pane shows.
+fn without_frames(title: &str) -> &str {
+    match title.rsplit_once(" {") {
+        Some((text, frames)) if frames.ends_with('}') => text,
+        _ => title,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_frames_at_the_end_are_left_out() {
+        assert_eq!(without_frames("5/05  EMCY 8130 {7-12}"), "5/05  EMCY 8130");
+        let lost = "5/05  no heartbeat after {3} (last frame {4}, operational)";
+        assert_eq!(without_frames(lost), lost);
+    }
 }

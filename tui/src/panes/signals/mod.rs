@@ -39,6 +39,10 @@ use crate::widgets::table::{Column, Table};
 /// Width from which the list is next to the plot.
 const WIDE: u16 = 100;
 
+/// Height below which a pane of at least this width has the plot next to the list.
+const LOW: u16 = 16;
+const LOW_WIDTH: u16 = 70;
+
 /// Minimum width of the list next to the plot; in wide panes it takes a third.
 const LIST_WIDTH: u16 = 46;
 
@@ -91,8 +95,8 @@ impl Signals {
             (list, Rect { y: list.bottom(), height: hint, ..area })
         } else if self.is_large {
             (Rect { width: 0, height: 0, ..area }, area)
-        } else if area.width >= WIDE {
-            let width = LIST_WIDTH.max(area.width / 3);
+        } else if area.width >= WIDE || (area.height < LOW && area.width >= LOW_WIDTH) {
+            let width = if area.width < WIDE { area.width * 2 / 5 } else { LIST_WIDTH.max(area.width / 3) };
             (Rect { width, ..area }, Rect { x: area.x + width + 1, width: area.width - width - 1, ..area })
         } else {
             let height = LIST_HEIGHT.min(area.height / 3);

@@ -8,7 +8,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
-use ratatui::text::Line;
+use ratatui::text::{Line, Span};
 
 use super::canvas::{mark, shared};
 use super::content::Plot;
@@ -40,8 +40,8 @@ impl Values {
 /// Draws the head and as many series as fit.
 pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
     let area = places.legend;
-    if area.is_empty() {
-        return;
+    if area.height < 2 {
+        return render_names(plot, area, buf);
     }
     let units: Vec<_> = (0..plot.series.len()).map(|index| unit(plot, places, index)).collect();
     let units_width = units.iter().map(|unit| draw::width(unit)).max().unwrap_or(0);
@@ -81,6 +81,20 @@ pub fn render(plot: &Plot<'_>, places: &Places, buf: &mut Buffer) {
         let room = area.right().saturating_sub(x.saturating_add(1));
         draw::put(buf, x.saturating_add(1), y, room, unit, quiet);
     }
+}
+
+/// Draws marks and names in one line, without values.
+fn render_names(plot: &Plot<'_>, area: Rect, buf: &mut Buffer) {
+    if area.is_empty() {
+        return;
+    }
+    let mut spans = Vec::new();
+    for (index, series) in plot.series.iter().enumerate() {
+        let style = plot.theme.style(series.role);
+        spans.push(Span::styled(format!("{} {}  ", sample(plot, index), series.name), style));
+    }
+    spans.push(Span::styled(shared_text(plot), plot.theme.style(Role::Quiet)));
+    draw::line(buf, area, &Line::from(spans), Align::Left, plot.theme);
 }
 
 /// The legend as text without a width limit.

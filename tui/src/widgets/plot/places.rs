@@ -24,8 +24,9 @@ const LEAST_WIDTH: u16 = 12;
 const LEAST_HEIGHT: u16 = 5;
 /// Minimum height with a row of marks.
 const MARKS_FROM: u16 = 6;
-/// Minimum height with a legend.
-const LEGEND_FROM: u16 = 9;
+/// Minimum heights with the names of the series in one line, and with a legend.
+const NAMES_FROM: u16 = 8;
+const LEGEND_FROM: u16 = 14;
 /// Minimum height of a part with one unit, and of one with two.
 const ALONE: u16 = 4;
 const SHARED: u16 = 2;
@@ -70,7 +71,11 @@ impl Places {
     /// Divides an area into these parts.
     pub fn new(plot: &Plot<'_>, area: Rect) -> Self {
         let lines = draw::cells(plot.series.len()).saturating_add(1);
-        let legend_height = if area.height < LEGEND_FROM { 0 } else { lines.min(area.height / 3) };
+        let legend_height = match area.height {
+            ..NAMES_FROM => 0,
+            NAMES_FROM..LEGEND_FROM => 1,
+            _ => lines.min(area.height / 3),
+        };
         let rest = area.height - legend_height;
         let has_frame = rest >= LEAST_HEIGHT;
         let marks_height = u16::from(plot.marks.is_some() && rest >= MARKS_FROM);
@@ -131,9 +136,11 @@ fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<PlotSection> {
         more = more.saturating_sub(1);
         let area = Rect { y, height, ..inside };
         y = area.bottom() + 1;
+        // One tick would make a scale of up to ten times the range.
+        let ticks = if height < TICK_LINES { 1 } else { 2 };
         let axis = |unit: usize| {
             let (low, high) = plot.unit_range(unit)?;
-            Some(Axis { unit, scale: Scale::round(low, high, (height / TICK_LINES).max(1)) })
+            Some(Axis { unit, scale: Scale::round(low, high, (height / TICK_LINES).max(ticks)) })
         };
         let first = place * per_part;
         let right = if per_part > 1 { axis(first + 1) } else { None };
