@@ -421,6 +421,7 @@ mod tests {
         assert!(kept == expected, "what is kept is whole, across pieces");
     }
 
+    #[cfg(feature = "gzip")]
     #[test]
     fn a_compressed_capture_is_shown_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
