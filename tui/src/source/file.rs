@@ -58,7 +58,11 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
         let original =
             OriginalFile::of(path, &file).with_context(|| path.display().to_string())?.map(Arc::new);
         match original {
-            Some(original) => (Box::new(original.once()), Some(original.length())),
+            Some(original) => {
+                let source =
+                    original.once().with_context(|| format!("{}: cannot be opened", path.display()))?;
+                (Box::new(source), Some(original.length()))
+            }
             None => (Box::new(file), None),
         }
     };

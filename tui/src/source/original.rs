@@ -9,7 +9,7 @@
 
 use std::fmt;
 use std::fs::{File, Metadata};
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -220,12 +220,38 @@ impl OriginalFile {
 
     /// A reader of the content when it was opened, from `offset`.
     pub fn reader(self: &Arc<Self>, offset: u64) -> OriginalReader {
-        OriginalReader { original: Arc::clone(self), offset, start: 0, bytes: Vec::new(), has_tail: false }
+        OriginalReader { original: Arc::clone(self), offset, start: 0, bytes: Vec::new() }
     }
 
-    /// A reader that also returns what was appended since, and compares the file at its end.
-    pub fn once(self: &Arc<Self>) -> OriginalReader {
-        OriginalReader { has_tail: true, ..self.reader(0) }
+    /// A reader of the whole file, also of appended content. It makes no checksums, and checks the size at the
+    /// end.
+    ///
+    /// # Errors
+    /// The file cannot be opened a second time.
+    pub fn once(self: &Arc<Self>) -> io::Result<SingleReader> {
+        let mut file = self.file.try_clone()?;
+        // On Windows, reading at a position moves this one.
+        file.rewind()?;
+        Ok(SingleReader { original: Arc::clone(self), file })
+    }
+}
+
+/// A reader of a file that is read once, from its start to its end.
+pub struct SingleReader {
+    original: Arc<OriginalFile>,
+    file: File,
+}
+
+impl Read for SingleReader {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        if count == 0 && !buffer.is_empty() {
+            self.original.check();
+            if let Some(change) = self.original.change().filter(|change| change.is_content()) {
+                return Err(change.error());
+            }
+        }
+        Ok(count)
     }
 }
 
@@ -236,30 +262,12 @@ pub struct OriginalReader {
     /// Offset and content of the last block.
     start: u64,
     bytes: Vec<u8>,
-    has_tail: bool,
-}
-
-impl OriginalReader {
-    /// Bytes after the first length; the end of the file if there are none.
-    fn tail(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let original = &self.original;
-        let count = if self.has_tail { read_at(&original.file, buffer, self.offset)? } else { 0 };
-        if self.has_tail && count == 0 && !buffer.is_empty() {
-            original.check();
-            if let Some(change) = original.change().filter(|change| change.is_content()) {
-                return Err(change.error());
-            }
-        }
-        Ok(count)
-    }
 }
 
 impl Read for OriginalReader {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.offset >= self.original.length {
-            let count = self.tail(buffer)?;
-            self.offset += count as u64;
-            return Ok(count);
+            return Ok(0);
         }
         let end = self.start.saturating_add(self.bytes.len() as u64);
         if !(self.start..end).contains(&self.offset) {
@@ -435,9 +443,9 @@ mod tests {
         let opened = Opened::new();
         opened.write(content('b', 2).as_bytes(), 1_000, 1);
         let mut text = String::new();
-        opened.original.once().read_to_string(&mut text).unwrap();
+        opened.original.once().unwrap().read_to_string(&mut text).unwrap();
         assert_eq!(text.len(), 1_200);
         fs::OpenOptions::new().write(true).open(opened.path()).unwrap().set_len(0).unwrap();
-        assert!(opened.original.once().read_to_string(&mut text).is_err());
+        assert!(opened.original.once().unwrap().read_to_string(&mut text).is_err());
     }
 }

@@ -81,7 +81,7 @@ impl Store {
         let Some(original) = original.map(Arc::new) else { return Self::spooled(name, None, Box::new(file)) };
         let mut head = [0; 8];
         if is_compressed(&head_of(&file, &mut head)) {
-            let source = original.once();
+            let source = original.once().with_context(|| format!("{name}: cannot be opened"))?;
             return Self::spooled(name, Some(original), Box::new(source));
         }
         let state = State { length: original.length(), is_complete: true, ..State::default() };
