@@ -26,7 +26,7 @@ const LEAST_HEIGHT: u16 = 5;
 const MARKS_FROM: u16 = 6;
 /// Minimum heights with the names of the series in one line, and with a legend.
 const NAMES_FROM: u16 = 8;
-const LEGEND_FROM: u16 = 14;
+const LEGEND_FROM: u16 = 12;
 /// Minimum height of a part with one unit, and of one with two.
 const ALONE: u16 = 4;
 const SHARED: u16 = 2;
