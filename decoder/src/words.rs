@@ -12,6 +12,19 @@ pub fn plural<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) ->
     format!("{count} {what}{ending}")
 }
 
+/// A count with a comma after each group of three digits: `1,204`.
+pub fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -20,5 +33,6 @@ mod tests {
     fn one_thing_is_not_several() {
         assert_eq!([plural(0_u64, "frame"), plural(1_usize, "frame")], ["0 frames", "1 frame"]);
         assert_eq!(plural(2_u32, "byte"), "2 bytes");
+        assert_eq!([grouped(0), grouped(800), grouped(1_204_007)], ["0", "800", "1,204,007"]);
     }
 }

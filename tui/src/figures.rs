@@ -54,19 +54,6 @@ pub fn bytes(count: u64) -> String {
     }
 }
 
-/// A count with a comma after each three digits: `1,204`.
-pub fn grouped(count: u64) -> String {
-    let digits = count.to_string();
-    let mut text = String::new();
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,7 +67,6 @@ mod tests {
             [seconds(7_204_999_999), seconds(-50_000_000), seconds(-999)],
             ["7.204", "-0.050", "0.000"]
         );
-        assert_eq!([grouped(0), grouped(800), grouped(1_204_007)], ["0", "800", "1,204,007"]);
         assert_eq!([seconds_to(7_206_000_999, 6), seconds_to(-1_500_000_000, 1)], ["7.206000", "-1.5"]);
         assert_eq!([bytes(999), bytes(12_345), bytes(1_640_000_000)], ["999 B", "12.3 kB", "1.6 GB"]);
     }

@@ -15,8 +15,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
+use cobscope_decoder::words::grouped;
+
 use super::positioned::read_at;
-use crate::figures::grouped;
 
 /// Bytes of a block: as many as a capture reader requests.
 const BLOCK: u64 = 256 * 1024;

@@ -9,6 +9,7 @@ use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
 use crate::profile::{self, DataType, Device, Effect, Meaning, Value};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
+use crate::words::grouped;
 
 /// Columns of a transfer.
 pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> EventWords {
@@ -142,19 +143,6 @@ fn value(transfer: &SdoTransfer) -> String {
     let before = previous.map_or(String::new(), |previous| format!("{}{assumed} → ", show(previous)));
     let size = if transfer.size > 8 { format!(" ({} bytes)", transfer.size) } else { String::new() };
     format!("{before}{}{size}", show(&transfer.data))
-}
-
-/// A number with a comma after each group of three digits.
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }
 
 /// Bytes of unknown type. More than four printable characters are shown as text.
