@@ -96,7 +96,10 @@ const SHORT: [(&str, &[Step]); 4] = [
         "go back",
         &[("0j<enter>", &["#105/190", "Kind"]), ("<esc>", &["MOST LIKELY"]), ("k<enter>", &["#104/190"])],
     ),
-    ("compare set point and position", &[("p", &["37.5 %"]), ("<right><left>", &["t 7.2"]), ("b", &["B"])]),
+    (
+        "compare set point and position",
+        &[("p", &["37.5 %"]), ("<right><left>", &["t 7.2"]), ("b", &["B 7.", "Δ 0."])],
+    ),
     ("export", &[("V", &["selected from #104"]), ("G", &["#190/190"]), ("w<enter>", &["87 frames written"])]),
 ];
 

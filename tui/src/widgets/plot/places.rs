@@ -71,9 +71,11 @@ impl Places {
     /// Divides an area into these parts.
     pub fn new(plot: &Plot<'_>, area: Rect) -> Self {
         let lines = draw::cells(plot.series.len()).saturating_add(1);
+        // The second cursor is there to compare values.
+        let compares = plot.cursors.1.is_some();
         let legend_height = match area.height {
             ..NAMES_FROM => 0,
-            NAMES_FROM..LEGEND_FROM => 1,
+            NAMES_FROM..LEGEND_FROM if !compares => 1,
             _ => lines.min(area.height / 3),
         };
         let rest = area.height - legend_height;
