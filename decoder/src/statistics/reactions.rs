@@ -7,6 +7,12 @@ use crate::profile::{PdoDirection, PdoName};
 /// Maximum number of pairs per node.
 const MOST_PAIRS: usize = 64;
 
+/// Maximum number of RPDOs per node: the bits of [`OpenChange::answered`].
+const MOST_RPDOS: usize = 64;
+
+/// Every RPDO has reacted: the next change is a new one.
+const ALL: u64 = u64::MAX;
+
 /// Reactions of the controller to one TPDO by one RPDO.
 #[derive(Debug, Clone)]
 pub struct ReactionTime {
@@ -24,8 +30,21 @@ pub struct ReactionTime {
 #[derive(Debug, Clone, Default)]
 pub struct Reactions {
     pairs: Vec<ReactionTime>,
-    /// Changed TPDOs without a reaction by each RPDO: TPDO, time, RPDOs that reacted already.
-    open: Vec<(PdoName, i64, Vec<PdoName>)>,
+    /// RPDOs in order of appearance, at most [`MOST_RPDOS`].
+    rpdos: Vec<PdoName>,
+    open: Vec<OpenChange>,
+}
+
+/// Changed contents of a TPDO.
+#[derive(Debug, Clone)]
+struct OpenChange {
+    tpdo: PdoName,
+    /// Time of the change, in ns.
+    began: i64,
+    /// Bit n is set if RPDO n has reacted.
+    answered: u64,
+    /// Index + 1 in `pairs` by RPDO, 0 for none.
+    pairs: Vec<u8>,
 }
 
 impl Reactions {
@@ -39,7 +58,9 @@ impl Reactions {
         match &event.kind {
             EventKind::Pdo(pdo) => self.add(event, pdo),
             // A restart or a silence is not a reaction time.
-            EventKind::BootUp { .. } | EventKind::NodeLost(_) => self.open.clear(),
+            EventKind::BootUp { .. } | EventKind::NodeLost(_) => {
+                self.open.iter_mut().for_each(|open| open.answered = ALL);
+            }
             _ => {}
         }
     }
@@ -58,45 +79,64 @@ impl Reactions {
 
     fn changed(&mut self, tpdo: PdoName, time: i64) {
         let fits = self.open.len() < MOST_PAIRS;
-        match self.open.iter_mut().find(|(name, ..)| *name == tpdo) {
-            // The controller still works on an earlier value, unless every known RPDO reacted to it.
-            Some((_, began, answered)) if !answered.is_empty() => {
-                *began = time;
-                answered.clear();
+        match self.open.iter_mut().find(|open| open.tpdo == tpdo) {
+            // The controller still works on an earlier value, unless an RPDO reacted to it.
+            Some(open) if open.answered != 0 => (open.began, open.answered) = (time, 0),
+            None if fits => {
+                self.open.push(OpenChange { tpdo, began: time, answered: 0, pairs: Vec::new() });
             }
-            None if fits => self.open.push((tpdo, time, Vec::new())),
             Some(_) | None => {}
         }
     }
 
     fn reacted(&mut self, rpdo: PdoName, time: i64, frame: u64) {
-        for (tpdo, began, answered) in &mut self.open {
-            if answered.contains(&rpdo) || answered.len() >= MOST_PAIRS {
-                continue;
-            }
-            answered.push(rpdo);
-            let place = self.pairs.iter().position(|pair| (pair.tpdo, pair.rpdo) == (*tpdo, rpdo));
-            if place.is_none() && self.pairs.len() >= MOST_PAIRS {
-                continue;
-            }
-            let place = place.unwrap_or_else(|| {
-                let times = Distribution::default();
-                self.pairs.push(ReactionTime { tpdo: *tpdo, rpdo, times, longest_at: (time, frame) });
-                self.pairs.len() - 1
-            });
-            let Some(pair) = self.pairs.get_mut(place) else { continue };
-            let reaction = time.saturating_sub(*began);
+        let Some(number) = self.number(rpdo) else { return };
+        let bit = 1_u64 << number;
+        for open in self.open.iter_mut().filter(|open| open.answered & bit == 0) {
+            open.answered |= bit;
+            let known = open.pairs.get(number).and_then(|place| usize::from(*place).checked_sub(1));
+            let place = known.or_else(|| add_pair(&mut self.pairs, open, (number, rpdo), (time, frame)));
+            let Some(pair) = place.and_then(|place| self.pairs.get_mut(place)) else { continue };
+            let reaction = time.saturating_sub(open.began);
             if reaction > pair.times.longest() {
                 pair.longest_at = (time, frame);
             }
             pair.times.add(reaction);
         }
     }
+
+    /// Number of an RPDO, assigned at its first change.
+    fn number(&mut self, rpdo: PdoName) -> Option<usize> {
+        let known = self.rpdos.iter().position(|known| *known == rpdo);
+        known.or_else(|| {
+            (self.rpdos.len() < MOST_RPDOS).then(|| {
+                self.rpdos.push(rpdo);
+                self.rpdos.len() - 1
+            })
+        })
+    }
+}
+
+/// Adds the pair of a changed TPDO and an RPDO; `None` if there are too many pairs.
+#[cold]
+fn add_pair(
+    pairs: &mut Vec<ReactionTime>,
+    open: &mut OpenChange,
+    (number, rpdo): (usize, PdoName),
+    longest_at: (i64, u64),
+) -> Option<usize> {
+    let place = u8::try_from(pairs.len() + 1).ok().filter(|_| pairs.len() < MOST_PAIRS)?;
+    pairs.push(ReactionTime { tpdo: open.tpdo, rpdo, times: Distribution::default(), longest_at });
+    open.pairs.resize(open.pairs.len().max(number + 1), 0);
+    *open.pairs.get_mut(number)? = place;
+    Some(pairs.len() - 1)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::BootCause;
+    use crate::frame::{CanId, Frame};
 
     const fn pdo(direction: PdoDirection, number: u16) -> PdoName {
         PdoName { direction, number }
@@ -121,5 +161,25 @@ mod tests {
         assert_eq!((pair.tpdo, pair.rpdo, pair.times.count()), (tpdo, rpdo, 2));
         assert_eq!((pair.times.percentile(50), pair.times.longest()), (Some(7), 25));
         assert_eq!(pair.longest_at, (35, 2));
+    }
+
+    #[test]
+    fn a_restart_is_not_a_reaction() {
+        let (tpdo, rpdo) = (pdo(PdoDirection::Transmit, 1), pdo(PdoDirection::Receive, 1));
+        let mut reactions = Reactions::default();
+        let boot_up = Event {
+            kind: EventKind::BootUp { cause: BootCause::Commanded { frame: 1 }, lost: 0 },
+            ..Event::undecoded(&Frame::data_frame(CanId::standard(0x701), &[0]))
+        };
+        // 10 to 13 is a reaction. Of 20, the node restarts before the set point; 40 to 45 is one again.
+        for (changed, restarts, reacted) in [(10, false, 13), (20, true, 30), (40, false, 45)] {
+            reactions.changed(tpdo, changed);
+            if restarts {
+                reactions.event(&boot_up);
+            }
+            reactions.reacted(rpdo, reacted, 1);
+        }
+        let pair = reactions.pairs().first().unwrap();
+        assert_eq!((reactions.pairs().len(), pair.times.count(), pair.times.longest()), (1, 2, 5));
     }
 }

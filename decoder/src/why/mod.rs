@@ -14,6 +14,7 @@ mod change;
 mod check;
 mod fault;
 mod moment;
+mod nodes;
 mod state;
 pub mod text;
 mod watch;
@@ -138,13 +139,13 @@ impl Why {
         if chosen.is_some_and(|chosen| !chosen.is_on(bus)) {
             return;
         }
-        if !self.buses.iter().any(|watch| watch.index() == bus.index()) {
-            let node = chosen.map(|chosen| chosen.node);
-            self.buses.push(BusWatch::new(bus.index(), self.question.latest, node));
-        }
         if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
-            watch.event(event, bus, may_report);
+            return watch.event(event, bus, may_report);
         }
+        let node = chosen.map(|chosen| chosen.node);
+        let mut watch = BusWatch::new(bus.index(), self.question.latest, node);
+        watch.event(event, bus, may_report);
+        self.buses.push(watch);
     }
 
     /// Creates the report; `buses` are in the state after the last event.

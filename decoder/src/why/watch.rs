@@ -1,11 +1,10 @@
 //! Data collected for one bus.
 
-use std::collections::BTreeMap;
-
 use super::cadence::{Beats, Rhythm, StoppedMessage};
 use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
 use super::moment::{Distance, Moment};
+use super::nodes::NodeTable;
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
@@ -69,7 +68,7 @@ pub(super) struct BusWatch {
     /// Time of the last NMT command to all nodes.
     commanded: Option<Timestamp>,
     beats: Beats,
-    nodes: BTreeMap<NodeId, NodeWatch>,
+    nodes: NodeTable,
     idle: Vec<IdleSetPoint>,
     /// Moment that is still collecting events.
     open: Option<Moment>,
@@ -91,7 +90,7 @@ impl BusWatch {
             changes: Changes::default(),
             commanded: None,
             beats: Beats::default(),
-            nodes: BTreeMap::new(),
+            nodes: NodeTable::default(),
             idle: Vec::new(),
             open: None,
             found: [const { None }; 3],
@@ -101,8 +100,8 @@ impl BusWatch {
 
     /// Reaction times of the controller, of one node or of all.
     pub(super) fn reactions(&self, node: Option<NodeId>) -> impl Iterator<Item = (NodeId, &ReactionTime)> {
-        let chosen = self.nodes.iter().filter(move |(id, _)| node.is_none_or(|node| node == **id));
-        chosen.flat_map(|(id, watch)| watch.reactions.pairs().iter().map(|pair| (*id, pair)))
+        let chosen = self.nodes.iter().filter(move |(id, _)| node.is_none_or(|node| node == *id));
+        chosen.flat_map(|(id, watch)| watch.reactions.pairs().iter().map(move |pair| (id, pair)))
     }
 
     /// Processes an event; `bus` is in the state after it.
@@ -135,25 +134,30 @@ impl BusWatch {
         }
         if let (Some(id), EventKind::Pdo(_) | EventKind::BootUp { .. } | EventKind::NodeLost(_)) =
             (event.node, &event.kind)
+            && let Some(node) = self.nodes.of(id)
         {
-            self.node(id).reactions.event(event);
+            node.reactions.event(event);
         }
         match reach(event) {
             Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),
             Some(ChangeScope::Node(id)) => {
-                let sequence = self.sequence;
-                self.node(id).changes.add(sequence, event);
+                if let Some(node) = self.nodes.of(id) {
+                    node.changes.add(self.sequence, event);
+                }
             }
             None => {}
         }
     }
 
-    /// Processes a PDO outside a moment: it is neither a fault nor a change.
+    /// Processes a PDO outside a moment: it is neither a fault nor a change. A TPDO with unchanged contents is no news.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event) {
-        let Some(id) = event.node else { return };
-        let node = self.node(id);
-        if !pdo.is_request && pdo.name.direction == PdoDirection::Receive {
+        let is_received = pdo.name.direction == PdoDirection::Receive;
+        if pdo.is_request || event.routine && !is_received {
+            return;
+        }
+        let Some(node) = event.node.and_then(|id| self.nodes.of(id)) else { return };
+        if is_received {
             node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
         }
         node.reactions.event(event);
@@ -167,13 +171,9 @@ impl BusWatch {
 
     /// Whether the node was commanded less than [`SETTLING`] ago.
     fn is_settling(&self, event: &Event) -> bool {
-        let node = event.node.and_then(|id| self.nodes.get(&id)?.commanded);
+        let node = event.node.and_then(|id| self.nodes.get(id)?.commanded);
         let command = self.commanded.max(node);
         event.time.zip(command).is_some_and(|(time, command)| time.since(command) <= SETTLING)
-    }
-
-    fn node(&mut self, id: NodeId) -> &mut NodeWatch {
-        self.nodes.entry(id).or_default()
     }
 
     /// Updates periodic messages, commands and set points; returns whether the node was operational before.
@@ -181,11 +181,14 @@ impl BusWatch {
         match event.kind {
             EventKind::Sync { .. } => self.beats.add(Rhythm::Sync, event.time, event.frames.last),
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
-            EventKind::NmtCommand { target, .. } => self.node(target.into()).commanded = event.time,
+            EventKind::NmtCommand { target, .. } => {
+                if let Some(node) = self.nodes.of(target.into()) {
+                    node.commanded = event.time;
+                }
+            }
             _ => {}
         }
-        let Some(id) = event.node else { return false };
-        let node = self.node(id);
+        let Some(node) = event.node.and_then(|id| self.nodes.of(id)) else { return false };
         let was_operational = node.was_operational;
         match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request && pdo.name.direction == PdoDirection::Receive => {
@@ -345,20 +348,20 @@ impl BusWatch {
 
     /// Changes of a node and of the bus after event number `after`, oldest first.
     pub(super) fn changes_of(&self, node: Option<NodeId>, after: u64) -> Vec<Event> {
-        let node = node.and_then(|id| self.nodes.get(&id)).map(|node| &node.changes);
+        let node = node.and_then(|id| self.nodes.get(id)).map(|node| &node.changes);
         Changes::last(node.into_iter().chain([&self.changes]), after)
     }
 
     /// Periodic messages of the bus and of a node that have stopped.
     pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<StoppedMessage> {
-        let node = node.and_then(|id| self.nodes.get(&id));
+        let node = node.and_then(|id| self.nodes.get(id));
         let own = node.into_iter().flat_map(|node| node.beats.quiet(now));
         self.beats.quiet(now).chain(own).collect()
     }
 
     /// Current state of a node.
     pub(super) fn state(&self, bus: &Bus, id: NodeId) -> NodeState {
-        let points = self.nodes.get(&id).map_or(&[][..], |node| &node.points);
+        let points = self.nodes.get(id).map_or(&[][..], |node| &node.points);
         NodeState::now(bus, id, points)
     }
 
@@ -374,7 +377,7 @@ impl BusWatch {
 
     /// Nodes with events.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeWatch)> {
-        self.nodes.iter().map(|(id, node)| (*id, node))
+        self.nodes.iter()
     }
 }
 

@@ -94,6 +94,8 @@ pub fn plain_event(frame: &Frame, node: Option<NodeId>) -> Event {
 /// The selection of one command, applied to one capture after the other.
 #[derive(Debug, Default)]
 pub struct Selection {
+    /// Without filter, node and bound: everything is selected.
+    is_unlimited: bool,
     filter: Option<Filter>,
     nodes: SelectedNodes,
     /// Bounds as typed.
@@ -118,8 +120,9 @@ impl Selection {
         nodes: Vec<NodeChoice>,
     ) -> anyhow::Result<Self> {
         ensure_order(from, to)?;
+        let is_unlimited = filter.is_none() && (from, to) == (None, None) && nodes.is_empty();
         let nodes = SelectedNodes::new(nodes);
-        Ok(Self { filter, nodes, wanted: (from, to), from, to, ..Self::default() })
+        Ok(Self { is_unlimited, filter, nodes, wanted: (from, to), from, to, ..Self::default() })
     }
 
     /// Whether there is a filter or a selected node.
@@ -160,7 +163,16 @@ impl Selection {
 
     /// Whether an event is printed, by its last frame or its own time; a missed deadline has the time of the
     /// deadline. An event without a time is before every time.
+    #[inline]
     pub fn admits(&mut self, event: &Event, bus: &Bus) -> bool {
+        if self.is_unlimited {
+            self.is_reached = true;
+            return true;
+        }
+        self.admits_limited(event, bus)
+    }
+
+    fn admits_limited(&mut self, event: &Event, bus: &Bus) -> bool {
         let is_late_enough =
             self.from.is_none_or(|from| self.order(event, from).is_some_and(Ordering::is_ge));
         self.is_reached |= is_late_enough;
