@@ -205,16 +205,11 @@ impl Catalogue {
     /// # Errors
     /// Unknown ids and variants; invalid profiles.
     pub fn device(&self, assignment: &str) -> Result<Arc<Device>, ProfileError> {
-        self.device_at(assignment, 0)
-    }
-
-    /// Device at a depth of standards that extend each other; read once.
-    fn device_at(&self, assignment: &str, depth: u8) -> Result<Arc<Device>, ProfileError> {
         let read = || self.read.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(device) = read().get(assignment) {
             return Ok(Arc::clone(device));
         }
-        let device = self.find(assignment, depth)?;
+        let device = self.find(assignment, 0)?;
         read().insert(assignment.to_owned(), Arc::clone(&device));
         Ok(device)
     }
@@ -247,7 +242,7 @@ impl Catalogue {
         }
         let mut standards = Vec::new();
         for (name, span) in file.extends() {
-            let standard = if depth < 4 { self.device_at(name, depth + 1) } else { Err(self.unknown(name)) };
+            let standard = if depth < 4 { self.find(name, depth + 1) } else { Err(self.unknown(name)) };
             let wrong = |error: ProfileError| broken(vec![TextError::at(text, span, error.to_string())]);
             standards.push(standard.map_err(wrong)?);
         }
