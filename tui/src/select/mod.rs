@@ -94,8 +94,6 @@ pub fn plain_event(frame: &Frame, node: Option<NodeId>) -> Event {
 /// The selection of one command, applied to one capture after the other.
 #[derive(Debug, Default)]
 pub struct Selection {
-    /// Without filter, node and bound: everything is selected.
-    is_unlimited: bool,
     filter: Option<Filter>,
     nodes: SelectedNodes,
     /// Bounds as typed.
@@ -120,9 +118,8 @@ impl Selection {
         nodes: Vec<NodeChoice>,
     ) -> anyhow::Result<Self> {
         ensure_order(from, to)?;
-        let is_unlimited = filter.is_none() && (from, to) == (None, None) && nodes.is_empty();
         let nodes = SelectedNodes::new(nodes);
-        Ok(Self { is_unlimited, filter, nodes, wanted: (from, to), from, to, ..Self::default() })
+        Ok(Self { filter, nodes, wanted: (from, to), from, to, ..Self::default() })
     }
 
     /// Whether there is a filter or a selected node.
@@ -165,7 +162,7 @@ impl Selection {
     /// deadline. An event without a time is before every time.
     #[inline]
     pub fn admits(&mut self, event: &Event, bus: &Bus) -> bool {
-        if self.is_unlimited {
+        if self.from.is_none() && self.to.is_none() && !self.has_filter() {
             self.is_reached = true;
             return true;
         }
