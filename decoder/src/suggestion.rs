@@ -120,10 +120,28 @@ fn of_node(bus: BusIndex, node: &Node, catalogue: (&Catalogue, bool)) -> Vec<Sug
     fitting(&behaviour, (bus, node.id()), reported, catalogue)
 }
 
+/// Firm suggestions; without one the weak ones, unless `is_firm`. Devices share codes and lengths: 8302 is one of the
+/// IFB and of the VPCD.
 fn fitting(
     behaviour: &Behaviour<'_>,
-    (bus, node): (BusIndex, NodeId),
+    place: (BusIndex, NodeId),
     reported: impl Fn(ObjectAddress) -> Option<u64>,
+    (catalogue, is_firm): (&Catalogue, bool),
+) -> Vec<Suggestion> {
+    // Loading a device takes longer than reading a short capture: those with weak hints only if they are needed.
+    let mut found = of_devices(behaviour, place, &reported, (catalogue, true));
+    found.retain(|suggestion| !suggestion.is_weak);
+    if found.is_empty() && !is_firm {
+        found = of_devices(behaviour, place, &reported, (catalogue, false));
+    }
+    found
+}
+
+/// Suggestions of all devices with a firm hint, or with any hint.
+fn of_devices(
+    behaviour: &Behaviour<'_>,
+    place: (BusIndex, NodeId),
+    reported: &impl Fn(ObjectAddress) -> Option<u64>,
     (catalogue, is_firm): (&Catalogue, bool),
 ) -> Vec<Suggestion> {
     let hints = catalogue.hints();
@@ -132,18 +150,13 @@ fn fitting(
         // Several weak hints are firm too.
         fitting.next().is_some_and(|hint| !is_firm || !hint.sign.is_weak()) || fitting.next().is_some()
     };
-    // Loading a device takes longer than reading a short capture.
     let devices = hints.iter().filter(|(_, hints)| is_fitting(hints));
-    let mut found = Vec::new();
-    for device in devices.filter_map(|(id, _)| catalogue.device(id).ok()) {
-        let suggestion = of_device(&device, behaviour, (bus, node));
-        let denied = || is_denied(&device, behaviour, &reported);
-        found.extend(suggestion.filter(|suggestion| (!is_firm || !suggestion.is_weak) && !denied()));
-    }
-    // Devices share codes and lengths: 8302 is one of the IFB and of the VPCD.
-    let has_firm = found.iter().any(|suggestion| !suggestion.is_weak);
-    found.retain(|suggestion| !has_firm || !suggestion.is_weak);
-    found
+    let devices = devices.filter_map(|(id, _)| catalogue.device(id).ok());
+    let fitting = devices.filter_map(|device| {
+        let suggestion = of_device(&device, behaviour, place)?;
+        (!is_denied(&device, behaviour, reported)).then_some(suggestion)
+    });
+    fitting.collect()
 }
 
 /// The suggestion of a device with a fitting hint and no contradicting one.
