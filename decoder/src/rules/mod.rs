@@ -21,7 +21,6 @@ mod rule;
 mod selection;
 
 pub use context::meter::{Meter, Second};
-pub(crate) use context::nodes::{NodeMap, NodeSet};
 pub(crate) use context::traffic::BySlot;
 pub use context::traffic::{PdoSlot, Traffic};
 pub use context::{Alarm, Context};

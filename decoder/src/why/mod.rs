@@ -14,7 +14,6 @@ mod change;
 mod check;
 mod fault;
 mod moment;
-mod nodes;
 mod state;
 pub mod text;
 mod watch;

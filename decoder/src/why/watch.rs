@@ -4,15 +4,14 @@ use super::cadence::{Beats, Rhythm, StoppedMessage};
 use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
 use super::moment::{Distance, Moment};
-use super::nodes::NodeTable;
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
 use crate::session::Bus;
 use crate::statistics::{ReactionTime, Reactions};
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap};
 
 /// Maximum number of set points per node.
 const POINTS: usize = 64;
@@ -68,7 +67,7 @@ pub(super) struct BusWatch {
     /// Time of the last NMT command to all nodes.
     commanded: Option<Timestamp>,
     beats: Beats,
-    nodes: NodeTable,
+    nodes: NodeMap<Box<NodeWatch>>,
     idle: Vec<IdleSetPoint>,
     /// Moment that is still collecting events.
     open: Option<Moment>,
@@ -90,7 +89,7 @@ impl BusWatch {
             changes: Changes::default(),
             commanded: None,
             beats: Beats::default(),
-            nodes: NodeTable::default(),
+            nodes: NodeMap::default(),
             idle: Vec::new(),
             open: None,
             found: [const { None }; 3],
@@ -134,14 +133,14 @@ impl BusWatch {
         }
         if let (Some(id), EventKind::Pdo(_) | EventKind::BootUp { .. } | EventKind::NodeLost(_)) =
             (event.node, &event.kind)
-            && let Some(node) = self.nodes.of(id)
+            && let Some(node) = self.nodes.entry(id)
         {
             node.reactions.event(event);
         }
         match reach(event) {
             Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),
             Some(ChangeScope::Node(id)) => {
-                if let Some(node) = self.nodes.of(id) {
+                if let Some(node) = self.nodes.entry(id) {
                     node.changes.add(self.sequence, event);
                 }
             }
@@ -156,7 +155,7 @@ impl BusWatch {
         if pdo.is_request || event.routine && !is_received {
             return;
         }
-        let Some(node) = event.node.and_then(|id| self.nodes.of(id)) else { return };
+        let Some(node) = event.node.and_then(|id| self.nodes.entry(id)) else { return };
         if is_received {
             node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
         }
@@ -182,13 +181,13 @@ impl BusWatch {
             EventKind::Sync { .. } => self.beats.add(Rhythm::Sync, event.time, event.frames.last),
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
             EventKind::NmtCommand { target, .. } => {
-                if let Some(node) = self.nodes.of(target.into()) {
+                if let Some(node) = self.nodes.entry(target.into()) {
                     node.commanded = event.time;
                 }
             }
             _ => {}
         }
-        let Some(node) = event.node.and_then(|id| self.nodes.of(id)) else { return false };
+        let Some(node) = event.node.and_then(|id| self.nodes.entry(id)) else { return false };
         let was_operational = node.was_operational;
         match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request && pdo.name.direction == PdoDirection::Receive => {
@@ -377,7 +376,7 @@ impl BusWatch {
 
     /// Nodes with events.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeWatch)> {
-        self.nodes.iter()
+        self.nodes.iter().map(|(id, node)| (id, &**node))
     }
 }
 

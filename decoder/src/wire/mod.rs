@@ -8,10 +8,12 @@ pub mod error_frame;
 pub mod isotp;
 pub mod j1939;
 mod node_id;
+mod node_map;
 pub mod uds;
 
 pub use node_id::NODE_PLACES;
 pub use node_id::NodeId;
+pub(crate) use node_map::{NodeMap, NodeSet};
 
 /// A message shorter than its format requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,6 @@
 //! View of a rule on the bus, and its interface to report findings.
 
 pub(super) mod meter;
-pub(super) mod nodes;
 mod scene;
 pub(super) mod traffic;
 

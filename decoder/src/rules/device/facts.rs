@@ -4,11 +4,10 @@ use super::describe::show;
 use super::node::{NodeRecord, NodeRules};
 use crate::profile::Number;
 use crate::profile::device::DeviceFacts;
-use crate::rules::NodeMap;
 use crate::rules::context::{SETTLING, confirmed_state};
 use crate::session::{Bus, Node};
-use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{NodeId, NodeMap};
 
 /// Maximum age of a proven measured value, in ns.
 const MEASURED: i64 = 2_000_000_000;

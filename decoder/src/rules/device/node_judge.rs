@@ -14,13 +14,13 @@ use crate::event::{
 };
 use crate::profile::device::{DeviceRule, LssEvent, RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
 use crate::profile::{PdoName, integer, lss};
-use crate::rules::{Context, NodeMap};
+use crate::rules::Context;
 use crate::session::{Bus, Node};
-use crate::wire::NodeId;
 use crate::wire::canopen::lss::Content;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::j1939::Pgn;
+use crate::wire::{NodeId, NodeMap};
 
 /// Error register.
 const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);

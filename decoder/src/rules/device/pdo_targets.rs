@@ -9,9 +9,8 @@ use super::plan::{RulePlan, waits_for};
 use crate::event::{Event, Pdo};
 use crate::profile::device::{DeviceRule, Mapping, PdoSpec, RuleKind, Trigger, UpdateSource};
 use crate::profile::{Device, Field, Layout, PdoDirection, PdoName};
-use crate::rules::NodeMap;
 use crate::session::Bus;
-use crate::wire::NodeId;
+use crate::wire::{NodeId, NodeMap};
 
 /// Targets by index of the identifier.
 #[derive(Debug, Default)]

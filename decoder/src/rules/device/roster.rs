@@ -8,10 +8,9 @@ use super::plan::RulePlan;
 use crate::event::{Event, EventKind};
 use crate::profile::Device;
 use crate::query::KindSet;
-use crate::rules::NodeMap;
 use crate::rules::ledger::Ledger;
 use crate::session::{Bus, Node};
-use crate::wire::NodeId;
+use crate::wire::{NodeId, NodeMap};
 
 /// Whether an event may change the device profile of a node.
 pub(in crate::rules) fn may_attach(kind: &EventKind) -> bool {

@@ -1,7 +1,6 @@
 //! Scope of an expectation: a bus as a whole, or each node on its own.
 
-use crate::rules::NodeMap;
-use crate::wire::NodeId;
+use crate::wire::{NodeId, NodeMap};
 
 /// Ranges of wake-up tokens: the whole bus, a node-ID, a J1939 address.
 const WHOLE: u64 = 0;

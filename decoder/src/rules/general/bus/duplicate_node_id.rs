@@ -3,9 +3,9 @@
 use crate::event::{BootCause, Event, EventKind, FrameRange};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

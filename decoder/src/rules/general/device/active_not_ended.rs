@@ -10,10 +10,10 @@ use crate::profile::device::Machine;
 use crate::profile::{Layout, SignalId};
 use crate::rules::context::traffic::{BySlot, PdoSlot};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

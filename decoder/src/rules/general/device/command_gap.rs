@@ -8,10 +8,10 @@ use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outco
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, NodeMap, PdoSlot, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{BySlot, Context, PdoSlot, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

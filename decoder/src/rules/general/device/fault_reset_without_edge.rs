@@ -4,9 +4,9 @@ use super::machines::{about, edges_out, machine};
 use crate::event::{DeviceState, EmcyAction, Event, EventKind, Pdo};
 use crate::profile::SignalId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

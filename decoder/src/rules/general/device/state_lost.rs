@@ -6,9 +6,9 @@ use crate::event::{
 };
 use crate::finding::Severity;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

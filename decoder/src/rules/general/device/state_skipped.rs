@@ -3,8 +3,8 @@
 use super::machines::{about, is_control, machine, steps_between};
 use crate::event::{DeviceCause, DeviceState, Event, EventKind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

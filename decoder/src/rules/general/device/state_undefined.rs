@@ -3,9 +3,9 @@
 use super::machines::about;
 use crate::event::{Event, EventKind, FrameRange};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -7,9 +7,9 @@ use crate::finding::About;
 use crate::profile::device::ClearMeaning;
 use crate::rules::general::facts::number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 /// Error history.
 const HISTORY: u16 = 0x1003;

@@ -4,9 +4,9 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

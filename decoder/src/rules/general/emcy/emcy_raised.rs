@@ -5,10 +5,10 @@ use crate::finding::About;
 use crate::profile::suggested_error_text;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeSet, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeSet};
 
 declare_rule! {
     /// # What it checks

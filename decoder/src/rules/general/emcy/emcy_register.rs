@@ -5,10 +5,10 @@ use crate::finding::{About, Severity};
 use crate::profile::device::ClearMeaning;
 use crate::rules::general::facts::number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -3,7 +3,8 @@
 use crate::event::{EmcyAction, Event, EventKind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeMap;
 
 declare_rule! {
     /// # What it checks

@@ -4,11 +4,11 @@ use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
 use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -3,7 +3,8 @@
 use crate::event::{Event, EventKind};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeSet, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeSet;
 
 declare_rule! {
     /// # What it checks

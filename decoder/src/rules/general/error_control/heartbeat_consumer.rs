@@ -4,10 +4,10 @@ use crate::event::{Event, EventKind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -6,8 +6,8 @@ use crate::event::{Event, EventKind, SdoTransfer};
 use crate::finding::About;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

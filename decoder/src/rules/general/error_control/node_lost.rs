@@ -4,9 +4,9 @@ use crate::event::{Event, EventKind, FrameRange, Silence};
 use crate::finding::{About, Severity};
 use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{NodeId, NodeMap, NodeSet};
 
 declare_rule! {
     /// # What it checks

@@ -3,9 +3,9 @@
 use crate::event::{DtcAction, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::j1939::Pgn;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -4,10 +4,10 @@ use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::lss::Content;
 use crate::wire::j1939::{Name, Pgn};
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

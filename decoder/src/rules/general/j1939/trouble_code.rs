@@ -7,7 +7,8 @@ use crate::finding::About;
 use crate::profile;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeSet, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeSet;
 use crate::wire::j1939::Pgn;
 
 declare_rule! {

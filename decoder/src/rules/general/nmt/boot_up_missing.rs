@@ -4,10 +4,10 @@ use crate::event::{Event, EventKind, FrameRange};
 use crate::finding::Severity;
 use crate::profile::device::Boot;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap, NodeSet};
 
 declare_rule! {
     /// # What it checks

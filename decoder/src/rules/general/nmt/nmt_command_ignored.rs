@@ -5,11 +5,11 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind, FrameRange, StateCause};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -2,10 +2,10 @@
 
 use crate::event::{BootCause, EmcyAction, Event, EventKind, FrameRange};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -3,7 +3,8 @@
 use crate::event::{BootCause, Certainty, Event, EventKind};
 use crate::finding::Severity;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeSet, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeSet;
 use crate::wire::canopen::NmtState;
 
 declare_rule! {

@@ -4,10 +4,10 @@ use crate::event::{BootCause, Event, EventKind, FrameRange, Outcome, SdoTransfer
 use crate::finding::Severity;
 use crate::profile::Role;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

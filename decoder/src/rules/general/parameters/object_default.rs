@@ -7,10 +7,10 @@ use crate::profile::{DataType, Entry, Value, integer, word};
 use crate::rules::general::facts::{about, source_name};
 use crate::rules::general::sdo::sdo_situation::is_described;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

@@ -6,9 +6,9 @@ use crate::finding::Severity;
 use crate::profile::{Role, little_endian};
 use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

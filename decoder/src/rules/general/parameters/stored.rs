@@ -1,9 +1,9 @@
 //! Store and restore commands, and their effect at a restart.
 
 use crate::event::{BootCause, Direction, Event, EventKind, Outcome, SdoTransfer};
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::{NodeId, NodeSet};
 
 /// End of the communication objects. A communication reset affects only these (CiA 301 §7.3.2.2.2).
 pub(super) const COMMUNICATION_END: u16 = 0x2000;
@@ -36,7 +36,7 @@ pub(super) fn read(transfer: &SdoTransfer) -> Option<ObjectAddress> {
 /// Nodes whose latest reset was a communication reset.
 #[derive(Default)]
 pub(super) struct Resets {
-    communication_only: crate::rules::NodeSet,
+    communication_only: NodeSet,
 }
 
 impl Resets {

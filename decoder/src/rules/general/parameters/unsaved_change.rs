@@ -2,7 +2,8 @@
 
 use crate::event::{Direction, Event, EventKind, Outcome};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeMap;
 use crate::wire::canopen::ObjectAddress;
 use crate::words::plural;
 

@@ -5,10 +5,10 @@ use crate::event::{Event, EventKind, FrameRange, Outcome};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, PdoSlot, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, PdoSlot, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

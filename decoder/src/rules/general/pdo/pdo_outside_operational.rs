@@ -5,9 +5,9 @@ use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap, NodeSet};
 
 declare_rule! {
     /// # What it checks

@@ -6,7 +6,8 @@ use crate::profile::abort_codes;
 use crate::query::record;
 use crate::rules::general::facts::about;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeMap;
 use crate::wire::canopen::ObjectAddress;
 use crate::words::plural;
 

@@ -4,9 +4,9 @@ use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, Stat
 use crate::finding::{Merge, Severity};
 use crate::rules::general::facts::about;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, NodeSet, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
+use crate::wire::{NodeId, NodeMap, NodeSet};
 
 declare_rule! {
     /// # What it checks

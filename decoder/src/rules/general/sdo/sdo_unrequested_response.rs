@@ -2,7 +2,8 @@
 
 use crate::event::{Event, EventKind, Outcome};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeMap;
 use crate::words::plural;
 
 declare_rule! {

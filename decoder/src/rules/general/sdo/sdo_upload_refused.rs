@@ -6,7 +6,8 @@ use crate::profile::abort_codes;
 use crate::query::record;
 use crate::rules::general::facts::about;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, NodeMap, Policy, Rule};
+use crate::rules::{Context, Policy, Rule};
+use crate::wire::NodeMap;
 
 declare_rule! {
     /// # What it checks

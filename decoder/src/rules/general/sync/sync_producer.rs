@@ -3,9 +3,9 @@
 use crate::event::{Event, EventKind, FrameRange, SdoTransfer};
 use crate::rules::general::facts::{PRODUCES, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, NodeMap, Policy, Rule};
-use crate::wire::NodeId;
+use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks

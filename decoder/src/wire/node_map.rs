@@ -1,6 +1,6 @@
-//! Tables of rules by node, with one entry per node-ID.
+//! Tables by node-ID or address, found without a search.
 
-use crate::wire::{NODE_PLACES, NodeId};
+use super::{NODE_PLACES, NodeId};
 
 /// Set of nodes.
 #[derive(Debug, Clone)]
@@ -53,6 +53,7 @@ impl<T> Default for NodeMap<T> {
 
 impl<T: Default> NodeMap<T> {
     /// Entry of a node, created if missing; None for an invalid node-ID.
+    #[inline]
     pub fn entry(&mut self, node: NodeId) -> Option<&mut T> {
         let place = Some(node.place()).filter(|place| *place < NODE_PLACES)?;
         if self.0.len() <= place {
