@@ -32,5 +32,5 @@ pub use expectation::Expectation;
 pub use general::REGISTRY;
 pub use general::declarations;
 pub use policy::Policy;
-pub use rule::{Entry, Rule};
+pub use rule::{Entry, Repetitions, Rule};
 pub use selection::RuleSelection;

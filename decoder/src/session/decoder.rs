@@ -26,7 +26,7 @@ use crate::words::plural;
 /// Decodes the frames of one bus to events. A clone is a checkpoint.
 #[derive(Debug, Clone)]
 pub struct BusDecoder {
-    shared: Shared,
+    pub(super) shared: Shared,
     nmt: Nmt,
     error_control: ErrorControl,
     emcy: Emcy,
@@ -89,9 +89,7 @@ impl BusDecoder {
 
     /// Decodes the next frame and sends its events to `out`.
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
-        if let Some(stamp) = frame.time {
-            self.advance_clock(stamp, frame.number, out);
-        }
+        let is_in_order = frame.time.is_some_and(|stamp| self.advance_clock(stamp, frame.number, out));
         (self.shared.bus.last_frame, self.shared.bus.last_time) = (frame.number, frame.time);
         if frame.flags.contains(FrameFlags::ERROR) {
             let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
@@ -101,6 +99,9 @@ impl BusDecoder {
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
         let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
+        if is_in_order && self.is_skipped((slot, service), frame, out) {
+            return;
+        }
         if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
             return self.on_fd_frame(frame, service, out);
         }
@@ -290,8 +291,9 @@ impl BusDecoder {
         self.shared.bus.recorded_bit_rate = Some(rate);
     }
 
+    /// Advances the time to the timestamp of a frame; whether it is not before the last one.
     #[inline]
-    fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
+    fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) -> bool {
         let advance = self.shared.bus.clock.advance(stamp);
         if advance.step.is_some() || advance.gap.is_some() {
             self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
@@ -299,6 +301,7 @@ impl BusDecoder {
         if self.shared.timers.is_due(advance.now) {
             self.expire(advance.now, out);
         }
+        advance.step.is_none()
     }
 
     #[cold]

@@ -8,7 +8,7 @@ use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
-use crate::session::Bus;
+use crate::session::{Bus, Preview};
 use crate::statistics::{ReactionTime, Reactions};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
@@ -145,6 +145,21 @@ impl BusWatch {
                 }
             }
             None => {}
+        }
+    }
+
+    /// Whether the event of a frame is needed: unchanged contents outside a moment are not.
+    pub(super) fn needs(&self, preview: &Preview) -> bool {
+        preview.change != 0 || self.open.is_some() || !self.idle.is_empty()
+    }
+
+    /// Counts a frame with unchanged contents.
+    pub(super) fn skip(&mut self, preview: &Preview) {
+        self.time = Some(preview.time);
+        if let Some(pdo) = preview.pdo.filter(|pdo| pdo.direction == PdoDirection::Receive)
+            && let Some(node) = self.nodes.entry(preview.node)
+        {
+            node.beats.add(Rhythm::Rpdo(pdo), Some(preview.time), preview.frame);
         }
     }
 

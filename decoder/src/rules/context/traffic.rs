@@ -1,18 +1,12 @@
 //! PDO statistics by identifier, updated once per PDO and shared by all rules.
 
 use std::cmp::Reverse;
-use std::collections::HashMap;
-
-use foldhash::fast::FixedState;
 
 use crate::event::{FrameRange, Pdo};
 use crate::frame::CanId;
 
 /// Number of intervals for one median.
 const INTERVALS: usize = 15;
-
-/// Number of 11-bit identifiers.
-const STANDARD_IDS: usize = 2048;
 
 /// PDOs skipped between two medians, since the usual interval rarely changes.
 const PAUSE: u8 = 45;
@@ -29,6 +23,8 @@ pub struct PdoSlot {
     pub count: u64,
     /// Time since the previous PDO, in ns; None for the first one.
     pub interval: Option<i64>,
+    /// Interval before [`Self::interval`], in ns.
+    pub interval_before: Option<i64>,
     /// Time of the last PDO, in ns.
     pub last: i64,
     /// Frame of the last PDO and of the previous one.
@@ -72,11 +68,12 @@ const ENDED: i64 = 50_000_000;
 const UNCHANGED: usize = 5;
 
 impl PdoSlot {
-    const fn new(place: usize, id: CanId) -> Self {
+    pub(in crate::rules) const fn new(place: usize, id: CanId) -> Self {
         Self {
             place,
             count: 0,
             interval: None,
+            interval_before: None,
             last: 0,
             frames: (0, 0),
             earlier: 0,
@@ -95,8 +92,17 @@ impl PdoSlot {
         }
     }
 
-    fn take(&mut self, now: i64, frame: u64, (sync, resumed): (u64, u64), is_unchanged: bool) {
+    /// Counts a PDO; whether median and period were determined again.
+    #[inline]
+    pub(in crate::rules) fn take(
+        &mut self,
+        now: i64,
+        frame: u64,
+        (sync, resumed): (u64, u64),
+        is_unchanged: bool,
+    ) -> bool {
         let is_successor = self.count > 0 && self.frames.0 >= resumed;
+        self.interval_before = self.interval;
         self.interval = is_successor.then(|| now.saturating_sub(self.last));
         self.count += 1;
         self.last = now;
@@ -107,9 +113,9 @@ impl PdoSlot {
         self.sync = sync;
         if self.pause > 0 {
             self.pause -= 1;
-            return;
+            return false;
         }
-        let Some(interval) = self.interval else { return };
+        let Some(interval) = self.interval else { return false };
         if let Some(place) = self.intervals.get_mut(self.filled) {
             *place = interval;
             if self.filled == 0 {
@@ -118,9 +124,11 @@ impl PdoSlot {
             self.unchanged |= u16::from(is_unchanged) << self.filled;
             self.filled += 1;
         }
-        if self.filled == INTERVALS {
-            self.learn();
+        if self.filled < INTERVALS {
+            return false;
         }
+        self.learn();
+        true
     }
 }
 
@@ -222,9 +230,8 @@ impl<T> BySlot<T> {
 #[derive(Debug, Clone, Default)]
 pub struct Traffic {
     slots: Vec<PdoSlot>,
-    /// Index + 1 by 11-bit identifier, 0 = none. `extended` is the same for 29-bit identifiers.
-    standard: Vec<u16>,
-    extended: HashMap<u32, u16, FixedState>,
+    /// Index + 1 by index of the identifier on the bus, 0 = none.
+    places: Vec<u16>,
     /// Number of SYNC messages.
     syncs: u64,
     /// First frame after the last hole.
@@ -244,40 +251,50 @@ impl Traffic {
         self.syncs += 1;
     }
 
-    /// Counts a PDO; for a request only the current index is set.
+    /// Counts a PDO whose identifier has the index `identifier` on the bus; for a request only the current index is set.
+    /// Whether median and period were determined again.
     #[inline]
-    pub(in crate::rules) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) {
-        self.current = self.place(pdo.cob_id).or_else(|| self.add(pdo.cob_id));
-        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return };
+    pub(in crate::rules) fn saw_pdo(
+        &mut self,
+        (pdo, identifier): (&Pdo, usize),
+        now: i64,
+        frame: u64,
+        is_unchanged: bool,
+    ) -> bool {
+        self.current = self.place(identifier).or_else(|| self.add(identifier, pdo.cob_id));
+        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return false };
         if pdo.is_request {
             slot.is_requested = true;
-        } else {
-            slot.take(now, frame, (self.syncs, self.resumed), is_unchanged);
+            return false;
         }
+        slot.take(now, frame, (self.syncs, self.resumed), is_unchanged)
+    }
+
+    /// Counts a PDO with unchanged content by the index of its entry; whether new statistics of its intervals are known.
+    #[inline]
+    pub(in crate::rules) fn saw_repetition(&mut self, place: usize, now: i64, frame: u64) -> bool {
+        let (syncs, resumed) = (self.syncs, self.resumed);
+        self.slots.get_mut(place).is_some_and(|slot| slot.take(now, frame, (syncs, resumed), true))
+    }
+
+    /// Index of the current PDO.
+    pub(in crate::rules) fn current_place(&self) -> Option<usize> {
+        self.current
     }
 
     #[inline]
-    fn place(&self, id: CanId) -> Option<usize> {
-        let place = match id {
-            CanId::Standard(id) => self.standard.get(usize::from(id)),
-            CanId::Extended(id) => self.extended.get(&id),
-        };
-        usize::from(*place?).checked_sub(1)
+    fn place(&self, identifier: usize) -> Option<usize> {
+        usize::from(*self.places.get(identifier)?).checked_sub(1)
     }
 
     #[cold]
-    fn add(&mut self, id: CanId) -> Option<usize> {
+    fn add(&mut self, identifier: usize, id: CanId) -> Option<usize> {
         let place = self.slots.len();
         let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
-        match id {
-            CanId::Standard(id) => {
-                self.standard.resize(STANDARD_IDS, 0);
-                *self.standard.get_mut(usize::from(id))? = number;
-            }
-            CanId::Extended(id) => {
-                self.extended.insert(id, number);
-            }
+        if self.places.len() <= identifier {
+            self.places.resize(identifier + 1, 0);
         }
+        *self.places.get_mut(identifier)? = number;
         self.slots.push(PdoSlot::new(place, id));
         Some(place)
     }
@@ -287,9 +304,9 @@ impl Traffic {
         self.slots.get(self.current?)
     }
 
-    /// Statistics of an identifier.
-    pub fn of(&self, id: CanId) -> Option<&PdoSlot> {
-        self.slots.get(self.place(id)?)
+    /// Statistics of an identifier, by its index on the bus.
+    pub(in crate::rules) fn of(&self, identifier: usize) -> Option<&PdoSlot> {
+        self.slots.get(self.place(identifier)?)
     }
 
     /// Statistics of all identifiers.

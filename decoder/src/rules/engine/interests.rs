@@ -124,6 +124,11 @@ impl Interests {
         self.by_kind.get(kind.kind() as usize).map_or(&[], Vec::as_slice)
     }
 
+    /// Rules for the next PDO if it repeats a PDO, in rule order.
+    pub(super) fn of_repetitions(&self, pdo: &Pdo, event: &Event) -> &[u16] {
+        self.pdo.get(class(event, pdo) | ROUTINE).map_or(&[], Vec::as_slice)
+    }
+
     /// Rules for a PDO, in rule order.
     #[inline]
     pub(super) fn of_pdo(&self, pdo: &Pdo, event: &Event) -> &[u16] {

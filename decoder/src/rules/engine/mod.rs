@@ -2,6 +2,7 @@
 
 mod interests;
 pub(super) mod names;
+mod repetitions;
 pub(super) mod setup;
 
 use std::cmp::Reverse;
@@ -9,6 +10,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use self::interests::Interests;
+use self::repetitions::RepetitionTable;
 use self::setup::Setup;
 use super::context::meter::Meter;
 use super::context::traffic::Traffic;
@@ -21,7 +23,7 @@ use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
 use crate::query::KindSet;
-use crate::session::{Bus, Buses, Observer};
+use crate::session::{Bus, Buses, Observer, Preview};
 use crate::statistics::{Quality, is_evidence};
 use crate::suggestion::{Suggestion, firm_suggestions};
 
@@ -68,6 +70,7 @@ struct BusJudge {
     /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
     wants: Vec<bool>,
     has_turned: bool,
+    repetitions: RepetitionTable,
 }
 
 /// State that all rules of one bus share.
@@ -84,6 +87,8 @@ struct Shared {
     has_time: bool,
     /// Timestamp resolution in ns.
     granularity: i64,
+    /// A rule needs other repetitions of PDOs than before.
+    has_news: bool,
 }
 
 impl Shared {
@@ -105,6 +110,7 @@ impl Shared {
             place: 0,
             ledger,
             wakes: &mut self.wakes,
+            has_news: &mut self.has_news,
         }
     }
 }
@@ -165,6 +171,23 @@ impl Engine {
         }
     }
 
+    /// Whether the rules need the event of a frame; see [`Observer::needs`].
+    #[inline]
+    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.quality.frames <= STAMPS_JUDGED
+            || !self.held.is_empty()
+            || !self.ledger.news.is_empty()
+            || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
+    }
+
+    /// Counts a frame whose event is not needed; see [`Observer::skip`].
+    #[inline]
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+            judge.skip(preview, &mut self.ledger);
+        }
+    }
+
     /// Advances the time of a quiet live bus. Only the next frame shows whether the whole bus was silent,
     /// which suspends deadlines. Deadlines are therefore not checked while a silence is possible.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
@@ -179,6 +202,7 @@ impl Engine {
     /// Ends the capture: closes open findings and returns all results.
     pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
+            judge.pass_on_all_repetitions(bus, &mut self.ledger);
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
@@ -199,7 +223,10 @@ impl Engine {
 
     /// Results up to now, with open findings as at an end of the capture. Conditions that rules judge only at the
     /// end are not among them. Costs a copy of all groups.
-    pub fn so_far(&self, buses: Buses<'_>) -> Findings {
+    pub fn so_far(&mut self, buses: Buses<'_>) -> Findings {
+        for (judge, bus) in self.buses.iter_mut().zip(buses) {
+            judge.pass_on_all_repetitions(bus, &mut self.ledger);
+        }
         let mut ledger = self.ledger.clone();
         for bus in buses {
             ledger.close_all(bus);
@@ -254,6 +281,7 @@ impl BusJudge {
             resumed: 0,
             has_time: false,
             granularity: 0,
+            has_news: false,
         };
         let interests = Interests::default();
         let mut judge = Self {
@@ -263,6 +291,7 @@ impl BusJudge {
             has_begun: false,
             wants: Vec::new(),
             has_turned: true,
+            repetitions: RepetitionTable::new(),
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
@@ -303,6 +332,7 @@ impl BusJudge {
                 // them.
                 self.shared.resumed = event.frames.last;
                 self.shared.traffic.saw_hole(event.frames.last);
+                self.repetitions.forget_all();
                 let silence = self.shared.silence.saturating_add(gap);
                 self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
@@ -326,7 +356,13 @@ impl BusJudge {
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
-        self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last, event.routine);
+        let identifier = bus.identifier_index(pdo.cob_id).unwrap_or(usize::MAX);
+        if self.repetitions.counted(identifier).is_some() {
+            self.pass_on_repetitions(identifier, bus, ledger);
+        }
+        let pdo_and_place = (pdo, identifier);
+        self.shared.has_news =
+            self.shared.traffic.saw_pdo(pdo_and_place, self.shared.now, event.frames.last, event.routine);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
             if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
@@ -334,9 +370,79 @@ impl BusJudge {
                 rule.event(event, &mut context);
             }
         }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.repetitions.forget(identifier);
+        }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
+        } else if self.repetitions.is_unknown(identifier) && !event.presumed {
+            self.ask_for_repetitions(identifier, (pdo, event), bus, ledger);
         }
+    }
+
+    /// Whether the rules need the event of a frame with unchanged or changed payload.
+    #[inline]
+    fn needs(&self, preview: &Preview) -> bool {
+        let now = preview.now.saturating_sub(self.shared.silence);
+        preview.change != 0
+            || self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now)
+            || self.shared.meter.is_over()
+            || self.repetitions.needs(preview.identifier, now, self.shared.traffic.slots())
+    }
+
+    /// Counts a PDO whose event is not needed.
+    #[inline]
+    fn skip(&mut self, preview: &Preview, ledger: &mut Ledger) {
+        self.shared.now = preview.now.saturating_sub(self.shared.silence).max(self.shared.now);
+        let Some((statistics, passing)) = self.repetitions.skip(preview.identifier) else { return };
+        for rule in passing {
+            ledger.pass(*rule);
+        }
+        // Bounds of rules depend on the usual interval.
+        if self.shared.traffic.saw_repetition(statistics, self.shared.now, preview.frame) {
+            self.repetitions.forget(preview.identifier);
+        }
+    }
+
+    /// Passes the number of repetitions of an identifier to the rules that count them.
+    #[cold]
+    fn pass_on_repetitions(&mut self, identifier: usize, bus: &Bus, ledger: &mut Ledger) {
+        let Some(known) = self.repetitions.counted(identifier) else { return };
+        let (count, known) = (known.take_count(), *known);
+        let Some(slot) = self.shared.traffic.slots().get(known.statistics()).cloned() else { return };
+        let mut context = self.shared.context(bus, ledger);
+        for place in known.counting() {
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*number, *place);
+                rule.repeated(&slot, count, &mut context);
+            }
+        }
+    }
+
+    /// Passes on all repetitions up to now.
+    fn pass_on_all_repetitions(&mut self, bus: &Bus, ledger: &mut Ledger) {
+        for identifier in 0..self.repetitions.len() {
+            self.pass_on_repetitions(identifier, bus, ledger);
+        }
+    }
+
+    /// Asks the rules what they need of the PDOs that repeat `event`.
+    #[cold]
+    fn ask_for_repetitions(
+        &mut self,
+        identifier: usize,
+        (pdo, event): (&Pdo, &Event),
+        bus: &Bus,
+        ledger: &mut Ledger,
+    ) {
+        let Some(statistics) = self.shared.traffic.current_place() else { return };
+        let context = self.shared.context(bus, ledger);
+        let rules = &self.rules;
+        let answers = self.interests.of_repetitions(pdo, event).iter().filter_map(|place| {
+            let instance = rules.get(usize::from(*place))?;
+            Some(((instance.number, *place), instance.rule.repetitions(event, &context)))
+        });
+        self.repetitions.store((identifier, statistics), answers);
     }
 
     fn other(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
@@ -356,6 +462,9 @@ impl BusJudge {
                 self.has_turned |= self.wants.get(usize::from(*place)) != Some(&rule.wants_pdos());
             }
         }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.repetitions.forget_all();
+        }
         if self.has_turned {
             self.ask_for_pdos();
         }
@@ -369,6 +478,7 @@ impl BusJudge {
     fn listen(&mut self) {
         if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
             self.interests.renew(0, kinds);
+            self.repetitions.forget_all();
         }
     }
 
@@ -381,6 +491,7 @@ impl BusJudge {
             let wants = instance.rule.wants_pdos();
             if std::mem::replace(known, wants) != wants {
                 self.interests.want_pdos(place, wants);
+                self.repetitions.forget_all();
             }
         }
     }
@@ -418,6 +529,9 @@ impl BusJudge {
         (context.rule, context.place) = (*number, place);
         rule.wake(token, &mut context);
         self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
+        if std::mem::take(&mut self.shared.has_news) {
+            self.repetitions.forget_all();
+        }
     }
 
     #[cold]
@@ -426,6 +540,9 @@ impl BusJudge {
         for (place, RuleInstance { number, rule, .. }) in self.rules.iter_mut().enumerate() {
             (context.rule, context.place) = (*number, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **rule, &mut context);
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.repetitions.forget_all();
         }
         self.has_turned = true;
     }
@@ -445,6 +562,17 @@ impl Observer for Judge<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         self.out.event(event, bus);
         self.engine.event(event, bus, self.out);
+    }
+
+    #[inline]
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.out.needs(preview, bus) || self.engine.needs(preview, bus)
+    }
+
+    #[inline]
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.out.skip(preview, bus);
+        self.engine.skip(preview, bus);
     }
 }
 

@@ -155,6 +155,12 @@ impl Bus {
         }
     }
 
+    /// Index of an identifier in order of appearance; `None` before its first frame.
+    #[inline]
+    pub(crate) fn identifier_index(&self, id: CanId) -> Option<usize> {
+        self.routes.find(id)
+    }
+
     /// Layout of the last PDO with an identifier.
     pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&Layout> {
         match &self.routes.slot(self.routes.find(id)?)?.prepared.as_deref()?.kind {

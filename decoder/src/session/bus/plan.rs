@@ -108,6 +108,11 @@ impl Plan {
         plan.commands &= direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
     }
+
+    /// Payload bits that the session needs; `None` if it needs each frame.
+    pub(in crate::session) fn needed(&self) -> Option<u64> {
+        (!self.triggers).then_some(self.mask | self.deciding)
+    }
 }
 
 /// Mask of a field over eight bytes.

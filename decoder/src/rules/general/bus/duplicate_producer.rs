@@ -6,7 +6,7 @@ use crate::profile::{PdoDirection, PdoName};
 use crate::rules::context::traffic::PdoSlot;
 use crate::rules::general::facts::{confirmed_number, identifier};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Repetitions, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -107,6 +107,10 @@ impl DuplicateProducer {
             turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest, slot.median);
         turns.count = if goes_on { turns.count + 1 } else { 0 };
         turns.judged += 1;
+        if turns.judged == 1 {
+            // The content of the first PDO of the identifier was not known.
+            context.ask_again();
+        }
         if turns.count >= 2 * self.periods {
             turns.count = 0;
             turns.judged = 0;
@@ -146,6 +150,31 @@ impl DuplicateProducer {
 }
 
 impl Rule for DuplicateProducer {
+    fn repetitions(&self, event: &Event, context: &Context<'_>) -> Repetitions {
+        let turns = context.traffic.current().and_then(|slot| self.turns.get(slot.place));
+        match (&event.kind, turns) {
+            (EventKind::Pdo(pdo), Some(turns)) if turns.contents[0] == (pdo.word(), pdo.length) => {
+                Repetitions::Counted
+            }
+            _ => Repetitions::Needed,
+        }
+    }
+
+    /// Equal contents end an alternation.
+    fn repeated(&mut self, slot: &PdoSlot, count: u32, context: &mut Context<'_>) {
+        let Some(turns) = self.turns.get_mut(slot.place) else { return };
+        let [content, _] = turns.contents;
+        turns.contents = [content; 2];
+        let before = if count > 1 { slot.interval_before.unwrap_or(0) } else { turns.intervals[0] };
+        turns.intervals = [slot.interval.unwrap_or(0), before];
+        turns.count = 0;
+        turns.judged = turns.judged.saturating_add(count);
+        while turns.judged >= 4 * self.periods {
+            turns.judged -= 4 * self.periods;
+            context.pass();
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

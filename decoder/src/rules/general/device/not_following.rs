@@ -292,7 +292,7 @@ impl Pair {
     /// Whether the TPDO with the measured value ended. One that is sent on change only keeps its value.
     #[cold]
     fn is_source_lost(&self, context: &Context<'_>) -> bool {
-        let slot = self.source.and_then(|id| context.traffic.of(id));
+        let slot = self.source.and_then(|id| context.pdos_of(id));
         let Some((slot, usual)) = slot.and_then(|slot| Some((slot, slot.median?))) else { return false };
         slot.has_ended(usual, context.now) && !is_sent_on_change(slot, context)
     }

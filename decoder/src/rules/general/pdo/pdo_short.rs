@@ -5,7 +5,7 @@ use crate::finding::About;
 use crate::profile::PdoDirection;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Repetitions, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -36,6 +36,15 @@ fn new(_policy: &Policy) -> PdoShort {
 }
 
 impl Rule for PdoShort {
+    fn repetitions(&self, event: &Event, _context: &Context<'_>) -> Repetitions {
+        let EventKind::Pdo(pdo) = &event.kind else { return Repetitions::Needed };
+        match mapped_bytes(pdo) {
+            None => Repetitions::Ignored,
+            Some(mapped) if u16::from(pdo.length) >= mapped => Repetitions::PASSED,
+            Some(_) => Repetitions::Needed,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Pdo(pdo) = &event.kind else { return };
