@@ -3,6 +3,7 @@
 use super::context::Context;
 use super::context::traffic::PdoSlot;
 use super::declaration::{Declaration, Tolerance};
+use super::need::Need;
 use super::policy::Policy;
 use crate::event::Event;
 use crate::query::KindSet;
@@ -27,15 +28,15 @@ pub trait Rule {
         true
     }
 
-    /// What the rule needs of the next PDOs with the identifier and the payload of `event`, a PDO that it received. The
-    /// answer holds until [`Context::ask_again`].
-    fn repetitions(&self, _event: &Event, _context: &Context<'_>) -> Repetitions {
-        Repetitions::Needed
+    /// What the rule needs of the next PDOs or messages with the identifier and the data length of `event`, which it
+    /// received. The answer holds until [`Context::ask_again`], and until node or layout change.
+    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
+        Need::EACH
     }
 
-    /// Takes the number of PDOs that followed the last event of an identifier, for [`Repetitions::Counted`]; `slot`
-    /// contains them.
-    fn repeated(&mut self, _slot: &PdoSlot, _count: u32, _context: &mut Context<'_>) {}
+    /// Takes the number of PDOs that followed the last event of an identifier, for [`Need::counted`]; `slot` contains
+    /// them.
+    fn skipped(&mut self, _slot: &PdoSlot, _count: u32, _context: &mut Context<'_>) {}
 
     /// Handles a requested wake-up, see `Context::wake_at`.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
@@ -45,29 +46,6 @@ pub trait Rule {
 
     /// Called at the end of the capture.
     fn finish(&mut self, _context: &mut Context<'_>) {}
-}
-
-/// What a rule needs of PDOs that repeat the payload of the PDO before them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Repetitions {
-    /// The event of each one.
-    Needed,
-    /// Nothing.
-    Ignored,
-    /// Each one counts as a check without a defect. The rule needs the event if the interval in ns is shorter or longer.
-    Passed {
-        /// Shortest interval.
-        shortest: i64,
-        /// Longest interval.
-        longest: i64,
-    },
-    /// Their number before the next event of the identifier.
-    Counted,
-}
-
-impl Repetitions {
-    /// Each one counts as a check without a defect, at any interval.
-    pub const PASSED: Self = Self::Passed { shortest: i64::MIN, longest: i64::MAX };
 }
 
 /// One line of [`REGISTRY`](super::REGISTRY).

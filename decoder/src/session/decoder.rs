@@ -88,8 +88,19 @@ impl BusDecoder {
     }
 
     /// Decodes the next frame and sends its events to `out`.
+    #[inline]
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
-        let is_in_order = frame.time.is_some_and(|stamp| self.advance_clock(stamp, frame.number, out));
+        if !self.is_skipped(frame, out) {
+            self.decode(frame, out);
+        }
+    }
+
+    /// Decodes a frame and sends its events to `out`.
+    #[inline(never)]
+    fn decode(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if let Some(stamp) = frame.time {
+            self.advance_clock(stamp, frame.number, out);
+        }
         (self.shared.bus.last_frame, self.shared.bus.last_time) = (frame.number, frame.time);
         if frame.flags.contains(FrameFlags::ERROR) {
             let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
@@ -99,9 +110,6 @@ impl BusDecoder {
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
         let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
-        if is_in_order && self.is_skipped((slot, service), frame, out) {
-            return;
-        }
         if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
             return self.on_fd_frame(frame, service, out);
         }
@@ -291,9 +299,8 @@ impl BusDecoder {
         self.shared.bus.recorded_bit_rate = Some(rate);
     }
 
-    /// Advances the time to the timestamp of a frame; whether it is not before the last one.
     #[inline]
-    fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) -> bool {
+    fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
         let advance = self.shared.bus.clock.advance(stamp);
         if advance.step.is_some() || advance.gap.is_some() {
             self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
@@ -301,7 +308,6 @@ impl BusDecoder {
         if self.shared.timers.is_due(advance.now) {
             self.expire(advance.now, out);
         }
-        advance.step.is_none()
     }
 
     #[cold]

@@ -3,8 +3,6 @@
 use super::bus::Bus;
 use crate::event::Event;
 use crate::frame::Timestamp;
-use crate::profile::PdoName;
-use crate::wire::NodeId;
 
 /// Receives events in their order.
 ///
@@ -29,16 +27,14 @@ pub trait Observer {
 pub struct Preview {
     /// Index of the identifier on its bus, in order of appearance.
     pub identifier: usize,
-    /// Name of the PDO; `None` for a J1939 message.
-    pub pdo: Option<PdoName>,
-    /// Node of the PDO, or sender of the message.
-    pub node: NodeId,
     /// Number of the frame in the capture.
     pub frame: u64,
     /// Time of the frame.
     pub time: Timestamp,
     /// Monotonic time of the bus in ns.
     pub now: i64,
+    /// Payload, little-endian; unused bytes are 0.
+    pub payload: u64,
     /// Payload bits that differ from the last frame with the identifier; bit 0 is the lowest bit of byte 0.
     pub change: u64,
 }

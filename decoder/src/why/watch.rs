@@ -148,18 +148,25 @@ impl BusWatch {
         }
     }
 
-    /// Whether the event of a frame is needed: unchanged contents outside a moment are not.
-    pub(super) fn needs(&self, preview: &Preview) -> bool {
-        preview.change != 0 || self.open.is_some() || !self.idle.is_empty()
+    /// Whether the event of a PDO or message is needed: within a moment, and while a set point is without effect.
+    pub(super) fn needs(&self) -> bool {
+        self.open.is_some() || !self.idle.is_empty()
     }
 
-    /// Counts a frame with unchanged contents.
-    pub(super) fn skip(&mut self, preview: &Preview) {
+    /// Takes a PDO or message without an event.
+    pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
         self.time = Some(preview.time);
-        if let Some(pdo) = preview.pdo.filter(|pdo| pdo.direction == PdoDirection::Receive)
-            && let Some(node) = self.nodes.entry(preview.node)
-        {
+        let Some((pdo, node)) = bus.pdo_at(preview.identifier) else { return };
+        let is_received = pdo.direction == PdoDirection::Receive;
+        if preview.change == 0 && !is_received {
+            return;
+        }
+        let Some(node) = self.nodes.entry(node) else { return };
+        if is_received {
             node.beats.add(Rhythm::Rpdo(pdo), Some(preview.time), preview.frame);
+        }
+        if preview.change != 0 {
+            node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }
     }
 

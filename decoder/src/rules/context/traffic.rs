@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 
 use crate::event::{FrameRange, Pdo};
 use crate::frame::CanId;
+use crate::session::Preview;
 
 /// Number of intervals for one median.
 const INTERVALS: usize = 15;
@@ -41,6 +42,14 @@ pub struct PdoSlot {
     pub sync_step: u64,
     /// A remote frame requested the PDO.
     pub is_requested: bool,
+    /// Consecutive PDOs that fit two producers in turn: two contents at two intervals.
+    pub alternations: u32,
+    /// Payload, without unused bytes, and length of the last PDO and of the previous one; from the second PDO on.
+    contents: [(u64, u8); 2],
+    /// Data length of the last PDO.
+    length: u8,
+    /// Usual interval while the content was constant, before the second content.
+    alone: Option<i64>,
     /// Usual interval of PDOs with unchanged content; None if they are irregular or rare.
     period: Option<Period>,
     sync: u64,
@@ -82,6 +91,10 @@ impl PdoSlot {
             id,
             sync_step: 0,
             is_requested: false,
+            alternations: 0,
+            contents: [(0, 0); 2],
+            length: 0,
+            alone: None,
             period: None,
             sync: 0,
             intervals: [0; INTERVALS],
@@ -94,13 +107,10 @@ impl PdoSlot {
 
     /// Counts a PDO; whether median and period were determined again.
     #[inline]
-    pub(in crate::rules) fn take(
-        &mut self,
-        now: i64,
-        frame: u64,
-        (sync, resumed): (u64, u64),
-        is_unchanged: bool,
-    ) -> bool {
+    fn take(&mut self, pdo: &PdoFrame, (sync, resumed): (u64, u64), longest: i64) -> bool {
+        let (now, frame) = (pdo.now, pdo.frame);
+        let before = self.interval_before;
+        self.length = pdo.length;
         let is_successor = self.count > 0 && self.frames.0 >= resumed;
         self.interval_before = self.interval;
         self.interval = is_successor.then(|| now.saturating_sub(self.last));
@@ -111,6 +121,16 @@ impl PdoSlot {
         self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
         self.sync_step = sync.wrapping_sub(self.sync);
         self.sync = sync;
+        let is_learnt = self.measure(now, pdo.is_unchanged);
+        if self.count > 1 {
+            self.compare((pdo.payload, pdo.length), before, longest);
+        }
+        is_learnt
+    }
+
+    /// Adds the last interval; whether median and period were determined again.
+    #[inline]
+    fn measure(&mut self, now: i64, is_unchanged: bool) -> bool {
         if self.pause > 0 {
             self.pause -= 1;
             return false;
@@ -129,6 +149,61 @@ impl PdoSlot {
         }
         self.learn();
         true
+    }
+
+    /// Compares the content with the last two; `before` is the third last interval.
+    #[inline]
+    fn compare(&mut self, content: (u64, u8), before: Option<i64>, longest: i64) {
+        let [last, previous] = self.contents;
+        self.contents = [content, last];
+        if content == last {
+            self.alternations = 0;
+            return;
+        }
+        if content != previous {
+            self.alone = self.median.filter(|_| last == previous);
+            self.alternations = 0;
+            return;
+        }
+        let intervals = [self.interval, self.interval_before, before].map(|interval| interval.unwrap_or(0));
+        let goes_on = self.is_alternation(intervals, (content.0 ^ last.0).count_ones(), longest);
+        self.alternations = if goes_on { self.alternations.saturating_add(1) } else { 0 };
+    }
+
+    /// Whether intervals, latest first, fit two producers with contents that differ in so many bits.
+    fn is_alternation(&self, [interval, last, before]: [i64; 3], bits: u32, longest: i64) -> bool {
+        let period = interval.saturating_add(last);
+        let shorter = interval.min(last);
+        let jitter = period.unsigned_abs() / 20;
+        // One producer that alternates a single bit in a rounded period may reach 40 %; other contents do not depend on
+        // the phase.
+        let unequal = if bits > 1 { period / 20 * 9 } else { period / 5 * 2 };
+        // Two phases outside bursts, or a second producer in addition to a known one, at any phase; each with the same
+        // interval as one period ago.
+        period <= longest
+            && interval.abs_diff(before) < jitter
+            && ((shorter >= period / 10 && shorter < unequal)
+                || self.alone.is_some_and(|alone| alone.abs_diff(period) < jitter))
+    }
+}
+
+/// A PDO with its time in ns.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::rules) struct PdoFrame {
+    pub(in crate::rules) now: i64,
+    pub(in crate::rules) frame: u64,
+    /// Little-endian; unused bytes are 0.
+    pub(in crate::rules) payload: u64,
+    /// Data length in bytes.
+    pub(in crate::rules) length: u8,
+    pub(in crate::rules) is_unchanged: bool,
+}
+
+impl PdoFrame {
+    pub(in crate::rules) fn new(pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
+        let unused = 64 - 8 * u32::from(pdo.length.min(8));
+        let used = u64::MAX.checked_shr(unused).unwrap_or(0);
+        Self { now, frame, payload: pdo.word() & used, length: pdo.length, is_unchanged }
     }
 }
 
@@ -238,6 +313,8 @@ pub struct Traffic {
     resumed: u64,
     /// Index of the current PDO.
     current: Option<usize>,
+    /// Longest period of two contents in turn, in ns.
+    longest_period: i64,
 }
 
 impl Traffic {
@@ -245,6 +322,11 @@ impl Traffic {
     /// other.
     pub(in crate::rules) fn saw_hole(&mut self, resumed: u64) {
         self.resumed = resumed;
+    }
+
+    /// Before the first PDO; `longest_period` limits [`PdoSlot::alternations`], in ns.
+    pub(in crate::rules) fn new(longest_period: i64) -> Self {
+        Self { longest_period, ..Self::default() }
     }
 
     pub(in crate::rules) fn saw_sync(&mut self) {
@@ -257,9 +339,7 @@ impl Traffic {
     pub(in crate::rules) fn saw_pdo(
         &mut self,
         (pdo, identifier): (&Pdo, usize),
-        now: i64,
-        frame: u64,
-        is_unchanged: bool,
+        pdo_frame: &PdoFrame,
     ) -> bool {
         self.current = self.place(identifier).or_else(|| self.add(identifier, pdo.cob_id));
         let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return false };
@@ -267,14 +347,17 @@ impl Traffic {
             slot.is_requested = true;
             return false;
         }
-        slot.take(now, frame, (self.syncs, self.resumed), is_unchanged)
+        slot.take(pdo_frame, (self.syncs, self.resumed), self.longest_period)
     }
 
-    /// Counts a PDO with unchanged content by the index of its entry; whether new statistics of its intervals are known.
+    /// Counts a PDO of unchanged length by the index of its entry; whether median and period were determined again.
     #[inline]
-    pub(in crate::rules) fn saw_repetition(&mut self, place: usize, now: i64, frame: u64) -> bool {
-        let (syncs, resumed) = (self.syncs, self.resumed);
-        self.slots.get_mut(place).is_some_and(|slot| slot.take(now, frame, (syncs, resumed), true))
+    pub(in crate::rules) fn saw_skipped(&mut self, place: usize, preview: &Preview, now: i64) -> bool {
+        let Some(slot) = self.slots.get_mut(place) else { return false };
+        let (frame, payload, length) = (preview.frame, preview.payload, slot.length);
+        let is_unchanged = preview.change == 0;
+        let pdo = PdoFrame { now, frame, payload, length, is_unchanged };
+        slot.take(&pdo, (self.syncs, self.resumed), self.longest_period)
     }
 
     /// Index of the current PDO.
@@ -329,16 +412,32 @@ impl Traffic {
 mod tests {
     use super::*;
 
+    const fn pdo_at(now: i64, frame: u64, is_unchanged: bool) -> PdoFrame {
+        PdoFrame { now, frame, payload: 0, length: 0, is_unchanged }
+    }
+
+    #[test]
+    fn two_contents_at_two_intervals_alternate() {
+        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        // Contents 1 and 6 at intervals of 30 and 70; the first PDO is not compared.
+        for number in 0..20_i64 {
+            let now = number / 2 * 100 + number % 2 * 30;
+            let pdo = PdoFrame { payload: if number % 2 == 0 { 1 } else { 6 }, ..pdo_at(now, 1, false) };
+            slot.take(&pdo, (0, 0), 100);
+        }
+        // The contents of PDOs 2 and 3 are new, and so is the interval of PDO 4 as one of a period.
+        assert_eq!(slot.alternations, 16);
+        let repeated = PdoFrame { payload: 6, ..pdo_at(1_000, 1, true) };
+        slot.take(&repeated, (0, 0), 100);
+        assert_eq!(slot.alternations, 0);
+    }
+
     #[test]
     fn intervals_counts_and_the_median() {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16_u64 {
-            slot.take(
-                i64::try_from(number).unwrap() * 10 + i64::from(number == 7),
-                number,
-                (number / 4, 0),
-                false,
-            );
+            let now = i64::try_from(number).unwrap() * 10 + i64::from(number == 7);
+            slot.take(&pdo_at(now, number, false), (number / 4, 0), 0);
         }
         assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
         assert_eq!((slot.interval, slot.frames, slot.period_since(0)), (Some(10), (15, 14), None));
@@ -349,7 +448,7 @@ mod tests {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16 {
             let (time, is_unchanged) = pdo(number);
-            slot.take(time, number.unsigned_abs(), (0, 0), is_unchanged);
+            slot.take(&pdo_at(time, number.unsigned_abs(), is_unchanged), (0, 0), 0);
         }
         slot.period_since(i64::MIN)
     }

@@ -2,20 +2,22 @@
 
 mod interests;
 pub(super) mod names;
-mod repetitions;
+mod needs;
 pub(super) mod setup;
+mod short_path;
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use self::interests::Interests;
-use self::repetitions::RepetitionTable;
+use self::needs::NeedsTable;
 use self::setup::Setup;
 use super::context::meter::Meter;
-use super::context::traffic::Traffic;
+use super::context::traffic::{PdoFrame, Traffic};
 use super::context::{Context, LEDGER, Wake};
 use super::device::{self, DeviceRules};
+use super::general::longest_period;
 use super::ledger::causes::causes;
 use super::ledger::{GroupChange, Ledger, News, occurrence};
 use super::{REGISTRY, Rule};
@@ -70,7 +72,7 @@ struct BusJudge {
     /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
     wants: Vec<bool>,
     has_turned: bool,
-    repetitions: RepetitionTable,
+    needs: NeedsTable,
 }
 
 /// State that all rules of one bus share.
@@ -171,23 +173,6 @@ impl Engine {
         }
     }
 
-    /// Whether the rules need the event of a frame; see [`Observer::needs`].
-    #[inline]
-    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.quality.frames <= STAMPS_JUDGED
-            || !self.held.is_empty()
-            || !self.ledger.news.is_empty()
-            || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
-    }
-
-    /// Counts a frame whose event is not needed; see [`Observer::skip`].
-    #[inline]
-    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
-            judge.skip(preview, &mut self.ledger);
-        }
-    }
-
     /// Advances the time of a quiet live bus. Only the next frame shows whether the whole bus was silent,
     /// which suspends deadlines. Deadlines are therefore not checked while a silence is possible.
     pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
@@ -202,7 +187,7 @@ impl Engine {
     /// Ends the capture: closes open findings and returns all results.
     pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
-            judge.pass_on_all_repetitions(bus, &mut self.ledger);
+            judge.pass_on_all_skipped(bus, &mut self.ledger);
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
@@ -225,7 +210,7 @@ impl Engine {
     /// end are not among them. Costs a copy of all groups.
     pub fn so_far(&mut self, buses: Buses<'_>) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
-            judge.pass_on_all_repetitions(bus, &mut self.ledger);
+            judge.pass_on_all_skipped(bus, &mut self.ledger);
         }
         let mut ledger = self.ledger.clone();
         for bus in buses {
@@ -272,7 +257,7 @@ impl BusJudge {
     fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
         let shared = Shared {
             name: bus.name().into(),
-            traffic: Traffic::default(),
+            traffic: Traffic::new(longest_period(&setup.policy)),
             meter: Meter::new(bus.bit_rate()),
             is_tested: false,
             wakes: BinaryHeap::new(),
@@ -291,7 +276,7 @@ impl BusJudge {
             has_begun: false,
             wants: Vec::new(),
             has_turned: true,
-            repetitions: RepetitionTable::new(),
+            needs: NeedsTable::new(),
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
@@ -332,7 +317,7 @@ impl BusJudge {
                 // them.
                 self.shared.resumed = event.frames.last;
                 self.shared.traffic.saw_hole(event.frames.last);
-                self.repetitions.forget_all();
+                self.needs.forget_all();
                 let silence = self.shared.silence.saturating_add(gap);
                 self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
@@ -357,12 +342,11 @@ impl BusJudge {
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
         let identifier = bus.identifier_index(pdo.cob_id).unwrap_or(usize::MAX);
-        if self.repetitions.counted(identifier).is_some() {
-            self.pass_on_repetitions(identifier, bus, ledger);
+        if self.needs.counted(identifier).is_some() {
+            self.pass_on_skipped(identifier, bus, ledger);
         }
-        let pdo_and_place = (pdo, identifier);
-        self.shared.has_news =
-            self.shared.traffic.saw_pdo(pdo_and_place, self.shared.now, event.frames.last, event.routine);
+        let frame = PdoFrame::new(pdo, self.shared.now, event.frames.last, event.routine);
+        self.shared.has_news = self.shared.traffic.saw_pdo((pdo, identifier), &frame);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
             if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
@@ -371,78 +355,13 @@ impl BusJudge {
             }
         }
         if std::mem::take(&mut self.shared.has_news) {
-            self.repetitions.forget(identifier);
+            self.needs.forget(identifier);
         }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
-        } else if self.repetitions.is_unknown(identifier) && !event.presumed {
-            self.ask_for_repetitions(identifier, (pdo, event), bus, ledger);
+        } else if self.needs.is_unknown(identifier, bus.version_of(identifier)) {
+            self.ask_for_needs(identifier, event, bus, ledger);
         }
-    }
-
-    /// Whether the rules need the event of a frame with unchanged or changed payload.
-    #[inline]
-    fn needs(&self, preview: &Preview) -> bool {
-        let now = preview.now.saturating_sub(self.shared.silence);
-        preview.change != 0
-            || self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now)
-            || self.shared.meter.is_over()
-            || self.repetitions.needs(preview.identifier, now, self.shared.traffic.slots())
-    }
-
-    /// Counts a PDO whose event is not needed.
-    #[inline]
-    fn skip(&mut self, preview: &Preview, ledger: &mut Ledger) {
-        self.shared.now = preview.now.saturating_sub(self.shared.silence).max(self.shared.now);
-        let Some((statistics, passing)) = self.repetitions.skip(preview.identifier) else { return };
-        for rule in passing {
-            ledger.pass(*rule);
-        }
-        // Bounds of rules depend on the usual interval.
-        if self.shared.traffic.saw_repetition(statistics, self.shared.now, preview.frame) {
-            self.repetitions.forget(preview.identifier);
-        }
-    }
-
-    /// Passes the number of repetitions of an identifier to the rules that count them.
-    #[cold]
-    fn pass_on_repetitions(&mut self, identifier: usize, bus: &Bus, ledger: &mut Ledger) {
-        let Some(known) = self.repetitions.counted(identifier) else { return };
-        let (count, known) = (known.take_count(), *known);
-        let Some(slot) = self.shared.traffic.slots().get(known.statistics()).cloned() else { return };
-        let mut context = self.shared.context(bus, ledger);
-        for place in known.counting() {
-            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
-                (context.rule, context.place) = (*number, *place);
-                rule.repeated(&slot, count, &mut context);
-            }
-        }
-    }
-
-    /// Passes on all repetitions up to now.
-    fn pass_on_all_repetitions(&mut self, bus: &Bus, ledger: &mut Ledger) {
-        for identifier in 0..self.repetitions.len() {
-            self.pass_on_repetitions(identifier, bus, ledger);
-        }
-    }
-
-    /// Asks the rules what they need of the PDOs that repeat `event`.
-    #[cold]
-    fn ask_for_repetitions(
-        &mut self,
-        identifier: usize,
-        (pdo, event): (&Pdo, &Event),
-        bus: &Bus,
-        ledger: &mut Ledger,
-    ) {
-        let Some(statistics) = self.shared.traffic.current_place() else { return };
-        let context = self.shared.context(bus, ledger);
-        let rules = &self.rules;
-        let answers = self.interests.of_repetitions(pdo, event).iter().filter_map(|place| {
-            let instance = rules.get(usize::from(*place))?;
-            Some(((instance.number, *place), instance.rule.repetitions(event, &context)))
-        });
-        self.repetitions.store((identifier, statistics), answers);
     }
 
     fn other(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
@@ -463,10 +382,15 @@ impl BusJudge {
             }
         }
         if std::mem::take(&mut self.shared.has_news) {
-            self.repetitions.forget_all();
+            self.needs.forget_all();
         }
         if self.has_turned {
             self.ask_for_pdos();
+        } else if let EventKind::J1939Message(message) = &event.kind
+            && let Some(identifier) = bus.identifier_index(message.can_id)
+            && self.needs.is_unknown(identifier, bus.version_of(identifier))
+        {
+            self.ask_for_needs(identifier, event, bus, ledger);
         }
         if device::may_attach(&event.kind) {
             self.listen();
@@ -478,7 +402,7 @@ impl BusJudge {
     fn listen(&mut self) {
         if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
             self.interests.renew(0, kinds);
-            self.repetitions.forget_all();
+            self.needs.forget_all();
         }
     }
 
@@ -491,7 +415,7 @@ impl BusJudge {
             let wants = instance.rule.wants_pdos();
             if std::mem::replace(known, wants) != wants {
                 self.interests.want_pdos(place, wants);
-                self.repetitions.forget_all();
+                self.needs.forget_all();
             }
         }
     }
@@ -530,7 +454,7 @@ impl BusJudge {
         rule.wake(token, &mut context);
         self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
         if std::mem::take(&mut self.shared.has_news) {
-            self.repetitions.forget_all();
+            self.needs.forget_all();
         }
     }
 
@@ -542,7 +466,7 @@ impl BusJudge {
             call(&mut **rule, &mut context);
         }
         if std::mem::take(&mut self.shared.has_news) {
-            self.repetitions.forget_all();
+            self.needs.forget_all();
         }
         self.has_turned = true;
     }

@@ -62,7 +62,7 @@ pub use pending_node_id::PendingNodeId;
 pub(in crate::session) use plan::{IdentifierPlan, Plan, Recent};
 pub(in crate::session) use procedures::{ProcedureResult, RunningProcedure};
 pub(in crate::session) use restart::Restart;
-pub(in crate::session) use routes::{RouteOrigin, Service};
+pub(in crate::session) use routes::{IdentifierState, RouteOrigin, Service};
 pub use sdo_dialogues::SdoPairHint;
 pub use set_point::EmittedSetPoint;
 pub(in crate::session) use set_point::SetPointState;

@@ -12,12 +12,12 @@ use super::plan::IdentifierPlan;
 use super::pulse::Pulse;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::{CanId, Frame};
-use crate::profile::{Layout, Owner, PdoName, connection_set};
+use crate::profile::{Layout, Owner, PdoDirection, PdoName, connection_set};
 use crate::session::limits::EXTENDED_ID_LIMIT;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
-use crate::wire::j1939::J1939Id;
+use crate::wire::j1939::{J1939Id, NO_ADDRESS};
 
 /// Service of an identifier, with its node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +55,10 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) last: LastPayload,
     /// Payload bits that the session itself needs; `None` if it needs each frame.
     pub(in crate::session) needed: Option<u64>,
+    /// Index of the sender of a TPDO or J1939 message in tables by node; [`NO_SENDER`] for other services.
+    pub(in crate::session) sender: u16,
+    /// Number of the prepared event; it changes with node, service and layout.
+    pub(in crate::session) version: u32,
     /// Event of a PDO or J1939 message, updated in place to avoid one allocation per frame. It is that of the last frame
     /// that an observer needed.
     pub(in crate::session) prepared: Option<Box<Event>>,
@@ -79,11 +83,13 @@ impl Service {
 }
 
 impl IdentifierState {
-    const fn new(service: Service) -> Self {
+    fn new(service: Service) -> Self {
         Self {
             service,
             last: LastPayload::NONE,
             needed: None,
+            sender: sender(service),
+            version: 0,
             prepared: None,
             plan: None,
             cadence: None,
@@ -95,10 +101,29 @@ impl IdentifierState {
     /// Drops the prepared event; the next frame uses the present layout.
     pub(in crate::session) fn refresh(&mut self) {
         (self.prepared, self.needed) = (None, None);
+        self.version = self.version.wrapping_add(1);
+    }
+
+    /// Registers a frame at a monotonic time.
+    #[inline]
+    pub(in crate::session) fn hear(&mut self, now: i64) {
+        self.pulse.beat(now);
     }
 }
 
 const NO_SLOT: u16 = u16::MAX;
+
+/// No node has this index.
+const NO_SENDER: u16 = u16::MAX;
+
+fn sender(service: Service) -> u16 {
+    let node = match service {
+        Service::Pdo(name, node) if name.direction == PdoDirection::Transmit => node,
+        Service::J1939(id) if id.source < NO_ADDRESS => NodeId::J1939(id.source),
+        _ => return NO_SENDER,
+    };
+    u16::try_from(node.place()).unwrap_or(NO_SENDER)
+}
 
 /// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
@@ -268,7 +293,8 @@ impl Routes {
             return;
         }
         if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
-            *slot = IdentifierState::new(service);
+            let version = slot.version.wrapping_add(1);
+            *slot = IdentifierState { version, ..IdentifierState::new(service) };
         }
     }
 

@@ -135,6 +135,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         event.routine = false;
         (entry.last, entry.needed) = (LastPayload::of(frame), needed);
+        entry.version = entry.version.wrapping_add(1);
         let before = entry.plan.take();
         entry.prepared = Some(Box::new(event));
         entry.plan = plan.map(|plan| {

@@ -8,7 +8,7 @@ use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outco
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, PdoSlot, Policy, Repetitions, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
@@ -232,17 +232,21 @@ fn milliseconds(time: i64) -> String {
 }
 
 impl Rule for CommandGap {
-    fn repetitions(&self, event: &Event, context: &Context<'_>) -> Repetitions {
-        if event.presumed {
-            return Repetitions::Needed;
+    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+        if let EventKind::J1939Message(message) = &event.kind {
+            let is_awaited = self.awaited.get(&message.can_id).is_some_and(|awaited| awaited.of.is_some());
+            return if is_awaited { Need::EACH } else { Need::NOTHING };
         }
-        let Some(slot) = context.traffic.current() else { return Repetitions::Needed };
+        if event.presumed {
+            return Need::EACH;
+        }
+        let Some(slot) = context.traffic.current() else { return Need::EACH };
         let stream = self.streams.get(slot.place).filter(|stream| stream.regular >= REGULAR);
         match (slot.median, stream) {
             (Some(median), Some(_)) => {
-                Repetitions::Passed { shortest: median / 2, longest: median.saturating_mul(2) }
+                Need { shortest: median / 2, longest: median.saturating_mul(2), ..Need::PASSED }
             }
-            _ => Repetitions::Needed,
+            _ => Need::EACH,
         }
     }
 

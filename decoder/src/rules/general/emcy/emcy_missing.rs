@@ -4,7 +4,7 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Repetitions, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
 
@@ -70,10 +70,10 @@ fn is_short(pdo: &Pdo) -> bool {
 }
 
 impl Rule for EmcyMissing {
-    fn repetitions(&self, event: &Event, _context: &Context<'_>) -> Repetitions {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
         match &event.kind {
-            EventKind::Pdo(pdo) if !is_short(pdo) => Repetitions::Ignored,
-            _ => Repetitions::Needed,
+            EventKind::Pdo(pdo) if !is_short(pdo) => Need::NOTHING,
+            _ => Need::EACH,
         }
     }
 

@@ -5,7 +5,7 @@ use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Repetitions, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -156,11 +156,11 @@ impl PdoOutsideOperational {
 }
 
 impl Rule for PdoOutsideOperational {
-    fn repetitions(&self, event: &Event, _context: &Context<'_>) -> Repetitions {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
         match event.node {
-            Some(node) if self.silent.contains(node) => Repetitions::Needed,
-            Some(node) if self.operational.contains(node) => Repetitions::PASSED,
-            _ => Repetitions::Ignored,
+            Some(node) if self.silent.contains(node) => Need::EACH,
+            Some(node) if self.operational.contains(node) => Need::PASSED,
+            _ => Need::NOTHING,
         }
     }
 

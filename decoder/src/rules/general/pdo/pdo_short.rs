@@ -5,7 +5,7 @@ use crate::finding::About;
 use crate::profile::PdoDirection;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Repetitions, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -36,12 +36,12 @@ fn new(_policy: &Policy) -> PdoShort {
 }
 
 impl Rule for PdoShort {
-    fn repetitions(&self, event: &Event, _context: &Context<'_>) -> Repetitions {
-        let EventKind::Pdo(pdo) = &event.kind else { return Repetitions::Needed };
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        let EventKind::Pdo(pdo) = &event.kind else { return Need::EACH };
         match mapped_bytes(pdo) {
-            None => Repetitions::Ignored,
-            Some(mapped) if u16::from(pdo.length) >= mapped => Repetitions::PASSED,
-            Some(_) => Repetitions::Needed,
+            None => Need::NOTHING,
+            Some(mapped) if u16::from(pdo.length) >= mapped => Need::PASSED,
+            Some(_) => Need::EACH,
         }
     }
 
