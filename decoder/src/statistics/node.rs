@@ -76,7 +76,9 @@ impl NodeStatistics {
     /// Counts an event of this node.
     pub fn event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
-        self.first_frame = self.first_frame.or_else(|| Some((FirstFrame::of(event)?, time)));
+        if self.first_frame.is_none() {
+            self.first_frame = FirstFrame::of(event).map(|first| (first, time));
+        }
         self.reactions.event(event);
         match &event.kind {
             EventKind::Heartbeat { .. } => self.beat(time),
