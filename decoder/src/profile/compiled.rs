@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use serde::de::value::BorrowedStrDeserializer;
+use serde::de::value::{BorrowedStrDeserializer, MapAccessDeserializer};
 use serde::de::{
     DeserializeSeed, EnumAccess, Error as _, IntoDeserializer, MapAccess, SeqAccess, VariantAccess, Visitor,
 };
@@ -26,12 +26,57 @@ pub(super) fn read<'de, T: Deserialize<'de>>(compiled: &'de [u8]) -> Result<T, E
     T::deserialize(Bytes(compiled).value()?)
 }
 
+/// As [`read`], without the value of the key `omitted` in the outermost table.
+pub(super) fn read_without<'de, T: Deserialize<'de>>(
+    compiled: &'de [u8],
+    omitted: &'static str,
+) -> Result<T, Error> {
+    let value = Bytes(compiled).value()?;
+    T::deserialize(MapAccessDeserializer::new(Items { bytes: Bytes(value.content), omitted: Some(omitted) }))
+}
+
+/// Elements of the list that is the value of `key` in the outermost table; empty if the key is missing.
+pub(super) fn elements<'de>(compiled: &'de [u8], key: &str) -> Result<Vec<CompiledValue<'de>>, Error> {
+    let mut table = Bytes(Bytes(compiled).value()?.content);
+    while !table.0.is_empty() {
+        let (found, value) = (table.text()?, table.value()?);
+        if found == key {
+            let mut list = Bytes(value.content);
+            let mut elements = Vec::new();
+            while !list.0.is_empty() {
+                elements.push(CompiledValue(list.value()?));
+            }
+            return Ok(elements);
+        }
+    }
+    Ok(Vec::new())
+}
+
+/// A value that is read later.
+#[derive(Debug)]
+pub(super) struct CompiledValue<'de>(Value<'de>);
+
+impl<'de> CompiledValue<'de> {
+    /// Deserializes the value.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub(super) fn read<T: Deserialize<'de>>(&self) -> Result<T, Error> {
+        T::deserialize(self.0.clone())
+    }
+
+    /// Whether the content contains a text: a key, or a part of one or of a string.
+    pub(super) fn contains(&self, text: &str) -> bool {
+        memchr::memmem::find(self.0.content, text.as_bytes()).is_some()
+    }
+}
+
 /// Sequence of compiled values.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Bytes<'de>(&'de [u8]);
 
 /// A compiled value.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 struct Value<'de> {
     tag: u8,
     span: Range<usize>,
@@ -90,8 +135,8 @@ impl<'de> Deserializer<'de> for Value<'de> {
             b'i' => visitor.visit_i64(i64::from_le_bytes(self.eight()?)),
             b'f' => visitor.visit_f64(f64::from_le_bytes(self.eight()?)),
             b'b' => visitor.visit_bool(self.content == [1]),
-            b'a' => visitor.visit_seq(Items(Bytes(self.content))),
-            b't' => visitor.visit_map(Items(Bytes(self.content))),
+            b'a' => visitor.visit_seq(Items::of(self.content)),
+            b't' => visitor.visit_map(Items::of(self.content)),
             tag => Err(Error::custom(format!("compiled file: unknown tag {tag}"))),
         }
     }
@@ -157,16 +202,26 @@ impl<'de> IntoDeserializer<'de, Error> for Value<'de> {
 }
 
 /// Content of an array or a table.
-struct Items<'de>(Bytes<'de>);
+struct Items<'de> {
+    bytes: Bytes<'de>,
+    /// Key that is skipped.
+    omitted: Option<&'static str>,
+}
+
+impl<'de> Items<'de> {
+    fn of(content: &'de [u8]) -> Self {
+        Self { bytes: Bytes(content), omitted: None }
+    }
+}
 
 impl<'de> SeqAccess<'de> for Items<'de> {
     type Error = Error;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
-        if self.0.0.is_empty() {
+        if self.bytes.0.is_empty() {
             return Ok(None);
         }
-        seed.deserialize(self.0.value()?).map(Some)
+        seed.deserialize(self.bytes.value()?).map(Some)
     }
 }
 
@@ -174,15 +229,23 @@ impl<'de> MapAccess<'de> for Items<'de> {
     type Error = Error;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Error> {
-        if self.0.0.is_empty() {
+        if self.bytes.0.is_empty() {
             return Ok(None);
         }
-        let key: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(self.0.text()?);
+        let mut key = self.bytes.text()?;
+        if self.omitted == Some(key) {
+            self.bytes.value()?;
+            if self.bytes.0.is_empty() {
+                return Ok(None);
+            }
+            key = self.bytes.text()?;
+        }
+        let key: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(key);
         seed.deserialize(key).map(Some)
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Error> {
-        seed.deserialize(self.0.value()?)
+        seed.deserialize(self.bytes.value()?)
     }
 }
 
@@ -261,6 +324,23 @@ mod tests {
         assert_eq!((thing.name.get_ref().as_str(), thing.name.span()), ("a", 7..10));
         assert_eq!(thing.shapes, [Shape::Round, Shape::Square(-2)]);
         assert_eq!((thing.weight, thing.light), (Some(0.5), true));
+    }
+
+    #[test]
+    fn a_list_is_read_apart_from_its_table() {
+        #[derive(Debug, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct WithoutShapes {
+            name: String,
+            weight: f64,
+            light: bool,
+        }
+        let rest: WithoutShapes = read_without(THING, "shapes").unwrap();
+        assert_eq!(rest, WithoutShapes { name: "a".into(), weight: 0.5, light: true });
+        let shapes: Vec<Shape> =
+            elements(THING, "shapes").unwrap().iter().map(|shape| shape.read().unwrap()).collect();
+        assert_eq!(shapes, [Shape::Round, Shape::Square(-2)]);
+        assert!(elements(THING, "colours").unwrap().is_empty());
     }
 
     #[test]

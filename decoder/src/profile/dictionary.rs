@@ -1,11 +1,12 @@
 //! Objects by address, from the device profile and the standards that it extends.
 
-use std::ops::{Deref, Range};
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::data_type::DataType;
 use super::error_texts::ErrorTexts;
 use super::formula::formula;
+use super::layer::Layer;
 use super::object::{
     Access, DefaultValue, Effect, Format, Interpretation, ObjectCondition, Repeat, Scale, Storage,
     VariantFilter,
@@ -73,7 +74,7 @@ pub struct Entry {
 }
 
 /// Max repeats expanded for objects that decide the meaning or the identifiers of others.
-const MOST_REPEATS: u16 = 1024;
+pub(super) const MOST_REPEATS: u16 = 1024;
 
 /// Objects of one or several documents; the first definition of an address takes precedence.
 #[derive(Debug, Clone, Default)]
@@ -81,41 +82,6 @@ pub struct Dictionary {
     pub(super) layers: Vec<Arc<Layer>>,
     /// Texts of the device's error codes.
     pub(super) errors: ErrorTexts,
-}
-
-/// Objects of one document, in file order.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Layer {
-    objects: Vec<Object>,
-    /// First and last index of each object, stored contiguously because every transfer searches them.
-    spans: Vec<(u16, u16)>,
-}
-
-impl Layer {
-    pub(super) fn new(objects: Vec<Object>) -> Self {
-        let spans = objects.iter().map(|object| (object.index, object.last_index())).collect();
-        Self { objects, spans }
-    }
-
-    /// Objects with this index, with their repeat number.
-    fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
-        let near = self.spans.iter().zip(&self.objects);
-        let near = near.filter(move |((first, last), _)| (*first..=*last).contains(&index));
-        near.filter_map(move |(_, object)| Some((object, object.nth(index)?)))
-    }
-
-    /// Whether the layer describes this entry.
-    pub(super) fn has(&self, address: ObjectAddress) -> bool {
-        self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
-    }
-}
-
-impl Deref for Layer {
-    type Target = [Object];
-
-    fn deref(&self) -> &[Object] {
-        &self.objects
-    }
 }
 
 /// Definition of an address: object, entry if the sub-index is described, repeat number.
@@ -154,13 +120,8 @@ impl Dictionary {
     /// Addresses with sub-index 0 or 1 that have a default and that `picks` accepts, ascending.
     pub fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
         let mut found = Vec::new();
-        for object in self.layers.iter().flat_map(|layer| layer.iter()) {
-            let delivered = |sub: &u8| object.entry(*sub).is_some_and(|entry| entry.default.is_some());
-            for sub in [0, 1].into_iter().filter(delivered) {
-                let indexes = (0..object.repeat.count.min(MOST_REPEATS))
-                    .map(|nth| object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride)));
-                found.extend(indexes.map(|index| ObjectAddress::new(index, sub)).filter(|it| picks(*it)));
-            }
+        for layer in &self.layers {
+            layer.defaults(&picks, &mut found);
         }
         found.sort_unstable();
         found.dedup();
@@ -179,7 +140,7 @@ impl Dictionary {
 
     /// Objects of the device profile itself.
     pub fn own(&self) -> &[Object] {
-        self.layers.first().map_or(&[], |layer| layer)
+        self.layers.first().map_or(&[], |layer| layer.objects())
     }
 }
 
@@ -193,12 +154,6 @@ impl Object {
         let Repeat { count, stride, .. } = self.repeat;
         let nth = distance.checked_div(stride)?;
         (distance % stride == 0 && nth < count).then_some(nth)
-    }
-
-    /// Index of the last repeat.
-    fn last_index(&self) -> u16 {
-        let Repeat { count, stride, .. } = self.repeat;
-        self.index.saturating_add(count.saturating_sub(1).saturating_mul(stride))
     }
 
     /// Entry with a sub-index.
