@@ -94,7 +94,7 @@ impl Layer {
     ///
     /// # Errors
     /// An object without a valid index or repeat.
-    pub(super) fn compiled(profile: &'static [u8], tables: Tables) -> Result<Self, Error> {
+    pub(super) fn compiled(profile: &'static str, tables: Tables) -> Result<Self, Error> {
         let values = compiled::elements(profile, OBJECTS)?;
         let mut positions = Positions::default();
         for value in &values {

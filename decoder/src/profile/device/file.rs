@@ -90,7 +90,7 @@ impl ProfileFile {
     ///
     /// # Errors
     /// Same as [`Self::parse`]; a test proves that none occur.
-    pub(in crate::profile) fn compiled(compiled: &'static [u8], text: &str) -> Result<Self, Vec<TextError>> {
+    pub(in crate::profile) fn compiled(compiled: &'static str, text: &str) -> Result<Self, Vec<TextError>> {
         let wrong = |error: toml::de::Error| vec![TextError::of_toml(text, &error)];
         let mut file: RawProfileFile = compiled::read_without(compiled, OBJECTS).map_err(wrong)?;
         let objects = Layer::compiled(compiled, file.take_tables()).map_err(wrong)?;
