@@ -85,6 +85,11 @@ impl Quality {
 
     /// Counts an event.
     pub fn event(&mut self, event: &Event) {
+        // The most frequent kinds concern only their node.
+        if matches!(event.kind, EventKind::Pdo(_) | EventKind::Heartbeat { .. } | EventKind::J1939Message(_))
+        {
+            return;
+        }
         if is_evidence(&event.kind) {
             self.holes.event(event);
         }
