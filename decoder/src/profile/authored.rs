@@ -9,7 +9,7 @@ use serde::de::{Deserializer, SeqAccess, Visitor};
 use toml::Spanned;
 
 use super::data_type::DataType;
-use super::dictionary::{Entry, Object};
+use super::entry::{Entry, Object};
 use super::names::{BitNames, Names, Shared};
 use super::object::{
     Access, DefaultValue, Effect, Format, Interpretation, ONCE, ObjectCondition, Repeat, Role, Scale,

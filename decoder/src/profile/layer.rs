@@ -8,7 +8,7 @@ use toml::de::Error;
 
 use super::authored::{self, AuthoredEntry, Tables};
 use super::compiled::{self, CompiledValue};
-use super::dictionary::{MOST_REPEATS, Object};
+use super::entry::{MOST_REPEATS, Object};
 use super::object::Repeat;
 use crate::wire::canopen::ObjectAddress;
 

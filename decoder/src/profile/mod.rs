@@ -16,6 +16,7 @@ pub mod device;
 pub mod device_file;
 mod dictionary;
 mod embedded;
+mod entry;
 mod error_texts;
 mod formula;
 pub mod imported;
@@ -40,7 +41,8 @@ pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, Value};
 pub use device::Device;
-pub use dictionary::{Dictionary, Entry, Object, ResolvedObject};
+pub use dictionary::{Dictionary, ResolvedObject};
+pub use entry::{Entry, Object};
 pub use error_texts::{ErrorTexts, suggested_error_text};
 pub use formula::formula;
 pub use layout::{

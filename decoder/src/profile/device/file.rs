@@ -13,7 +13,7 @@ use super::{
 };
 use crate::profile::authored::{self, AuthoredEntry, Tables, TextProblem};
 use crate::profile::compiled;
-use crate::profile::dictionary::Object;
+use crate::profile::entry::Object;
 use crate::profile::layer::{Layer, OBJECTS};
 use crate::profile::names::{BitNames, Names};
 use crate::profile::position::TextError;

@@ -47,7 +47,8 @@ pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::deciding::DecidingObjects;
-use super::dictionary::{Dictionary, Object};
+use super::dictionary::Dictionary;
+use super::entry::Object;
 use super::error_texts::{self, ErrorTexts};
 use crate::wire::canopen::ObjectAddress;
 
