@@ -25,7 +25,7 @@ pub(super) struct Layer {
 /// Indexes of all objects, stored contiguously because every transfer searches them.
 #[derive(Debug, Clone, Default)]
 struct Positions {
-    /// First and last index of each object.
+    /// First index of each object, and distance from it to the last index.
     spans: Vec<(u16, u16)>,
     /// Number of repeats and distance of their indexes.
     repeats: Vec<(u16, u16)>,
@@ -33,15 +33,18 @@ struct Positions {
 
 impl Positions {
     fn push(&mut self, index: u16, Repeat { count, stride, .. }: Repeat) {
-        let last = index.saturating_add(count.saturating_sub(1).saturating_mul(stride));
-        self.spans.push((index, last));
+        let distance = count.saturating_sub(1).saturating_mul(stride);
+        self.spans.push((index, distance.min(u16::MAX - index)));
         self.repeats.push((count, stride));
     }
 
     /// Positions of the objects that can have this index.
     fn at(&self, index: u16) -> impl Iterator<Item = usize> {
         let spans = self.spans.iter().enumerate();
-        spans.filter(move |(_, (first, last))| (*first..=*last).contains(&index)).map(|(place, _)| place)
+        // A lower index wraps around to more than any distance.
+        spans
+            .filter(move |(_, (first, distance))| index.wrapping_sub(*first) <= *distance)
+            .map(|(place, _)| place)
     }
 }
 
