@@ -89,7 +89,9 @@ struct PositionKeys {
 impl Layer {
     pub(super) fn new(objects: Vec<Object>) -> Self {
         let mut positions = Positions::default();
-        objects.iter().for_each(|object| positions.push(object.index, object.repeat));
+        for object in &objects {
+            positions.push(object.index, object.repeat);
+        }
         Self { positions, content: Content::Read(objects) }
     }
 

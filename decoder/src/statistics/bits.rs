@@ -170,7 +170,9 @@ impl Header {
                 let bits = id >> 18 << 27 | 0b11 << 25 | (id & 0x3_FFFF) << 7 | end;
                 let [last, fourth, third, second, first, ..] = bits.to_le_bytes();
                 stuffing.send(&STUFF_PART, 1 << 7 | first);
-                [second, third, fourth].iter().for_each(|byte| stuffing.send(&STUFF, *byte));
+                for byte in [second, third, fourth] {
+                    stuffing.send(&STUFF, byte);
+                }
                 let upper = crc_of(first, following + 4) ^ crc_of(second, following + 3);
                 (upper ^ crc_of(third, following + 2) ^ crc_of(fourth, following + 1), 39, last)
             }

@@ -72,7 +72,9 @@ mod tests {
         // Node-ID 0 and address 255 are not valid.
         let nodes = [NodeId::J1939(3), NodeId::Canopen(0), NodeId::Canopen(7), NodeId::J1939(255)];
         for _ in 0..2 {
-            nodes.iter().for_each(|node| table.entry(*node).unwrap().boots += 1);
+            for node in nodes {
+                table.entry(node).unwrap().boots += 1;
+            }
         }
         let sorted = [NodeId::Canopen(0), NodeId::Canopen(7), NodeId::J1939(3), NodeId::J1939(255)];
         assert_eq!(

@@ -169,7 +169,7 @@ fn load(input: &[u8; WINDOW], at: usize) -> Option<u64> {
 fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
     let [first, second, third, mark] = *input.get(start..)?.first_chunk()?;
     if mark == b'#' {
-        let [first, second, third] = [first, second, third].map(|digit| digit_value(digit));
+        let [first, second, third] = [first, second, third].map(digit_value);
         let id = first << 8 | second << 4 | third;
         let [low, high, ..] = id.to_le_bytes();
         return (id <= 0x7FF).then_some((CanId::Standard(u16::from_le_bytes([low, high])), start + 4));
