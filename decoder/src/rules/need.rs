@@ -12,6 +12,8 @@ pub struct Need {
     pub(super) longest: i64,
     /// The rule needs the event if so many PDOs have fitted two producers in turn.
     pub(super) alternations: u32,
+    /// The rule needs the event of this PDO, counted from the next one.
+    pub(super) frames: u32,
     /// Each PDO without an event counts as a check without a defect.
     pub(super) is_passed: bool,
     /// The rule takes the number of PDOs without an event before the next event.
@@ -25,6 +27,7 @@ impl Need {
         shortest: i64::MIN,
         longest: i64::MAX,
         alternations: u32::MAX,
+        frames: u32::MAX,
         is_passed: false,
         is_counted: false,
     };

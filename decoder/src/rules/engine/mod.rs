@@ -345,6 +345,9 @@ impl BusJudge {
         if self.needs.counted(identifier).is_some() {
             self.pass_on_skipped(identifier, bus, ledger);
         }
+        if !pdo.is_request {
+            self.needs.hear(identifier);
+        }
         let frame = PdoFrame::new(pdo, self.shared.now, event.frames.last, event.routine);
         self.shared.has_news = self.shared.traffic.saw_pdo((pdo, identifier), &frame);
         let mut context = self.shared.context(bus, ledger);

@@ -71,6 +71,7 @@ impl NeedsOf {
         all.shortest = all.shortest.max(need.shortest);
         all.longest = all.longest.min(need.longest);
         all.alternations = all.alternations.min(need.alternations);
+        all.frames = all.frames.min(need.frames);
         let is_listed = (!need.is_passed || self.passed.add(rule.number))
             && (!need.is_counted || self.counting.add(rule.place));
         if !is_listed {
@@ -147,6 +148,15 @@ impl NeedsTable {
         interval < known.need.shortest
             || interval > known.need.longest
             || pdo.alternations.saturating_add(1) >= known.need.alternations
+            || known.need.frames <= 1
+    }
+
+    /// Counts a PDO with an event.
+    #[inline]
+    pub(super) fn hear(&mut self, identifier: usize) {
+        if let Some(known) = self.identifiers.get_mut(identifier) {
+            known.need.frames = known.need.frames.saturating_sub(1);
+        }
     }
 
     /// Counts a frame without an event.
@@ -154,6 +164,7 @@ impl NeedsTable {
     pub(super) fn skip(&mut self, identifier: usize) -> Option<SkippedFrame<'_>> {
         let known = self.identifiers.get_mut(identifier)?;
         known.count = known.count.saturating_add(1);
+        known.need.frames = known.need.frames.saturating_sub(1);
         Some(SkippedFrame {
             statistics: known.statistics(),
             passed: known.passed.all(),
@@ -269,6 +280,16 @@ mod tests {
         assert_eq!([1, 2, 4, 8].map(|bits| is_needed(&needs, 10, bits)), [false, true, true, false]);
         assert!(is_needed(&table(&[(Need { alternations: 1, ..Need::NOTHING }, false)]), 10, 0));
         assert!(!is_needed(&table(&[(Need { alternations: 2, ..Need::NOTHING }, false)]), 10, 0));
+    }
+
+    #[test]
+    fn the_third_pdo_is_needed() {
+        let mut table = table(&[(Need { frames: 3, ..Need::NOTHING }, false)]);
+        assert!(!is_needed(&table, 10, 0));
+        table.skip(2);
+        assert!(!is_needed(&table, 10, 0));
+        table.hear(2);
+        assert!(is_needed(&table, 10, 0));
     }
 
     #[test]
