@@ -7,11 +7,13 @@ mod codes;
 mod distribution;
 mod first_frame;
 mod holes;
+mod identifier_index;
 mod identifiers;
 mod intervals;
 mod j1939;
 mod load;
 mod node;
+mod node_table;
 mod quality;
 mod reactions;
 mod span;
@@ -69,11 +71,15 @@ impl Statistics {
 
     fn bus(&mut self, index: u8) -> &mut BusStatistics {
         let place = usize::from(index);
-        while self.buses.len() <= place {
-            self.buses.push(BusStatistics::default());
+        if self.buses.len() <= place {
+            self.add_buses(place);
         }
-        // The loop ensures that the index exists.
-        #[expect(clippy::indexing_slicing, reason = "ensured by the loop above")]
+        #[expect(clippy::indexing_slicing, reason = "ensured by `add_buses`")]
         &mut self.buses[place]
+    }
+
+    #[cold]
+    fn add_buses(&mut self, last: usize) {
+        self.buses.resize_with(last + 1, BusStatistics::default);
     }
 }

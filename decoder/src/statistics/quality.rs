@@ -84,7 +84,16 @@ impl Quality {
     }
 
     /// Counts an event.
+    #[inline]
     pub fn event(&mut self, event: &Event) {
+        // The most frequent kinds concern only their node.
+        if !matches!(event.kind, EventKind::Pdo(_) | EventKind::Heartbeat { .. } | EventKind::J1939Message(_))
+        {
+            self.event_of_capture(event);
+        }
+    }
+
+    fn event_of_capture(&mut self, event: &Event) {
         if is_evidence(&event.kind) {
             self.holes.event(event);
         }
