@@ -56,7 +56,9 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     let leading = (digits.trailing_zeros() / 8).min(7);
     let kept = u64::MAX << (leading * 8);
     let text = (digits | each(b'0')) & kept | each(b' ') & !kept;
-    push_blanks(out, width, 8);
+    if width > 8 {
+        push_blanks(out, width, 8);
+    }
     let length = width.clamp(8 - leading as usize, 8);
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
@@ -134,14 +136,20 @@ pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
 /// Powers of ten.
 const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, PART];
 
-/// Appends a number below 10^9 with nine digits.
+/// The digits of a number below 10^9, with leading zeros.
 #[inline]
-pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
+pub(crate) fn nine_digits(value: u64) -> [u8; 9] {
     let mut text = [b'0' | (value % 10).to_le_bytes()[0]; 9];
     if let Some(first) = text.first_chunk_mut() {
         *first = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
     }
-    out.extend_from_slice(&text);
+    text
+}
+
+/// Appends a number below 10^9 with nine digits.
+#[inline]
+pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
+    out.extend_from_slice(&nine_digits(value));
 }
 
 /// Appends the last `digits` digits, at most eight, of a number below 100,000,000.

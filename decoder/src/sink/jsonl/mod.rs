@@ -1,8 +1,8 @@
 //! JSON Lines: one object per event, with the keys of `docs/events.schema.json`.
 
 pub(super) mod object;
-mod prepared;
 mod signals;
+mod templates;
 
 use std::io::{self, Write};
 
@@ -11,7 +11,7 @@ use crate::event::Event;
 use crate::query::record::visit;
 use crate::session::Bus;
 use object::{Marks, Object};
-use prepared::LineCache;
+use templates::LineTemplates;
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "jsonl",
@@ -71,7 +71,7 @@ impl<W: Write> EventSink for Jsonl<W> {
 #[derive(Default)]
 pub(super) struct Lines {
     capture: Option<String>,
-    prepared: LineCache,
+    templates: LineTemplates,
     line: Vec<u8>,
 }
 
@@ -79,18 +79,18 @@ impl Lines {
     /// Adds the capture name to every following line.
     pub(super) fn set_capture(&mut self, capture: &str) {
         self.capture = Some(capture.to_owned());
-        self.prepared = LineCache::default();
+        self.templates = LineTemplates::default();
     }
 
     /// The line of an event, with its line end.
     // Not `#[inline]`: the calling crate would compile it at its own optimisation level.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
-        self.line.clear();
-        if !self.prepared.write(event, bus, &mut self.line) {
-            self.line.clear();
-            let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
-            self.prepared.learn(event, bus, &self.line, marks);
+        if let Some(place) = self.templates.fill(event, bus) {
+            return self.templates.line(place);
         }
+        self.line.clear();
+        let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
+        self.templates.learn(event, bus, &self.line, marks);
         &self.line
     }
 }

@@ -2,7 +2,7 @@
 
 use jiff::tz::TimeZone;
 
-use crate::ascii::{push_blanks, push_decimal, push_digits};
+use crate::ascii::{push_blanks, push_decimal, push_digits, push_padded};
 use crate::frame::Timestamp;
 use crate::sink::options::TimeColumn;
 
@@ -68,13 +68,15 @@ fn seconds<const DIGITS: u32>(nanoseconds: i64, width: usize, out: &mut Vec<u8>)
     let per_second = const { 10_u64.pow(DIGITS) };
     let cut = nanoseconds.unsigned_abs() / const { 10_u64.pow(9 - DIGITS) };
     let (whole, fraction) = (cut / per_second, cut % per_second);
-    let whole_digits = whole.checked_ilog10().map_or(1, |log| log + 1);
-    let length = (u32::from(nanoseconds < 0) + whole_digits + 1 + DIGITS) as usize;
-    push_blanks(out, width, length);
+    let width = width.saturating_sub(1 + DIGITS as usize);
     if nanoseconds < 0 {
+        let digits = whole.checked_ilog10().map_or(1, |log| log as usize + 1);
+        push_blanks(out, width, digits + 1);
         out.push(b'-');
+        push_decimal(out, whole);
+    } else {
+        push_padded(out, whole, width);
     }
-    push_decimal(out, whole);
     out.push(b'.');
     push_digits(out, fraction, DIGITS as usize);
 }

@@ -1,19 +1,21 @@
-//! Cached parts of repeated lines: PDO, heartbeat, guarding and SYNC, which make up most of a capture.
+//! Templates of repeated lines: PDO, heartbeat, guarding and SYNC, which make up most of a capture.
 //!
 //! ```text
 //! {"t":1700000000.123456000,"bus":"can0","frames":[118,118],"kind":"pdo",…,"cob_id":"185","data":"0102"}
-//!      └ cached ┘└ digits ┘└──── head of the bus ────┘└ digits ┘└──── tail of the event ───────┘└ hex ┘
+//!      └ seconds┘ └nanos ─┘                        └frames─┘                                      └ payload, signals
 //! ```
 //!
-//! Head and tail are cut from a line of the general writer, so they cannot differ from it. The key of a tail
-//! contains everything that determines the tail. A property test compares whole lines.
+//! A template is a line of the general writer. The next line of the same key overwrites the marked parts, so all
+//! others cannot differ from the general writer. The key and the names in a template determine these other parts.
+//! If a number has more digits than in the template, the general writer writes a new template. A property test
+//! compares whole lines.
 
 use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
-use crate::ascii::{push_decimal, push_hex, push_hex_word, push_nine, push_part, push_seconds, push_twice};
-use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
+use crate::ascii::{nine_digits, push_decimal, push_hex, push_hex_word, push_twice};
+use crate::event::{Event, EventKind, Pdo, Protocol};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::{Layout, PdoName};
 use crate::query::record::signals;
@@ -21,16 +23,22 @@ use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
-/// Slots for the tails of PDOs; each predefined COB-ID (0x180 to 0x57F) has its own slot.
-const PDO_TAILS: usize = 1024;
+/// Slots for PDOs; each predefined COB-ID (0x180 to 0x57F) has its own slot.
+const PDO_SLOTS: usize = 1024;
 
-/// Slots for all other tails.
-const OTHER_TAILS: usize = 256;
+/// Slots for all other events.
+const OTHER_SLOTS: usize = 256;
 
-/// Maximum length of the cached `{"t":` and seconds, in bytes.
-const SECOND_TEXT: usize = 32;
+/// Nanoseconds per second.
+const SECOND: u64 = 1_000_000_000;
 
-/// Everything that determines a tail, except the node name.
+/// Decimals of a time.
+const DECIMALS: usize = 9;
+
+/// Length of `{"t":`, in bytes.
+const SECONDS_START: usize = 5;
+
+/// Everything that determines the constant parts of a line, except names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
     protocol: Protocol,
@@ -48,46 +56,37 @@ enum PreparedKey {
     Sync { counter: Option<u8>, expected: Option<u8> },
 }
 
-#[derive(Default)]
-struct Tail {
-    key: Option<Key>,
-    node_name: Option<Box<str>>,
-    text: Vec<u8>,
+/// Names that occur in a line.
+#[derive(Debug, PartialEq, Eq)]
+struct Names<T> {
+    bus: T,
+    node: Option<T>,
+    device: Option<T>,
+}
+
+/// Last line with its key and names.
+struct Template {
+    key: Key,
+    names: Names<Box<str>>,
+    /// Start of the second in the line, in ns.
+    second: u64,
+    marks: Marks,
+    line: Vec<u8>,
     signals: Option<Signals>,
 }
 
+/// Templates of the lines written so far.
 #[derive(Default)]
-struct Head {
-    bus: String,
-    text: Vec<u8>,
-}
-
-/// Cached parts of earlier lines.
-pub(super) struct LineCache {
-    tails: Vec<Tail>,
-    /// By bus index.
-    heads: Vec<Head>,
-    second: i64,
-    second_text: [u8; SECOND_TEXT],
-    second_length: usize,
-}
-
-impl Default for LineCache {
-    fn default() -> Self {
-        Self {
-            tails: Vec::new(),
-            heads: Vec::new(),
-            second: -1,
-            second_text: [0; SECOND_TEXT],
-            second_length: 0,
-        }
-    }
+pub(super) struct LineTemplates {
+    slots: Vec<Option<Box<Template>>>,
+    /// Digits of the number that replaces an earlier one.
+    digits: Vec<u8>,
 }
 
 impl Key {
-    /// `None` for an event whose lines are not cached.
+    /// Key and time in ns; `None` for an event whose lines have no template.
     #[inline]
-    fn of(event: &Event) -> Option<Self> {
+    fn of(event: &Event) -> Option<(Self, u64)> {
         let what = match event.kind {
             EventKind::Pdo(ref pdo) if !pdo.is_request => {
                 PreparedKey::Pdo { name: pdo.name, cob_id: pdo.cob_id }
@@ -100,17 +99,22 @@ impl Key {
             EventKind::Sync { counter, expected } => PreparedKey::Sync { counter, expected },
             _ => return None,
         };
-        Some(Self { protocol: event.protocol, node: event.node, presumed: event.presumed, what })
+        if event.frames.first != event.frames.last {
+            return None;
+        }
+        let Timestamp(time) = event.time?;
+        let key = Self { protocol: event.protocol, node: event.node, presumed: event.presumed, what };
+        Some((key, u64::try_from(time).ok()?))
     }
 
-    /// Index of the slot for the tail. Collisions are harmless but slow.
+    /// Index of the slot. Collisions are harmless but slow.
     #[inline]
     fn place(&self, bus: &Bus) -> usize {
         let bus = usize::from(bus.index().0);
         let node = self.node.map_or(0, NodeId::place);
-        let other = |place: usize| PDO_TAILS + (place + bus * 83) % OTHER_TAILS;
+        let other = |place: usize| PDO_SLOTS + (place + bus * 83) % OTHER_SLOTS;
         match self.what {
-            PreparedKey::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_TAILS,
+            PreparedKey::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_SLOTS,
             PreparedKey::Sync { counter, .. } => other(usize::from(counter.unwrap_or(0))),
             PreparedKey::Heartbeat { code, .. } => other(node + usize::from(code)),
             PreparedKey::GuardRequest => other(node + 128),
@@ -121,116 +125,130 @@ impl Key {
     }
 }
 
-impl LineCache {
-    /// Appends the line of an event; `false` if no cached parts exist, with `line` in an undefined state.
+impl<'a> Names<&'a str> {
     #[inline]
-    pub(super) fn write(&mut self, event: &Event, bus: &Bus, line: &mut Vec<u8>) -> bool {
-        let (Some(key), Some(time)) = (Key::of(event), event.time) else { return false };
-        let Some(tail) = self.tails.get_mut(key.place(bus)) else { return false };
-        if tail.key != Some(key) || tail.node_name.as_deref() != node_name(event, bus) {
-            return false;
+    fn of(event: &Event, bus: &'a Bus) -> Self {
+        let node = event.node.and_then(|node| bus.node(node));
+        Self {
+            bus: bus.name(),
+            node: node.and_then(|node| node.name()),
+            device: node.and_then(|node| node.device_id()),
         }
-        let Some(head) = self.heads.get(usize::from(bus.index().0)) else { return false };
-        if head.bus != bus.name() || head.text.is_empty() {
-            return false;
-        }
-        push_time(&mut self.second, &mut self.second_text, &mut self.second_length, time, line);
-        line.extend_from_slice(&head.text);
-        let FrameRange { first, last } = event.frames;
-        if first == last {
-            push_twice(line, first);
-        } else {
-            push_decimal(line, first);
-            line.push(b',');
-            push_decimal(line, last);
-        }
-        line.extend_from_slice(&tail.text);
-        if let EventKind::Pdo(pdo) = &event.kind {
-            push_payload(pdo, &mut tail.signals, line);
-        }
-        true
     }
 
-    /// Caches the parts of a line of the general writer.
+    fn owned(&self) -> Names<Box<str>> {
+        Names { bus: self.bus.into(), node: self.node.map(Into::into), device: self.device.map(Into::into) }
+    }
+}
+
+impl LineTemplates {
+    /// Turns a template into the line of an event, and returns its slot; `None` without a suitable template.
+    #[inline]
+    pub(super) fn fill(&mut self, event: &Event, bus: &Bus) -> Option<usize> {
+        let (key, time) = Key::of(event)?;
+        let place = key.place(bus);
+        let template = self.slots.get_mut(place)?.as_deref_mut()?;
+        let is_filled = template.key == key
+            && template.names.are(&Names::of(event, bus))
+            && template.set_time(time, &mut self.digits)
+            && template.set_frame(event.frames.last, &mut self.digits);
+        if !is_filled {
+            return None;
+        }
+        if let EventKind::Pdo(pdo) = &event.kind {
+            template.set_payload(pdo);
+        }
+        Some(place)
+    }
+
+    /// The line in a slot.
+    #[inline]
+    pub(super) fn line(&self, place: usize) -> &[u8] {
+        match self.slots.get(place) {
+            Some(Some(template)) => &template.line,
+            _ => &[],
+        }
+    }
+
+    /// Makes a template of a line of the general writer.
     #[cold]
     pub(super) fn learn(&mut self, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
-        let (Some(key), Some(_)) = (Key::of(event), event.time) else { return };
-        let end = if marks.data == 0 { line.len() } else { marks.data };
-        let (Some(head), Some(tail)) =
-            (line.get(marks.behind_time..marks.frames), line.get(marks.behind_frames..end))
-        else {
-            return;
-        };
-        let index = usize::from(bus.index().0);
-        if self.heads.len() <= index {
-            self.heads.resize_with(index + 1, Head::default);
+        let Some((key, time)) = Key::of(event) else { return };
+        if self.slots.is_empty() {
+            self.slots.resize_with(PDO_SLOTS + OTHER_SLOTS, || None);
         }
-        if let Some(kept) = self.heads.get_mut(index) {
-            bus.name().clone_into(&mut kept.bus);
-            head.clone_into(&mut kept.text);
-        }
-        if self.tails.is_empty() {
-            self.tails.resize_with(PDO_TAILS + OTHER_TAILS, Tail::default);
-        }
-        if let Some(kept) = self.tails.get_mut(key.place(bus)) {
-            kept.key = Some(key);
-            kept.node_name = node_name(event, bus).map(Into::into);
-            tail.clone_into(&mut kept.text);
-            kept.signals = None;
-        }
+        let Some(slot) = self.slots.get_mut(key.place(bus)) else { return };
+        let signals = slot.take().and_then(|earlier| earlier.signals);
+        let (names, line) = (Names::of(event, bus).owned(), line.to_vec());
+        *slot = Some(Box::new(Template { key, names, second: time - time % SECOND, marks, line, signals }));
     }
 }
 
-#[inline]
-fn node_name<'a>(event: &Event, bus: &'a Bus) -> Option<&'a str> {
-    bus.node(event.node?)?.name()
+impl Names<Box<str>> {
+    #[inline]
+    fn are(&self, names: &Names<&str>) -> bool {
+        self.node.as_deref() == names.node
+            && self.device.as_deref() == names.device
+            && *self.bus == *names.bus
+    }
 }
 
-/// Appends `{"t":` and the time.
-#[inline]
-fn push_time(
-    second: &mut i64,
-    text: &mut [u8; SECOND_TEXT],
-    length: &mut usize,
-    time: Timestamp,
-    line: &mut Vec<u8>,
-) {
-    const BEGIN: &[u8] = b"{\"t\":";
-    if time.0 < 0 {
-        line.extend_from_slice(BEGIN);
-        return push_seconds(line, time.0);
-    }
-    let now = time.0 / 1_000_000_000;
-    if now != *second {
-        let mut fresh = BEGIN.to_vec();
-        push_decimal(&mut fresh, now.unsigned_abs());
-        fresh.push(b'.');
-        *second = now;
-        *length = fresh.len().min(SECOND_TEXT);
-        for (target, byte) in text.iter_mut().zip(fresh) {
-            *target = byte;
+impl Template {
+    /// Overwrites the time; `false` if the number of digits differs.
+    #[inline]
+    fn set_time(&mut self, time: u64, digits: &mut Vec<u8>) -> bool {
+        let end = self.marks.behind_time;
+        let start = end.saturating_sub(DECIMALS);
+        let mut nanoseconds = time.wrapping_sub(self.second);
+        if nanoseconds >= SECOND {
+            nanoseconds = time % SECOND;
+            self.second = time - nanoseconds;
+            digits.clear();
+            push_decimal(digits, time / SECOND);
+            digits.push(b'.');
+            if !self.replace(SECONDS_START, start, digits) {
+                return false;
+            }
         }
+        let decimals = self.line.get_mut(start..end).and_then(|part| part.first_chunk_mut());
+        decimals.map(|part| *part = nine_digits(nanoseconds)).is_some()
     }
-    push_part(line, *text, *length);
-    push_nine(line, (time.0 % 1_000_000_000).unsigned_abs());
-}
 
-#[inline]
-fn push_payload(pdo: &Pdo, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
-    match pdo.bytes.first_chunk() {
-        Some(bytes) if pdo.length <= 8 => push_hex_word(line, *bytes, usize::from(pdo.length)),
-        _ => push_hex(line, pdo.payload()),
+    /// Overwrites both frame numbers; `false` if the number of digits differs.
+    #[inline]
+    fn set_frame(&mut self, frame: u64, digits: &mut Vec<u8>) -> bool {
+        digits.clear();
+        push_twice(digits, frame);
+        self.replace(self.marks.frames, self.marks.behind_frames, digits)
     }
-    line.push(b'"');
-    let Some(layout) = &pdo.layout else { return line.extend_from_slice(b"}\n") };
-    let length = usize::from(pdo.length);
-    if let (Some(signals), Some(bytes)) = (&mut *prepared, pdo.bytes.first_chunk())
-        && signals.are_of(layout, length)
-    {
-        signals.write(*bytes, line);
-        return line.extend_from_slice(b"}\n");
+
+    /// Overwrites a part of the line; `false` if it has another length.
+    #[inline]
+    fn replace(&mut self, start: usize, end: usize, text: &[u8]) -> bool {
+        let part = self.line.get_mut(start..end).filter(|part| part.len() == text.len());
+        part.map(|part| part.copy_from_slice(text)).is_some()
     }
-    push_signals(pdo, layout, prepared, line);
+
+    /// Replaces the payload and all after it.
+    #[inline]
+    fn set_payload(&mut self, pdo: &Pdo) {
+        let line = &mut self.line;
+        line.truncate(self.marks.data);
+        match pdo.bytes.first_chunk() {
+            Some(bytes) if pdo.length <= 8 => push_hex_word(line, *bytes, usize::from(pdo.length)),
+            _ => push_hex(line, pdo.payload()),
+        }
+        let Some(layout) = &pdo.layout else { return line.extend_from_slice(b"\"}\n") };
+        line.push(b'"');
+        let length = usize::from(pdo.length);
+        if let (Some(signals), Some(bytes)) = (&mut self.signals, pdo.bytes.first_chunk())
+            && signals.are_of(layout, length)
+        {
+            signals.write(*bytes, line);
+            return line.extend_from_slice(b"}\n");
+        }
+        push_signals(pdo, layout, &mut self.signals, line);
+    }
 }
 
 /// Writes signals with the general writer, and prepares the cache for the next ones.

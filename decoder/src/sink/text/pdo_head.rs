@@ -1,0 +1,132 @@
+//! Cached starts of PDO lines: node, KIND and name of the PDO, which are equal in all lines of an identifier.
+//!
+//! ```text
+//!    0.412  32/20 boom         PDO    TPDO1 08 A0 1F 00 20: status 08h pressure control {118}
+//!         └──────────────── head ─────────┘
+//! ```
+
+use super::parts::push_node;
+use super::pdo::{push_content, push_name, push_remarks};
+use super::push_columns;
+use crate::event::{Event, Pdo};
+use crate::frame::{BusIndex, CanId};
+use crate::profile::PdoName;
+use crate::session::Bus;
+use crate::sink::escape::{is_plain, push_escaped};
+use crate::wire::NodeId;
+
+/// KIND column of a PDO.
+pub(super) const KIND: &str = "PDO";
+
+/// Slots for heads; each predefined COB-ID (0x180 to 0x57F) has its own slot.
+const SLOTS: usize = 1024;
+
+/// Maximum number of PDOs whose missing mapping is printed once only.
+const UNMAPPED: usize = 256;
+
+/// Start of a line after its time, with everything that determines it.
+struct PdoHead {
+    bus: BusIndex,
+    bus_name: Box<str>,
+    name: PdoName,
+    cob_id: CanId,
+    node: Option<NodeId>,
+    node_name: Option<Box<str>>,
+    /// Whether a frame of the node was received.
+    is_known: bool,
+    text: Vec<u8>,
+    /// Whether the missing mapping is already printed.
+    is_unmapped: bool,
+}
+
+/// Heads of the lines written so far.
+#[derive(Default)]
+pub(super) struct PdoHeads {
+    slots: Vec<Option<Box<PdoHead>>>,
+    /// PDOs whose missing mapping is already printed.
+    unmapped: Vec<(BusIndex, CanId)>,
+}
+
+impl PdoHeads {
+    /// Appends the line of a PDO between its time and its frames, with control characters escaped.
+    pub(super) fn push_line(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
+        let place = (pdo.cob_id.number() as usize + usize::from(bus.index().0) * 83) % SLOTS;
+        if self.slots.is_empty() {
+            self.slots.resize_with(SLOTS, || None);
+        }
+        let Some(slot) = self.slots.get_mut(place) else { return };
+        let head = match slot {
+            Some(head) if head.is_of(pdo, event, bus) => head,
+            _ => slot.insert(PdoHead::of(pdo, event, bus)),
+        };
+        line.extend_from_slice(&head.text);
+        let content = line.len();
+        push_content(pdo, line);
+        let lacks_mapping = pdo.layout.is_none() && !head.is_unmapped;
+        let is_first = lacks_mapping && is_first_without_mapping(&mut self.unmapped, (event.bus, pdo.cob_id));
+        // Beyond the maximum, the missing mapping is printed in each line.
+        head.is_unmapped |= lacks_mapping && !is_first;
+        push_remarks(pdo, event, bus, is_first, line);
+        if line.get(content..).is_some_and(|content| !is_plain(content)) {
+            let text = line.split_off(content);
+            push_escaped(line, &text);
+        }
+        if event.presumed {
+            line.push(b'?');
+        }
+    }
+}
+
+/// Whether the missing mapping of a PDO is not printed yet.
+fn is_first_without_mapping(unmapped: &mut Vec<(BusIndex, CanId)>, pdo: (BusIndex, CanId)) -> bool {
+    if unmapped.contains(&pdo) {
+        return false;
+    }
+    if unmapped.len() < UNMAPPED {
+        unmapped.push(pdo);
+    }
+    true
+}
+
+impl PdoHead {
+    #[cold]
+    fn of(pdo: &Pdo, event: &Event, bus: &Bus) -> Box<Self> {
+        let mut who = Vec::new();
+        push_who(event.node, bus, &mut who);
+        let mut text = Vec::new();
+        push_columns(bus, &who, KIND, "", &mut text);
+        push_name(pdo.name, &mut text);
+        let node = event.node.and_then(|node| bus.node(node));
+        Box::new(Self {
+            bus: bus.index(),
+            bus_name: bus.name().into(),
+            name: pdo.name,
+            cob_id: pdo.cob_id,
+            node: event.node,
+            node_name: node.and_then(|node| node.name()).map(Into::into),
+            is_known: node.is_some(),
+            text,
+            is_unmapped: false,
+        })
+    }
+
+    /// Whether the lines of an event start with this head.
+    #[inline]
+    fn is_of(&self, pdo: &Pdo, event: &Event, bus: &Bus) -> bool {
+        let node = event.node.and_then(|node| bus.node(node));
+        (self.cob_id, self.name, self.node, self.bus) == (pdo.cob_id, pdo.name, event.node, bus.index())
+            && self.is_known == node.is_some()
+            && self.node_name.as_deref() == node.and_then(|node| node.name())
+            // Lines of the first bus do not contain its name.
+            && (self.bus.0 == 0 || *self.bus_name == *bus.name())
+    }
+}
+
+/// Appends the node of a PDO; `?` if only the predefined connection set assigns the PDO to it.
+pub(super) fn push_who(node: Option<NodeId>, bus: &Bus, who: &mut Vec<u8>) {
+    let Some(node) = node else { return };
+    push_node(node, bus, who);
+    if bus.node(node).is_none() {
+        who.push(b'?');
+    }
+}
