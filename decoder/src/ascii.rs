@@ -66,16 +66,39 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
 /// Appends a number, a comma and the same number again.
 #[inline]
 pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
-    // Seven digits, a comma and seven digits fit a register of sixteen bytes.
-    if value < PART / 10 {
-        let (text, length) = short(value);
-        let text = u128::from(u64::from_le_bytes(text));
-        let both = text | (u128::from(b',') | text << 8) << (length * 8);
-        push_part(out, both.to_le_bytes(), 2 * length + 1);
+    if let Some((text, length)) = twice(value) {
+        push_part(out, text, length);
     } else {
         push_decimal(out, value);
         out.push(b',');
         push_decimal(out, value);
+    }
+}
+
+/// A number of up to seven digits, a comma and the same number again, with the length; `None` for larger numbers.
+#[inline]
+pub(crate) fn twice(value: u64) -> Option<([u8; 16], usize)> {
+    if value >= PART / 10 {
+        return None;
+    }
+    let (text, length) = short(value);
+    let text = u128::from(u64::from_le_bytes(text));
+    let both = text | (u128::from(b',') | text << 8) << (length * 8);
+    Some((both.to_le_bytes(), 2 * length + 1))
+}
+
+/// Appends a number between two texts.
+#[inline]
+pub(crate) fn push_enclosed(out: &mut Vec<u8>, before: [u8; 2], value: u64, after: [u8; 2]) {
+    if value < PART {
+        let (text, length) = short(value);
+        let (text, after) = (u128::from(u64::from_le_bytes(text)), u128::from(u16::from_le_bytes(after)));
+        let text = u128::from(u16::from_le_bytes(before)) | (text | after << (length * 8)) << 16;
+        push_part(out, text.to_le_bytes(), length + 4);
+    } else {
+        out.extend_from_slice(&before);
+        push_long(out, value);
+        out.extend_from_slice(&after);
     }
 }
 
@@ -288,6 +311,7 @@ mod tests {
             let width = digits * 3;
             prop_assert_eq!(text(|out| push_padded(out, value, width)), format!("{value:width$}"));
             prop_assert_eq!(text(|out| push_twice(out, value)), format!("{value},{value}"));
+            prop_assert_eq!(text(|out| push_enclosed(out, *b" {", value, *b"}\n")), format!(" {{{value}}}\n"));
             let digits_behind = u8::try_from(digits).unwrap();
             let quantity = signed % 1_000_000_000_000_000;
             #[expect(clippy::cast_precision_loss, reason = "below 10^15")]

@@ -45,8 +45,10 @@ impl<W: Write> EventSink for Jsonl<W> {
 
     #[inline]
     fn write(&mut self, event: &Event, bus: &Bus) -> bool {
-        if self.error.is_none() {
-            self.error = self.output.write_all(self.lines.of(event, bus)).err();
+        if self.error.is_none()
+            && let Err(error) = self.output.write_all(self.lines.of(event, bus))
+        {
+            self.error = Some(error);
         }
         true
     }
@@ -85,9 +87,15 @@ impl Lines {
     /// The line of an event, with its line end.
     // Not `#[inline]`: the calling crate would compile it at its own optimisation level.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
-        if let Some(place) = self.templates.fill(event, bus) {
-            return self.templates.line(place);
+        match self.templates.fill(event, bus) {
+            Some(slot) => self.templates.line(slot),
+            None => self.general(event, bus),
         }
+    }
+
+    /// The line of an event without a template.
+    #[inline(never)]
+    fn general(&mut self, event: &Event, bus: &Bus) -> &[u8] {
         self.line.clear();
         let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
         self.templates.learn(event, bus, &self.line, marks);

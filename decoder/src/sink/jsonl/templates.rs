@@ -14,17 +14,15 @@ use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
-use crate::ascii::{nine_digits, push_decimal, push_hex, push_hex_word, push_twice};
+use crate::ascii::{nine_digits, push_decimal, push_hex, push_hex_word, push_twice, twice};
 use crate::event::{Event, EventKind, Pdo, Protocol};
-use crate::frame::{CanId, Timestamp};
-use crate::profile::{Layout, PdoName};
+use crate::frame::Timestamp;
+use crate::profile::Layout;
 use crate::query::record::signals;
 use crate::session::Bus;
+use crate::sink::line_key::{BUS_SLOTS, PDO_SLOTS, node_key, pdo_key, pdo_slot};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
-
-/// Slots for PDOs; each predefined COB-ID (0x180 to 0x57F) has its own slot.
-const PDO_SLOTS: usize = 1024;
 
 /// Slots for all other events.
 const OTHER_SLOTS: usize = 256;
@@ -42,19 +40,17 @@ const SECONDS_START: usize = 5;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Key {
     protocol: Protocol,
-    node: Option<NodeId>,
     presumed: bool,
-    what: PreparedKey,
+    /// Kind, node and all values in the constant parts, packed.
+    content: u64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum PreparedKey {
-    Pdo { name: PdoName, cob_id: CanId },
-    Heartbeat { state: Option<NmtState>, code: u8 },
-    GuardRequest,
-    GuardReply { state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool },
-    Sync { counter: Option<u8>, expected: Option<u8> },
-}
+/// Kinds of events whose lines have templates, in the bits of a key above all other values.
+const PDO: u64 = 1 << 58;
+const HEARTBEAT: u64 = 2 << 58;
+const GUARD_REQUEST: u64 = 3 << 58;
+const GUARD_REPLY: u64 = 4 << 58;
+const SYNC: u64 = 5 << 58;
 
 /// Names that occur in a line.
 #[derive(Debug, PartialEq, Eq)]
@@ -83,46 +79,56 @@ pub(super) struct LineTemplates {
     digits: Vec<u8>,
 }
 
-impl Key {
-    /// Key and time in ns; `None` for an event whose lines have no template.
+/// A key with its slot, and the time of the event in ns.
+struct KeyedEvent {
+    key: Key,
+    slot: usize,
+    time: u64,
+}
+
+impl KeyedEvent {
+    /// `None` for an event whose lines have no template.
     #[inline]
-    fn of(event: &Event) -> Option<(Self, u64)> {
-        let what = match event.kind {
-            EventKind::Pdo(ref pdo) if !pdo.is_request => {
-                PreparedKey::Pdo { name: pdo.name, cob_id: pdo.cob_id }
+    fn of(event: &Event, bus: &Bus) -> Option<Self> {
+        let (content, slot) = match &event.kind {
+            EventKind::Pdo(pdo) if !pdo.is_request => (PDO | pdo_key(pdo, event.node), pdo_slot(pdo, bus)),
+            kind => {
+                let (content, slot) = content_of(kind)?;
+                let node = event.node.map_or(0, NodeId::place);
+                let slot = slot + node + usize::from(bus.index().0) * BUS_SLOTS;
+                (content | node_key(event.node) << 48, PDO_SLOTS + slot % OTHER_SLOTS)
             }
-            EventKind::Heartbeat { state, code } => PreparedKey::Heartbeat { state, code },
-            EventKind::GuardRequest => PreparedKey::GuardRequest,
-            EventKind::GuardReply { state, code, toggle, toggle_error } => {
-                PreparedKey::GuardReply { state, code, toggle, toggle_error }
-            }
-            EventKind::Sync { counter, expected } => PreparedKey::Sync { counter, expected },
-            _ => return None,
         };
         if event.frames.first != event.frames.last {
             return None;
         }
         let Timestamp(time) = event.time?;
-        let key = Self { protocol: event.protocol, node: event.node, presumed: event.presumed, what };
-        Some((key, u64::try_from(time).ok()?))
+        let key = Key { protocol: event.protocol, presumed: event.presumed, content };
+        Some(Self { key, slot, time: u64::try_from(time).ok()? })
     }
+}
 
-    /// Index of the slot. Collisions are harmless but slow.
-    #[inline]
-    fn place(&self, bus: &Bus) -> usize {
-        let bus = usize::from(bus.index().0);
-        let node = self.node.map_or(0, NodeId::place);
-        let other = |place: usize| PDO_SLOTS + (place + bus * 83) % OTHER_SLOTS;
-        match self.what {
-            PreparedKey::Pdo { cob_id, .. } => (cob_id.number() as usize + bus * 83) % PDO_SLOTS,
-            PreparedKey::Sync { counter, .. } => other(usize::from(counter.unwrap_or(0))),
-            PreparedKey::Heartbeat { code, .. } => other(node + usize::from(code)),
-            PreparedKey::GuardRequest => other(node + 128),
-            PreparedKey::GuardReply { toggle, code, .. } => {
-                other(node + 32 + 128 * usize::from(toggle) + usize::from(code))
-            }
+/// Kind and values of an event other than a PDO, with an offset of its slot; `None` for an event whose lines
+/// have no template.
+fn content_of(kind: &EventKind) -> Option<(u64, usize)> {
+    let state_key = |state: Option<NmtState>| state.map_or(0, |state| state as u64 + 1);
+    // Beyond all values of a counter without a value.
+    let counter_key = |counter: Option<u8>| counter.map_or(1 << 8, u64::from);
+    Some(match *kind {
+        EventKind::Heartbeat { state, code } => {
+            (HEARTBEAT | state_key(state) | u64::from(code) << 8, usize::from(code))
         }
-    }
+        EventKind::GuardRequest => (GUARD_REQUEST, 128),
+        EventKind::GuardReply { state, code, toggle, toggle_error } => {
+            let flags = u64::from(toggle) << 16 | u64::from(toggle_error) << 17;
+            let slot = 32 + 128 * usize::from(toggle) + usize::from(code);
+            (GUARD_REPLY | state_key(state) | u64::from(code) << 8 | flags, slot)
+        }
+        EventKind::Sync { counter, expected } => {
+            (SYNC | counter_key(counter) | counter_key(expected) << 16, usize::from(counter.unwrap_or(0)))
+        }
+        _ => return None,
+    })
 }
 
 impl<'a> Names<&'a str> {
@@ -145,9 +151,8 @@ impl LineTemplates {
     /// Turns a template into the line of an event, and returns its slot; `None` without a suitable template.
     #[inline]
     pub(super) fn fill(&mut self, event: &Event, bus: &Bus) -> Option<usize> {
-        let (key, time) = Key::of(event)?;
-        let place = key.place(bus);
-        let template = self.slots.get_mut(place)?.as_deref_mut()?;
+        let KeyedEvent { key, slot, time } = KeyedEvent::of(event, bus)?;
+        let template = self.slots.get_mut(slot)?.as_deref_mut()?;
         let is_filled = template.key == key
             && template.names.are(&Names::of(event, bus))
             && template.set_time(time, &mut self.digits)
@@ -158,13 +163,13 @@ impl LineTemplates {
         if let EventKind::Pdo(pdo) = &event.kind {
             template.set_payload(pdo);
         }
-        Some(place)
+        Some(slot)
     }
 
     /// The line in a slot.
     #[inline]
-    pub(super) fn line(&self, place: usize) -> &[u8] {
-        match self.slots.get(place) {
+    pub(super) fn line(&self, slot: usize) -> &[u8] {
+        match self.slots.get(slot) {
             Some(Some(template)) => &template.line,
             _ => &[],
         }
@@ -173,11 +178,11 @@ impl LineTemplates {
     /// Makes a template of a line of the general writer.
     #[cold]
     pub(super) fn learn(&mut self, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
-        let Some((key, time)) = Key::of(event) else { return };
+        let Some(KeyedEvent { key, slot, time }) = KeyedEvent::of(event, bus) else { return };
         if self.slots.is_empty() {
             self.slots.resize_with(PDO_SLOTS + OTHER_SLOTS, || None);
         }
-        let Some(slot) = self.slots.get_mut(key.place(bus)) else { return };
+        let Some(slot) = self.slots.get_mut(slot) else { return };
         let signals = slot.take().and_then(|earlier| earlier.signals);
         let (names, line) = (Names::of(event, bus).owned(), line.to_vec());
         *slot = Some(Box::new(Template { key, names, second: time - time % SECOND, marks, line, signals }));
@@ -217,9 +222,13 @@ impl Template {
     /// Overwrites both frame numbers; `false` if the number of digits differs.
     #[inline]
     fn set_frame(&mut self, frame: u64, digits: &mut Vec<u8>) -> bool {
+        let (start, end) = (self.marks.frames, self.marks.behind_frames);
+        if let Some((text, length)) = twice(frame) {
+            return text.get(..length).is_some_and(|text| self.replace(start, end, text));
+        }
         digits.clear();
         push_twice(digits, frame);
-        self.replace(self.marks.frames, self.marks.behind_frames, digits)
+        self.replace(start, end, digits)
     }
 
     /// Overwrites a part of the line; `false` if it has another length.
@@ -271,8 +280,9 @@ mod tests {
 
     use super::super::{Jsonl, write_line};
     use super::*;
-    use crate::frame::{BusIndex, Frame};
-    use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection};
+    use crate::event::FrameRange;
+    use crate::frame::{BusIndex, CanId, Frame};
+    use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection, PdoName};
     use crate::session::{BusDecoder, SessionOptions};
     use crate::sink::EventSink as _;
     use crate::wire::canopen::ObjectAddress;

@@ -56,8 +56,8 @@ impl Columns {
                 (self.kind, self.tone) = (pdo_head::KIND, Tone::Plain);
                 push_who(event.node, bus, &mut self.who);
                 pdo::push_name(pdo.name, &mut self.what);
-                pdo::push_content(pdo, &mut self.what);
-                pdo::push_remarks(pdo, event, bus, pdo.layout.is_none(), &mut self.what);
+                pdo::push_payload(pdo, &mut self.what);
+                pdo::push_text(pdo, event, bus, pdo.layout.is_none(), &mut self.what);
             }
             EventKind::Emcy(emergency) => {
                 (self.kind, self.tone) = emcy::push_words(emergency, device_of(event, bus), &mut self.what);

@@ -100,13 +100,20 @@ impl<W: Write> Text<W> {
         {
             return self.add_finding(news);
         }
-        self.complete();
-        for burst in self.bursts.ended(Some(event)) {
-            self.write_burst(&burst);
+        if self.held.is_held() {
+            self.complete();
         }
-        if let EventKind::Pdo(pdo) = &event.kind {
-            return self.write_pdo(pdo, event, bus);
+        if !self.bursts.is_empty() {
+            self.end_bursts(event);
         }
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.write_pdo(pdo, event, bus),
+            _ => self.write_event(event, bus),
+        }
+    }
+
+    /// Writes the line of an event other than a PDO, which a finding can complete.
+    fn write_event(&mut self, event: &Event, bus: &Bus) {
         if !self.options.all && self.bursts.takes(event, bus) {
             return;
         }
@@ -137,11 +144,17 @@ impl<W: Write> Text<W> {
         self.clock.column(event.time, line);
         self.pdo_heads.push_line(pdo, event, bus, line);
         parts::push_frames(event.frames, line);
-        line.push(b'\n');
         if self.options.verbose {
             line.extend_from_slice(detail::lines(event, bus).as_bytes());
         }
-        self.error = self.output.write_all(line).err();
+        self.write_out();
+    }
+
+    /// Writes the ends of bursts before an event.
+    fn end_bursts(&mut self, event: &Event) {
+        for burst in self.bursts.ended(Some(event)) {
+            self.write_burst(&burst);
+        }
     }
 
     /// Adds a finding to the held line about the same fact, and writes the line.
@@ -169,9 +182,14 @@ impl<W: Write> Text<W> {
             line.extend_from_slice(b"\x1b[0m");
         }
         parts::push_frames(self.held.frames, line);
-        line.push(b'\n');
         line.extend_from_slice(self.held.below.as_bytes());
-        self.error = self.output.write_all(line).err();
+        self.write_out();
+    }
+
+    fn write_out(&mut self) {
+        if let Err(error) = self.output.write_all(&self.line) {
+            self.error = Some(error);
+        }
     }
 
     /// Writes the line at the end of a burst of error frames.
@@ -185,8 +203,7 @@ impl<W: Write> Text<W> {
         line.extend_from_slice(b"  ERROR  ");
         line.extend_from_slice(burst.text.as_bytes());
         parts::push_frames(burst.frames, line);
-        line.push(b'\n');
-        self.error = self.output.write_all(line).err();
+        self.write_out();
     }
 
     fn is_shown(&mut self, event: &Event) -> bool {

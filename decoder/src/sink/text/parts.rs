@@ -1,7 +1,7 @@
 //! Shared parts of event lines: nodes, frames, data, times.
 
 use super::tone::Tone;
-use crate::ascii::{push_code, push_decimal, push_spaced_hex};
+use crate::ascii::{push_code, push_decimal, push_enclosed, push_spaced_hex};
 use crate::event::FrameRange;
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -78,18 +78,25 @@ pub(super) fn text_of(push: impl FnOnce(&mut Vec<u8>)) -> String {
     String::from_utf8(out).unwrap_or_default()
 }
 
-/// Appends ` {118}`, ` {118-121}`.
-pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
-    if frames.last == 0 {
-        return;
+/// Appends ` {118}`, ` {118-121}` and the line end.
+#[inline]
+pub(super) fn push_frames(FrameRange { first, last }: FrameRange, out: &mut Vec<u8>) {
+    if first == last && last != 0 {
+        push_enclosed(out, *b" {", last, *b"}\n");
+    } else {
+        push_frame_range(first, last, out);
     }
-    out.extend_from_slice(b" {");
-    push_decimal(out, frames.first);
-    if frames.first != frames.last {
+}
+
+fn push_frame_range(first: u64, last: u64, out: &mut Vec<u8>) {
+    if last != 0 {
+        out.extend_from_slice(b" {");
+        push_decimal(out, first);
         out.push(b'-');
-        push_decimal(out, frames.last);
+        push_decimal(out, last);
+        out.push(b'}');
     }
-    out.push(b'}');
+    out.push(b'\n');
 }
 
 pub(super) fn bytes(data: &[u8]) -> String {

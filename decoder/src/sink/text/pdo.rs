@@ -21,27 +21,30 @@ pub(super) fn push_name(name: PdoName, out: &mut Vec<u8>) {
     push_decimal(out, u64::from(name.number));
 }
 
-/// Appends ` 37 06: 6041:00=1591` or ` 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of 315`.
-pub(super) fn push_content(pdo: &Pdo, out: &mut Vec<u8>) {
+/// Appends ` 08 A0 1F 00 20`.
+#[inline]
+pub(super) fn push_payload(pdo: &Pdo, out: &mut Vec<u8>) {
     if pdo.is_request {
         return out.extend_from_slice(b" requested by remote frame");
     }
-    let payload = pdo.payload();
     match pdo.bytes.first_chunk() {
-        Some(bytes) if (1..=8).contains(&payload.len()) => push_spaced_word(out, *bytes, payload.len()),
+        Some(bytes) if (1..=8).contains(&pdo.length) => {
+            push_spaced_word(out, *bytes, usize::from(pdo.length));
+        }
         _ => {
             out.push(b' ');
-            push_bytes(out, payload);
+            push_bytes(out, pdo.payload());
         }
-    }
-    if let Some(layout) = &pdo.layout {
-        push_signals(layout, payload, out);
     }
 }
 
-/// Appends other users of the identifier, and the key of a missing mapping if `asks_mapping`.
+/// Appends signals, other users of the identifier, and the key of a missing mapping if `asks_mapping`:
+/// `: 6041:00=1591`, `: status 08h pressure control, p 157.5 bar of 315`.
 #[inline]
-pub(super) fn push_remarks(pdo: &Pdo, event: &Event, bus: &Bus, asks_mapping: bool, out: &mut Vec<u8>) {
+pub(super) fn push_text(pdo: &Pdo, event: &Event, bus: &Bus, asks_mapping: bool, out: &mut Vec<u8>) {
+    if let Some(layout) = pdo.layout.as_deref().filter(|_| !pdo.is_request) {
+        push_signals(layout, pdo.payload(), out);
+    }
     if let Some(users) = bus.other_users(pdo.cob_id) {
         push_users(pdo, event, users, bus, out);
     }

@@ -6,31 +6,27 @@
 //! ```
 
 use super::parts::push_node;
-use super::pdo::{push_content, push_name, push_remarks};
+use super::pdo::{push_name, push_payload, push_text};
 use super::push_columns;
 use crate::event::{Event, Pdo};
 use crate::frame::{BusIndex, CanId};
-use crate::profile::PdoName;
 use crate::session::Bus;
 use crate::sink::escape::{is_plain, push_escaped};
+use crate::sink::line_key::{PDO_SLOTS, pdo_key, pdo_slot};
 use crate::wire::NodeId;
 
 /// KIND column of a PDO.
 pub(super) const KIND: &str = "PDO";
-
-/// Slots for heads; each predefined COB-ID (0x180 to 0x57F) has its own slot.
-const SLOTS: usize = 1024;
 
 /// Maximum number of PDOs whose missing mapping is printed once only.
 const UNMAPPED: usize = 256;
 
 /// Start of a line after its time, with everything that determines it.
 struct PdoHead {
+    /// PDO and node.
+    key: u64,
     bus: BusIndex,
     bus_name: Box<str>,
-    name: PdoName,
-    cob_id: CanId,
-    node: Option<NodeId>,
     node_name: Option<Box<str>>,
     /// Whether a frame of the node was received.
     is_known: bool,
@@ -50,25 +46,24 @@ pub(super) struct PdoHeads {
 impl PdoHeads {
     /// Appends the line of a PDO between its time and its frames, with control characters escaped.
     pub(super) fn push_line(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
-        let place = (pdo.cob_id.number() as usize + usize::from(bus.index().0) * 83) % SLOTS;
         if self.slots.is_empty() {
-            self.slots.resize_with(SLOTS, || None);
+            self.slots.resize_with(PDO_SLOTS, || None);
         }
-        let Some(slot) = self.slots.get_mut(place) else { return };
+        let Some(slot) = self.slots.get_mut(pdo_slot(pdo, bus)) else { return };
         let head = match slot {
             Some(head) if head.is_of(pdo, event, bus) => head,
             _ => slot.insert(PdoHead::of(pdo, event, bus)),
         };
         line.extend_from_slice(&head.text);
-        let content = line.len();
-        push_content(pdo, line);
+        push_payload(pdo, line);
         let lacks_mapping = pdo.layout.is_none() && !head.is_unmapped;
         let is_first = lacks_mapping && is_first_without_mapping(&mut self.unmapped, (event.bus, pdo.cob_id));
         // Beyond the maximum, the missing mapping is printed in each line.
         head.is_unmapped |= lacks_mapping && !is_first;
-        push_remarks(pdo, event, bus, is_first, line);
-        if line.get(content..).is_some_and(|content| !is_plain(content)) {
-            let text = line.split_off(content);
+        let text = line.len();
+        push_text(pdo, event, bus, is_first, line);
+        if line.len() != text && line.get(text..).is_some_and(|text| !is_plain(text)) {
+            let text = line.split_off(text);
             push_escaped(line, &text);
         }
         if event.presumed {
@@ -98,11 +93,9 @@ impl PdoHead {
         push_name(pdo.name, &mut text);
         let node = event.node.and_then(|node| bus.node(node));
         Box::new(Self {
+            key: pdo_key(pdo, event.node),
             bus: bus.index(),
             bus_name: bus.name().into(),
-            name: pdo.name,
-            cob_id: pdo.cob_id,
-            node: event.node,
             node_name: node.and_then(|node| node.name()).map(Into::into),
             is_known: node.is_some(),
             text,
@@ -114,7 +107,8 @@ impl PdoHead {
     #[inline]
     fn is_of(&self, pdo: &Pdo, event: &Event, bus: &Bus) -> bool {
         let node = event.node.and_then(|node| bus.node(node));
-        (self.cob_id, self.name, self.node, self.bus) == (pdo.cob_id, pdo.name, event.node, bus.index())
+        self.key == pdo_key(pdo, event.node)
+            && self.bus == bus.index()
             && self.is_known == node.is_some()
             && self.node_name.as_deref() == node.and_then(|node| node.name())
             // Lines of the first bus do not contain its name.
