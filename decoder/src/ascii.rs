@@ -67,7 +67,7 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
 #[inline]
 pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
     if let Some((text, length)) = twice(value) {
-        push_part(out, text, length);
+        push_part(out, text.to_le_bytes(), length);
     } else {
         push_decimal(out, value);
         out.push(b',');
@@ -75,16 +75,16 @@ pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
     }
 }
 
-/// A number of up to seven digits, a comma and the same number again, with the length; `None` for larger numbers.
+/// A number of up to seven digits, a comma and the same number again, first character in the lowest byte, with the
+/// length; `None` for larger numbers.
 #[inline]
-pub(crate) fn twice(value: u64) -> Option<([u8; 16], usize)> {
+pub(crate) fn twice(value: u64) -> Option<(u128, usize)> {
     if value >= PART / 10 {
         return None;
     }
     let (text, length) = short(value);
     let text = u128::from(u64::from_le_bytes(text));
-    let both = text | (u128::from(b',') | text << 8) << (length * 8);
-    Some((both.to_le_bytes(), 2 * length + 1))
+    Some((text | (u128::from(b',') | text << 8) << (length * 8), 2 * length + 1))
 }
 
 /// Appends a number between two texts.

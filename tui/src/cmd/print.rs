@@ -31,6 +31,14 @@ pub(super) struct JudgingObserver<'a> {
 }
 
 impl JudgingObserver<'_> {
+    // Separate from `event`, which only forwards to the printer if there is no engine.
+    #[inline(never)]
+    fn judge(&mut self, event: &Event, bus: &Bus) {
+        if let Some(engine) = &mut self.engine {
+            Judge { engine, out: self.printer }.event(event, bus);
+        }
+    }
+
     pub(super) fn finish(self, buses: Buses<'_>) {
         if let Some(engine) = self.engine
             && !self.printer.is_done()
@@ -42,10 +50,10 @@ impl JudgingObserver<'_> {
 
 impl Observer for JudgingObserver<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        match &mut self.engine {
-            Some(engine) => Judge { engine, out: self.printer }.event(event, bus),
-            None => self.printer.event(event, bus),
+        if self.engine.is_none() {
+            return self.printer.event(event, bus);
         }
+        self.judge(event, bus);
     }
 }
 
@@ -145,20 +153,17 @@ impl PrintedEvents {
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl PdoChoice {
+    #[inline]
     fn admits(&self, event: &Event) -> bool {
-        match &event.kind {
-            EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.pdo {
-                Pdo::All => true,
-                Pdo::Change => !event.routine,
-                Pdo::None => false,
-            },
-            EventKind::Frame(_) if self.frames => true,
-            EventKind::Frame(undecoded) => match self.pdo {
-                Pdo::All => undecoded.message.is_some(),
-                // Without a database, frames are routine events.
-                Pdo::Change => !event.routine,
-                Pdo::None => false,
-            },
+        match (&event.kind, self.pdo) {
+            (EventKind::Frame(_), _) if self.frames => true,
+            (EventKind::Frame(undecoded), Pdo::All) => undecoded.message.is_some(),
+            (_, Pdo::All) => true,
+            // Without a database, frames are routine events.
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::Change) => {
+                !event.routine
+            }
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::None) => false,
             _ => true,
         }
     }

@@ -1,5 +1,6 @@
 //! JSON Lines: one object per event, with the keys of `docs/events.schema.json`.
 
+mod key;
 pub(super) mod object;
 mod signals;
 mod templates;
@@ -35,6 +36,11 @@ impl<W: Write> Jsonl<W> {
     pub fn new(output: W) -> Self {
         Self { output, lines: Lines::default(), error: None }
     }
+
+    #[cold]
+    fn fail(&mut self, error: io::Error) {
+        self.error = Some(error);
+    }
 }
 
 impl<W: Write> EventSink for Jsonl<W> {
@@ -48,7 +54,7 @@ impl<W: Write> EventSink for Jsonl<W> {
         if self.error.is_none()
             && let Err(error) = self.output.write_all(self.lines.of(event, bus))
         {
-            self.error = Some(error);
+            self.fail(error);
         }
         true
     }

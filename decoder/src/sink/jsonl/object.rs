@@ -57,17 +57,16 @@ impl<'a> Object<'a> {
         self.marks
     }
 
+    #[inline]
     fn key(&mut self, key: &str) {
-        let is_first = std::mem::replace(&mut self.fresh, false);
-        if key.is_empty() {
-            if !is_first {
-                self.line.push(b',');
-            }
-            return;
+        if !std::mem::replace(&mut self.fresh, false) {
+            self.line.push(b',');
         }
-        self.line.extend_from_slice(if is_first { b"\"" } else { b",\"" });
-        self.line.extend_from_slice(key.as_bytes());
-        self.line.extend_from_slice(b"\":");
+        if !key.is_empty() {
+            self.line.push(b'"');
+            self.line.extend_from_slice(key.as_bytes());
+            self.line.extend_from_slice(b"\":");
+        }
     }
 
     fn print(&mut self, arguments: std::fmt::Arguments<'_>) {

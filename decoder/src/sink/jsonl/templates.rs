@@ -10,22 +10,16 @@
 //! If a number has more digits than in the template, the general writer writes a new template. A property test
 //! compares whole lines.
 
+use super::key::{Key, KeyedEvent, SLOTS};
 use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
 use crate::ascii::{nine_digits, push_decimal, push_hex, push_hex_word, push_twice, twice};
-use crate::event::{Event, EventKind, Pdo, Protocol};
-use crate::frame::Timestamp;
+use crate::event::{Event, EventKind, Pdo};
 use crate::profile::Layout;
 use crate::query::record::signals;
 use crate::session::Bus;
-use crate::sink::line_key::{BUS_SLOTS, PDO_SLOTS, node_key, pdo_key, pdo_slot};
-use crate::wire::NodeId;
-use crate::wire::canopen::NmtState;
-
-/// Slots for all other events.
-const OTHER_SLOTS: usize = 256;
 
 /// Nanoseconds per second.
 const SECOND: u64 = 1_000_000_000;
@@ -35,22 +29,6 @@ const DECIMALS: usize = 9;
 
 /// Length of `{"t":`, in bytes.
 const SECONDS_START: usize = 5;
-
-/// Everything that determines the constant parts of a line, except names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Key {
-    protocol: Protocol,
-    presumed: bool,
-    /// Kind, node and all values in the constant parts, packed.
-    content: u64,
-}
-
-/// Kinds of events whose lines have templates, in the bits of a key above all other values.
-const PDO: u64 = 1 << 58;
-const HEARTBEAT: u64 = 2 << 58;
-const GUARD_REQUEST: u64 = 3 << 58;
-const GUARD_REPLY: u64 = 4 << 58;
-const SYNC: u64 = 5 << 58;
 
 /// Names that occur in a line.
 #[derive(Debug, PartialEq, Eq)]
@@ -67,6 +45,8 @@ struct Template {
     /// Start of the second in the line, in ns.
     second: u64,
     marks: Marks,
+    /// The 16 bytes of the line from the frame numbers on, with zeros in place of the numbers.
+    after_frames: u128,
     line: Vec<u8>,
     signals: Option<Signals>,
 }
@@ -77,58 +57,6 @@ pub(super) struct LineTemplates {
     slots: Vec<Option<Box<Template>>>,
     /// Digits of the number that replaces an earlier one.
     digits: Vec<u8>,
-}
-
-/// A key with its slot, and the time of the event in ns.
-struct KeyedEvent {
-    key: Key,
-    slot: usize,
-    time: u64,
-}
-
-impl KeyedEvent {
-    /// `None` for an event whose lines have no template.
-    #[inline]
-    fn of(event: &Event, bus: &Bus) -> Option<Self> {
-        let (content, slot) = match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => (PDO | pdo_key(pdo, event.node), pdo_slot(pdo, bus)),
-            kind => {
-                let (content, slot) = content_of(kind)?;
-                let node = event.node.map_or(0, NodeId::place);
-                let slot = slot + node + usize::from(bus.index().0) * BUS_SLOTS;
-                (content | node_key(event.node) << 48, PDO_SLOTS + slot % OTHER_SLOTS)
-            }
-        };
-        if event.frames.first != event.frames.last {
-            return None;
-        }
-        let Timestamp(time) = event.time?;
-        let key = Key { protocol: event.protocol, presumed: event.presumed, content };
-        Some(Self { key, slot, time: u64::try_from(time).ok()? })
-    }
-}
-
-/// Kind and values of an event other than a PDO, with an offset of its slot; `None` for an event whose lines
-/// have no template.
-fn content_of(kind: &EventKind) -> Option<(u64, usize)> {
-    let state_key = |state: Option<NmtState>| state.map_or(0, |state| state as u64 + 1);
-    // Beyond all values of a counter without a value.
-    let counter_key = |counter: Option<u8>| counter.map_or(1 << 8, u64::from);
-    Some(match *kind {
-        EventKind::Heartbeat { state, code } => {
-            (HEARTBEAT | state_key(state) | u64::from(code) << 8, usize::from(code))
-        }
-        EventKind::GuardRequest => (GUARD_REQUEST, 128),
-        EventKind::GuardReply { state, code, toggle, toggle_error } => {
-            let flags = u64::from(toggle) << 16 | u64::from(toggle_error) << 17;
-            let slot = 32 + 128 * usize::from(toggle) + usize::from(code);
-            (GUARD_REPLY | state_key(state) | u64::from(code) << 8 | flags, slot)
-        }
-        EventKind::Sync { counter, expected } => {
-            (SYNC | counter_key(counter) | counter_key(expected) << 16, usize::from(counter.unwrap_or(0)))
-        }
-        _ => return None,
-    })
 }
 
 impl<'a> Names<&'a str> {
@@ -180,12 +108,18 @@ impl LineTemplates {
     pub(super) fn learn(&mut self, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
         let Some(KeyedEvent { key, slot, time }) = KeyedEvent::of(event, bus) else { return };
         if self.slots.is_empty() {
-            self.slots.resize_with(PDO_SLOTS + OTHER_SLOTS, || None);
+            self.slots.resize_with(SLOTS, || None);
         }
         let Some(slot) = self.slots.get_mut(slot) else { return };
-        let signals = slot.take().and_then(|earlier| earlier.signals);
-        let (names, line) = (Names::of(event, bus).owned(), line.to_vec());
-        *slot = Some(Box::new(Template { key, names, second: time - time % SECOND, marks, line, signals }));
+        *slot = Some(Box::new(Template {
+            key,
+            names: Names::of(event, bus).owned(),
+            second: time - time % SECOND,
+            marks,
+            after_frames: after_frames(line, marks),
+            line: line.to_vec(),
+            signals: slot.take().and_then(|earlier| earlier.signals),
+        }));
     }
 }
 
@@ -223,12 +157,17 @@ impl Template {
     #[inline]
     fn set_frame(&mut self, frame: u64, digits: &mut Vec<u8>) -> bool {
         let (start, end) = (self.marks.frames, self.marks.behind_frames);
-        if let Some((text, length)) = twice(frame) {
-            return text.get(..length).is_some_and(|text| self.replace(start, end, text));
+        let Some((text, length)) = twice(frame) else {
+            digits.clear();
+            push_twice(digits, frame);
+            return self.replace(start, end, digits);
+        };
+        if start + length != end {
+            return false;
         }
-        digits.clear();
-        push_twice(digits, frame);
-        self.replace(start, end, digits)
+        // One store of constant length; the bytes after the numbers are written again.
+        let window = self.line.get_mut(start..).and_then(|rest| rest.first_chunk_mut());
+        window.map(|window| *window = (text | self.after_frames).to_le_bytes()).is_some()
     }
 
     /// Overwrites a part of the line; `false` if it has another length.
@@ -260,6 +199,14 @@ impl Template {
     }
 }
 
+/// The 16 bytes of a line from the frame numbers on, with zeros in place of the numbers.
+fn after_frames(line: &[u8], marks: Marks) -> u128 {
+    let window = line.get(marks.frames..).and_then(|rest| rest.first_chunk());
+    let numbers = u32::try_from(marks.behind_frames.saturating_sub(marks.frames) * 8).unwrap_or(u32::MAX);
+    let kept = u128::MAX.checked_shl(numbers).unwrap_or(0);
+    window.map_or(0, |window| u128::from_le_bytes(*window) & kept)
+}
+
 /// Writes signals with the general writer, and prepares the cache for the next ones.
 #[cold]
 fn push_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
@@ -280,12 +227,13 @@ mod tests {
 
     use super::super::{Jsonl, write_line};
     use super::*;
-    use crate::event::FrameRange;
-    use crate::frame::{BusIndex, CanId, Frame};
+    use crate::event::{FrameRange, Protocol};
+    use crate::frame::{BusIndex, CanId, Frame, Timestamp};
     use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection, PdoName};
     use crate::session::{BusDecoder, SessionOptions};
     use crate::sink::EventSink as _;
-    use crate::wire::canopen::ObjectAddress;
+    use crate::wire::NodeId;
+    use crate::wire::canopen::{NmtState, ObjectAddress};
 
     /// A bus with nodes 1 to 3; nodes 2 and 3 have names.
     fn bus(index: u8, name: &str) -> BusDecoder {
@@ -306,6 +254,42 @@ mod tests {
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
         Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, ..Layout::default() })
+    }
+
+    #[test]
+    fn a_template_is_for_lines_with_equal_names() {
+        let names = |bus, node, device| Names { bus, node, device };
+        let known = names("can0", Some("boom"), None).owned();
+        assert!(known.are(&names("can0", Some("boom"), None)));
+        // The device is assigned later, when the node is identified.
+        assert!(!known.are(&names("can0", Some("boom"), Some("cia402"))));
+        assert!(!known.are(&names("can0", None, None)));
+        assert!(!known.are(&names("can1", Some("boom"), None)));
+    }
+
+    #[test]
+    fn numbers_are_overwritten_if_their_length_is_equal() {
+        let event = |nanoseconds, frame| Event {
+            time: Some(Timestamp(nanoseconds)),
+            frames: FrameRange { first: frame, last: frame },
+            protocol: Protocol::Canopen,
+            ..Event::new(BusIndex(0), FrameRange::default(), EventKind::GuardRequest)
+        };
+        let bus = bus(0, "can0");
+        let mut templates = LineTemplates::default();
+        let mut line = Vec::new();
+        let first = event(1_999_999_999, 98);
+        let marks = write_line(&first, bus.bus(), None, &mut line);
+        templates.learn(&first, bus.bus(), &line, marks);
+        let mut filled = |nanoseconds, frame| {
+            let slot = templates.fill(&event(nanoseconds, frame), bus.bus())?;
+            Some(String::from_utf8(templates.line(slot).to_vec()).unwrap())
+        };
+        let expected = "{\"t\":2.000000001,\"bus\":\"can0\",\"frames\":[99,99],\"kind\":\"guard-request\",\
+                        \"protocol\":\"canopen\"}\n";
+        assert_eq!(filled(2_000_000_001, 99).unwrap(), expected);
+        assert_eq!(filled(2_000_000_002, 100), None);
+        assert_eq!(filled(10_000_000_000, 99), None);
     }
 
     fn pdo() -> impl Strategy<Value = EventKind> {

@@ -131,3 +131,19 @@ pub(super) fn seconds(nanoseconds: i64) -> String {
     let millis = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{}.{:03}", millis / 1_000, millis % 1_000)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_end_the_line() {
+        let frames = |first, last| text_of(|out| push_frames(FrameRange { first, last }, out));
+        assert_eq!([frames(0, 0), frames(118, 118), frames(118, 121)], ["\n", " {118}\n", " {118-121}\n"]);
+    }
+
+    #[test]
+    fn milliseconds_have_one_decimal() {
+        assert_eq!([millis(0), millis(1_049_999), millis(-312_950_000)], ["0.0", "1.0", "312.9"]);
+    }
+}

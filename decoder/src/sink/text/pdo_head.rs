@@ -124,3 +124,58 @@ pub(super) fn push_who(node: Option<NodeId>, bus: &Bus, who: &mut Vec<u8>) {
         who.push(b'?');
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::event::{EventKind, FrameRange};
+    use crate::frame::{Frame, MAX_DATA};
+    use crate::profile::{PdoDirection, PdoName};
+    use crate::session::{BusDecoder, SessionOptions};
+
+    fn bus(index: u8) -> BusDecoder {
+        let node_names = vec![(NodeId::Canopen(2), "boom\u{1}".into())];
+        let options = Arc::new(SessionOptions { node_names, ..SessionOptions::default() });
+        BusDecoder::new(BusIndex(index), "can1", options)
+    }
+
+    fn line(heads: &mut PdoHeads, bus: &BusDecoder, first_byte: u8) -> String {
+        let mut bytes = [0; MAX_DATA];
+        bytes[0] = first_byte;
+        let pdo = Pdo {
+            name: PdoName { direction: PdoDirection::Transmit, number: 1 },
+            cob_id: CanId::standard(0x182),
+            is_request: false,
+            length: 2,
+            bytes,
+            layout: None,
+        };
+        let event = Event::new(bus.bus().index(), FrameRange::default(), EventKind::Pdo(pdo.clone()));
+        let event = Event { node: Some(NodeId::Canopen(2)), presumed: true, ..event };
+        let mut line = Vec::new();
+        heads.push_line(&pdo, &event, bus.bus(), &mut line);
+        String::from_utf8(line).unwrap()
+    }
+
+    #[test]
+    fn a_head_is_used_until_the_node_changes() {
+        let mut heads = PdoHeads::default();
+        let (mut first, second) = (bus(0), bus(1));
+        assert_eq!(line(&mut heads, &first, 1), "  2/02?             PDO    TPDO1 01 00?");
+        assert_eq!(line(&mut heads, &first, 0xAB), "  2/02?             PDO    TPDO1 AB 00?");
+        assert_eq!(line(&mut heads, &second, 1), "  can1 2/02?        PDO    TPDO1 01 00?");
+        first.push(&Frame::data_frame(CanId::standard(0x702), &[5]), &mut |_: &Event, _: &Bus| {});
+        assert_eq!(line(&mut heads, &first, 1), "  2/02 boom\\u{1}       PDO    TPDO1 01 00?");
+    }
+
+    #[test]
+    fn a_missing_mapping_is_printed_once_up_to_a_maximum() {
+        let mut unmapped = Vec::new();
+        let mut is_first = |id| is_first_without_mapping(&mut unmapped, (BusIndex(0), CanId::extended(id)));
+        assert!((0..256).all(&mut is_first));
+        assert!(!(0..256).any(&mut is_first));
+        assert!(is_first(256) && is_first(256));
+    }
+}
