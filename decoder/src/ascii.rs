@@ -63,18 +63,6 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
-/// Appends a number, a comma and the same number again.
-#[inline]
-pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
-    if let Some((text, length)) = twice(value) {
-        push_part(out, text.to_le_bytes(), length);
-    } else {
-        push_decimal(out, value);
-        out.push(b',');
-        push_decimal(out, value);
-    }
-}
-
 /// A number of up to seven digits, a comma and the same number again, first character in the lowest byte, with the
 /// length; `None` for larger numbers.
 #[inline]
@@ -126,6 +114,14 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
         push_digits(out, high % PART, 8);
     }
     push_digits(out, low, 8);
+}
+
+/// The digits of any number, and the offset of the first digit that is not a leading zero.
+pub(crate) fn long_digits(value: u64) -> ([u8; 24], usize) {
+    let parts = [value / PART / PART, value / PART % PART, value % PART];
+    let text: [u8; 24] = must_cast(parts.map(|part| (decimal_digits(part) | each(b'0')).to_le_bytes()));
+    let leading = text.iter().take(23).take_while(|digit| **digit == b'0').count();
+    (text, leading)
 }
 
 /// Appends a signed number.
@@ -310,7 +306,10 @@ mod tests {
             prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), spaced);
             let width = digits * 3;
             prop_assert_eq!(text(|out| push_padded(out, value, width)), format!("{value:width$}"));
-            prop_assert_eq!(text(|out| push_twice(out, value)), format!("{value},{value}"));
+            let both = twice(value).map(|(both, length)| text(|out| push_part(out, both.to_le_bytes(), length)));
+            prop_assert_eq!(both, (value < 10_000_000).then(|| format!("{value},{value}")));
+            let (digits_of_value, first) = long_digits(value);
+            prop_assert_eq!(text(|out| out.extend_from_slice(&digits_of_value[first..])), value.to_string());
             prop_assert_eq!(text(|out| push_enclosed(out, *b" {", value, *b"}\n")), format!(" {{{value}}}\n"));
             let digits_behind = u8::try_from(digits).unwrap();
             let quantity = signed % 1_000_000_000_000_000;

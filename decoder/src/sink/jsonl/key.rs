@@ -1,7 +1,7 @@
 //! Keys of the lines that are reused for further events: PDO, heartbeat, guarding and SYNC.
 
 use crate::event::{Event, EventKind, Protocol};
-use crate::frame::Timestamp;
+use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::sink::line_key::{BUS_SLOTS, PDO_SLOTS, node_key, pdo_key, pdo_slot};
 use crate::wire::NodeId;
@@ -13,9 +13,11 @@ pub(super) const SLOTS: usize = PDO_SLOTS + OTHER_SLOTS;
 /// Slots for all other events.
 const OTHER_SLOTS: usize = 256;
 
-/// Everything that determines the constant parts of a line, except names.
+/// Everything that determines the constant parts of a line of one capture, except names of nodes and devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Key {
+    /// Determines the name of the bus.
+    bus: BusIndex,
     protocol: Protocol,
     presumed: bool,
     /// Kind, node and all values in the constant parts, packed.
@@ -53,7 +55,7 @@ impl KeyedEvent {
             return None;
         }
         let Timestamp(time) = event.time?;
-        let key = Key { protocol: event.protocol, presumed: event.presumed, content };
+        let key = Key { bus: bus.index(), protocol: event.protocol, presumed: event.presumed, content };
         Some(Self { key, slot, time: u64::try_from(time).ok()? })
     }
 }

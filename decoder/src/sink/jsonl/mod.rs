@@ -11,6 +11,7 @@ use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::query::record::visit;
 use crate::session::Bus;
+use key::KeyedEvent;
 use object::{Marks, Object};
 use templates::LineTemplates;
 
@@ -84,7 +85,7 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Adds the capture name to every following line.
+    /// Adds the capture name to every following line; its buses are others than those of the capture before.
     pub(super) fn set_capture(&mut self, capture: &str) {
         self.capture = Some(capture.to_owned());
         self.templates = LineTemplates::default();
@@ -93,18 +94,23 @@ impl Lines {
     /// The line of an event, with its line end.
     // Not `#[inline]`: the calling crate would compile it at its own optimisation level.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
-        match self.templates.fill(event, bus) {
-            Some(slot) => self.templates.line(slot),
-            None => self.general(event, bus),
+        let keyed = KeyedEvent::of(event, bus);
+        if let Some(keyed) = &keyed
+            && self.templates.fill(keyed, event, bus)
+        {
+            return self.templates.line(keyed.slot);
         }
+        self.general(event, bus, keyed)
     }
 
-    /// The line of an event without a template.
+    /// The line of an event without a suitable template.
     #[inline(never)]
-    fn general(&mut self, event: &Event, bus: &Bus) -> &[u8] {
+    fn general(&mut self, event: &Event, bus: &Bus, keyed: Option<KeyedEvent>) -> &[u8] {
         self.line.clear();
         let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
-        self.templates.learn(event, bus, &self.line, marks);
+        if let Some(keyed) = keyed {
+            self.templates.learn(&keyed, event, bus, &self.line, marks);
+        }
         &self.line
     }
 }

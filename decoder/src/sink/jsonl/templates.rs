@@ -15,7 +15,7 @@ use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
-use crate::ascii::{nine_digits, push_decimal, push_hex, push_hex_word, push_twice, twice};
+use crate::ascii::{long_digits, nine_digits, push_hex, push_hex_word, twice};
 use crate::event::{Event, EventKind, Pdo};
 use crate::profile::Layout;
 use crate::query::record::signals;
@@ -33,7 +33,6 @@ const SECONDS_START: usize = 5;
 /// Names that occur in a line.
 #[derive(Debug, PartialEq, Eq)]
 struct Names<T> {
-    bus: T,
     node: Option<T>,
     device: Option<T>,
 }
@@ -44,6 +43,8 @@ struct Template {
     names: Names<Box<str>>,
     /// Start of the second in the line, in ns.
     second: u64,
+    /// Offset of the nine decimals of the time.
+    decimals: usize,
     marks: Marks,
     /// The 16 bytes of the line from the frame numbers on, with zeros in place of the numbers.
     after_frames: u128,
@@ -55,43 +56,33 @@ struct Template {
 #[derive(Default)]
 pub(super) struct LineTemplates {
     slots: Vec<Option<Box<Template>>>,
-    /// Digits of the number that replaces an earlier one.
-    digits: Vec<u8>,
 }
 
 impl<'a> Names<&'a str> {
     #[inline]
     fn of(event: &Event, bus: &'a Bus) -> Self {
         let node = event.node.and_then(|node| bus.node(node));
-        Self {
-            bus: bus.name(),
-            node: node.and_then(|node| node.name()),
-            device: node.and_then(|node| node.device_id()),
-        }
+        Self { node: node.and_then(|node| node.name()), device: node.and_then(|node| node.device_id()) }
     }
 
     fn owned(&self) -> Names<Box<str>> {
-        Names { bus: self.bus.into(), node: self.node.map(Into::into), device: self.device.map(Into::into) }
+        Names { node: self.node.map(Into::into), device: self.device.map(Into::into) }
     }
 }
 
 impl LineTemplates {
-    /// Turns a template into the line of an event, and returns its slot; `None` without a suitable template.
+    /// Turns a template into the line of an event; `false` without a suitable template.
     #[inline]
-    pub(super) fn fill(&mut self, event: &Event, bus: &Bus) -> Option<usize> {
-        let KeyedEvent { key, slot, time } = KeyedEvent::of(event, bus)?;
-        let template = self.slots.get_mut(slot)?.as_deref_mut()?;
-        let is_filled = template.key == key
+    pub(super) fn fill(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus) -> bool {
+        let Some(Some(template)) = self.slots.get_mut(keyed.slot) else { return false };
+        let is_filled = template.key == keyed.key
             && template.names.are(&Names::of(event, bus))
-            && template.set_time(time, &mut self.digits)
-            && template.set_frame(event.frames.last, &mut self.digits);
-        if !is_filled {
-            return None;
-        }
-        if let EventKind::Pdo(pdo) = &event.kind {
+            && template.set_time(keyed.time)
+            && template.set_frame(event.frames.last);
+        if is_filled && let EventKind::Pdo(pdo) = &event.kind {
             template.set_payload(pdo);
         }
-        Some(slot)
+        is_filled
     }
 
     /// The line in a slot.
@@ -105,16 +96,16 @@ impl LineTemplates {
 
     /// Makes a template of a line of the general writer.
     #[cold]
-    pub(super) fn learn(&mut self, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
-        let Some(KeyedEvent { key, slot, time }) = KeyedEvent::of(event, bus) else { return };
+    pub(super) fn learn(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
         if self.slots.is_empty() {
             self.slots.resize_with(SLOTS, || None);
         }
-        let Some(slot) = self.slots.get_mut(slot) else { return };
+        let Some(slot) = self.slots.get_mut(keyed.slot) else { return };
         *slot = Some(Box::new(Template {
-            key,
+            key: keyed.key,
             names: Names::of(event, bus).owned(),
-            second: time - time % SECOND,
+            second: keyed.time - keyed.time % SECOND,
+            decimals: marks.behind_time.saturating_sub(DECIMALS),
             marks,
             after_frames: after_frames(line, marks),
             line: line.to_vec(),
@@ -126,42 +117,37 @@ impl LineTemplates {
 impl Names<Box<str>> {
     #[inline]
     fn are(&self, names: &Names<&str>) -> bool {
-        self.node.as_deref() == names.node
-            && self.device.as_deref() == names.device
-            && *self.bus == *names.bus
+        self.node.as_deref() == names.node && self.device.as_deref() == names.device
     }
 }
 
 impl Template {
     /// Overwrites the time; `false` if the number of digits differs.
     #[inline]
-    fn set_time(&mut self, time: u64, digits: &mut Vec<u8>) -> bool {
-        let end = self.marks.behind_time;
-        let start = end.saturating_sub(DECIMALS);
+    fn set_time(&mut self, time: u64) -> bool {
         let mut nanoseconds = time.wrapping_sub(self.second);
         if nanoseconds >= SECOND {
             nanoseconds = time % SECOND;
-            self.second = time - nanoseconds;
-            digits.clear();
-            push_decimal(digits, time / SECOND);
-            digits.push(b'.');
-            if !self.replace(SECONDS_START, start, digits) {
+            if !self.set_second(time - nanoseconds) {
                 return false;
             }
         }
-        let decimals = self.line.get_mut(start..end).and_then(|part| part.first_chunk_mut());
-        decimals.map(|part| *part = nine_digits(nanoseconds)).is_some()
+        let decimals = self.line.get_mut(self.decimals..).and_then(|rest| rest.first_chunk_mut());
+        decimals.map(|decimals| *decimals = nine_digits(nanoseconds)).is_some()
+    }
+
+    /// Overwrites the seconds; `false` if the number of digits differs.
+    #[inline(never)]
+    fn set_second(&mut self, second: u64) -> bool {
+        self.second = second;
+        self.set_number(SECONDS_START, self.decimals.saturating_sub(1), second / SECOND)
     }
 
     /// Overwrites both frame numbers; `false` if the number of digits differs.
     #[inline]
-    fn set_frame(&mut self, frame: u64, digits: &mut Vec<u8>) -> bool {
+    fn set_frame(&mut self, frame: u64) -> bool {
         let (start, end) = (self.marks.frames, self.marks.behind_frames);
-        let Some((text, length)) = twice(frame) else {
-            digits.clear();
-            push_twice(digits, frame);
-            return self.replace(start, end, digits);
-        };
+        let Some((text, length)) = twice(frame) else { return self.set_long_frame(frame) };
         if start + length != end {
             return false;
         }
@@ -170,11 +156,19 @@ impl Template {
         window.map(|window| *window = (text | self.after_frames).to_le_bytes()).is_some()
     }
 
-    /// Overwrites a part of the line; `false` if it has another length.
-    #[inline]
-    fn replace(&mut self, start: usize, end: usize, text: &[u8]) -> bool {
-        let part = self.line.get_mut(start..end).filter(|part| part.len() == text.len());
-        part.map(|part| part.copy_from_slice(text)).is_some()
+    #[inline(never)]
+    fn set_long_frame(&mut self, frame: u64) -> bool {
+        let (start, end) = (self.marks.frames, self.marks.behind_frames);
+        let comma = usize::midpoint(start, end);
+        self.set_number(start, comma, frame) && self.set_number(comma + 1, end, frame)
+    }
+
+    /// Overwrites a number of the line; `false` if it has another number of digits.
+    fn set_number(&mut self, start: usize, end: usize, number: u64) -> bool {
+        let (digits, first) = long_digits(number);
+        let digits = digits.get(first..).unwrap_or_default();
+        let part = self.line.get_mut(start..end).filter(|part| part.len() == digits.len());
+        part.map(|part| part.copy_from_slice(digits)).is_some()
     }
 
     /// Replaces the payload and all after it.
@@ -186,16 +180,23 @@ impl Template {
             Some(bytes) if pdo.length <= 8 => push_hex_word(line, *bytes, usize::from(pdo.length)),
             _ => push_hex(line, pdo.payload()),
         }
-        let Some(layout) = &pdo.layout else { return line.extend_from_slice(b"\"}\n") };
-        line.push(b'"');
-        let length = usize::from(pdo.length);
-        if let (Some(signals), Some(bytes)) = (&mut self.signals, pdo.bytes.first_chunk())
-            && signals.are_of(layout, length)
-        {
-            signals.write(*bytes, line);
-            return line.extend_from_slice(b"}\n");
+        match &pdo.layout {
+            None => line.extend_from_slice(b"\"}\n"),
+            Some(layout) => self.push_signals(pdo, layout),
         }
-        push_signals(pdo, layout, &mut self.signals, line);
+    }
+
+    /// Appends the end of the payload, and the signals.
+    #[inline(never)]
+    fn push_signals(&mut self, pdo: &Pdo, layout: &Arc<Layout>) {
+        self.line.push(b'"');
+        if let (Some(signals), Some(bytes)) = (&mut self.signals, pdo.bytes.first_chunk())
+            && signals.are_of(layout, usize::from(pdo.length))
+        {
+            signals.write(*bytes, &mut self.line);
+            return self.line.extend_from_slice(b"}\n");
+        }
+        push_new_signals(pdo, layout, &mut self.signals, &mut self.line);
     }
 }
 
@@ -209,7 +210,7 @@ fn after_frames(line: &[u8], marks: Marks) -> u128 {
 
 /// Writes signals with the general writer, and prepares the cache for the next ones.
 #[cold]
-fn push_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
+fn push_new_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
     let mut object = Object::resume(line);
     signals(layout, pdo.payload(), &mut object);
     object.end();
@@ -258,13 +259,12 @@ mod tests {
 
     #[test]
     fn a_template_is_for_lines_with_equal_names() {
-        let names = |bus, node, device| Names { bus, node, device };
-        let known = names("can0", Some("boom"), None).owned();
-        assert!(known.are(&names("can0", Some("boom"), None)));
+        let names = |node, device| Names { node, device };
+        let known = names(Some("boom"), None).owned();
+        assert!(known.are(&names(Some("boom"), None)));
         // The device is assigned later, when the node is identified.
-        assert!(!known.are(&names("can0", Some("boom"), Some("cia402"))));
-        assert!(!known.are(&names("can0", None, None)));
-        assert!(!known.are(&names("can1", Some("boom"), None)));
+        assert!(!known.are(&names(Some("boom"), Some("cia402"))));
+        assert!(!known.are(&names(None, None)));
     }
 
     #[test]
@@ -280,16 +280,30 @@ mod tests {
         let mut line = Vec::new();
         let first = event(1_999_999_999, 98);
         let marks = write_line(&first, bus.bus(), None, &mut line);
-        templates.learn(&first, bus.bus(), &line, marks);
+        let keyed = |event: &Event| KeyedEvent::of(event, bus.bus()).unwrap();
+        templates.learn(&keyed(&first), &first, bus.bus(), &line, marks);
         let mut filled = |nanoseconds, frame| {
-            let slot = templates.fill(&event(nanoseconds, frame), bus.bus())?;
-            Some(String::from_utf8(templates.line(slot).to_vec()).unwrap())
+            let event = event(nanoseconds, frame);
+            let is_filled = templates.fill(&keyed(&event), &event, bus.bus());
+            let line = || String::from_utf8(templates.line(keyed(&event).slot).to_vec()).unwrap();
+            is_filled.then(line)
         };
         let expected = "{\"t\":2.000000001,\"bus\":\"can0\",\"frames\":[99,99],\"kind\":\"guard-request\",\
                         \"protocol\":\"canopen\"}\n";
         assert_eq!(filled(2_000_000_001, 99).unwrap(), expected);
         assert_eq!(filled(2_000_000_002, 100), None);
         assert_eq!(filled(10_000_000_000, 99), None);
+
+        let long = event(1, 12_345_678);
+        line.clear();
+        let marks = write_line(&long, bus.bus(), None, &mut line);
+        templates.learn(&keyed(&long), &long, bus.bus(), &line, marks);
+        let next = event(2, 99_999_999);
+        assert!(templates.fill(&keyed(&next), &next, bus.bus()));
+        let mut expected = Vec::new();
+        write_line(&next, bus.bus(), None, &mut expected);
+        assert_eq!(templates.line(keyed(&next).slot), expected);
+        assert!(!templates.fill(&keyed(&event(2, 100_000_000)), &event(2, 100_000_000), bus.bus()));
     }
 
     fn pdo() -> impl Strategy<Value = EventKind> {
@@ -351,7 +365,7 @@ mod tests {
         fn prepared_lines_equal_those_of_the_general_writer(
             events in prop::collection::vec((event(), 0_usize..3), 1..60),
         ) {
-            let buses = [bus(0, "can0"), bus(1, "can1"), bus(0, "a \"bus\"")];
+            let buses = [bus(0, "can0"), bus(1, "can1"), bus(2, "a \"bus\"")];
             for capture in [None, Some("two.log")] {
                 let mut jsonl = Jsonl::new(Vec::new());
                 if let Some(name) = capture {

@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(line(&mut heads, &first, 0xAB), "  2/02?             PDO    TPDO1 AB 00?");
         assert_eq!(line(&mut heads, &second, 1), "  can1 2/02?        PDO    TPDO1 01 00?");
         first.push(&Frame::data_frame(CanId::standard(0x702), &[5]), &mut |_: &Event, _: &Bus| {});
-        assert_eq!(line(&mut heads, &first, 1), "  2/02 boom\\u{1}       PDO    TPDO1 01 00?");
+        assert_eq!(line(&mut heads, &first, 1), "  2/02 boom\\u{1}        PDO    TPDO1 01 00?");
     }
 
     #[test]
