@@ -15,11 +15,11 @@ use super::object::{Marks, Object};
 use super::signals::Signals;
 use std::sync::Arc;
 
-use crate::ascii::{long_digits, nine_digits, push_hex, push_hex_word, twice};
+use crate::ascii::{long_digits, nine_digits, push_hex, push_hex_word, short_digits};
 use crate::event::{Event, EventKind, Pdo};
 use crate::profile::Layout;
 use crate::query::record::signals;
-use crate::session::Bus;
+use crate::session::{Bus, Node};
 
 /// Nanoseconds per second.
 const SECOND: u64 = 1_000_000_000;
@@ -30,26 +30,35 @@ const DECIMALS: usize = 9;
 /// Length of `{"t":`, in bytes.
 const SECONDS_START: usize = 5;
 
-/// Names that occur in a line.
+/// Names of the node that occur in a line.
 #[derive(Debug, PartialEq, Eq)]
-struct Names<T> {
-    node: Option<T>,
-    device: Option<T>,
+struct Names {
+    node: Option<Box<str>>,
+    device: Option<Box<str>>,
 }
 
 /// Last line with its key and names.
 struct Template {
     key: Key,
-    names: Names<Box<str>>,
+    names: Names,
     /// Start of the second in the line, in ns.
     second: u64,
     /// Offset of the nine decimals of the time.
     decimals: usize,
     marks: Marks,
-    /// The 16 bytes of the line from the frame numbers on, with zeros in place of the numbers.
-    after_frames: u128,
+    frames: FrameNumbers,
     line: Vec<u8>,
     signals: Option<Signals>,
+}
+
+/// Place of both frame numbers in a line, `118,118]`. Each number is written as eight bytes, with the constant bytes
+/// after it.
+struct FrameNumbers {
+    start: usize,
+    /// Digits of a number.
+    digits: usize,
+    /// Bytes after the digits of the first number, and after those of the second; zero in place of the digits.
+    after: [u64; 2],
 }
 
 /// Templates of the lines written so far.
@@ -58,15 +67,18 @@ pub(super) struct LineTemplates {
     slots: Vec<Option<Box<Template>>>,
 }
 
-impl<'a> Names<&'a str> {
-    #[inline]
-    fn of(event: &Event, bus: &'a Bus) -> Self {
-        let node = event.node.and_then(|node| bus.node(node));
-        Self { node: node.and_then(|node| node.name()), device: node.and_then(|node| node.device_id()) }
+impl Names {
+    fn of(node: Option<&Node>) -> Self {
+        Self {
+            node: node.and_then(|node| node.name()).map(Into::into),
+            device: node.and_then(|node| node.device_id()).map(Into::into),
+        }
     }
 
-    fn owned(&self) -> Names<Box<str>> {
-        Names { node: self.node.map(Into::into), device: self.device.map(Into::into) }
+    #[inline]
+    fn are_of(&self, node: Option<&Node>) -> bool {
+        self.node.as_deref() == node.and_then(|node| node.name())
+            && self.device.as_deref() == node.and_then(|node| node.device_id())
     }
 }
 
@@ -76,7 +88,7 @@ impl LineTemplates {
     pub(super) fn fill(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus) -> bool {
         let Some(Some(template)) = self.slots.get_mut(keyed.slot) else { return false };
         let is_filled = template.key == keyed.key
-            && template.names.are(&Names::of(event, bus))
+            && template.names.are_of(event.node.and_then(|node| bus.node(node)))
             && template.set_time(keyed.time)
             && template.set_frame(event.frames.last);
         if is_filled && let EventKind::Pdo(pdo) = &event.kind {
@@ -103,21 +115,14 @@ impl LineTemplates {
         let Some(slot) = self.slots.get_mut(keyed.slot) else { return };
         *slot = Some(Box::new(Template {
             key: keyed.key,
-            names: Names::of(event, bus).owned(),
+            names: Names::of(event.node.and_then(|node| bus.node(node))),
             second: keyed.time - keyed.time % SECOND,
             decimals: marks.behind_time.saturating_sub(DECIMALS),
             marks,
-            after_frames: after_frames(line, marks),
+            frames: FrameNumbers::of(line, marks),
             line: line.to_vec(),
             signals: slot.take().and_then(|earlier| earlier.signals),
         }));
-    }
-}
-
-impl Names<Box<str>> {
-    #[inline]
-    fn are(&self, names: &Names<&str>) -> bool {
-        self.node.as_deref() == names.node && self.device.as_deref() == names.device
     }
 }
 
@@ -146,21 +151,25 @@ impl Template {
     /// Overwrites both frame numbers; `false` if the number of digits differs.
     #[inline]
     fn set_frame(&mut self, frame: u64) -> bool {
-        let (start, end) = (self.marks.frames, self.marks.behind_frames);
-        let Some((text, length)) = twice(frame) else { return self.set_long_frame(frame) };
-        if start + length != end {
-            return false;
-        }
-        // One store of constant length; the bytes after the numbers are written again.
-        let window = self.line.get_mut(start..).and_then(|rest| rest.first_chunk_mut());
-        window.map(|window| *window = (text | self.after_frames).to_le_bytes()).is_some()
+        let FrameNumbers { start, digits, after: [after_first, after_second] } = self.frames;
+        let Some((text, length)) = short_digits(frame) else { return self.set_long_frame(frame) };
+        length == digits
+            && self.set_word(start, text | after_first)
+            && self.set_word(start + digits + 1, text | after_second)
+    }
+
+    /// Overwrites eight bytes of the line.
+    #[inline]
+    fn set_word(&mut self, start: usize, word: u64) -> bool {
+        let bytes = self.line.get_mut(start..).and_then(|rest| rest.first_chunk_mut());
+        bytes.map(|bytes| *bytes = word.to_le_bytes()).is_some()
     }
 
     #[inline(never)]
     fn set_long_frame(&mut self, frame: u64) -> bool {
-        let (start, end) = (self.marks.frames, self.marks.behind_frames);
-        let comma = usize::midpoint(start, end);
-        self.set_number(start, comma, frame) && self.set_number(comma + 1, end, frame)
+        let FrameNumbers { start, digits, .. } = self.frames;
+        let second = start + digits + 1;
+        self.set_number(start, start + digits, frame) && self.set_number(second, second + digits, frame)
     }
 
     /// Overwrites a number of the line; `false` if it has another number of digits.
@@ -200,12 +209,17 @@ impl Template {
     }
 }
 
-/// The 16 bytes of a line from the frame numbers on, with zeros in place of the numbers.
-fn after_frames(line: &[u8], marks: Marks) -> u128 {
-    let window = line.get(marks.frames..).and_then(|rest| rest.first_chunk());
-    let numbers = u32::try_from(marks.behind_frames.saturating_sub(marks.frames) * 8).unwrap_or(u32::MAX);
-    let kept = u128::MAX.checked_shl(numbers).unwrap_or(0);
-    window.map_or(0, |window| u128::from_le_bytes(*window) & kept)
+impl FrameNumbers {
+    fn of(line: &[u8], marks: Marks) -> Self {
+        let start = marks.frames;
+        let digits = marks.behind_frames.saturating_sub(start) / 2;
+        let after = |number: usize| {
+            let word = line.get(number..).and_then(|rest| rest.first_chunk());
+            let kept = u64::MAX.unbounded_shl(u32::try_from(digits * 8).unwrap_or(u32::MAX));
+            word.map_or(0, |word| u64::from_le_bytes(*word) & kept)
+        };
+        Self { start, digits, after: [after(start), after(start + digits + 1)] }
+    }
 }
 
 /// Writes signals with the general writer, and prepares the cache for the next ones.
@@ -259,12 +273,17 @@ mod tests {
 
     #[test]
     fn a_template_is_for_lines_with_equal_names() {
-        let names = |node, device| Names { node, device };
-        let known = names(Some("boom"), None).owned();
-        assert!(known.are(&names(Some("boom"), None)));
+        let bus = bus(0, "can0");
+        let names = |node: Option<&str>, device: Option<&str>| Names {
+            node: node.map(Into::into),
+            device: device.map(Into::into),
+        };
+        let node = bus.bus().node(3);
+        assert!(names(Some("jib0"), None).are_of(node));
+        assert!(!names(Some("jib1"), None).are_of(node) && !names(None, None).are_of(node));
+        assert!(names(None, None).are_of(None));
         // The device is assigned later, when the node is identified.
-        assert!(!known.are(&names(Some("boom"), Some("cia402"))));
-        assert!(!known.are(&names(None, None)));
+        assert!(!names(Some("jib0"), Some("cia402")).are_of(node));
     }
 
     #[test]

@@ -52,7 +52,7 @@ impl PdoHeads {
         let Some(slot) = self.slots.get_mut(pdo_slot(pdo, bus)) else { return };
         let head = match slot {
             Some(head) if head.is_of(pdo, event, bus) => head,
-            _ => slot.insert(PdoHead::of(pdo, event, bus)),
+            _ => slot.insert(Box::new(PdoHead::of(pdo, event, bus))),
         };
         line.extend_from_slice(&head.text);
         push_payload(pdo, line);
@@ -85,14 +85,14 @@ fn is_first_without_mapping(unmapped: &mut Vec<(BusIndex, CanId)>, pdo: (BusInde
 
 impl PdoHead {
     #[cold]
-    fn of(pdo: &Pdo, event: &Event, bus: &Bus) -> Box<Self> {
+    fn of(pdo: &Pdo, event: &Event, bus: &Bus) -> Self {
         let mut who = Vec::new();
         push_who(event.node, bus, &mut who);
         let mut text = Vec::new();
         push_columns(bus, &who, KIND, "", &mut text);
         push_name(pdo.name, &mut text);
         let node = event.node.and_then(|node| bus.node(node));
-        Box::new(Self {
+        Self {
             key: pdo_key(pdo, event.node),
             bus: bus.index(),
             bus_name: bus.name().into(),
@@ -100,7 +100,7 @@ impl PdoHead {
             is_known: node.is_some(),
             text,
             is_unmapped: false,
-        })
+        }
     }
 
     /// Whether the lines of an event start with this head.
