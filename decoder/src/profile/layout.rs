@@ -310,6 +310,13 @@ impl<'a> Signal<'a> {
 }
 
 impl Field {
+    /// Bits of the field in the first eight bytes of a payload, if the field is little-endian; bit 0 is the lowest bit of
+    /// byte 0.
+    pub fn payload_bits(&self) -> u64 {
+        let field = 1_u64.checked_shl(u32::from(self.bits)).map_or(u64::MAX, |end| end - 1);
+        field.checked_shl(u32::from(self.bit)).unwrap_or(0)
+    }
+
     /// Little-endian field of an object without further information, as in CANopen and J1939.
     pub fn of_object(object: ObjectAddress, bit: u16, bits: u16, data_type: DataType) -> Self {
         Self {

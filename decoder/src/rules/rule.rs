@@ -1,7 +1,9 @@
 //! [`Rule`], and its entry in the registry.
 
 use super::context::Context;
+use super::context::traffic::PdoSlot;
 use super::declaration::{Declaration, Tolerance};
+use super::need::Need;
 use super::policy::Policy;
 use crate::event::Event;
 use crate::query::KindSet;
@@ -25,6 +27,16 @@ pub trait Rule {
     fn wants_pdos(&self) -> bool {
         true
     }
+
+    /// What the rule needs of the next PDOs or messages with the identifier and the data length of `event`, which it
+    /// received. The answer holds until [`Context::ask_again`], and until node or layout change.
+    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
+        Need::EACH
+    }
+
+    /// Takes the number of PDOs that followed the last event of an identifier, for [`Need::counted`]; `slot` contains
+    /// them.
+    fn skipped(&mut self, _slot: &PdoSlot, _count: u32, _context: &mut Context<'_>) {}
 
     /// Handles a requested wake-up, see `Context::wake_at`.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}

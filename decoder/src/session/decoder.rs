@@ -26,7 +26,7 @@ use crate::words::plural;
 /// Decodes the frames of one bus to events. A clone is a checkpoint.
 #[derive(Debug, Clone)]
 pub struct BusDecoder {
-    shared: Shared,
+    pub(super) shared: Shared,
     nmt: Nmt,
     error_control: ErrorControl,
     emcy: Emcy,
@@ -88,7 +88,16 @@ impl BusDecoder {
     }
 
     /// Decodes the next frame and sends its events to `out`.
+    #[inline]
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        if !self.is_skipped(frame, out) {
+            self.decode(frame, out);
+        }
+    }
+
+    /// Decodes a frame and sends its events to `out`.
+    #[inline(never)]
+    fn decode(&mut self, frame: &Frame, out: &mut dyn Observer) {
         if let Some(stamp) = frame.time {
             self.advance_clock(stamp, frame.number, out);
         }

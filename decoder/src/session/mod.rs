@@ -26,6 +26,7 @@ mod objects;
 mod observer;
 mod options;
 mod presence;
+mod short_path;
 mod timers;
 mod uds;
 
@@ -43,5 +44,5 @@ pub use limits::{
 };
 
 pub(crate) use limits::CLOCK_SET;
-pub use observer::Observer;
+pub use observer::{Observer, Preview};
 pub use options::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};

@@ -2,11 +2,41 @@
 
 use super::bus::Bus;
 use crate::event::Event;
+use crate::frame::Timestamp;
 
 /// Receives events in their order.
+///
+/// Most frames of a machine repeat the payload of the frame before them. An observer states for each such frame
+/// whether it needs the event; if no observer does, the session updates only times and counters.
 pub trait Observer {
     /// `event` happened on `bus`; `bus` is in the state after the event.
     fn event(&mut self, event: &Event, bus: &Bus);
+
+    /// Whether the observer needs the event of a frame; the default is yes. Called before the event, and without one if
+    /// nobody needs it; `bus` is in the state before the frame, except for its time.
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        true
+    }
+
+    /// Takes note of a frame whose event no observer needs; `bus` is in the state after the frame.
+    fn skip(&mut self, _preview: &Preview, _bus: &Bus) {}
+}
+
+/// PDO or J1939 message before its event. The frame has the data length of the last frame with its identifier.
+#[derive(Debug, Clone, Copy)]
+pub struct Preview {
+    /// Index of the identifier on its bus, in order of appearance.
+    pub identifier: usize,
+    /// Number of the frame in the capture.
+    pub frame: u64,
+    /// Time of the frame.
+    pub time: Timestamp,
+    /// Monotonic time of the bus in ns.
+    pub now: i64,
+    /// Payload, little-endian; unused bytes are 0.
+    pub payload: u64,
+    /// Payload bits that differ from the last frame with the identifier; bit 0 is the lowest bit of byte 0.
+    pub change: u64,
 }
 
 impl<F: FnMut(&Event, &Bus)> Observer for F {

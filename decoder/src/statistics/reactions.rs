@@ -70,10 +70,15 @@ impl Reactions {
         let Some(time) = event.time.map(|time| time.0).filter(|_| !pdo.is_request && !event.routine) else {
             return;
         };
-        if pdo.name.direction == PdoDirection::Transmit {
-            self.changed(pdo.name, time);
+        self.pdo(pdo.name, time, event.frames.last);
+    }
+
+    /// Adds a PDO with changed contents at a time in ns.
+    pub(crate) fn pdo(&mut self, name: PdoName, time: i64, frame: u64) {
+        if name.direction == PdoDirection::Transmit {
+            self.changed(name, time);
         } else {
-            self.reacted(pdo.name, time, event.frames.last);
+            self.reacted(name, time, frame);
         }
     }
 

@@ -30,7 +30,7 @@ use crate::event::Event;
 use crate::finding::Advice;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
-use crate::session::{Bus, Buses, Node, Observer, SdoPairHint};
+use crate::session::{Bus, Buses, Node, Observer, Preview, SdoPairHint};
 use crate::statistics::ReactionTime;
 use crate::suggestion::suggestions;
 use crate::wire::NodeId;
@@ -124,6 +124,14 @@ impl Observer for Why {
     fn event(&mut self, event: &Event, bus: &Bus) {
         self.observe(event, bus, true);
     }
+
+    fn needs(&self, _preview: &Preview, bus: &Bus) -> bool {
+        Self::needs(self, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        Self::skip(self, preview, bus);
+    }
 }
 
 impl Why {
@@ -145,6 +153,20 @@ impl Why {
         let mut watch = BusWatch::new(bus.index(), self.question.latest, node);
         watch.event(event, bus, may_report);
         self.buses.push(watch);
+    }
+
+    /// Whether the event of a frame is needed; see [`Observer::needs`].
+    pub fn needs(&self, bus: &Bus) -> bool {
+        let is_elsewhere = self.question.chosen.as_ref().is_some_and(|chosen| !chosen.is_on(bus));
+        let watch = self.buses.iter().find(|watch| watch.index() == bus.index());
+        !is_elsewhere && watch.is_none_or(BusWatch::needs)
+    }
+
+    /// Counts a frame whose event is not needed; see [`Observer::skip`].
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
+            watch.skip(preview, bus);
+        }
     }
 
     /// Creates the report; `buses` are in the state after the last event.

@@ -8,7 +8,7 @@ use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::PdoDirection;
-use crate::session::Bus;
+use crate::session::{Bus, Preview};
 use crate::statistics::{ReactionTime, Reactions};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
@@ -145,6 +145,28 @@ impl BusWatch {
                 }
             }
             None => {}
+        }
+    }
+
+    /// Whether the event of a PDO or message is needed: within a moment, and while a set point is without effect.
+    pub(super) fn needs(&self) -> bool {
+        self.open.is_some() || !self.idle.is_empty()
+    }
+
+    /// Takes a PDO or message without an event.
+    pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.time = Some(preview.time);
+        let Some((pdo, node)) = bus.pdo_at(preview.identifier) else { return };
+        let is_received = pdo.direction == PdoDirection::Receive;
+        if preview.change == 0 && !is_received {
+            return;
+        }
+        let Some(node) = self.nodes.entry(node) else { return };
+        if is_received {
+            node.beats.add(Rhythm::Rpdo(pdo), Some(preview.time), preview.frame);
+        }
+        if preview.change != 0 {
+            node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }
     }
 

@@ -9,7 +9,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
 use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
@@ -54,6 +54,17 @@ impl Observer for JudgingObserver<'_> {
             return self.printer.event(event, bus);
         }
         self.judge(event, bus);
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.printer.needs(preview, bus)
+            || self.engine.as_ref().is_some_and(|engine| engine.needs(preview, bus))
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some(engine) = &mut self.engine {
+            engine.skip(preview, bus);
+        }
     }
 }
 
@@ -322,6 +333,10 @@ impl Observer for Printer {
         let is_wanted = format.content == EventContent::News || self.choice.admits(event);
         let is_shown = is_wanted && sink.write(event, bus);
         self.shown.see(event, is_shown);
+    }
+
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        self.output.is_some()
     }
 }
 

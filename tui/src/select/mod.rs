@@ -127,6 +127,12 @@ impl Selection {
         self.filter.is_some() || !self.nodes.0.is_empty()
     }
 
+    /// Whether there is a filter, a selected node or a limit of time.
+    #[inline]
+    pub fn is_limited(&self) -> bool {
+        self.from.is_some() || self.to.is_some() || self.has_filter()
+    }
+
     /// Starts a capture with this name.
     pub fn set_capture(&mut self, name: &str) {
         self.capture = Some(name.to_owned());
@@ -162,7 +168,7 @@ impl Selection {
     /// deadline. An event without a time is before every time.
     #[inline]
     pub fn admits(&mut self, event: &Event, bus: &Bus) -> bool {
-        if self.from.is_none() && self.to.is_none() && !self.has_filter() {
+        if !self.is_limited() {
             self.is_reached = true;
             return true;
         }

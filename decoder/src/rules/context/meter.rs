@@ -59,6 +59,12 @@ impl Meter {
         Self { bit_rate: bit_rate.filter(|rate| *rate > 0), ..Self::default() }
     }
 
+    /// Whether a second ended since the last call of [`Self::take_over`].
+    #[inline]
+    pub(in crate::rules) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
     /// Whether a second ended since the last call.
     #[inline]
     pub(in crate::rules) fn take_over(&mut self) -> bool {

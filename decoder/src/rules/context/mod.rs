@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 use self::meter::Meter;
 use self::scene::View;
-use self::traffic::Traffic;
+use self::traffic::{PdoSlot, Traffic};
 use super::ledger::{Claim, Ledger, occurrence};
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};
-use crate::frame::Timestamp;
+use crate::frame::{CanId, Timestamp};
 use crate::profile::device::Waiver;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
@@ -52,6 +52,8 @@ pub struct Context<'a> {
     pub(super) place: u16,
     pub(super) ledger: &'a mut Ledger,
     pub(super) wakes: &'a mut BinaryHeap<Wake>,
+    /// See [`Context::ask_again`].
+    pub(super) has_news: &'a mut bool,
 }
 
 impl<'a> Context<'a> {
@@ -126,6 +128,17 @@ impl<'a> Context<'a> {
         if self.has_time {
             self.wakes.push(Reverse((time, self.place, token)));
         }
+    }
+
+    /// States that the rule may need other repetitions of PDOs than before: of the present one's identifier while the
+    /// rule handles a PDO, else of all identifiers. See `Rule::repetitions`.
+    pub fn ask_again(&mut self) {
+        *self.has_news = true;
+    }
+
+    /// Statistics of the PDOs with an identifier; `None` before the first one.
+    pub fn pdos_of(&self, id: CanId) -> Option<&'a PdoSlot> {
+        self.traffic.of(self.bus.identifier_index(id)?)
     }
 
     /// Node of the event.

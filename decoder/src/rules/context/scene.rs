@@ -61,7 +61,8 @@ impl View<'_> {
         let rpdos = (1..=RPDOS).map(|number| PdoName { direction: PdoDirection::Receive, number });
         let mut configured = rpdos.filter_map(|pdo| {
             let (own, is_confirmed) = self.bus.pdo_identifier(id, pdo)?;
-            (is_confirmed && self.traffic.of(own).is_none()).then_some((pdo, own))
+            (is_confirmed && self.bus.identifier_index(own).and_then(|own| self.traffic.of(own)).is_none())
+                .then_some((pdo, own))
         });
         let (pdo, own) = configured.next()?;
         let object = ObjectAddress::new(pdo.communication_index(), 1);

@@ -1,18 +1,13 @@
 //! PDO statistics by identifier, updated once per PDO and shared by all rules.
 
 use std::cmp::Reverse;
-use std::collections::HashMap;
-
-use foldhash::fast::FixedState;
 
 use crate::event::{FrameRange, Pdo};
 use crate::frame::CanId;
+use crate::session::Preview;
 
 /// Number of intervals for one median.
 const INTERVALS: usize = 15;
-
-/// Number of 11-bit identifiers.
-const STANDARD_IDS: usize = 2048;
 
 /// PDOs skipped between two medians, since the usual interval rarely changes.
 const PAUSE: u8 = 45;
@@ -29,6 +24,8 @@ pub struct PdoSlot {
     pub count: u64,
     /// Time since the previous PDO, in ns; None for the first one.
     pub interval: Option<i64>,
+    /// Interval before [`Self::interval`], in ns.
+    pub interval_before: Option<i64>,
     /// Time of the last PDO, in ns.
     pub last: i64,
     /// Frame of the last PDO and of the previous one.
@@ -45,6 +42,14 @@ pub struct PdoSlot {
     pub sync_step: u64,
     /// A remote frame requested the PDO.
     pub is_requested: bool,
+    /// Consecutive PDOs that fit two producers in turn: two contents at two intervals.
+    pub alternations: u32,
+    /// Payload, without unused bytes, and length of the last PDO and of the previous one; from the second PDO on.
+    contents: [(u64, u8); 2],
+    /// Data length of the last PDO.
+    length: u8,
+    /// Usual interval while the content was constant, before the second content.
+    alone: Option<i64>,
     /// Usual interval of PDOs with unchanged content; None if they are irregular or rare.
     period: Option<Period>,
     sync: u64,
@@ -72,11 +77,12 @@ const ENDED: i64 = 50_000_000;
 const UNCHANGED: usize = 5;
 
 impl PdoSlot {
-    const fn new(place: usize, id: CanId) -> Self {
+    pub(in crate::rules) const fn new(place: usize, id: CanId) -> Self {
         Self {
             place,
             count: 0,
             interval: None,
+            interval_before: None,
             last: 0,
             frames: (0, 0),
             earlier: 0,
@@ -85,6 +91,10 @@ impl PdoSlot {
             id,
             sync_step: 0,
             is_requested: false,
+            alternations: 0,
+            contents: [(0, 0); 2],
+            length: 0,
+            alone: None,
             period: None,
             sync: 0,
             intervals: [0; INTERVALS],
@@ -95,8 +105,14 @@ impl PdoSlot {
         }
     }
 
-    fn take(&mut self, now: i64, frame: u64, (sync, resumed): (u64, u64), is_unchanged: bool) {
+    /// Counts a PDO; whether median and period were determined again.
+    #[inline]
+    fn take(&mut self, pdo: &PdoFrame, (sync, resumed): (u64, u64), longest: i64) -> bool {
+        let (now, frame) = (pdo.now, pdo.frame);
+        let before = self.interval_before;
+        self.length = pdo.length;
         let is_successor = self.count > 0 && self.frames.0 >= resumed;
+        self.interval_before = self.interval;
         self.interval = is_successor.then(|| now.saturating_sub(self.last));
         self.count += 1;
         self.last = now;
@@ -105,11 +121,21 @@ impl PdoSlot {
         self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
         self.sync_step = sync.wrapping_sub(self.sync);
         self.sync = sync;
+        let is_learnt = self.measure(now, pdo.is_unchanged);
+        if self.count > 1 {
+            self.compare((pdo.payload, pdo.length), before, longest);
+        }
+        is_learnt
+    }
+
+    /// Adds the last interval; whether median and period were determined again.
+    #[inline]
+    fn measure(&mut self, now: i64, is_unchanged: bool) -> bool {
         if self.pause > 0 {
             self.pause -= 1;
-            return;
+            return false;
         }
-        let Some(interval) = self.interval else { return };
+        let Some(interval) = self.interval else { return false };
         if let Some(place) = self.intervals.get_mut(self.filled) {
             *place = interval;
             if self.filled == 0 {
@@ -118,9 +144,66 @@ impl PdoSlot {
             self.unchanged |= u16::from(is_unchanged) << self.filled;
             self.filled += 1;
         }
-        if self.filled == INTERVALS {
-            self.learn();
+        if self.filled < INTERVALS {
+            return false;
         }
+        self.learn();
+        true
+    }
+
+    /// Compares the content with the last two; `before` is the third last interval.
+    #[inline]
+    fn compare(&mut self, content: (u64, u8), before: Option<i64>, longest: i64) {
+        let [last, previous] = self.contents;
+        self.contents = [content, last];
+        if content == last {
+            self.alternations = 0;
+            return;
+        }
+        if content != previous {
+            self.alone = self.median.filter(|_| last == previous);
+            self.alternations = 0;
+            return;
+        }
+        let intervals = [self.interval, self.interval_before, before].map(|interval| interval.unwrap_or(0));
+        let goes_on = self.is_alternation(intervals, (content.0 ^ last.0).count_ones(), longest);
+        self.alternations = if goes_on { self.alternations.saturating_add(1) } else { 0 };
+    }
+
+    /// Whether intervals, latest first, fit two producers with contents that differ in so many bits.
+    fn is_alternation(&self, [interval, last, before]: [i64; 3], bits: u32, longest: i64) -> bool {
+        let period = interval.saturating_add(last);
+        let shorter = interval.min(last);
+        let jitter = period.unsigned_abs() / 20;
+        // One producer that alternates a single bit in a rounded period may reach 40 %; other contents do not depend on
+        // the phase.
+        let unequal = if bits > 1 { period / 20 * 9 } else { period / 5 * 2 };
+        // Two phases outside bursts, or a second producer in addition to a known one, at any phase; each with the same
+        // interval as one period ago.
+        period <= longest
+            && interval.abs_diff(before) < jitter
+            && ((shorter >= period / 10 && shorter < unequal)
+                || self.alone.is_some_and(|alone| alone.abs_diff(period) < jitter))
+    }
+}
+
+/// A PDO with its time in ns.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::rules) struct PdoFrame {
+    pub(in crate::rules) now: i64,
+    pub(in crate::rules) frame: u64,
+    /// Little-endian; unused bytes are 0.
+    pub(in crate::rules) payload: u64,
+    /// Data length in bytes.
+    pub(in crate::rules) length: u8,
+    pub(in crate::rules) is_unchanged: bool,
+}
+
+impl PdoFrame {
+    pub(in crate::rules) fn new(pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
+        let unused = 64 - 8 * u32::from(pdo.length.min(8));
+        let used = u64::MAX.checked_shr(unused).unwrap_or(0);
+        Self { now, frame, payload: pdo.word() & used, length: pdo.length, is_unchanged }
     }
 }
 
@@ -222,15 +305,16 @@ impl<T> BySlot<T> {
 #[derive(Debug, Clone, Default)]
 pub struct Traffic {
     slots: Vec<PdoSlot>,
-    /// Index + 1 by 11-bit identifier, 0 = none. `extended` is the same for 29-bit identifiers.
-    standard: Vec<u16>,
-    extended: HashMap<u32, u16, FixedState>,
+    /// Index + 1 by index of the identifier on the bus, 0 = none.
+    places: Vec<u16>,
     /// Number of SYNC messages.
     syncs: u64,
     /// First frame after the last hole.
     resumed: u64,
     /// Index of the current PDO.
     current: Option<usize>,
+    /// Longest period of two contents in turn, in ns.
+    longest_period: i64,
 }
 
 impl Traffic {
@@ -240,44 +324,60 @@ impl Traffic {
         self.resumed = resumed;
     }
 
+    /// Before the first PDO; `longest_period` limits [`PdoSlot::alternations`], in ns.
+    pub(in crate::rules) fn new(longest_period: i64) -> Self {
+        Self { longest_period, ..Self::default() }
+    }
+
     pub(in crate::rules) fn saw_sync(&mut self) {
         self.syncs += 1;
     }
 
-    /// Counts a PDO; for a request only the current index is set.
+    /// Counts a PDO whose identifier has the index `identifier` on the bus; for a request only the current index is set.
+    /// Whether median and period were determined again.
     #[inline]
-    pub(in crate::rules) fn saw_pdo(&mut self, pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) {
-        self.current = self.place(pdo.cob_id).or_else(|| self.add(pdo.cob_id));
-        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return };
+    pub(in crate::rules) fn saw_pdo(
+        &mut self,
+        (pdo, identifier): (&Pdo, usize),
+        pdo_frame: &PdoFrame,
+    ) -> bool {
+        self.current = self.place(identifier).or_else(|| self.add(identifier, pdo.cob_id));
+        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return false };
         if pdo.is_request {
             slot.is_requested = true;
-        } else {
-            slot.take(now, frame, (self.syncs, self.resumed), is_unchanged);
+            return false;
         }
+        slot.take(pdo_frame, (self.syncs, self.resumed), self.longest_period)
+    }
+
+    /// Counts a PDO of unchanged length by the index of its entry; whether median and period were determined again.
+    #[inline]
+    pub(in crate::rules) fn saw_skipped(&mut self, place: usize, preview: &Preview, now: i64) -> bool {
+        let Some(slot) = self.slots.get_mut(place) else { return false };
+        let (frame, payload, length) = (preview.frame, preview.payload, slot.length);
+        let is_unchanged = preview.change == 0;
+        let pdo = PdoFrame { now, frame, payload, length, is_unchanged };
+        slot.take(&pdo, (self.syncs, self.resumed), self.longest_period)
+    }
+
+    /// Index of the current PDO.
+    pub(in crate::rules) fn current_place(&self) -> Option<usize> {
+        self.current
     }
 
     #[inline]
-    fn place(&self, id: CanId) -> Option<usize> {
-        let place = match id {
-            CanId::Standard(id) => self.standard.get(usize::from(id)),
-            CanId::Extended(id) => self.extended.get(&id),
-        };
-        usize::from(*place?).checked_sub(1)
+    fn place(&self, identifier: usize) -> Option<usize> {
+        usize::from(*self.places.get(identifier)?).checked_sub(1)
     }
 
     #[cold]
-    fn add(&mut self, id: CanId) -> Option<usize> {
+    fn add(&mut self, identifier: usize, id: CanId) -> Option<usize> {
         let place = self.slots.len();
         let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
-        match id {
-            CanId::Standard(id) => {
-                self.standard.resize(STANDARD_IDS, 0);
-                *self.standard.get_mut(usize::from(id))? = number;
-            }
-            CanId::Extended(id) => {
-                self.extended.insert(id, number);
-            }
+        if self.places.len() <= identifier {
+            self.places.resize(identifier + 1, 0);
         }
+        *self.places.get_mut(identifier)? = number;
         self.slots.push(PdoSlot::new(place, id));
         Some(place)
     }
@@ -287,9 +387,9 @@ impl Traffic {
         self.slots.get(self.current?)
     }
 
-    /// Statistics of an identifier.
-    pub fn of(&self, id: CanId) -> Option<&PdoSlot> {
-        self.slots.get(self.place(id)?)
+    /// Statistics of an identifier, by its index on the bus.
+    pub(in crate::rules) fn of(&self, identifier: usize) -> Option<&PdoSlot> {
+        self.slots.get(self.place(identifier)?)
     }
 
     /// Statistics of all identifiers.
@@ -312,16 +412,32 @@ impl Traffic {
 mod tests {
     use super::*;
 
+    const fn pdo_at(now: i64, frame: u64, is_unchanged: bool) -> PdoFrame {
+        PdoFrame { now, frame, payload: 0, length: 0, is_unchanged }
+    }
+
+    #[test]
+    fn two_contents_at_two_intervals_alternate() {
+        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        // Contents 1 and 6 at intervals of 30 and 70; the first PDO is not compared.
+        for number in 0..20_i64 {
+            let now = number / 2 * 100 + number % 2 * 30;
+            let pdo = PdoFrame { payload: if number % 2 == 0 { 1 } else { 6 }, ..pdo_at(now, 1, false) };
+            slot.take(&pdo, (0, 0), 100);
+        }
+        // The contents of PDOs 2 and 3 are new, and so is the interval of PDO 4 as one of a period.
+        assert_eq!(slot.alternations, 16);
+        let repeated = PdoFrame { payload: 6, ..pdo_at(1_000, 1, true) };
+        slot.take(&repeated, (0, 0), 100);
+        assert_eq!(slot.alternations, 0);
+    }
+
     #[test]
     fn intervals_counts_and_the_median() {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16_u64 {
-            slot.take(
-                i64::try_from(number).unwrap() * 10 + i64::from(number == 7),
-                number,
-                (number / 4, 0),
-                false,
-            );
+            let now = i64::try_from(number).unwrap() * 10 + i64::from(number == 7);
+            slot.take(&pdo_at(now, number, false), (number / 4, 0), 0);
         }
         assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
         assert_eq!((slot.interval, slot.frames, slot.period_since(0)), (Some(10), (15, 14), None));
@@ -332,7 +448,7 @@ mod tests {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16 {
             let (time, is_unchanged) = pdo(number);
-            slot.take(time, number.unsigned_abs(), (0, 0), is_unchanged);
+            slot.take(&pdo_at(time, number.unsigned_abs(), is_unchanged), (0, 0), 0);
         }
         slot.period_since(i64::MIN)
     }

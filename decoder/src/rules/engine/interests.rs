@@ -124,6 +124,20 @@ impl Interests {
         self.by_kind.get(kind.kind() as usize).map_or(&[], Vec::as_slice)
     }
 
+    /// Rules for a PDO or message after `event` with another content or the same; `true` for those that receive it only
+    /// if its content changes.
+    pub(super) fn of_next(&self, event: &Event) -> impl Iterator<Item = (u16, bool)> {
+        let (changed, unchanged) = match &event.kind {
+            EventKind::Pdo(pdo) => {
+                let class = class(event, pdo);
+                let list = |class: usize| self.pdo.get(class).map_or(&[][..], Vec::as_slice);
+                (list(class & !ROUTINE), list(class | ROUTINE))
+            }
+            kind => (self.of(kind), self.of(kind)),
+        };
+        changed.iter().map(|place| (*place, !unchanged.contains(place)))
+    }
+
     /// Rules for a PDO, in rule order.
     #[inline]
     pub(super) fn of_pdo(&self, pdo: &Pdo, event: &Event) -> &[u16] {

@@ -2,18 +2,22 @@
 
 mod interests;
 pub(super) mod names;
+mod needs;
 pub(super) mod setup;
+mod short_path;
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use self::interests::Interests;
+use self::needs::NeedsTable;
 use self::setup::Setup;
 use super::context::meter::Meter;
-use super::context::traffic::Traffic;
+use super::context::traffic::{PdoFrame, Traffic};
 use super::context::{Context, LEDGER, Wake};
 use super::device::{self, DeviceRules};
+use super::general::longest_period;
 use super::ledger::causes::causes;
 use super::ledger::{GroupChange, Ledger, News, occurrence};
 use super::{REGISTRY, Rule};
@@ -21,7 +25,7 @@ use crate::event::{Event, EventKind, FrameRange, Pdo, Protocol};
 use crate::finding::Findings;
 use crate::frame::Frame;
 use crate::query::KindSet;
-use crate::session::{Bus, Buses, Observer};
+use crate::session::{Bus, Buses, Observer, Preview};
 use crate::statistics::{Quality, is_evidence};
 use crate::suggestion::{Suggestion, firm_suggestions};
 
@@ -68,6 +72,7 @@ struct BusJudge {
     /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
     wants: Vec<bool>,
     has_turned: bool,
+    needs: NeedsTable,
 }
 
 /// State that all rules of one bus share.
@@ -84,6 +89,8 @@ struct Shared {
     has_time: bool,
     /// Timestamp resolution in ns.
     granularity: i64,
+    /// A rule needs other repetitions of PDOs than before.
+    has_news: bool,
 }
 
 impl Shared {
@@ -105,6 +112,7 @@ impl Shared {
             place: 0,
             ledger,
             wakes: &mut self.wakes,
+            has_news: &mut self.has_news,
         }
     }
 }
@@ -179,6 +187,7 @@ impl Engine {
     /// Ends the capture: closes open findings and returns all results.
     pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
+            judge.pass_on_all_skipped(bus, &mut self.ledger);
             judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
             self.ledger.close_all(bus);
         }
@@ -199,7 +208,10 @@ impl Engine {
 
     /// Results up to now, with open findings as at an end of the capture. Conditions that rules judge only at the
     /// end are not among them. Costs a copy of all groups.
-    pub fn so_far(&self, buses: Buses<'_>) -> Findings {
+    pub fn so_far(&mut self, buses: Buses<'_>) -> Findings {
+        for (judge, bus) in self.buses.iter_mut().zip(buses) {
+            judge.pass_on_all_skipped(bus, &mut self.ledger);
+        }
         let mut ledger = self.ledger.clone();
         for bus in buses {
             ledger.close_all(bus);
@@ -245,7 +257,7 @@ impl BusJudge {
     fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
         let shared = Shared {
             name: bus.name().into(),
-            traffic: Traffic::default(),
+            traffic: Traffic::new(longest_period(&setup.policy)),
             meter: Meter::new(bus.bit_rate()),
             is_tested: false,
             wakes: BinaryHeap::new(),
@@ -254,6 +266,7 @@ impl BusJudge {
             resumed: 0,
             has_time: false,
             granularity: 0,
+            has_news: false,
         };
         let interests = Interests::default();
         let mut judge = Self {
@@ -263,6 +276,7 @@ impl BusJudge {
             has_begun: false,
             wants: Vec::new(),
             has_turned: true,
+            needs: NeedsTable::new(),
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
@@ -303,6 +317,7 @@ impl BusJudge {
                 // them.
                 self.shared.resumed = event.frames.last;
                 self.shared.traffic.saw_hole(event.frames.last);
+                self.needs.forget_all();
                 let silence = self.shared.silence.saturating_add(gap);
                 self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
             }
@@ -326,7 +341,15 @@ impl BusJudge {
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
-        self.shared.traffic.saw_pdo(pdo, self.shared.now, event.frames.last, event.routine);
+        let identifier = bus.identifier_index(pdo.cob_id).unwrap_or(usize::MAX);
+        if self.needs.counted(identifier).is_some() {
+            self.pass_on_skipped(identifier, bus, ledger);
+        }
+        if !pdo.is_request {
+            self.needs.hear(identifier);
+        }
+        let frame = PdoFrame::new(pdo, self.shared.now, event.frames.last, event.routine);
+        self.shared.has_news = self.shared.traffic.saw_pdo((pdo, identifier), &frame);
         let mut context = self.shared.context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
             if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
@@ -334,8 +357,13 @@ impl BusJudge {
                 rule.event(event, &mut context);
             }
         }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget(identifier);
+        }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
+        } else if self.needs.is_unknown(identifier, bus.version_of(identifier)) {
+            self.ask_for_needs(identifier, event, bus, ledger);
         }
     }
 
@@ -356,8 +384,16 @@ impl BusJudge {
                 self.has_turned |= self.wants.get(usize::from(*place)) != Some(&rule.wants_pdos());
             }
         }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
+        }
         if self.has_turned {
             self.ask_for_pdos();
+        } else if let EventKind::J1939Message(message) = &event.kind
+            && let Some(identifier) = bus.identifier_index(message.can_id)
+            && self.needs.is_unknown(identifier, bus.version_of(identifier))
+        {
+            self.ask_for_needs(identifier, event, bus, ledger);
         }
         if device::may_attach(&event.kind) {
             self.listen();
@@ -369,6 +405,7 @@ impl BusJudge {
     fn listen(&mut self) {
         if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
             self.interests.renew(0, kinds);
+            self.needs.forget_all();
         }
     }
 
@@ -381,6 +418,7 @@ impl BusJudge {
             let wants = instance.rule.wants_pdos();
             if std::mem::replace(known, wants) != wants {
                 self.interests.want_pdos(place, wants);
+                self.needs.forget_all();
             }
         }
     }
@@ -418,6 +456,9 @@ impl BusJudge {
         (context.rule, context.place) = (*number, place);
         rule.wake(token, &mut context);
         self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
+        }
     }
 
     #[cold]
@@ -426,6 +467,9 @@ impl BusJudge {
         for (place, RuleInstance { number, rule, .. }) in self.rules.iter_mut().enumerate() {
             (context.rule, context.place) = (*number, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **rule, &mut context);
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
         }
         self.has_turned = true;
     }
@@ -445,6 +489,17 @@ impl Observer for Judge<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
         self.out.event(event, bus);
         self.engine.event(event, bus, self.out);
+    }
+
+    #[inline]
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.out.needs(preview, bus) || self.engine.needs(preview, bus)
+    }
+
+    #[inline]
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.out.skip(preview, bus);
+        self.engine.skip(preview, bus);
     }
 }
 

@@ -14,6 +14,7 @@ mod sync;
 mod uds;
 
 use super::{Declaration, Entry};
+pub(super) use bus::duplicate_producer::longest_period;
 
 /// All general rules in evaluation order: a rule that explains other findings precedes the rules that report
 /// them.

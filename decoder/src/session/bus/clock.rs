@@ -27,6 +27,8 @@ pub(in crate::session) struct Clock {
     now: i64,
     /// Time of the last frame; `now` can be later.
     heard: i64,
+    /// `now` and `heard` are the last timestamp with its offset, and intervals between timestamps have varied.
+    is_regular: bool,
     gaps: Gaps,
     steps: IntervalSteps,
 }
@@ -71,9 +73,35 @@ pub(in crate::session) struct Advance {
 }
 
 impl Clock {
-    /// Applies the timestamp of the next frame.
+    /// Monotonic time of the next frame, if its timestamp follows the last one within the longest recent gap; `None`
+    /// otherwise.
     #[inline]
+    pub(in crate::session) fn regular(&self, stamp: Timestamp) -> Option<i64> {
+        let last = self.last_stamp.filter(|_| self.is_regular)?;
+        // The difference of two timestamps always fits an unsigned number, if it is not negative.
+        let gap = stamp.0.wrapping_sub(last).cast_unsigned();
+        let is_short = gap <= self.gaps.longest.cast_unsigned();
+        is_short.then_some(stamp.0.wrapping_add(self.offset))
+    }
+
+    /// Applies a timestamp for which [`Self::regular`] returned `now`.
+    #[inline]
+    pub(in crate::session) fn advance_regularly(&mut self, stamp: Timestamp, now: i64) {
+        self.last_stamp = Some(stamp.0);
+        (self.now, self.heard) = (now, now);
+        self.gaps.count_usual();
+    }
+
+    /// Applies the timestamp of the next frame.
     pub(in crate::session) fn advance(&mut self, stamp: Timestamp) -> Advance {
+        let advance = self.advance_by(stamp);
+        let is_in_step = Some(self.now) == stamp.0.checked_add(self.offset) && self.heard == self.now;
+        self.is_regular = is_in_step && self.steps.have_varied;
+        advance
+    }
+
+    #[inline]
+    fn advance_by(&mut self, stamp: Timestamp) -> Advance {
         let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
             (self.now, self.heard) = (stamp.0, stamp.0);
             return Advance { now: self.now, step: None, gap: None };
@@ -98,6 +126,7 @@ impl Clock {
 
     /// Continues from the present time with timestamps that are later by `step` ns.
     pub(in crate::session) fn set_forward(&mut self, step: i64) {
+        self.is_regular = false;
         self.offset = self.offset.saturating_sub(step);
     }
 
@@ -119,6 +148,7 @@ impl Clock {
     /// Advances to `stamp` without a frame, at most to `last`: only the next frame shows whether the bus was silent.
     pub(in crate::session) fn pass(&mut self, stamp: Timestamp, last: i64) -> i64 {
         self.now = self.now.max(stamp.0.saturating_add(self.offset).min(last));
+        self.is_regular = false;
         self.now
     }
 
@@ -165,6 +195,15 @@ impl Gaps {
             (self.before, self.longest) = (self.longest, 0);
         }
         is_unusual
+    }
+
+    /// Registers a gap that is not longer than the longest one.
+    #[inline]
+    fn count_usual(&mut self) {
+        self.count = self.count.wrapping_add(1);
+        if self.count.is_multiple_of(WINDOW) {
+            (self.before, self.longest) = (self.longest, 0);
+        }
     }
 
     /// Makes an unusual gap part of the pattern.
@@ -216,6 +255,32 @@ mod tests {
         clock.accept(100 * MS);
         assert_eq!(at(&mut clock, 3_090 + 1_000).gap, None);
         assert_eq!(at(&mut clock, 4_090 + 10_001).gap, Some(10_001 * MS));
+    }
+
+    /// Without the short path, each frame gives the same clock.
+    #[test]
+    fn regular_frames_give_the_same_clock() {
+        let stamps = [0, 5, 12, 13, 13, 20, 19, 21, 27, 2_000, 2_001, 900, 901, 907, 915, 916].into_iter();
+        let stamps = stamps.chain((0..2_500).map(|n| 920 + n * 3 + n % 2));
+        let (mut clock, mut other) = (Clock::default(), Clock::default());
+        let mut regular = 0;
+        for (number, stamp) in stamps.enumerate() {
+            let stamp = Timestamp(stamp * MS);
+            if number == 1_000 {
+                clock.pass(stamp, i64::MAX);
+                other.pass(stamp, i64::MAX);
+            }
+            if let Some(now) = clock.regular(stamp) {
+                clock.advance_regularly(stamp, now);
+                regular += 1;
+            } else {
+                clock.advance(stamp);
+            }
+            other.advance(stamp);
+            assert_eq!((clock.now, clock.heard, clock.offset), (other.now, other.heard, other.offset));
+            assert_eq!(clock.usual_gap(), other.usual_gap(), "{number}");
+        }
+        assert!(regular > 2_000, "{regular}");
     }
 
     #[test]

@@ -155,6 +155,26 @@ impl Bus {
         }
     }
 
+    /// Index of an identifier in order of appearance; `None` before its first frame.
+    #[inline]
+    pub(crate) fn identifier_index(&self, id: CanId) -> Option<usize> {
+        self.routes.find(id)
+    }
+
+    /// PDO and node of an identifier by its index; `None` for other services.
+    pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
+        match self.routes.slot(identifier)?.service {
+            Service::Pdo(name, node) => Some((name, node)),
+            _ => None,
+        }
+    }
+
+    /// Number of the present service and layout of an identifier; it changes with them.
+    #[inline]
+    pub(crate) fn version_of(&self, identifier: usize) -> u32 {
+        self.routes.slot(identifier).map_or(0, |state| state.version)
+    }
+
     /// Layout of the last PDO with an identifier.
     pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&Layout> {
         match &self.routes.slot(self.routes.find(id)?)?.prepared.as_deref()?.kind {

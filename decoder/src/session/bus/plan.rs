@@ -83,9 +83,9 @@ impl Plan {
             if matters || has_bits || device.decides(object) || device.watches(object) {
                 let (is_gate, decides) = (device.gates_on(object), device.decides(object));
                 plan.fields.push(WatchedField { place, object, is_gate, decides });
-                plan.mask |= bits(field.bit, field.bits);
+                plan.mask |= field.payload_bits();
                 if decides {
-                    plan.deciding |= bits(field.bit, field.bits);
+                    plan.deciding |= field.payload_bits();
                 }
             }
             plan.commands |= device.machines.iter().any(|it| it.control.object.object == object);
@@ -108,12 +108,11 @@ impl Plan {
         plan.commands &= direction == PdoDirection::Receive;
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
     }
-}
 
-/// Mask of a field over eight bytes.
-fn bits(first: u16, width: u16) -> u64 {
-    let field = if width >= 64 { u64::MAX } else { (1 << width) - 1 };
-    field.checked_shl(u32::from(first)).unwrap_or(0)
+    /// Payload bits that the session needs; `None` if it needs each frame.
+    pub(in crate::session) fn needed(&self) -> Option<u64> {
+        (!self.triggers).then_some(self.mask | self.deciding)
+    }
 }
 
 impl Device {

@@ -6,17 +6,18 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::cadence::Cadence;
+use super::last_payload::LastPayload;
 use super::link::Link;
 use super::plan::IdentifierPlan;
 use super::pulse::Pulse;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::{CanId, Frame};
-use crate::profile::{Layout, Owner, PdoName, connection_set};
+use crate::profile::{Layout, Owner, PdoDirection, PdoName, connection_set};
 use crate::session::limits::EXTENDED_ID_LIMIT;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
-use crate::wire::j1939::J1939Id;
+use crate::wire::j1939::{J1939Id, NO_ADDRESS};
 
 /// Service of an identifier, with its node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,9 +49,18 @@ pub(in crate::session) enum Service {
 
 /// State of one identifier, created at its first frame.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Slot {
+pub(in crate::session) struct IdentifierState {
     pub(in crate::session) service: Service,
-    /// Event of the last PDO or J1939 message, updated in place to avoid one allocation per frame.
+    /// Last data frame.
+    pub(in crate::session) last: LastPayload,
+    /// Payload bits that the session itself needs; `None` if it needs each frame.
+    pub(in crate::session) needed: Option<u64>,
+    /// Index of the sender of a TPDO or J1939 message in tables by node; [`NO_SENDER`] for other services.
+    pub(in crate::session) sender: u16,
+    /// Number of the prepared event; it changes with node, service and layout.
+    pub(in crate::session) version: u32,
+    /// Event of a PDO or J1939 message, updated in place to avoid one allocation per frame. It is that of the last frame
+    /// that an observer needed.
     pub(in crate::session) prepared: Option<Box<Event>>,
     /// Fields that concern the device's state.
     pub(in crate::session) plan: Option<Box<IdentifierPlan>>,
@@ -72,22 +82,57 @@ impl Service {
     }
 }
 
-impl Slot {
-    const fn new(service: Service) -> Self {
-        Self { service, prepared: None, plan: None, cadence: None, described: None, pulse: Pulse::NEW }
+impl IdentifierState {
+    fn new(service: Service) -> Self {
+        Self {
+            service,
+            last: LastPayload::NONE,
+            needed: None,
+            sender: sender(service),
+            version: 0,
+            prepared: None,
+            plan: None,
+            cadence: None,
+            described: None,
+            pulse: Pulse::NEW,
+        }
+    }
+
+    /// Drops the prepared event; the next frame uses the present layout.
+    pub(in crate::session) fn refresh(&mut self) {
+        (self.prepared, self.needed) = (None, None);
+        self.version = self.version.wrapping_add(1);
+    }
+
+    /// Registers a frame at a monotonic time.
+    #[inline]
+    pub(in crate::session) fn hear(&mut self, now: i64) {
+        self.pulse.beat(now);
     }
 }
 
 const NO_SLOT: u16 = u16::MAX;
 
+/// No node has this index.
+const NO_SENDER: u16 = u16::MAX;
+
+fn sender(service: Service) -> u16 {
+    let node = match service {
+        Service::Pdo(name, node) if name.direction == PdoDirection::Transmit => node,
+        Service::J1939(id) if id.source < NO_ADDRESS => NodeId::J1939(id.source),
+        _ => return NO_SENDER,
+    };
+    u16::try_from(node.place()).unwrap_or(NO_SENDER)
+}
+
 /// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Routes {
-    /// Slot of each 11-bit identifier.
+    /// IdentifierState of each 11-bit identifier.
     standard: Box<[u16; 2048]>,
     /// Slots of 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
-    slots: Vec<Slot>,
+    slots: Vec<IdentifierState>,
     /// Services from the user; they override all others.
     given: Arc<BTreeMap<CanId, Service>>,
     /// Services learnt from messages; they override the defaults.
@@ -123,7 +168,7 @@ pub(in crate::session) enum RouteOrigin {
 }
 
 impl Routes {
-    /// Slot of an identifier; `None` before its first frame.
+    /// IdentifierState of an identifier; `None` before its first frame.
     #[inline]
     pub(in crate::session) fn find(&self, id: CanId) -> Option<usize> {
         let slot = match id {
@@ -152,12 +197,12 @@ impl Routes {
     }
 
     #[inline]
-    pub(in crate::session) fn slot(&self, index: usize) -> Option<&Slot> {
+    pub(in crate::session) fn slot(&self, index: usize) -> Option<&IdentifierState> {
         self.slots.get(index)
     }
 
     #[inline]
-    pub(in crate::session) fn slot_mut(&mut self, index: usize) -> Option<&mut Slot> {
+    pub(in crate::session) fn slot_mut(&mut self, index: usize) -> Option<&mut IdentifierState> {
         self.slots.get_mut(index)
     }
 
@@ -189,7 +234,7 @@ impl Routes {
                 self.extended.insert(id, slot);
             }
         }
-        self.slots.push(Slot::new(service));
+        self.slots.push(IdentifierState::new(service));
         Some(index)
     }
 
@@ -248,7 +293,8 @@ impl Routes {
             return;
         }
         if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
-            *slot = Slot::new(service);
+            let version = slot.version.wrapping_add(1);
+            *slot = IdentifierState { version, ..IdentifierState::new(service) };
         }
     }
 
@@ -289,7 +335,7 @@ impl Routes {
     pub(in crate::session) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
         for slot in &mut self.slots {
             if slot.service == Service::Pdo(name, node) {
-                slot.prepared = None;
+                slot.refresh();
             }
         }
     }
@@ -304,7 +350,7 @@ impl Routes {
                     _ => false,
                 });
             if depends {
-                slot.prepared = None;
+                slot.refresh();
             }
         }
     }
@@ -313,7 +359,7 @@ impl Routes {
     pub(in crate::session) fn refresh_pdos_of(&mut self, id: NodeId) {
         for slot in &mut self.slots {
             if matches!(slot.service, Service::Pdo(_, node) if node == id) {
-                slot.prepared = None;
+                slot.refresh();
             }
         }
     }
@@ -333,7 +379,7 @@ impl Routes {
         let mut dropped = Vec::new();
         for (number, slot) in (0..).zip(&mut self.slots) {
             if matches!(slot.service, Service::J1939(_)) {
-                slot.prepared = None;
+                slot.refresh();
                 dropped.extend(slot.cadence.take().map(|cadence| (number, cadence)));
             }
         }
@@ -345,7 +391,7 @@ impl Routes {
         let events = self.slots.iter().filter(|slot| slot.prepared.is_some()).count() * size_of::<Event>();
         size_of::<[u16; 2048]>()
             + self.extended.capacity() * 8
-            + self.slots.capacity() * size_of::<Slot>()
+            + self.slots.capacity() * size_of::<IdentifierState>()
             + events
     }
 }

@@ -342,6 +342,20 @@ impl Bus {
         self.nodes.get_mut(usize::from(place).checked_sub(1)?)
     }
 
+    /// Node by the index of its node-ID in tables by node, if it exists.
+    #[inline]
+    pub(in crate::session) fn node_at(&self, place: u16) -> Option<&Node> {
+        let index = *self.node_by_id.get(usize::from(place))?;
+        self.nodes.get(usize::from(index).checked_sub(1)?)
+    }
+
+    /// The same, mutable.
+    #[inline]
+    pub(in crate::session) fn node_at_mut(&mut self, place: u16) -> Option<&mut Node> {
+        let index = *self.node_by_id.get(usize::from(place))?;
+        self.nodes.get_mut(usize::from(index).checked_sub(1)?)
+    }
+
     /// Creates a node; returns its index + 1.
     #[cold]
     fn add_node(&mut self, id: NodeId) -> Option<u16> {

@@ -6,7 +6,7 @@ use super::nmt::confirm_operational_by_pdo;
 use crate::event::{Event, EventKind, FrameRange, Pdo as PdoEvent, Protocol};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 use crate::profile::{Carrier, PdoDirection, PdoName};
-use crate::session::bus::{IdentifierPlan, Plan, Recent, Service, layout};
+use crate::session::bus::{IdentifierPlan, LastPayload, Plan, Recent, Service, layout};
 use crate::session::context::Context;
 use crate::session::device::{confirm_identifier, on_values};
 use crate::session::machine::Machine;
@@ -41,7 +41,12 @@ impl Machine for Pdo {
         let Some(entry) = bus.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return first_pdo(slot, name, id, frame, cx) };
         let EventKind::Pdo(pdo) = &mut event.kind else { return };
-        let change = if pdo.is_request == is_request { difference(pdo, frame) } else { Some(u64::MAX) };
+        let last = std::mem::replace(&mut entry.last, LastPayload::of(frame));
+        let change = match last.change(entry.last) {
+            Some(change) => (change != 0).then_some(change),
+            None if pdo.is_request == is_request => difference(pdo, frame),
+            None => Some(u64::MAX),
+        };
         let same = change.is_none();
         let is_resized = !same && pdo.length != frame.length && !is_request;
         event.time = frame.time;
@@ -139,6 +144,8 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Con
     let now = cx.bus.clock.now();
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         entry.prepared = Some(Box::new(event));
+        entry.last = LastPayload::of(frame);
+        entry.needed = plan.as_ref().map_or(Some(0), Plan::needed);
         entry.plan = plan.map(|plan| {
             let mut recent = Recent::default();
             recent.push(frame.number, now);
@@ -151,27 +158,14 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Con
         confirm_identifier(id, name, frame, cx);
     }
     if is_examined && let Some(entry) = cx.bus.routes.slot_mut(slot) {
-        entry.prepared = None;
+        entry.refresh();
     }
 }
 
-/// Bits in which a frame differs from the previous PDO; all bits if the length differs, `None` if it is
-/// equal. Up to eight bytes are compared in one register.
-#[expect(clippy::inline_always, reason = "the call alone costs 1 % of a frame")]
-#[inline(always)]
+/// All bits if a request, or a PDO that [`LastPayload`] cannot compare, differs from the previous one; `None` if it is
+/// equal.
 fn difference(pdo: &PdoEvent, frame: &Frame) -> Option<u64> {
-    if pdo.length != frame.length {
-        return Some(u64::MAX);
-    }
-    match (pdo.bytes.first_chunk(), frame.bytes.first_chunk()) {
-        (Some(before), Some(now)) if frame.length <= 8 && !pdo.is_request => {
-            let unused = 64 - 8 * u32::from(frame.length);
-            let difference = u64::from_le_bytes(*before) ^ u64::from_le_bytes(*now);
-            let difference = difference & u64::MAX.checked_shr(unused).unwrap_or(0);
-            (difference != 0).then_some(difference)
-        }
-        _ => (pdo.payload() != frame.data()).then_some(u64::MAX),
-    }
+    (pdo.length != frame.length || pdo.payload() != frame.data()).then_some(u64::MAX)
 }
 
 #[inline]

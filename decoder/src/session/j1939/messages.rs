@@ -10,7 +10,9 @@ use crate::event::{EventKind, FrameRange, J1939Message};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile::device::MessageSpec;
 use crate::profile::{Carrier, NoValues, PdoDirection, Resolver, is_nmea2000_group};
-use crate::session::bus::{Bus, Cadence, Group, IdentifierPlan, Origin, OriginKind, Plan, Recent};
+use crate::session::bus::{
+    Bus, Cadence, Group, IdentifierPlan, LastPayload, Origin, OriginKind, Plan, Recent,
+};
 use crate::session::bus::{ConcernedDevice, layout_of_profile};
 use crate::session::context::Context;
 use crate::session::device::on_values;
@@ -41,7 +43,11 @@ impl Machine for Messages {
         let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
         let EventKind::J1939Message(message) = &mut event.kind else { return };
         let continues = id.pgn.number() > LAST_OF_PAGE_0 && continues(message.payload(), frame.data());
-        let change = difference(message, frame);
+        let last = std::mem::replace(&mut entry.last, LastPayload::of(frame));
+        let change = match last.change(entry.last) {
+            Some(change) => (change != 0).then_some(change),
+            None => difference(message, frame),
+        };
         if let (Some(change), Some(planned)) = (change, &entry.plan)
             && change & planned.plan.deciding != 0
         {
@@ -124,8 +130,12 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
     });
     let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(message(id, frame, group)));
     let now = cx.bus.clock.now();
+    let cadence = concerned.as_ref().and_then(|concerned| cadence(concerned, id));
+    let needed = needed(id, plan.as_ref(), cadence.as_ref(), cx.bus.is_nmea2000);
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         event.routine = false;
+        (entry.last, entry.needed) = (LastPayload::of(frame), needed);
+        entry.version = entry.version.wrapping_add(1);
         let before = entry.plan.take();
         entry.prepared = Some(Box::new(event));
         entry.plan = plan.map(|plan| {
@@ -134,7 +144,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
             Box::new(IdentifierPlan { plan: Arc::new(plan), recent })
         });
     }
-    watch_message(&mut cx.bus, slot, concerned.and_then(|concerned| cadence(&concerned, id)));
+    watch_message(&mut cx.bus, slot, cadence);
     on_watched_message(slot, frame, cx);
     cx.send_prepared(slot);
     pass_values_to_device(slot, id, frame, cx);
@@ -209,21 +219,20 @@ fn continues(before: &[u8], now: &[u8]) -> bool {
     }
 }
 
-/// Bits in which a frame differs from the previous one; all if the length differs, `None` if it is equal.
-#[inline]
+/// All bits if a message that [`LastPayload`] cannot compare differs from the previous one; `None` if it is equal.
 fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
-    if message.length != frame.length {
-        return Some(u64::MAX);
+    (message.length != frame.length || message.payload() != frame.data()).then_some(u64::MAX)
+}
+
+/// Payload bits that the session needs; `None` if it needs each message.
+fn needed(id: J1939Id, plan: Option<&Plan>, cadence: Option<&Cadence>, is_nmea2000: bool) -> Option<u64> {
+    // Trouble codes and addresses are decoded from each message. A frame on data page 1 may be part of a fast packet.
+    let is_followed = matches!(id.pgn, Pgn::DM1 | Pgn::DM2 | Pgn::COMMANDED_ADDRESS) || cadence.is_some();
+    let may_be_packet = id.pgn.number() > LAST_OF_PAGE_0;
+    if is_followed || may_be_packet && !is_nmea2000 {
+        return None;
     }
-    match (message.bytes.first_chunk(), frame.bytes.first_chunk()) {
-        (Some(before), Some(now)) if frame.length <= 8 => {
-            let unused = 64 - 8 * u32::from(frame.length);
-            let difference = u64::from_le_bytes(*before) ^ u64::from_le_bytes(*now);
-            let difference = difference & u64::MAX.checked_shr(unused).unwrap_or(0);
-            (difference != 0).then_some(difference)
-        }
-        _ => (message.payload() != frame.data()).then_some(u64::MAX),
-    }
+    if may_be_packet { Some(u64::MAX) } else { plan.map_or(Some(0), Plan::needed) }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use cobscope_decoder::capture::{Batch, BusNames, CaptureError, is_compressed};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
@@ -234,6 +234,14 @@ impl Observer for Watch {
                 selected.see(event, bus);
             }
         });
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.needs(preview, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.engine.skip(preview, bus);
     }
 }
 

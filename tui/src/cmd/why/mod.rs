@@ -13,7 +13,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge};
-use cobscope_decoder::session::{Bus, Buses, Observer};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{NodeChoice, Question, Why};
@@ -138,6 +138,14 @@ impl Observer for Facts {
             self.why.observe(event, bus, may_report);
         }
     }
+
+    fn needs(&self, _preview: &Preview, bus: &Bus) -> bool {
+        self.selection.is_limited() || self.why.needs(bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.why.skip(preview, bus);
+    }
 }
 
 /// Observer that ends the capture at `--at`.
@@ -151,6 +159,15 @@ struct Watch {
 impl Observer for Watch {
     fn event(&mut self, event: &Event, bus: &Bus) {
         Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.facts.skip(preview, bus);
+        self.engine.skip(preview, bus);
     }
 }
 

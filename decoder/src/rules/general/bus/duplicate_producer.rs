@@ -3,10 +3,9 @@
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::{PdoDirection, PdoName};
-use crate::rules::context::traffic::PdoSlot;
 use crate::rules::general::facts::{confirmed_number, identifier};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -40,77 +39,37 @@ declare_rule! {
     ],
 }
 
-/// Latest PDOs on an identifier.
-#[derive(Clone, Copy, Default)]
-struct Turns {
-    /// Content and length, latest first.
-    contents: [(u64, u8); 2],
-    /// Intervals, latest first.
-    intervals: [i64; 2],
-    /// Usual interval while the content was constant, before the second content.
-    alone: Option<i64>,
-    /// Consecutive PDOs that fit two producers.
-    count: u32,
-    judged: u32,
-}
-
 struct DuplicateProducer {
     periods: u32,
-    longest: i64,
-    turns: Vec<Turns>,
+    /// PDOs since the last verdict.
+    judged: BySlot<u32>,
 }
 
 fn new(policy: &Policy) -> DuplicateProducer {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let periods = policy.tolerance(&DECLARATION, "periods") as u32;
-    let longest = policy.nanoseconds(&DECLARATION, "longest-ms");
-    DuplicateProducer { periods: periods.max(1), longest, turns: Vec::new() }
+    DuplicateProducer { periods: periods.max(1), judged: BySlot::default() }
 }
 
-impl Turns {
-    /// Adds a PDO; returns whether it continues an alternation between two producers.
-    #[inline]
-    fn take(&mut self, content: (u64, u8), interval: i64, longest: i64, usual: Option<i64>) -> bool {
-        let [last, before] = self.contents;
-        let [interval_last, interval_before] = self.intervals;
-        self.contents = [content, last];
-        self.intervals = [interval, interval_last];
-        if content == last {
-            return false;
-        }
-        if content != before {
-            self.alone = usual.filter(|_| last == before);
-            return false;
-        }
-        let period = interval.saturating_add(interval_last);
-        let shorter = interval.min(interval_last);
-        let jitter = period.unsigned_abs() / 20;
-        // One producer that alternates a single bit in a rounded period may reach 40 %; other contents do not depend on
-        // the phase.
-        let unequal = if (content.0 ^ last.0).count_ones() > 1 { period / 20 * 9 } else { period / 5 * 2 };
-        // Two phases outside bursts, or a second producer in addition to a known one, at any phase; each with the same
-        // interval as one period ago.
-        period <= longest
-            && interval.abs_diff(interval_before) < jitter
-            && ((shorter >= period / 10 && shorter < unequal)
-                || self.alone.is_some_and(|alone| alone.abs_diff(period) < jitter))
-    }
+/// Longest period, in ns, at which the contents of two producers alternate.
+pub(in crate::rules) fn longest_period(policy: &Policy) -> i64 {
+    policy.nanoseconds(&DECLARATION, "longest-ms")
 }
 
 impl DuplicateProducer {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, slot: &PdoSlot, context: &mut Context<'_>) {
-        let Some(turns) = self.turns.get_mut(slot.place) else {
-            return self.turns.resize(slot.place + 1, Turns::default());
-        };
-        let goes_on =
-            turns.take((pdo.word(), pdo.length), slot.interval.unwrap_or(0), self.longest, slot.median);
-        turns.count = if goes_on { turns.count + 1 } else { 0 };
-        turns.judged += 1;
-        if turns.count >= 2 * self.periods {
-            turns.count = 0;
-            turns.judged = 0;
-            let [one, other] = turns.intervals.map(|interval| interval / 100_000);
+        // Two contents are compared from the second PDO on.
+        if slot.count < 2 {
+            return;
+        }
+        let judged = self.judged.of(slot);
+        let Some(judged) = judged else { return };
+        *judged += 1;
+        if slot.alternations > 0 && slot.alternations.is_multiple_of(2 * self.periods) {
+            *judged = 0;
+            let intervals = [slot.interval, slot.interval_before].map(|interval| interval.unwrap_or(0));
+            let [one, other] = intervals.map(|interval| interval / 100_000);
             let alarm = context.fail(event).about(About::Id(pdo.cob_id));
             alarm.report(|| {
                 let (name, count) = (pdo.name, 2 * self.periods);
@@ -120,8 +79,8 @@ impl DuplicateProducer {
                     one / 10, one % 10, other / 10, other % 10
                 )
             });
-        } else if turns.judged >= 4 * self.periods {
-            turns.judged = 0;
+        } else if *judged >= 4 * self.periods {
+            *judged = 0;
             context.pass();
         }
     }
@@ -146,6 +105,19 @@ impl DuplicateProducer {
 }
 
 impl Rule for DuplicateProducer {
+    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
+        Need { alternations: 2 * self.periods, ..Need::NOTHING }.counted()
+    }
+
+    fn skipped(&mut self, slot: &PdoSlot, count: u32, context: &mut Context<'_>) {
+        let Some(judged) = self.judged.of(slot) else { return };
+        *judged = judged.saturating_add(count);
+        while *judged >= 4 * self.periods {
+            *judged -= 4 * self.periods;
+            context.pass();
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

@@ -254,7 +254,7 @@ impl Watch {
         reason: Reason,
         context: &mut Context<'_>,
     ) {
-        let status = self.status.and_then(|id| context.traffic.of(id));
+        let status = self.status.and_then(|id| context.pdos_of(id));
         if self.demand.is_some() || self.is_told || !context.has_time {
             return;
         }
@@ -330,7 +330,7 @@ impl Rule for ActiveNotEnded {
         };
         let Some(watch) = self.nodes.get_mut(id).and_then(|all| all.get_mut(place)) else { return };
         let Some(demand) = watch.demand.take() else { return };
-        let status = watch.status.and_then(|id| context.traffic.of(id));
+        let status = watch.status.and_then(|id| context.pdos_of(id));
         let lapsed = context.now.saturating_sub(demand.time) > LAPSE || context.is_across_hole(demand.frame);
         let Some(status) = status.filter(|_| !lapsed) else { return };
         if demand.is_ignored(status, 0, time, context) {

@@ -8,7 +8,7 @@ use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outco
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, PdoSlot, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
@@ -104,7 +104,13 @@ impl CommandGap {
             // A burst is not a cycle.
             let is_near = interval >= median / 2;
             stream.regular = if is_near { stream.regular.saturating_add(1) } else { 0 };
+            if stream.regular == 0 {
+                context.ask_again();
+            }
             if stream.regular >= REGULAR {
+                if stream.regular == REGULAR {
+                    context.ask_again();
+                }
                 if stream.of.is_none() {
                     stream.of = event.node.map(|node| (node, pdo.cob_id, pdo.name.to_string()));
                 }
@@ -113,6 +119,7 @@ impl CommandGap {
             return;
         }
         let was_regular = std::mem::take(&mut stream.regular) >= REGULAR;
+        context.ask_again();
         if was_regular && interval > self.limit(median) {
             self.gap(event, slot, (interval, median), context);
         }
@@ -225,6 +232,24 @@ fn milliseconds(time: i64) -> String {
 }
 
 impl Rule for CommandGap {
+    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+        if let EventKind::J1939Message(message) = &event.kind {
+            let is_awaited = self.awaited.get(&message.can_id).is_some_and(|awaited| awaited.of.is_some());
+            return if is_awaited { Need::EACH } else { Need::NOTHING };
+        }
+        if event.presumed {
+            return Need::EACH;
+        }
+        let Some(slot) = context.traffic.current() else { return Need::EACH };
+        let stream = self.streams.get(slot.place).filter(|stream| stream.regular >= REGULAR);
+        match (slot.median, stream) {
+            (Some(median), Some(_)) => {
+                Need { shortest: median / 2, longest: median.saturating_mul(2), ..Need::PASSED }
+            }
+            _ => Need::EACH,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
@@ -253,7 +278,7 @@ impl Rule for CommandGap {
     fn finish(&mut self, context: &mut Context<'_>) {
         for stream in self.streams.iter().filter(|stream| stream.regular >= REGULAR) {
             let Some((node, id, name)) = &stream.of else { continue };
-            let Some((slot, median)) = context.traffic.of(*id).and_then(|slot| Some((slot, slot.median?)))
+            let Some((slot, median)) = context.pdos_of(*id).and_then(|slot| Some((slot, slot.median?)))
             else {
                 continue;
             };

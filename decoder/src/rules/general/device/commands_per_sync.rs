@@ -6,7 +6,7 @@ use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, Policy, Rule};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -79,13 +79,16 @@ fn new(policy: &Policy) -> CommandsPerSync {
 
 impl CommandsPerSync {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &Context<'_>) {
+    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
         let Some(commands) = self.commands.of(slot) else { return };
         match commands.waits {
             Some(false) => {}
             Some(true) => commands.take(event.frames.last),
-            None => self.look_up(event, pdo, slot.place, context),
+            None => {
+                self.look_up(event, pdo, slot.place, context);
+                context.ask_again();
+            }
         }
     }
 
@@ -122,7 +125,8 @@ impl CommandsPerSync {
         }
     }
 
-    fn forget(&mut self) {
+    fn forget(&mut self, context: &mut Context<'_>) {
+        context.ask_again();
         self.waiting.clear();
         self.commands.clear();
     }
@@ -170,6 +174,14 @@ impl Rule for CommandsPerSync {
         self.may_wait
     }
 
+    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
+        let commands = context.traffic.current().and_then(|slot| self.commands.get(slot.place));
+        match commands.and_then(|commands| commands.waits) {
+            Some(false) => Need::NOTHING,
+            Some(true) | None => Need::EACH,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
@@ -177,15 +189,15 @@ impl Rule for CommandsPerSync {
             EventKind::Sync { .. } => self.sync(event, context),
             // Another device may have other PDOs.
             EventKind::NodeIdentified(_) => {
-                self.forget();
+                self.forget(context);
                 self.may_wait = may_wait(context.bus);
             }
             EventKind::SdoTransfer(transfer) if transfer.object.is_some_and(is_type) => {
-                self.forget();
+                self.forget(context);
                 self.may_wait = true;
             }
-            EventKind::BootUp { .. } => self.forget(),
-            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget(),
+            EventKind::BootUp { .. } => self.forget(context),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget(context),
             EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }

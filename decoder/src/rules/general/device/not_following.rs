@@ -9,7 +9,7 @@ use crate::frame::CanId;
 use crate::profile::{IntegerPosition, Layout, Meaning, integer};
 use crate::rules::general::facts::is_sent_on_change;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -292,7 +292,7 @@ impl Pair {
     /// Whether the TPDO with the measured value ended. One that is sent on change only keeps its value.
     #[cold]
     fn is_source_lost(&self, context: &Context<'_>) -> bool {
-        let slot = self.source.and_then(|id| context.traffic.of(id));
+        let slot = self.source.and_then(|id| context.pdos_of(id));
         let Some((slot, usual)) = slot.and_then(|slot| Some((slot, slot.median?))) else { return false };
         slot.has_ended(usual, context.now) && !is_sent_on_change(slot, context)
     }
@@ -306,6 +306,11 @@ impl Pair {
 }
 
 impl Rule for NotFollowing {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        let is_message = matches!(event.kind, EventKind::J1939Message(_));
+        if is_message && self.pairs.is_empty() { Need::NOTHING } else { Need::EACH }
+    }
+
     fn wants_pdos(&self) -> bool {
         !self.pairs.is_empty()
     }

@@ -77,7 +77,7 @@ impl StateSkipped {
         if !is_commanded || !is_complete || is_written || context.is_across_hole(since) {
             return;
         }
-        let control = context.bus.control_identifier(id, place).and_then(|id| context.traffic.of(id));
+        let control = context.bus.control_identifier(id, place).and_then(|id| context.pdos_of(id));
         let Some(control) = control else { return };
         let frames = [control.frames.0, control.frames.1, control.earlier];
         let words = frames.iter().filter(|frame| **frame > since).count();

@@ -4,7 +4,7 @@ use crate::event::{Event, EventKind, FrameRange, Pdo};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
 
@@ -70,6 +70,13 @@ fn is_short(pdo: &Pdo) -> bool {
 }
 
 impl Rule for EmcyMissing {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match &event.kind {
+            EventKind::Pdo(pdo) if !is_short(pdo) => Need::NOTHING,
+            _ => Need::EACH,
+        }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {

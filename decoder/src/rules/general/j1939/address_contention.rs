@@ -3,7 +3,7 @@
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::j1939::Name;
 
@@ -63,10 +63,11 @@ fn new(policy: &Policy) -> AddressContention {
 }
 
 impl AddressContention {
-    fn watch(&mut self, address: u8, name: Name, lasts: i64, event: &Event, context: &Context<'_>) {
+    fn watch(&mut self, address: u8, name: Name, lasts: i64, event: &Event, context: &mut Context<'_>) {
         self.left.retain(|left| left.address != address);
         if context.has_time && self.left.len() < WATCH_LIMIT {
             let (frame, since) = (event.frames.last, context.now);
+            context.ask_again();
             self.left.push(VacatedAddress {
                 address,
                 name,
@@ -81,6 +82,7 @@ impl AddressContention {
         let has_it = matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed);
         if has_it {
             self.left.retain(|left| left.address != claim.source);
+            context.ask_again();
         }
         if let Some(from) = claim.from.filter(|from| *from != claim.source) {
             let is_free =
@@ -118,6 +120,7 @@ impl AddressContention {
         let Some(left) = self.left.get(place) else { return };
         if context.now > left.until {
             self.left.swap_remove(place);
+            context.ask_again();
             return;
         }
         let late = context.now.saturating_sub(left.since);
@@ -138,6 +141,17 @@ impl AddressContention {
 }
 
 impl Rule for AddressContention {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match &event.kind {
+            EventKind::J1939Message(message)
+                if self.left.iter().all(|left| left.address != message.id.source) =>
+            {
+                Need::NOTHING
+            }
+            _ => Need::EACH,
+        }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::AddressClaim(claim) => self.claim(event, claim, context),

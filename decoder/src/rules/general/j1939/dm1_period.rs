@@ -3,7 +3,7 @@
 use crate::event::{DtcAction, Event, EventKind, FrameRange};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::j1939::Pgn;
 use crate::wire::{NodeId, NodeMap};
 
@@ -109,6 +109,13 @@ impl Dm1Period {
 }
 
 impl Rule for Dm1Period {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match &event.kind {
+            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => Need::NOTHING,
+            _ => Need::EACH,
+        }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {

@@ -4,7 +4,7 @@ use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::canopen::lss::Content;
 use crate::wire::j1939::{Name, Pgn};
 use crate::wire::{NodeId, NodeMap};
@@ -156,11 +156,13 @@ impl IdentityMove {
         if let Some(from) = claim.from {
             // Later messages from the old address belong to another device.
             self.first.remove(NodeId::J1939(from));
+            context.ask_again();
         }
         if let Some(contention) = claim.contention {
             // The messages before the claim belong to the device that lost the address.
             self.displace(contention.other);
             self.first.remove(NodeId::J1939(to));
+            context.ask_again();
         }
         if was_displaced || claim.contention.is_some() && claim.from.is_none() {
             return context.pass();
@@ -215,6 +217,12 @@ impl IdentityMove {
 impl Rule for IdentityMove {
     fn wants_pdos(&self) -> bool {
         self.has_moved
+    }
+
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        let is_known = event.node.is_some_and(|node| self.first.get(node).is_some());
+        let is_message = matches!(event.kind, EventKind::J1939Message(_));
+        if is_message && is_known { Need::NOTHING } else { Need::EACH }
     }
 
     fn begin(&mut self, context: &mut Context<'_>) {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use crate::event::{Event, EventKind, FrameRange, J1939Request};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, NO_ADDRESS, Pgn};
 
@@ -73,6 +73,7 @@ impl RequestUnanswered {
         }
         self.count += 1;
         let (token, source, frame) = (self.count, request.source, event.frames.last);
+        context.ask_again();
         self.open.push_back(PendingRequest { token, pgn: request.pgn, source, of, frame });
         context.wake_at(context.now.saturating_add(self.answer), token);
     }
@@ -83,6 +84,7 @@ impl RequestUnanswered {
             let is_it = (asked.of, asked.pgn) == (by, pgn);
             if is_it {
                 context.pass();
+                context.ask_again();
             }
             !is_it
         });
@@ -90,6 +92,17 @@ impl RequestUnanswered {
 }
 
 impl Rule for RequestUnanswered {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match &event.kind {
+            EventKind::J1939Message(message)
+                if self.open.iter().all(|asked| asked.of != message.id.source) =>
+            {
+                Need::NOTHING
+            }
+            _ => Need::EACH,
+        }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::J1939Request(request) = &event.kind {
             return self.asked(event, request, context);
@@ -106,7 +119,10 @@ impl Rule for RequestUnanswered {
                 }
             }
             // The response may be missing in the capture.
-            EventKind::BusSilent { .. } => self.open.clear(),
+            EventKind::BusSilent { .. } => {
+                self.open.clear();
+                context.ask_again();
+            }
             EventKind::AddressClaim(claim) => self.answered(claim.source, Pgn::ADDRESS_CLAIMED, context),
             _ => {}
         }
@@ -115,6 +131,7 @@ impl Rule for RequestUnanswered {
     fn wake(&mut self, token: u64, context: &mut Context<'_>) {
         let Some(place) = self.open.iter().position(|asked| asked.token == token) else { return };
         let Some(asked) = self.open.remove(place) else { return };
+        context.ask_again();
         // The response is being transferred in several packets.
         if context.bus.is_transferring(asked.of, asked.pgn) {
             return context.pass();

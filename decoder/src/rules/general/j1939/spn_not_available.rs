@@ -6,7 +6,7 @@ use crate::event::{Event, EventKind, J1939Message};
 use crate::finding::{About, Severity};
 use crate::profile::{Field, IndicatorCoding, Value};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -97,6 +97,10 @@ impl SpnNotAvailable {
 }
 
 impl Rule for SpnNotAvailable {
+    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
+        Need { bits: u64::MAX, ..Need::NOTHING }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         // Repeated messages were checked at their first occurrence.
         if let (EventKind::J1939Message(message), Some(node), false) =

@@ -7,7 +7,7 @@ use crate::finding::About;
 use crate::profile;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeSet;
 use crate::wire::j1939::Pgn;
 
@@ -60,6 +60,13 @@ fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
 }
 
 impl Rule for TroubleCode {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match &event.kind {
+            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => Need::NOTHING,
+            _ => Need::EACH,
+        }
+    }
+
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::J1939Message(message) if message.id.pgn == Pgn::DM1 => {

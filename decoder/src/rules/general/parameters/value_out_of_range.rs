@@ -7,7 +7,7 @@ use crate::finding::About;
 use crate::profile::{Field, IntegerPosition, Layout, Meaning, SignalId, Value};
 use crate::rules::general::uds::uds_negative::subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -39,6 +39,10 @@ declare_rule! {
 struct RangedFields {
     layout: Option<Arc<Layout>>,
     fields: Vec<Range>,
+    /// Bits of these fields in the first eight bytes.
+    bits: u64,
+    /// All values of the last PDO were in range.
+    is_right: bool,
 }
 
 /// Field with a range.
@@ -64,6 +68,7 @@ impl ValueOutOfRange {
         let Some(checked) = self.checked.of(slot) else { return };
         if checked.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
             checked.learn(layout, context.node(event));
+            context.ask_again();
         }
         if checked.fields.is_empty() {
             return;
@@ -82,6 +87,9 @@ impl ValueOutOfRange {
                 is_right = false;
                 report_value(event, meaning, &value, &pdo.name.to_string(), context);
             }
+        }
+        if std::mem::replace(&mut checked.is_right, is_right) != is_right {
+            context.ask_again();
         }
         if is_right {
             context.pass();
@@ -113,6 +121,8 @@ impl RangedFields {
                 && field.meaning.as_deref().is_some_and(|meaning| has_confirmed_range(meaning, node))
         });
         self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
+        let ranged = self.fields.iter().filter_map(|range| layout.fields.get(range.field));
+        self.bits = ranged.fold(0, |bits, field| bits | field.payload_bits());
         self.layout = Some(Arc::clone(layout));
     }
 }
@@ -185,6 +195,17 @@ fn out_of_range(meaning: &Meaning, value: &Value, by: &str) -> String {
 }
 
 impl Rule for ValueOutOfRange {
+    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+        let EventKind::Pdo(_) = &event.kind else { return Need::EACH };
+        let checked = context.traffic.current().and_then(|slot| self.checked.get(slot.place));
+        match checked {
+            Some(checked) if checked.layout.is_none() => Need::EACH,
+            Some(checked) if checked.fields.is_empty() => Need::NOTHING,
+            Some(checked) if checked.is_right => Need { bits: checked.bits, ..Need::PASSED },
+            _ => Need::EACH,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {

@@ -4,7 +4,7 @@ use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -48,17 +48,20 @@ fn new(policy: &Policy) -> PdoEventTimer {
 }
 
 impl PdoEventTimer {
+    /// Longest interval in ns with an event timer in ms; `None` if it is switched off.
+    fn limit(&self, timer: u64) -> Option<i64> {
+        let timer = i64::try_from(timer).ok().filter(|timer| *timer > 0)?;
+        Some(timer.saturating_mul(self.percent).saturating_mul(10_000).saturating_add(SLACK))
+    }
+
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let timer = self.timer.of(event, pdo, slot, context);
-        let Some(timer) = timer.and_then(|timer| i64::try_from(timer).ok()).filter(|timer| *timer > 0) else {
-            return;
-        };
+        let Some(timer) = self.timer.of(event, pdo, slot, context) else { return };
+        let Some(limit) = self.limit(timer) else { return };
         let Some(seen) = self.seen.of(slot) else { return };
         let is_first = std::mem::replace(seen, self.timer.generation()) != self.timer.generation();
         let Some(interval) = slot.interval.filter(|_| !is_first) else { return };
-        let limit = timer.saturating_mul(self.percent).saturating_mul(10_000).saturating_add(SLACK);
         if interval <= limit {
             return context.pass();
         }
@@ -75,12 +78,20 @@ impl Rule for PdoEventTimer {
         self.timer.may_be_known()
     }
 
+    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
+        let Some(slot) = context.traffic.current() else { return Need::EACH };
+        let Some(timer) = self.timer.looked_up(slot) else { return Need::EACH };
+        let Some(limit) = timer.and_then(|timer| self.limit(timer)) else { return Need::NOTHING };
+        let is_first = self.seen.get(slot.place) != Some(&self.timer.generation());
+        if is_first { Need::EACH } else { Need { longest: limit, ..Need::PASSED } }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
             self.pdo(event, pdo, context);
-        } else {
-            self.timer.changes(event);
+        } else if self.timer.changes(event) {
+            context.ask_again();
         }
     }
 }

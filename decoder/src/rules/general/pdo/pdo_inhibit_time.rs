@@ -4,7 +4,7 @@ use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -58,22 +58,32 @@ fn new(policy: &Policy) -> PdoInhibitTime {
     }
 }
 
+fn positive(time: u64) -> Option<i64> {
+    i64::try_from(time).ok().filter(|time| *time > 0)
+}
+
+/// Shortest permitted interval in ns, with an inhibit time above 0.
+const fn shortest(inhibit: i64, percent: i64) -> i64 {
+    inhibit.saturating_mul(STEP) / 100 * percent - DIGIT
+}
+
 impl PdoInhibitTime {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let inhibit = self.inhibit.of(event, pdo, slot, context);
-        let Some(inhibit) = inhibit.and_then(|time| i64::try_from(time).ok()).filter(|time| *time > 0) else {
-            return;
-        };
+        let inhibit = self.inhibit.of(event, pdo, slot, context).and_then(positive);
+        let Some(inhibit) = inhibit else { return };
         let Some(254 | 255) = self.kind.of(event, pdo, slot, context) else { return };
         let (Some(short), Some(interval)) = (self.short.of(slot), slot.interval) else { return };
-        let shortest = inhibit.saturating_mul(STEP) / 100 * self.percent - DIGIT;
+        let shortest = shortest(inhibit, self.percent);
         if interval >= shortest {
-            *short = 0;
+            if std::mem::take(short) > 0 {
+                context.ask_again();
+            }
             return context.pass();
         }
         *short += 1;
+        context.ask_again();
         if *short < TIMES {
             return;
         }
@@ -93,14 +103,30 @@ impl Rule for PdoInhibitTime {
         self.inhibit.may_be_known()
     }
 
+    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
+        let Some(slot) = context.traffic.current() else { return Need::EACH };
+        let Some(inhibit) = self.inhibit.looked_up(slot) else { return Need::EACH };
+        let Some(inhibit) = inhibit.and_then(positive) else { return Need::NOTHING };
+        match (self.kind.looked_up(slot), self.short.get(slot.place)) {
+            (Some(Some(254 | 255)), Some(0)) => {
+                Need { shortest: shortest(inhibit, self.percent), ..Need::PASSED }
+            }
+            (None, _) | (Some(Some(254 | 255)), _) => Need::EACH,
+            (Some(_), _) => Need::NOTHING,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
             return self.pdo(event, pdo, context);
         }
-        self.inhibit.changes(event);
+        let is_other = self.inhibit.changes(event);
         if self.kind.changes(event) {
             self.short.clear();
+        }
+        if is_other {
+            context.ask_again();
         }
     }
 }

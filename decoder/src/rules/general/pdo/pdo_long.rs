@@ -4,7 +4,7 @@ use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -34,6 +34,15 @@ fn new(_policy: &Policy) -> PdoLong {
 }
 
 impl Rule for PdoLong {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        let EventKind::Pdo(pdo) = &event.kind else { return Need::EACH };
+        match mapped_bytes(pdo) {
+            None => Need::NOTHING,
+            Some(mapped) if u16::from(pdo.length) <= mapped => Need::PASSED,
+            Some(_) => Need::EACH,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Pdo(pdo) = &event.kind else { return };

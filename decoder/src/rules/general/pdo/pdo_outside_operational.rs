@@ -5,7 +5,7 @@ use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -81,13 +81,14 @@ fn new(policy: &Policy) -> PdoOutsideOperational {
 }
 
 impl PdoOutsideOperational {
-    fn commanded(&mut self, event: &Event, node: NodeId, to: NmtState, now: i64) {
+    fn commanded(&mut self, event: &Event, node: NodeId, to: NmtState, context: &mut Context<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
         *watch = Watch::default();
         self.silent.remove(node);
         self.operational.remove(node);
+        context.ask_again();
         if matches!(to, NmtState::Stopped | NmtState::PreOperational) {
-            watch.commanded = Some((to, now, event.frames.first));
+            watch.commanded = Some((to, context.now, event.frames.first));
             self.silent.insert(node);
         }
     }
@@ -97,10 +98,14 @@ impl PdoOutsideOperational {
         let (sent, received) = (watch.sent.take(), watch.received.take());
         if state == NmtState::Operational {
             *watch = Watch::default();
+            if !self.operational.contains(node) {
+                context.ask_again();
+            }
             self.silent.remove(node);
             self.operational.insert(node);
             return context.pass();
         }
+        context.ask_again();
         self.operational.remove(node);
         self.silent.insert(node);
         let same = watch.told.filter(|(before, ..)| *before == state);
@@ -151,6 +156,14 @@ impl PdoOutsideOperational {
 }
 
 impl Rule for PdoOutsideOperational {
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        match event.node {
+            Some(node) if self.silent.contains(node) => Need::EACH,
+            Some(node) if self.operational.contains(node) => Need::PASSED,
+            _ => Need::NOTHING,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
@@ -173,11 +186,11 @@ impl PdoOutsideOperational {
             (EventKind::NmtCommand { target: 0, to: Some(to), .. }, _) => {
                 let known: Vec<NodeId> = self.watches.iter().map(|(node, _)| node).collect();
                 for node in known {
-                    self.commanded(event, node, *to, context.now);
+                    self.commanded(event, node, *to, context);
                 }
             }
             (EventKind::NmtCommand { to: Some(to), .. }, Some(node)) => {
-                self.commanded(event, node, *to, context.now);
+                self.commanded(event, node, *to, context);
             }
             (
                 EventKind::Heartbeat { state: Some(state), .. }
@@ -190,6 +203,7 @@ impl PdoOutsideOperational {
                 self.watches.remove(node);
                 self.silent.remove(node);
                 self.operational.remove(node);
+                context.ask_again();
             }
             _ => {}
         }

@@ -54,6 +54,12 @@ impl PdoParameter {
         self.is_known || self.in_vain < ENOUGH
     }
 
+    /// The value, if it was looked up since the last change; `None` if it was not.
+    pub(super) fn looked_up(&self, slot: &PdoSlot) -> Option<Option<u64>> {
+        let known = self.known.get(slot.place).filter(|(generation, _)| *generation == self.generation);
+        known.map(|(_, value)| *value)
+    }
+
     /// Number of possible changes so far.
     pub(super) fn generation(&self) -> u32 {
         self.generation

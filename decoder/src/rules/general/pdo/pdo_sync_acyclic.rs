@@ -4,7 +4,7 @@ use super::pdo_parameter::PdoParameter;
 use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Need, Policy, Rule};
 
 declare_rule! {
     /// # What it checks
@@ -43,6 +43,13 @@ impl Rule for PdoSyncAcyclic {
         self.kind.may_be_known()
     }
 
+    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
+        match context.traffic.current().and_then(|slot| self.kind.looked_up(slot)) {
+            None | Some(Some(0)) => Need::EACH,
+            Some(_) => Need::NOTHING,
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
@@ -62,7 +69,9 @@ impl Rule for PdoSyncAcyclic {
                 });
             }
             _ => {
-                self.kind.changes(event);
+                if self.kind.changes(event) {
+                    context.ask_again();
+                }
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::general::facts::identifier;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -72,6 +72,7 @@ impl PdoSyncCyclic {
         }
         let elapsed = syncs.saturating_sub(watch.from);
         *watch = Watch { generation, from: syncs, count: 0 };
+        context.ask_again();
         // A TPDO may be one SYNC late.
         if elapsed.abs_diff(COUNT * kind) <= 1 {
             return context.pass();
@@ -106,12 +107,30 @@ impl Rule for PdoSyncCyclic {
         self.kind.may_be_known()
     }
 
+    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
+        let Some(slot) = context.traffic.current() else { return Need::EACH };
+        match (self.kind.looked_up(slot), self.watches.get(slot.place)) {
+            (Some(Some(1..=240)), Some(watch)) if watch.generation == self.kind.generation() => {
+                let frames = u32::try_from(COUNT.saturating_sub(watch.count)).unwrap_or(0);
+                Need { frames, ..Need::NOTHING }.counted()
+            }
+            (None, _) | (Some(Some(1..=240)), _) => Need::EACH,
+            (Some(_), _) => Need::NOTHING,
+        }
+    }
+
+    fn skipped(&mut self, slot: &PdoSlot, count: u32, _context: &mut Context<'_>) {
+        if let Some(watch) = self.watches.of(slot) {
+            watch.count = watch.count.saturating_add(u64::from(count));
+        }
+    }
+
     #[inline]
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
             self.pdo(event, pdo, context);
-        } else {
-            self.kind.changes(event);
+        } else if self.kind.changes(event) {
+            context.ask_again();
         }
     }
 }

@@ -1,0 +1,327 @@
+//! What the rules together need of the next PDOs or messages of each identifier.
+
+use crate::rules::context::traffic::PdoSlot;
+use crate::rules::need::Need;
+use crate::session::Preview;
+
+/// Maximum number of rules in one of the lists of an identifier; with more, each event is needed.
+const LISTED: usize = 4;
+
+/// A few rules, by number or by place.
+#[derive(Debug, Clone, Copy, Default)]
+struct RuleList {
+    rules: [u16; LISTED],
+    count: u8,
+}
+
+impl RuleList {
+    /// Adds a rule; whether there was room.
+    fn add(&mut self, rule: u16) -> bool {
+        let Some(free) = self.rules.get_mut(usize::from(self.count)) else { return false };
+        *free = rule;
+        self.count += 1;
+        true
+    }
+
+    #[inline]
+    fn all(&self) -> &[u16] {
+        self.rules.get(..usize::from(self.count)).unwrap_or(&[])
+    }
+}
+
+/// What all rules together need of one identifier.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NeedsOf {
+    /// Number of the answers; older ones are not valid.
+    answer: u32,
+    /// Service and layout of the identifier for which the answers hold.
+    version: u32,
+    /// Index of the PDO statistics; `None` for a J1939 message.
+    statistics: Option<u16>,
+    /// All answers as one.
+    need: Need,
+    /// Numbers of the rules for which each frame is passed, and of those for which each frame with changed payload is.
+    passed: RuleList,
+    passed_if_changed: RuleList,
+    /// Places of the rules that take the number of frames.
+    counting: RuleList,
+    /// Frames since the last event.
+    count: u32,
+}
+
+impl NeedsOf {
+    fn new(answer: u32, version: u32, statistics: Option<u16>) -> Self {
+        let (passed, passed_if_changed, counting) = Default::default();
+        Self {
+            answer,
+            version,
+            statistics,
+            need: Need::NOTHING,
+            passed,
+            passed_if_changed,
+            counting,
+            count: 0,
+        }
+    }
+
+    /// Adds the answer of a rule that receives all frames of the identifier.
+    fn add(&mut self, rule: &Answer) {
+        let (all, need) = (&mut self.need, rule.need);
+        all.bits |= need.bits;
+        all.shortest = all.shortest.max(need.shortest);
+        all.longest = all.longest.min(need.longest);
+        all.alternations = all.alternations.min(need.alternations);
+        all.frames = all.frames.min(need.frames);
+        let is_listed = (!need.is_passed || self.passed.add(rule.number))
+            && (!need.is_counted || self.counting.add(rule.place));
+        if !is_listed {
+            *all = Need::EACH;
+        }
+    }
+
+    /// Adds the answer of a rule that receives only frames with changed payload.
+    fn add_if_changed(&mut self, rule: &Answer) {
+        let need = rule.need;
+        let is_bounded = need.shortest > i64::MIN || need.longest < i64::MAX || need.is_counted;
+        let is_listed = !need.is_passed || self.passed_if_changed.add(rule.number);
+        self.need.bits |= if is_bounded || !is_listed { u64::MAX } else { need.bits };
+    }
+
+    /// Places of the rules that take the number of frames.
+    pub(super) fn counting(&self) -> &[u16] {
+        self.counting.all()
+    }
+
+    /// Index of the PDO statistics.
+    pub(super) fn statistics(&self) -> Option<usize> {
+        self.statistics.map(usize::from)
+    }
+
+    /// Frames since the last call.
+    pub(super) fn take_count(&mut self) -> u32 {
+        std::mem::take(&mut self.count)
+    }
+}
+
+/// Answer of a rule.
+pub(super) struct Answer {
+    pub(super) number: u16,
+    pub(super) place: u16,
+    pub(super) need: Need,
+    /// The rule receives only frames with changed payload.
+    pub(super) is_for_changes: bool,
+}
+
+/// Rules to which a frame without an event counts.
+pub(super) struct SkippedFrame<'a> {
+    /// Index of the PDO statistics.
+    pub(super) statistics: Option<usize>,
+    /// Numbers of the rules for which it is a check without a defect.
+    pub(super) passed: &'a [u16],
+    pub(super) passed_if_changed: &'a [u16],
+}
+
+/// Needs by index of the identifier on the bus.
+#[derive(Debug)]
+pub(super) struct NeedsTable {
+    identifiers: Vec<NeedsOf>,
+    /// Number of the valid answers.
+    valid: u32,
+}
+
+impl NeedsTable {
+    /// Before the first frame.
+    pub(super) fn new() -> Self {
+        Self { identifiers: Vec::new(), valid: 1 }
+    }
+
+    /// Whether rules need the event of a frame at the time `now` of the rules.
+    #[inline]
+    pub(super) fn has(&self, preview: &Preview, now: i64, pdos: &[PdoSlot]) -> bool {
+        let Some(known) = self.identifiers.get(preview.identifier) else { return true };
+        if known.answer != self.valid || preview.change & known.need.bits != 0 {
+            return true;
+        }
+        let Some(statistics) = known.statistics else { return known.need.is_each() };
+        let Some(pdo) = pdos.get(usize::from(statistics)) else { return true };
+        let interval = now.saturating_sub(pdo.last);
+        interval < known.need.shortest
+            || interval > known.need.longest
+            || pdo.alternations.saturating_add(1) >= known.need.alternations
+            || known.need.frames <= 1
+    }
+
+    /// Counts a PDO with an event.
+    #[inline]
+    pub(super) fn hear(&mut self, identifier: usize) {
+        if let Some(known) = self.identifiers.get_mut(identifier) {
+            known.need.frames = known.need.frames.saturating_sub(1);
+        }
+    }
+
+    /// Counts a frame without an event.
+    #[inline]
+    pub(super) fn skip(&mut self, identifier: usize) -> Option<SkippedFrame<'_>> {
+        let known = self.identifiers.get_mut(identifier)?;
+        known.count = known.count.saturating_add(1);
+        known.need.frames = known.need.frames.saturating_sub(1);
+        Some(SkippedFrame {
+            statistics: known.statistics(),
+            passed: known.passed.all(),
+            passed_if_changed: known.passed_if_changed.all(),
+        })
+    }
+
+    /// Whether the rules must be asked about an identifier.
+    #[inline]
+    pub(super) fn is_unknown(&self, identifier: usize, version: u32) -> bool {
+        let known = self.identifiers.get(identifier);
+        known.is_none_or(|known| known.answer != self.valid || known.version != version)
+    }
+
+    /// Drops the answers about one identifier.
+    pub(super) fn forget(&mut self, identifier: usize) {
+        if let Some(known) = self.identifiers.get_mut(identifier) {
+            known.answer = 0;
+        }
+    }
+
+    /// Drops all answers.
+    pub(super) fn forget_all(&mut self) {
+        self.valid = self.valid.wrapping_add(1).max(1);
+    }
+
+    /// Stores the answers of the rules about an identifier.
+    pub(super) fn store(
+        &mut self,
+        (identifier, version): (usize, u32),
+        statistics: Option<usize>,
+        answers: impl Iterator<Item = Answer>,
+    ) {
+        let (number, is_known) = match statistics.map(u16::try_from) {
+            Some(number) => (number.ok(), number.is_ok()),
+            None => (None, true),
+        };
+        let mut known = NeedsOf::new(self.valid, version, number);
+        for answer in answers {
+            if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add(&answer) }
+        }
+        if !is_known {
+            known.need = Need::EACH;
+        }
+        if self.identifiers.len() <= identifier {
+            self.identifiers.resize(identifier + 1, NeedsOf::new(0, 0, None));
+        }
+        if let Some(place) = self.identifiers.get_mut(identifier) {
+            known.count = place.count;
+            *place = known;
+        }
+    }
+
+    /// Entry of an identifier with frames since its last event.
+    #[inline]
+    pub(super) fn counted(&mut self, identifier: usize) -> Option<&mut NeedsOf> {
+        self.identifiers.get_mut(identifier).filter(|known| known.count > 0)
+    }
+
+    /// Number of identifiers.
+    pub(super) fn len(&self) -> usize {
+        self.identifiers.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{CanId, Timestamp};
+
+    fn table(answers: &[(Need, bool)]) -> NeedsTable {
+        let mut table = NeedsTable::new();
+        let answers = answers.iter().zip(0..).map(|((need, is_for_changes), place)| Answer {
+            number: place + 10,
+            place,
+            need: *need,
+            is_for_changes: *is_for_changes,
+        });
+        table.store((2, 0), Some(0), answers);
+        table
+    }
+
+    /// Whether an event is needed after `interval`, if the bits of `change` change.
+    fn is_needed(table: &NeedsTable, interval: i64, change: u64) -> bool {
+        let pdo = PdoSlot::new(0, CanId::standard(0x181));
+        let preview =
+            Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change };
+        table.has(&preview, interval, &[pdo])
+    }
+
+    const fn within(shortest: i64, longest: i64) -> Need {
+        Need { shortest, longest, ..Need::PASSED }
+    }
+
+    #[test]
+    fn intervals_that_all_rules_permit() {
+        let table = table(&[(within(5, 20), false), (Need::NOTHING, false), (within(8, 30), false)]);
+        let needed = [7, 8, 20, 21].map(|interval| is_needed(&table, interval, 0));
+        assert_eq!(needed, [true, false, false, true]);
+    }
+
+    #[test]
+    fn one_rule_that_needs_each_decides() {
+        let needs = table(&[(Need::PASSED, false), (Need::EACH, false), (Need::PASSED, false)]);
+        assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0));
+        let of_changes = table(&[(Need::PASSED, false), (Need::EACH, true)]);
+        assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
+    }
+
+    #[test]
+    fn bits_and_two_producers_in_turn() {
+        let needs = table(&[(Need { bits: 6, ..Need::NOTHING }, false)]);
+        assert_eq!([1, 2, 4, 8].map(|bits| is_needed(&needs, 10, bits)), [false, true, true, false]);
+        assert!(is_needed(&table(&[(Need { alternations: 1, ..Need::NOTHING }, false)]), 10, 0));
+        assert!(!is_needed(&table(&[(Need { alternations: 2, ..Need::NOTHING }, false)]), 10, 0));
+    }
+
+    #[test]
+    fn the_third_pdo_is_needed() {
+        let mut table = table(&[(Need { frames: 3, ..Need::NOTHING }, false)]);
+        assert!(!is_needed(&table, 10, 0));
+        table.skip(2);
+        assert!(!is_needed(&table, 10, 0));
+        table.hear(2);
+        assert!(is_needed(&table, 10, 0));
+    }
+
+    #[test]
+    fn frames_are_counted_until_the_next_event() {
+        let needs = [(Need::PASSED, false), (Need::NOTHING.counted(), false), (Need::PASSED, true)];
+        let mut table = table(&needs);
+        table.skip(2).unwrap();
+        let skipped = table.skip(2).unwrap();
+        assert_eq!(
+            (skipped.statistics, skipped.passed, skipped.passed_if_changed),
+            (Some(0), &[10][..], &[12][..])
+        );
+        let counted = table.counted(2).unwrap();
+        assert_eq!((counted.take_count(), counted.counting()), (2, &[1][..]));
+        assert!(table.counted(2).is_none());
+    }
+
+    #[test]
+    fn answers_are_dropped() {
+        let mut table = table(&[(Need::PASSED, false)]);
+        assert!(table.is_unknown(2, 1), "another layout");
+        table.forget(2);
+        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+        table.store((2, 0), Some(0), std::iter::empty());
+        table.forget_all();
+        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+    }
+
+    #[test]
+    fn more_rules_than_can_be_listed_need_each() {
+        assert!(!is_needed(&table(&[(Need::PASSED, false); LISTED]), 10, 0));
+        assert!(is_needed(&table(&[(Need::PASSED, false); LISTED + 1]), 10, 0));
+        assert!(is_needed(&table(&[(Need::PASSED, true); LISTED + 1]), 10, 1));
+    }
+}

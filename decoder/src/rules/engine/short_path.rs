@@ -1,0 +1,105 @@
+//! Frames without an event: what the rules need of the next ones, and what they count of those that were skipped.
+
+use std::cmp::Reverse;
+
+use super::needs::Answer;
+use super::{BusJudge, Engine, RuleInstance, STAMPS_JUDGED};
+use crate::event::{Event, EventKind};
+use crate::rules::ledger::Ledger;
+use crate::session::{Bus, Preview};
+
+impl Engine {
+    /// Whether the rules need the event of a frame; see [`crate::session::Observer::needs`].
+    #[inline]
+    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.quality.frames <= STAMPS_JUDGED
+            || !self.held.is_empty()
+            || !self.ledger.news.is_empty()
+            || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
+    }
+
+    /// Counts a frame whose event is not needed; see [`crate::session::Observer::skip`].
+    #[inline]
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+            judge.skip(preview, &mut self.ledger);
+        }
+    }
+}
+
+impl BusJudge {
+    /// Whether the rules need the event of a frame. Their deadlines are in time without silences of the bus.
+    #[inline]
+    fn needs(&self, preview: &Preview) -> bool {
+        let now = preview.now.saturating_sub(self.shared.silence);
+        self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now)
+            || self.shared.meter.is_over()
+            || self.needs.has(preview, now, self.shared.traffic.slots())
+    }
+
+    /// Counts a frame whose event is not needed.
+    #[inline]
+    fn skip(&mut self, preview: &Preview, ledger: &mut Ledger) {
+        let now = preview.now.saturating_sub(self.shared.silence).max(self.shared.now);
+        self.shared.now = now;
+        let Some(skipped) = self.needs.skip(preview.identifier) else { return };
+        for rule in skipped.passed {
+            ledger.pass(*rule);
+        }
+        if preview.change != 0 {
+            for rule in skipped.passed_if_changed {
+                ledger.pass(*rule);
+            }
+        }
+        // Bounds of rules depend on the usual interval.
+        let statistics = skipped.statistics;
+        if statistics.is_some_and(|place| self.shared.traffic.saw_skipped(place, preview, now)) {
+            self.needs.forget(preview.identifier);
+        }
+    }
+
+    /// Passes the number of skipped frames of an identifier to the rules that count them.
+    #[cold]
+    pub(super) fn pass_on_skipped(&mut self, identifier: usize, bus: &Bus, ledger: &mut Ledger) {
+        let Some(known) = self.needs.counted(identifier) else { return };
+        let (count, known) = (known.take_count(), *known);
+        let mut context = self.shared.context(bus, ledger);
+        let slot = known.statistics().and_then(|place| context.traffic.slots().get(place));
+        let Some(slot) = slot else { return };
+        for place in known.counting() {
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*number, *place);
+                rule.skipped(slot, count, &mut context);
+            }
+        }
+    }
+
+    /// Passes on all skipped frames up to now.
+    pub(super) fn pass_on_all_skipped(&mut self, bus: &Bus, ledger: &mut Ledger) {
+        for identifier in 0..self.needs.len() {
+            self.pass_on_skipped(identifier, bus, ledger);
+        }
+    }
+
+    /// Asks the rules what they need of the frames that follow the PDO or message `event`.
+    #[cold]
+    pub(super) fn ask_for_needs(&mut self, identifier: usize, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        if event.presumed {
+            return;
+        }
+        let statistics = match &event.kind {
+            EventKind::Pdo(_) => match self.shared.traffic.current_place() {
+                Some(place) => Some(place),
+                None => return,
+            },
+            _ => None,
+        };
+        let context = self.shared.context(bus, ledger);
+        let rules = &self.rules;
+        let answers = self.interests.of_next(event).filter_map(|(place, is_for_changes)| {
+            let RuleInstance { number, rule, .. } = rules.get(usize::from(place))?;
+            Some(Answer { number: *number, place, need: rule.need(event, &context), is_for_changes })
+        });
+        self.needs.store((identifier, bus.version_of(identifier)), statistics, answers);
+    }
+}

@@ -1,0 +1,70 @@
+//! Short path of a frame: its contents bring nothing that the session or an observer needs, so no event is made.
+//!
+//! A frame takes it only if all deadlines of the session are later, its timestamp follows the last one within the usual
+//! gap, and its protocol and sender are known. Everything that later events depend on is updated: clock, intervals,
+//! last frame of bus, node and identifier.
+
+use super::bus::{Bus, IdentifierState, Service};
+use super::decoder::BusDecoder;
+use super::observer::{Observer, Preview};
+use crate::frame::Frame;
+
+impl BusDecoder {
+    /// Whether nobody needs the event of a frame; if so, times and counters are updated.
+    #[inline]
+    pub(super) fn is_skipped(&mut self, frame: &Frame, out: &mut dyn Observer) -> bool {
+        let Some(preview) = self.shared.bus.preview(frame) else { return false };
+        if self.shared.timers.is_due(preview.now) || out.needs(&preview, &self.shared.bus) {
+            return false;
+        }
+        self.shared.bus.skip(&preview);
+        out.skip(&preview, &self.shared.bus);
+        true
+    }
+}
+
+impl Bus {
+    /// A frame whose event the session itself does not need; `None` for all other frames.
+    #[inline]
+    fn preview(&self, frame: &Frame) -> Option<Preview> {
+        let time = frame.time?;
+        let now = self.clock.regular(time)?;
+        let identifier = self.routes.find(frame.id)?;
+        let state = self.routes.slot(identifier)?;
+        let needed = state.needed?;
+        let (payload, change) = state.last.next(frame)?;
+        let is_settled = change & needed == 0 && self.is_settled_sender(state);
+        is_settled.then_some(Preview { identifier, frame: frame.number, time, now, payload, change })
+    }
+
+    /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.
+    #[inline]
+    fn is_settled_sender(&self, state: &IdentifierState) -> bool {
+        let sender = self.node_at(state.sender);
+        match state.service {
+            Service::Pdo(..) => self.canopen.is_confirmed() && sender.is_none_or(|sender| !sender.attention),
+            Service::J1939(_) => self.j1939.is_confirmed() && sender.is_some(),
+            _ => false,
+        }
+    }
+
+    /// Updates clock, identifier and sender at a frame without an event.
+    #[inline]
+    fn skip(&mut self, preview: &Preview) {
+        self.clock.advance_regularly(preview.time, preview.now);
+        (self.last_frame, self.last_time) = (preview.frame, Some(preview.time));
+        let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
+        state.hear(preview.now);
+        state.last.set(preview.payload);
+        if let Some(planned) = state.plan.as_mut().filter(|planned| planned.plan.commands) {
+            planned.recent.push(preview.frame, preview.now);
+        }
+        let sender = state.sender;
+        // A PDO alone does not prove its node: the identifier may be configured in another one.
+        if let Some(node) = self.node_at_mut(sender) {
+            node.last_frame = preview.frame;
+            node.last_seen = Some(preview.time);
+            node.last_heard = preview.now;
+        }
+    }
+}
