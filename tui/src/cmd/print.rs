@@ -164,6 +164,16 @@ impl PrintedEvents {
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl PdoChoice {
+    /// Whether the event of a PDO or J1939 message may be printed; it is routine if no bit has changed.
+    #[inline]
+    fn needs(&self, preview: &Preview) -> bool {
+        match self.pdo {
+            Pdo::All => true,
+            Pdo::Change => preview.change != 0,
+            Pdo::None => false,
+        }
+    }
+
     #[inline]
     fn admits(&self, event: &Event) -> bool {
         match (&event.kind, self.pdo) {
@@ -335,8 +345,8 @@ impl Observer for Printer {
         self.shown.see(event, is_shown);
     }
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
-        self.output.is_some()
+    fn needs(&self, preview: &Preview, _bus: &Bus) -> bool {
+        self.output.is_some() && (self.selection.is_limited() || self.choice.needs(preview))
     }
 }
 
@@ -361,5 +371,21 @@ fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {
         frames: arguments.frames,
         verbose: arguments.verbose,
         color: is_colored(arguments.color, arguments.output.is_some()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unchanged_messages_are_needed_only_if_all_are_printed() {
+        let needs = |pdo, change| {
+            let preview = Preview { identifier: 0, frame: 2, time: Timestamp(0), now: 0, payload: 1, change };
+            PdoChoice { pdo, frames: false }.needs(&preview)
+        };
+        assert_eq!([needs(Pdo::All, 0), needs(Pdo::All, 1)], [true, true]);
+        assert_eq!([needs(Pdo::Change, 0), needs(Pdo::Change, 1)], [false, true]);
+        assert_eq!([needs(Pdo::None, 0), needs(Pdo::None, 1)], [false, false]);
     }
 }
