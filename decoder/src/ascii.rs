@@ -56,24 +56,34 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     let leading = (digits.trailing_zeros() / 8).min(7);
     let kept = u64::MAX << (leading * 8);
     let text = (digits | each(b'0')) & kept | each(b' ') & !kept;
-    push_blanks(out, width, 8);
+    if width > 8 {
+        push_blanks(out, width, 8);
+    }
     let length = width.clamp(8 - leading as usize, 8);
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
-/// Appends a number, a comma and the same number again.
+/// The digits of a number below 100,000,000, first digit in the lowest byte, and their count; `None` for larger numbers.
 #[inline]
-pub(crate) fn push_twice(out: &mut Vec<u8>, value: u64) {
-    // Seven digits, a comma and seven digits fit a register of sixteen bytes.
-    if value < PART / 10 {
+pub(crate) fn short_digits(value: u64) -> Option<(u64, usize)> {
+    (value < PART).then(|| {
         let (text, length) = short(value);
-        let text = u128::from(u64::from_le_bytes(text));
-        let both = text | (u128::from(b',') | text << 8) << (length * 8);
-        push_part(out, both.to_le_bytes(), 2 * length + 1);
+        (u64::from_le_bytes(text), length)
+    })
+}
+
+/// Appends a number between two texts.
+#[inline]
+pub(crate) fn push_enclosed(out: &mut Vec<u8>, before: [u8; 2], value: u64, after: [u8; 2]) {
+    if value < PART {
+        let (text, length) = short(value);
+        let (text, after) = (u128::from(u64::from_le_bytes(text)), u128::from(u16::from_le_bytes(after)));
+        let text = u128::from(u16::from_le_bytes(before)) | (text | after << (length * 8)) << 16;
+        push_part(out, text.to_le_bytes(), length + 4);
     } else {
-        push_decimal(out, value);
-        out.push(b',');
-        push_decimal(out, value);
+        out.extend_from_slice(&before);
+        push_long(out, value);
+        out.extend_from_slice(&after);
     }
 }
 
@@ -101,6 +111,14 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
         push_digits(out, high % PART, 8);
     }
     push_digits(out, low, 8);
+}
+
+/// The digits of any number, and the offset of the first digit that is not a leading zero.
+pub(crate) fn long_digits(value: u64) -> ([u8; 24], usize) {
+    let parts = [value / PART / PART, value / PART % PART, value % PART];
+    let text: [u8; 24] = must_cast(parts.map(|part| (decimal_digits(part) | each(b'0')).to_le_bytes()));
+    let leading = text.iter().take(23).take_while(|digit| **digit == b'0').count();
+    (text, leading)
 }
 
 /// Appends a signed number.
@@ -134,14 +152,20 @@ pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
 /// Powers of ten.
 const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, PART];
 
-/// Appends a number below 10^9 with nine digits.
+/// The digits of a number below 10^9, with leading zeros.
 #[inline]
-pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
+pub(crate) fn nine_digits(value: u64) -> [u8; 9] {
     let mut text = [b'0' | (value % 10).to_le_bytes()[0]; 9];
     if let Some(first) = text.first_chunk_mut() {
         *first = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
     }
-    out.extend_from_slice(&text);
+    text
+}
+
+/// Appends a number below 10^9 with nine digits.
+#[inline]
+pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
+    out.extend_from_slice(&nine_digits(value));
 }
 
 /// Appends the last `digits` digits, at most eight, of a number below 100,000,000.
@@ -279,7 +303,11 @@ mod tests {
             prop_assert_eq!(text(|out| push_spaced_hex(out, &bytes)), spaced);
             let width = digits * 3;
             prop_assert_eq!(text(|out| push_padded(out, value, width)), format!("{value:width$}"));
-            prop_assert_eq!(text(|out| push_twice(out, value)), format!("{value},{value}"));
+            let few = short_digits(value).map(|(few, length)| text(|out| push_part(out, few.to_le_bytes(), length)));
+            prop_assert_eq!(few, (value < 100_000_000).then(|| value.to_string()));
+            let (digits_of_value, first) = long_digits(value);
+            prop_assert_eq!(text(|out| out.extend_from_slice(&digits_of_value[first..])), value.to_string());
+            prop_assert_eq!(text(|out| push_enclosed(out, *b" {", value, *b"}\n")), format!(" {{{value}}}\n"));
             let digits_behind = u8::try_from(digits).unwrap();
             let quantity = signed % 1_000_000_000_000_000;
             #[expect(clippy::cast_precision_loss, reason = "below 10^15")]

@@ -28,7 +28,7 @@ fn is_terminal_control(c: char) -> bool {
 }
 
 /// Quick check: `true` if no ASCII control character and no first byte of another character to escape occurs.
-fn is_plain(text: &[u8]) -> bool {
+pub(super) fn is_plain(text: &[u8]) -> bool {
     let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xE2));
     text.iter().fold(0, |found, byte| found | special(*byte)) == 0
 }

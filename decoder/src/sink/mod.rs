@@ -6,6 +6,7 @@ mod escape;
 mod event_sink;
 pub mod findings;
 pub mod jsonl;
+mod line_key;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod options;

@@ -31,6 +31,14 @@ pub(super) struct JudgingObserver<'a> {
 }
 
 impl JudgingObserver<'_> {
+    // Separate from `event`, which only forwards to the printer if there is no engine.
+    #[inline(never)]
+    fn judge(&mut self, event: &Event, bus: &Bus) {
+        if let Some(engine) = &mut self.engine {
+            Judge { engine, out: self.printer }.event(event, bus);
+        }
+    }
+
     pub(super) fn finish(self, buses: Buses<'_>) {
         if let Some(engine) = self.engine
             && !self.printer.is_done()
@@ -42,10 +50,10 @@ impl JudgingObserver<'_> {
 
 impl Observer for JudgingObserver<'_> {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        match &mut self.engine {
-            Some(engine) => Judge { engine, out: self.printer }.event(event, bus),
-            None => self.printer.event(event, bus),
+        if self.engine.is_none() {
+            return self.printer.event(event, bus);
         }
+        self.judge(event, bus);
     }
 
     fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
@@ -156,20 +164,27 @@ impl PrintedEvents {
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 impl PdoChoice {
+    /// Whether the event of a PDO or J1939 message may be printed; it is routine if no bit has changed.
+    #[inline]
+    fn needs(&self, preview: &Preview) -> bool {
+        match self.pdo {
+            Pdo::All => true,
+            Pdo::Change => preview.change != 0,
+            Pdo::None => false,
+        }
+    }
+
+    #[inline]
     fn admits(&self, event: &Event) -> bool {
-        match &event.kind {
-            EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.pdo {
-                Pdo::All => true,
-                Pdo::Change => !event.routine,
-                Pdo::None => false,
-            },
-            EventKind::Frame(_) if self.frames => true,
-            EventKind::Frame(undecoded) => match self.pdo {
-                Pdo::All => undecoded.message.is_some(),
-                // Without a database, frames are routine events.
-                Pdo::Change => !event.routine,
-                Pdo::None => false,
-            },
+        match (&event.kind, self.pdo) {
+            (EventKind::Frame(_), _) if self.frames => true,
+            (EventKind::Frame(undecoded), Pdo::All) => undecoded.message.is_some(),
+            (_, Pdo::All) => true,
+            // Without a database, frames are routine events.
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::Change) => {
+                !event.routine
+            }
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::None) => false,
             _ => true,
         }
     }
@@ -330,8 +345,8 @@ impl Observer for Printer {
         self.shown.see(event, is_shown);
     }
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
-        self.output.is_some()
+    fn needs(&self, preview: &Preview, _bus: &Bus) -> bool {
+        self.output.is_some() && (self.selection.is_limited() || self.choice.needs(preview))
     }
 }
 
@@ -356,5 +371,21 @@ fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {
         frames: arguments.frames,
         verbose: arguments.verbose,
         color: is_colored(arguments.color, arguments.output.is_some()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unchanged_messages_are_needed_only_if_all_are_printed() {
+        let needs = |pdo, change| {
+            let preview = Preview { identifier: 0, frame: 2, time: Timestamp(0), now: 0, payload: 1, change };
+            PdoChoice { pdo, frames: false }.needs(&preview)
+        };
+        assert_eq!([needs(Pdo::All, 0), needs(Pdo::All, 1)], [true, true]);
+        assert_eq!([needs(Pdo::Change, 0), needs(Pdo::Change, 1)], [false, true]);
+        assert_eq!([needs(Pdo::None, 0), needs(Pdo::None, 1)], [false, false]);
     }
 }

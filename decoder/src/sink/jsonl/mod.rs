@@ -1,8 +1,9 @@
 //! JSON Lines: one object per event, with the keys of `docs/events.schema.json`.
 
+mod key;
 pub(super) mod object;
-mod prepared;
 mod signals;
+mod templates;
 
 use std::io::{self, Write};
 
@@ -10,8 +11,9 @@ use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::query::record::visit;
 use crate::session::Bus;
+use key::KeyedEvent;
 use object::{Marks, Object};
-use prepared::LineCache;
+use templates::LineTemplates;
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "jsonl",
@@ -35,6 +37,11 @@ impl<W: Write> Jsonl<W> {
     pub fn new(output: W) -> Self {
         Self { output, lines: Lines::default(), error: None }
     }
+
+    #[cold]
+    fn fail(&mut self, error: io::Error) {
+        self.error = Some(error);
+    }
 }
 
 impl<W: Write> EventSink for Jsonl<W> {
@@ -45,8 +52,10 @@ impl<W: Write> EventSink for Jsonl<W> {
 
     #[inline]
     fn write(&mut self, event: &Event, bus: &Bus) -> bool {
-        if self.error.is_none() {
-            self.error = self.output.write_all(self.lines.of(event, bus)).err();
+        if self.error.is_none()
+            && let Err(error) = self.output.write_all(self.lines.of(event, bus))
+        {
+            self.fail(error);
         }
         true
     }
@@ -71,25 +80,36 @@ impl<W: Write> EventSink for Jsonl<W> {
 #[derive(Default)]
 pub(super) struct Lines {
     capture: Option<String>,
-    prepared: LineCache,
+    templates: LineTemplates,
     line: Vec<u8>,
 }
 
 impl Lines {
-    /// Adds the capture name to every following line.
+    /// Adds the capture name to every following line; its buses are others than those of the capture before.
     pub(super) fn set_capture(&mut self, capture: &str) {
         self.capture = Some(capture.to_owned());
-        self.prepared = LineCache::default();
+        self.templates = LineTemplates::default();
     }
 
     /// The line of an event, with its line end.
     // Not `#[inline]`: the calling crate would compile it at its own optimisation level.
     pub(super) fn of(&mut self, event: &Event, bus: &Bus) -> &[u8] {
+        let keyed = KeyedEvent::of(event, bus);
+        if let Some(keyed) = &keyed
+            && self.templates.fill(keyed, event, bus)
+        {
+            return self.templates.line(keyed.slot);
+        }
+        self.general(event, bus, keyed)
+    }
+
+    /// The line of an event without a suitable template.
+    #[inline(never)]
+    fn general(&mut self, event: &Event, bus: &Bus, keyed: Option<KeyedEvent>) -> &[u8] {
         self.line.clear();
-        if !self.prepared.write(event, bus, &mut self.line) {
-            self.line.clear();
-            let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
-            self.prepared.learn(event, bus, &self.line, marks);
+        let marks = write_line(event, bus, self.capture.as_deref(), &mut self.line);
+        if let Some(keyed) = keyed {
+            self.templates.learn(&keyed, event, bus, &self.line, marks);
         }
         &self.line
     }

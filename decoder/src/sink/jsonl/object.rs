@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use crate::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
+use crate::frame::CanId;
 use crate::query::record::{FieldValue, Fields};
 
 /// Offsets of the parts of a line that vary between events of the same kind.
@@ -56,17 +57,16 @@ impl<'a> Object<'a> {
         self.marks
     }
 
+    #[inline]
     fn key(&mut self, key: &str) {
-        let is_first = std::mem::replace(&mut self.fresh, false);
-        if key.is_empty() {
-            if !is_first {
-                self.line.push(b',');
-            }
-            return;
+        if !std::mem::replace(&mut self.fresh, false) {
+            self.line.push(b',');
         }
-        self.line.extend_from_slice(if is_first { b"\"" } else { b",\"" });
-        self.line.extend_from_slice(key.as_bytes());
-        self.line.extend_from_slice(b"\":");
+        if !key.is_empty() {
+            self.line.push(b'"');
+            self.line.extend_from_slice(key.as_bytes());
+            self.line.extend_from_slice(b"\":");
+        }
     }
 
     fn print(&mut self, arguments: std::fmt::Arguments<'_>) {
@@ -108,7 +108,14 @@ impl<'a> Object<'a> {
             FieldValue::Text(text) => self.text(text),
             FieldValue::Seconds(value) => push_seconds(self.line, value),
             FieldValue::Code(value, digits) => self.code(value, digits),
-            FieldValue::Id(id) => self.print(format_args!("\"{id}\"")),
+            FieldValue::Id(id) => {
+                self.line.push(b'"');
+                match id {
+                    CanId::Standard(id) => push_code(self.line, u32::from(id), 3),
+                    CanId::Extended(id) => push_code(self.line, id, 8),
+                }
+                self.line.push(b'"');
+            }
             FieldValue::Object(object) => {
                 self.line.extend_from_slice(b"\"0x");
                 push_code(self.line, u32::from(object.index), 4);

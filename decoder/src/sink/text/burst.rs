@@ -67,11 +67,13 @@ impl Bursts {
         false
     }
 
+    /// Whether no burst can end.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Bursts that have ended before an event, or all at the end of the output.
     pub(super) fn ended(&mut self, event: Option<&Event>) -> Vec<BurstEnd> {
-        if self.0.is_empty() {
-            return Vec::new();
-        }
         let has_ended = |burst: &Burst| match event {
             None => true,
             Some(event) => {

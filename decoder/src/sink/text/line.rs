@@ -1,11 +1,11 @@
 //! Text of each kind of event.
 
 use super::parts::{EventWords, LineContent, node_label, push_node};
+use super::pdo_head::{self, push_who};
 use super::tone::Tone;
 use super::transfer::TransferWords;
 use super::{bus, device, emcy, finding, j1939, node, pdo, sdo, uds};
 use crate::event::{Event, EventKind};
-use crate::frame::{BusIndex, CanId};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 
@@ -20,12 +20,7 @@ pub(super) struct Columns {
     pub(super) what: Vec<u8>,
     /// Emphasis of the line.
     pub(super) tone: Tone,
-    /// PDOs whose missing mapping is already printed.
-    unmapped: Vec<(BusIndex, CanId)>,
 }
-
-/// Maximum number of PDOs whose missing mapping is printed once only.
-const UNMAPPED: usize = 256;
 
 /// Event as text in columns, with control characters not yet escaped.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -55,33 +50,25 @@ impl Columns {
     pub(super) fn fill(&mut self, event: &Event, bus: &Bus) {
         self.who.clear();
         self.what.clear();
-        // PDO and EMCY are the most frequent events; they are written without `fmt`.
+        // PDO, SDO transfer and EMCY are the most frequent events; they are written without `fmt`.
         match &event.kind {
             EventKind::Pdo(pdo) => {
-                (self.kind, self.tone) = ("PDO", Tone::Plain);
-                pdo::push_words(pdo, &mut self.what);
-                if let Some(users) = bus.other_users(pdo.cob_id) {
-                    pdo::push_users(pdo, event, users, bus, &mut self.what);
-                }
-                let place = (event.bus, pdo.cob_id);
-                if pdo.layout.is_none() && !self.unmapped.contains(&place) {
-                    if self.unmapped.len() < UNMAPPED {
-                        self.unmapped.push(place);
-                    }
-                    pdo::push_missing(pdo, event, device_of(event, bus), &mut self.what);
-                }
+                (self.kind, self.tone) = (pdo_head::KIND, Tone::Plain);
+                push_who(event.node, bus, &mut self.who);
+                pdo::push_name(pdo.name, &mut self.what);
+                pdo::push_payload(pdo, &mut self.what);
+                pdo::push_text(pdo, event, bus, pdo.layout.is_none(), &mut self.what);
             }
             EventKind::Emcy(emergency) => {
                 (self.kind, self.tone) = emcy::push_words(emergency, device_of(event, bus), &mut self.what);
+                if let Some(node) = event.node {
+                    push_node(node, bus, &mut self.who);
+                }
             }
-            _ => return self.fill_general(event, bus),
-        }
-        if let Some(node) = event.node {
-            push_node(node, bus, &mut self.who);
-            // Only the predefined connection set assigns the PDO to this node.
-            if bus.node(node).is_none() && matches!(event.kind, EventKind::Pdo(_)) {
-                self.who.push(b'?');
+            EventKind::SdoTransfer(transfer) => {
+                (self.kind, self.tone) = sdo::push_words(transfer, event, bus, &mut self.who, &mut self.what);
             }
+            _ => self.fill_general(event, bus),
         }
     }
 
@@ -100,7 +87,7 @@ fn words(event: &Event, bus: &Bus) -> EventWords {
     };
     match &event.kind {
         // Written by `fill` without `fmt`.
-        EventKind::Pdo(_) | EventKind::Emcy(_) => EventWords::default(),
+        EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::SdoTransfer(_) => EventWords::default(),
         EventKind::NmtCommand { service, target, from, to } => {
             node::nmt_command(*service, *target, [*from, *to], bus)
         }
@@ -115,7 +102,6 @@ fn words(event: &Event, bus: &Bus) -> EventWords {
         EventKind::NodeBack(silence) => of_node(node::node_back(silence)),
         EventKind::Sync { counter, expected } => of_node(bus::sync(*counter, *expected)),
         EventKind::Time { milliseconds, days } => of_node(bus::time(*milliseconds, *days)),
-        EventKind::SdoTransfer(transfer) => sdo::words(transfer, event, bus),
         EventKind::Lss { command, from_master, content } => node::lss(*command, *from_master, content),
         EventKind::NodeIdChange { from, to, by } => of_node(node::node_id_change(*from, *to, by)),
         EventKind::NodeIdentified(node) => of_node(device::identified(node, event.node)),

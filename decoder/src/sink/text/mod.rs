@@ -21,6 +21,7 @@ mod news;
 mod node;
 mod parts;
 mod pdo;
+mod pdo_head;
 mod sdo;
 mod time;
 mod tone;
@@ -38,10 +39,11 @@ pub use transfer::TransferWords;
 
 use self::burst::{BurstEnd, Bursts};
 use self::held::HeldLine;
+use self::pdo_head::PdoHeads;
 use super::escape::{escape, push_escaped};
 use super::event_sink::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_blanks;
-use crate::event::{Event, EventKind, FindingNews};
+use crate::event::{Event, EventKind, FindingNews, Pdo};
 use crate::frame::Timestamp;
 use crate::session::Bus;
 
@@ -61,6 +63,7 @@ pub struct Text<W> {
     options: TextOptions,
     clock: time::Clock,
     columns: line::Columns,
+    pdo_heads: PdoHeads,
     news: News,
     line: Vec<u8>,
     held: HeldLine,
@@ -78,6 +81,7 @@ impl<W: Write> Text<W> {
             options,
             clock,
             columns: line::Columns::default(),
+            pdo_heads: PdoHeads::default(),
             news: News::default(),
             line,
             held: HeldLine::default(),
@@ -96,10 +100,20 @@ impl<W: Write> Text<W> {
         {
             return self.add_finding(news);
         }
-        self.complete();
-        for burst in self.bursts.ended(Some(event)) {
-            self.write_burst(&burst);
+        if self.held.is_held() {
+            self.complete();
         }
+        if !self.bursts.is_empty() {
+            self.end_bursts(event);
+        }
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.write_pdo(pdo, event, bus),
+            _ => self.write_event(event, bus),
+        }
+    }
+
+    /// Writes the line of an event other than a PDO, which a finding can complete.
+    fn write_event(&mut self, event: &Event, bus: &Bus) {
         if !self.options.all && self.bursts.takes(event, bus) {
             return;
         }
@@ -107,23 +121,9 @@ impl<W: Write> Text<W> {
         let (columns, line) = (&self.columns, &mut self.line);
         line.clear();
         self.clock.column(event.time, line);
-        line.extend_from_slice(b"  ");
-        let mut width = 0;
-        if bus.index().0 != 0 {
-            push_escaped(line, bus.name().as_bytes());
-            line.push(b' ');
-            width = characters(bus.name().as_bytes()) + 1;
-        }
-        push_escaped(line, &columns.who);
-        push_blanks(line, 16, width + characters(&columns.who));
-        line.extend_from_slice(b"  ");
         let colored = self.options.color && columns.tone != Tone::Plain;
-        if colored {
-            line.extend_from_slice(columns.tone.ansi().as_bytes());
-        }
-        line.extend_from_slice(columns.kind.as_bytes());
-        push_blanks(line, 6, columns.kind.len());
-        line.push(b' ');
+        let color = if colored { columns.tone.ansi() } else { "" };
+        push_columns(bus, &columns.who, columns.kind, color, line);
         push_escaped(line, &columns.what);
         if event.presumed {
             line.push(b'?');
@@ -134,6 +134,26 @@ impl<W: Write> Text<W> {
         self.held.hold(event, kind);
         if !held::may_be_judged(event) {
             self.complete();
+        }
+    }
+
+    /// Writes the line of a PDO, which is neither held nor coloured.
+    fn write_pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
+        let line = &mut self.line;
+        line.clear();
+        self.clock.column(event.time, line);
+        self.pdo_heads.push_line(pdo, event, bus, line);
+        parts::push_frames(event.frames, line);
+        if self.options.verbose {
+            line.extend_from_slice(detail::lines(event, bus).as_bytes());
+        }
+        self.write_out();
+    }
+
+    /// Writes the ends of bursts before an event.
+    fn end_bursts(&mut self, event: &Event) {
+        for burst in self.bursts.ended(Some(event)) {
+            self.write_burst(&burst);
         }
     }
 
@@ -162,9 +182,14 @@ impl<W: Write> Text<W> {
             line.extend_from_slice(b"\x1b[0m");
         }
         parts::push_frames(self.held.frames, line);
-        line.push(b'\n');
         line.extend_from_slice(self.held.below.as_bytes());
-        self.error = self.output.write_all(line).err();
+        self.write_out();
+    }
+
+    fn write_out(&mut self) {
+        if let Err(error) = self.output.write_all(&self.line) {
+            self.error = Some(error);
+        }
     }
 
     /// Writes the line at the end of a burst of error frames.
@@ -178,8 +203,7 @@ impl<W: Write> Text<W> {
         line.extend_from_slice(b"  ERROR  ");
         line.extend_from_slice(burst.text.as_bytes());
         parts::push_frames(burst.frames, line);
-        line.push(b'\n');
-        self.error = self.output.write_all(line).err();
+        self.write_out();
     }
 
     fn is_shown(&mut self, event: &Event) -> bool {
@@ -253,6 +277,24 @@ impl<W: Write> EventSink for Text<W> {
     fn has_failed(&self) -> bool {
         self.error.is_some()
     }
+}
+
+/// Appends the columns between the time and the text of an event, with control characters escaped.
+fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line: &mut Vec<u8>) {
+    line.extend_from_slice(b"  ");
+    let mut width = 0;
+    if bus.index().0 != 0 {
+        push_escaped(line, bus.name().as_bytes());
+        line.push(b' ');
+        width = characters(bus.name().as_bytes()) + 1;
+    }
+    push_escaped(line, who);
+    push_blanks(line, 16, width + characters(who));
+    line.extend_from_slice(b"  ");
+    line.extend_from_slice(color.as_bytes());
+    line.extend_from_slice(kind.as_bytes());
+    push_blanks(line, 6, kind.len());
+    line.push(b' ');
 }
 
 /// Number of characters in UTF-8 text.

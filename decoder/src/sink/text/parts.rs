@@ -1,10 +1,11 @@
 //! Shared parts of event lines: nodes, frames, data, times.
 
 use super::tone::Tone;
-use crate::ascii::{push_code, push_decimal, push_spaced_hex};
+use crate::ascii::{push_code, push_decimal, push_enclosed, push_spaced_hex};
 use crate::event::FrameRange;
 use crate::session::Bus;
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 /// Maximum number of data bytes in a line.
 const SHOWN_BYTES: usize = 16;
@@ -12,7 +13,7 @@ const SHOWN_BYTES: usize = 16;
 /// KIND column, text and tone of an event of a node or of the bus.
 pub(super) type LineContent = (&'static str, String, Tone);
 
-/// Columns of an event, except for PDO and EMCY.
+/// Columns of an event, except for PDO, SDO transfer and EMCY.
 #[derive(Default)]
 pub(super) struct EventWords {
     pub(super) who: String,
@@ -23,9 +24,7 @@ pub(super) struct EventWords {
 
 /// `32/20 boom`, `SA80 boom2`.
 pub(super) fn node_label(node: NodeId, bus: &Bus) -> String {
-    let mut label = Vec::new();
-    push_node(node, bus, &mut label);
-    String::from_utf8(label).unwrap_or_default()
+    text_of(|out| push_node(node, bus, out))
 }
 
 /// Appends `32/20 boom`, `SA80 boom2`.
@@ -37,40 +36,71 @@ pub(super) fn push_node(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
         out.extend_from_slice(b"SA");
     }
     push_code(out, u32::from(node.number()), 2);
+    push_node_name(node, bus, out);
+}
+
+/// `32 boom`, `SA80 boom2`.
+pub(super) fn node_short(node: NodeId, bus: &Bus) -> String {
+    text_of(|out| push_node_short(node, bus, out))
+}
+
+/// Appends `32 boom`, `SA80 boom2`.
+pub(super) fn push_node_short(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
+    match node {
+        NodeId::Canopen(id) => push_decimal(out, u64::from(id)),
+        NodeId::J1939(address) => {
+            out.extend_from_slice(b"SA");
+            push_code(out, u32::from(address), 2);
+        }
+    }
+    push_node_name(node, bus, out);
+}
+
+/// Appends the name of a node after a space, if it has one.
+fn push_node_name(node: NodeId, bus: &Bus, out: &mut Vec<u8>) {
     if let Some(name) = bus.node(node).and_then(|node| node.name()) {
         out.push(b' ');
         out.extend_from_slice(name.as_bytes());
     }
 }
 
-/// `32 boom`, `SA80 boom2`.
-pub(super) fn node_short(node: NodeId, bus: &Bus) -> String {
-    let name = bus.node(node).and_then(|node| node.name());
-    let number = match node {
-        NodeId::Canopen(id) => id.to_string(),
-        NodeId::J1939(address) => format!("SA{address:02X}"),
-    };
-    format!("{number}{}{}", if name.is_some() { " " } else { "" }, name.unwrap_or(""))
+/// Appends `1018:01`.
+pub(super) fn push_object(object: ObjectAddress, out: &mut Vec<u8>) {
+    push_code(out, u32::from(object.index), 4);
+    out.push(b':');
+    push_code(out, u32::from(object.sub), 2);
 }
 
-/// Appends ` {118}`, ` {118-121}`.
-pub(super) fn push_frames(frames: FrameRange, out: &mut Vec<u8>) {
-    if frames.last == 0 {
-        return;
+/// Text that a function appends.
+pub(super) fn text_of(push: impl FnOnce(&mut Vec<u8>)) -> String {
+    let mut out = Vec::new();
+    push(&mut out);
+    String::from_utf8(out).unwrap_or_default()
+}
+
+/// Appends ` {118}`, ` {118-121}` and the line end.
+#[inline]
+pub(super) fn push_frames(FrameRange { first, last }: FrameRange, out: &mut Vec<u8>) {
+    if first == last && last != 0 {
+        push_enclosed(out, *b" {", last, *b"}\n");
+    } else {
+        push_frame_range(first, last, out);
     }
-    out.extend_from_slice(b" {");
-    push_decimal(out, frames.first);
-    if frames.first != frames.last {
+}
+
+fn push_frame_range(first: u64, last: u64, out: &mut Vec<u8>) {
+    if last != 0 {
+        out.extend_from_slice(b" {");
+        push_decimal(out, first);
         out.push(b'-');
-        push_decimal(out, frames.last);
+        push_decimal(out, last);
+        out.push(b'}');
     }
-    out.push(b'}');
+    out.push(b'\n');
 }
 
 pub(super) fn bytes(data: &[u8]) -> String {
-    let mut out = Vec::new();
-    push_bytes(&mut out, data);
-    String::from_utf8(out).unwrap_or_default()
+    text_of(|out| push_bytes(out, data))
 }
 
 /// Appends the first bytes of data as hex.
@@ -86,11 +116,34 @@ pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
 }
 
 pub(super) fn millis(nanoseconds: i64) -> String {
-    let micros = nanoseconds.unsigned_abs() / 1_000;
-    format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
+    text_of(|out| push_millis(nanoseconds, out))
+}
+
+/// Appends a time in milliseconds with one decimal.
+pub(super) fn push_millis(nanoseconds: i64, out: &mut Vec<u8>) {
+    let tenths = nanoseconds.unsigned_abs() / 100_000;
+    push_decimal(out, tenths / 10);
+    out.push(b'.');
+    push_decimal(out, tenths % 10);
 }
 
 pub(super) fn seconds(nanoseconds: i64) -> String {
     let millis = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{}.{:03}", millis / 1_000, millis % 1_000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_end_the_line() {
+        let frames = |first, last| text_of(|out| push_frames(FrameRange { first, last }, out));
+        assert_eq!([frames(0, 0), frames(118, 118), frames(118, 121)], ["\n", " {118}\n", " {118-121}\n"]);
+    }
+
+    #[test]
+    fn milliseconds_have_one_decimal() {
+        assert_eq!([millis(0), millis(1_049_999), millis(-312_950_000)], ["0.0", "1.0", "312.9"]);
+    }
 }

@@ -2,31 +2,54 @@
 
 use std::io::Write as _;
 
-use super::parts::push_bytes;
-use crate::ascii::{push_code, push_decimal, push_integer};
+use super::parts::{push_bytes, push_object};
+use crate::ascii::{push_decimal, push_integer, push_spaced_word};
 use crate::event::{Event, Pdo};
 use crate::profile::device::Mapping;
 use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Signal, Value};
+use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::words::plural;
 
-/// Appends `TPDO1 37 06: 6041:00=1591` or `TPDO1 08 A0 1F 00 20: status 08h pressure control, p 157.5 bar of
-/// 315`.
-pub(super) fn push_words(pdo: &Pdo, out: &mut Vec<u8>) {
-    out.extend_from_slice(match pdo.name.direction {
+/// Appends `TPDO1`.
+pub(super) fn push_name(name: PdoName, out: &mut Vec<u8>) {
+    out.extend_from_slice(match name.direction {
         PdoDirection::Transmit => b"TPDO",
         PdoDirection::Receive => b"RPDO",
     });
-    push_decimal(out, u64::from(pdo.name.number));
+    push_decimal(out, u64::from(name.number));
+}
+
+/// Appends ` 08 A0 1F 00 20`.
+#[inline]
+pub(super) fn push_payload(pdo: &Pdo, out: &mut Vec<u8>) {
     if pdo.is_request {
         return out.extend_from_slice(b" requested by remote frame");
     }
-    out.push(b' ');
-    let payload = pdo.payload();
-    push_bytes(out, payload);
-    if let Some(layout) = &pdo.layout {
-        push_signals(layout, payload, out);
+    match pdo.bytes.first_chunk() {
+        Some(bytes) if (1..=8).contains(&pdo.length) => {
+            push_spaced_word(out, *bytes, usize::from(pdo.length));
+        }
+        _ => {
+            out.push(b' ');
+            push_bytes(out, pdo.payload());
+        }
+    }
+}
+
+/// Appends signals, other users of the identifier, and the key of a missing mapping if `asks_mapping`:
+/// `: 6041:00=1591`, `: status 08h pressure control, p 157.5 bar of 315`.
+#[inline]
+pub(super) fn push_text(pdo: &Pdo, event: &Event, bus: &Bus, asks_mapping: bool, out: &mut Vec<u8>) {
+    if let Some(layout) = pdo.layout.as_deref().filter(|_| !pdo.is_request) {
+        push_signals(layout, pdo.payload(), out);
+    }
+    if let Some(users) = bus.other_users(pdo.cob_id) {
+        push_users(pdo, event, users, bus, out);
+    }
+    if asks_mapping {
+        push_missing(pdo, event, device_of(event, bus), out);
     }
 }
 
@@ -165,9 +188,7 @@ fn push_meant(meaning: &Meaning, value: &Value, out: &mut Vec<u8>) {
 
 fn push_plain(signal: &Signal<'_>, out: &mut Vec<u8>) {
     if let Some(object) = signal.field.object() {
-        push_code(out, u32::from(object.index), 4);
-        out.push(b':');
-        push_code(out, u32::from(object.sub), 2);
+        push_object(object, out);
     } else {
         // Writing to a vector cannot fail.
         let _ = write!(out, "{}", signal.field.id);

@@ -1,218 +1,282 @@
 //! Text of SDO transfers.
 
-use std::fmt::Write as _;
+use std::io::Write as _;
 
 use super::Tone;
-use super::parts::{EventWords, bytes, millis, node_short};
+use super::parts::{push_bytes, push_millis, push_node_short, push_object, text_of};
 use super::transfer::TransferWords;
+use crate::ascii::{push_code, push_decimal};
 use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
 use crate::profile::{self, DataType, Device, Effect, Meaning, Value};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::words::grouped;
 
-/// Columns of a transfer.
-pub(super) fn words(transfer: &SdoTransfer, event: &Event, bus: &Bus) -> EventWords {
-    let server = event.node.map_or(String::new(), |node| node_short(node, bus));
-    let client = transfer.client.map_or("client".to_owned(), |client| node_short(client.into(), bus));
+/// Appends client and server in the direction of the transfer, and the text; returns the KIND column and the tone.
+pub(super) fn push_words(
+    transfer: &SdoTransfer,
+    event: &Event,
+    bus: &Bus,
+    who: &mut Vec<u8>,
+    what: &mut Vec<u8>,
+) -> (&'static str, Tone) {
+    push_participants(transfer, event, bus, who);
     let kind = match transfer.direction {
         Some(Direction::Download) => "SDO w",
         Some(Direction::Upload) => "SDO r",
         None => "SDO",
     };
-    let words = SdoWords::of(transfer, device_of(event, bus));
+    (kind, push_line(transfer, device_of(event, bus), what))
+}
+
+fn push_participants(transfer: &SdoTransfer, event: &Event, bus: &Bus, who: &mut Vec<u8>) {
     let is_response = transfer.is_unrequested && transfer.abort.is_none_or(|abort| !abort.by_client);
-    let who = if is_response { format!("{server}→{client}") } else { format!("{client}→{server}") };
-    EventWords { who, kind, what: words.line(), tone: words.tone }
-}
-
-/// Parts of the text of a transfer in the order of `decode`.
-#[derive(Default)]
-struct SdoWords {
-    /// Object, or that it is unknown.
-    object: String,
-    /// Name of the object; empty if unknown.
-    name: String,
-    /// Value with the value before; empty if none was transferred.
-    value: String,
-    /// Number of bytes seen of a value with gaps: `, 14 of 20 bytes seen`.
-    seen: String,
-    /// Result with the reason of a failure: `ok`, `REFUSED 06010002: attempt to write a read only object`.
-    outcome: String,
-    /// Duration, mode and order of the messages.
-    details: String,
-    /// When the value is effective, and whether it is stored: ` | active now | lost at a restart`.
-    consequence: String,
-    tone: Tone,
-}
-
-impl SdoWords {
-    fn of(transfer: &SdoTransfer, device: &Device) -> Self {
-        let object = transfer.object.filter(|_| transfer.direction.is_some() || transfer.abort.is_some());
-        let name = transfer.meaning.as_ref().filter(|_| object.is_some());
-        let mut words = Self {
-            object: object.map_or("object unknown".to_owned(), |object| object.to_string()),
-            name: name.map_or(String::new(), |meaning| meaning.name.clone()),
-            ..Self::default()
-        };
-        let transferred =
-            transfer.outcome == Outcome::Complete || transfer.direction == Some(Direction::Download);
-        if let Some((seen, whole)) = transfer.partly_seen() {
-            words.seen = format!(", {} of {} bytes seen", grouped(seen), grouped(whole));
-        } else if transferred && transfer.size > 0 {
-            words.value = value(transfer);
+    let push_server = |who: &mut Vec<u8>| {
+        if let Some(node) = event.node {
+            push_node_short(node, bus, who);
         }
-        words.tone = outcome(transfer, device, &mut words.outcome);
-        details(transfer, &mut words.details);
-        consequence(transfer, &mut words.consequence);
-        words
+    };
+    if is_response {
+        push_server(who);
+        who.extend_from_slice("→".as_bytes());
     }
+    match transfer.client {
+        Some(client) => push_node_short(client.into(), bus, who),
+        None => who.extend_from_slice(b"client"),
+    }
+    if !is_response {
+        who.extend_from_slice("→".as_bytes());
+        push_server(who);
+    }
+}
 
-    /// All parts in the order of `decode`.
-    fn line(&self) -> String {
-        let name = if self.name.is_empty() { String::new() } else { format!(" {}", self.name) };
-        let value = if self.value.is_empty() { String::new() } else { format!(" = {}", self.value) };
-        let Self { object, seen, outcome, details, consequence, .. } = self;
-        format!("{object}{name}{value}{seen} {outcome}{details}{consequence}")
+/// Appends object, name, value, outcome, details and consequence.
+fn push_line(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> Tone {
+    push_known_object(transfer, out);
+    let name = name(transfer);
+    if !name.is_empty() {
+        out.push(b' ');
+        out.extend_from_slice(name.as_bytes());
     }
+    let without_value = out.len();
+    out.extend_from_slice(b" = ");
+    let start = out.len();
+    push_value(transfer, out);
+    if out.len() == start {
+        out.truncate(without_value);
+    }
+    push_seen(transfer, out);
+    out.push(b' ');
+    let tone = push_outcome(transfer, device, out);
+    push_details(transfer, out);
+    push_consequence(transfer, out);
+    tone
 }
 
 /// A transfer with its value or failure first; duration and mode are left out.
 pub(super) fn transfer(transfer: &SdoTransfer, device: &Device) -> TransferWords {
-    let SdoWords { object, name, value, seen, outcome, consequence, .. } = SdoWords::of(transfer, device);
+    let value = text_of(|out| push_value(transfer, out));
+    let outcome = text_of(|out| {
+        push_outcome(transfer, device, out);
+    });
+    let rest = text_of(|out| {
+        push_seen(transfer, out);
+        push_consequence(transfer, out);
+    });
     let result = match (outcome == OK, value.is_empty()) {
         (_, true) => outcome,
         (true, false) => format!("= {value}"),
         (false, false) => format!("{outcome}, value {value}"),
     };
-    TransferWords { object, name, result: format!("{result}{seen}{consequence}") }
+    TransferWords {
+        object: text_of(|out| push_known_object(transfer, out)),
+        name: name(transfer).to_owned(),
+        result: format!("{result}{rest}"),
+    }
 }
 
 /// Outcome of a complete transfer.
 const OK: &str = "ok";
 
-/// ` | active after power-on | lost at a restart`.
-fn consequence(transfer: &SdoTransfer, what: &mut String) {
-    let _ = match transfer.effect {
-        None => Ok(()),
-        Some(Effect::AtOnce) => write!(what, " | active now"),
-        Some(Effect::Never) => write!(what, " | accepted without effect"),
-        Some(effect) => write!(what, " | active {}", effect.when()),
-    };
-    what.push_str(match transfer.persists {
-        Some("yes") => " | survives a restart",
-        Some("no") => " | lost at a restart",
-        Some("needs-save") => " | survives only if stored (1010)",
-        _ => "",
+/// Appends the object, or that it is unknown.
+fn push_known_object(transfer: &SdoTransfer, out: &mut Vec<u8>) {
+    match transfer.object.filter(|_| has_object(transfer)) {
+        Some(object) => push_object(object, out),
+        None => out.extend_from_slice(b"object unknown"),
+    }
+}
+
+/// Name of the object; empty if unknown.
+fn name(transfer: &SdoTransfer) -> &str {
+    let meaning = transfer.meaning.as_ref().filter(|_| transfer.object.is_some() && has_object(transfer));
+    meaning.map_or("", |meaning| &meaning.name)
+}
+
+/// Whether an object in the event is that of the transfer.
+fn has_object(transfer: &SdoTransfer) -> bool {
+    transfer.direction.is_some() || transfer.abort.is_some()
+}
+
+/// Appends the number of bytes seen of a value with gaps: `, 14 of 20 bytes seen`.
+fn push_seen(transfer: &SdoTransfer, out: &mut Vec<u8>) {
+    if let Some((seen, whole)) = transfer.partly_seen() {
+        // Writing to a vector cannot fail.
+        let _ = write!(out, ", {} of {} bytes seen", grouped(seen), grouped(whole));
+    }
+}
+
+/// Appends ` | active after power-on | lost at a restart`.
+fn push_consequence(transfer: &SdoTransfer, out: &mut Vec<u8>) {
+    if let Some(effect) = transfer.effect {
+        out.extend_from_slice(match effect {
+            Effect::AtOnce => b" | active now",
+            Effect::Never => b" | accepted without effect",
+            _ => b" | active ",
+        });
+        if !matches!(effect, Effect::AtOnce | Effect::Never) {
+            out.extend_from_slice(effect.when().as_bytes());
+        }
+    }
+    out.extend_from_slice(match transfer.persists {
+        Some("yes") => b" | survives a restart",
+        Some("no") => b" | lost at a restart",
+        Some("needs-save") => b" | survives only if stored (1010)",
+        _ => b"",
     });
 }
 
-/// Requests and responses that do not alternate, and a missing start.
-fn order(transfer: &SdoTransfer, what: &mut String) {
+/// Appends that requests and responses do not alternate, and a missing start.
+fn push_order(transfer: &SdoTransfer, out: &mut Vec<u8>) {
     if transfer.is_unrequested && transfer.abort.is_some() {
-        what.push_str(" (no request)");
+        out.extend_from_slice(b" (no request)");
     }
     if transfer.retries > 0 {
         let retries = if transfer.retries == 1 { "retry" } else { "retries" };
-        let _ = write!(what, " ({} {retries})", transfer.retries);
+        // Writing to a vector cannot fail.
+        let _ = write!(out, " ({} {retries})", transfer.retries);
     }
     if transfer.is_ambiguous {
-        what.push_str(" (ambiguous: segments of two transfers)");
+        out.extend_from_slice(b" (ambiguous: segments of two transfers)");
     }
     if transfer.cut_start && !transfer.is_unrequested {
-        what.push_str(" (start not captured)");
+        out.extend_from_slice(b" (start not captured)");
     }
 }
 
-/// `500 ms → 1000 ms`.
-fn value(transfer: &SdoTransfer) -> String {
-    let show = |data: &[u8]| match &transfer.meaning {
-        Some(meaning) => match meaning.decode(data) {
-            Value::Bytes(data) => unknown(&data),
-            known if meaning.is_outside(&known) => format!("{} (outside)", meaning.show(&known)),
-            known => meaning.show(&known),
-        },
-        None => unknown(data),
-    };
+/// Appends `500 ms → 1000 ms`; nothing if no value was transferred completely.
+fn push_value(transfer: &SdoTransfer, out: &mut Vec<u8>) {
+    let is_download = transfer.direction == Some(Direction::Download);
+    let is_transferred = transfer.outcome == Outcome::Complete || is_download;
+    if !is_transferred || transfer.size == 0 || transfer.partly_seen().is_some() {
+        return;
+    }
     // A signature is a command, not a value.
     let is_command = transfer.meaning.as_deref().is_some_and(Meaning::is_signature);
-    let changed = transfer.direction == Some(Direction::Download) && !is_command;
-    let previous =
-        transfer.previous.as_deref().filter(|previous| changed && *previous != transfer.data.as_slice());
-    let assumed = if transfer.previous_assumed { "?" } else { "" };
-    let before = previous.map_or(String::new(), |previous| format!("{}{assumed} → ", show(previous)));
-    let size = if transfer.size > 8 { format!(" ({} bytes)", transfer.size) } else { String::new() };
-    format!("{before}{}{size}", show(&transfer.data))
+    let previous = transfer.previous.as_deref().filter(|_| is_download && !is_command);
+    if let Some(previous) = previous.filter(|previous| *previous != transfer.data.as_slice()) {
+        push_data(transfer, previous, out);
+        out.extend_from_slice(if transfer.previous_assumed { "? → " } else { " → " }.as_bytes());
+    }
+    push_data(transfer, &transfer.data, out);
+    if transfer.size > 8 {
+        out.extend_from_slice(b" (");
+        push_decimal(out, transfer.size);
+        out.extend_from_slice(b" bytes)");
+    }
 }
 
-/// Bytes of unknown type. More than four printable characters are shown as text.
-fn unknown(data: &[u8]) -> String {
+/// Appends data with its meaning.
+fn push_data(transfer: &SdoTransfer, data: &[u8], out: &mut Vec<u8>) {
+    let Some(meaning) = transfer.meaning.as_deref() else { return push_unknown(data, out) };
+    match meaning.decode(data) {
+        Value::Bytes(data) => push_unknown(&data, out),
+        known => {
+            out.extend_from_slice(meaning.show(&known).as_bytes());
+            if meaning.is_outside(&known) {
+                out.extend_from_slice(b" (outside)");
+            }
+        }
+    }
+}
+
+/// Appends bytes of unknown type. More than four printable characters are shown as text.
+fn push_unknown(data: &[u8], out: &mut Vec<u8>) {
     let characters = data.trim_ascii_end().strip_suffix(b"\0").unwrap_or(data);
     if characters.len() > 4 && characters.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ') {
-        return format!("{}?", DataType::VisibleString.decode(characters));
+        // Writing to a vector cannot fail.
+        let _ = write!(out, "{}?", DataType::VisibleString.decode(characters));
+    } else {
+        push_bytes(out, data);
     }
-    bytes(data)
 }
 
-fn outcome(transfer: &SdoTransfer, device: &Device, what: &mut String) -> Tone {
+/// Appends the result with the reason of a failure: `ok`, `REFUSED 06010002: attempt to write a read only object`.
+fn push_outcome(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> Tone {
     match (transfer.outcome, transfer.abort) {
         (Outcome::Aborted, Some(abort)) => {
             let by = if abort.by_client { "ABORTED by client" } else { "REFUSED" };
             let text = profile::abort_codes().text(abort.code);
             let standard = profile::abort_codes().find(abort.code).map_or(text, |entry| &entry.standard);
-            let _ = match device.abort(abort.code, transfer.object) {
-                Some(own) if own.text != text => {
-                    write!(what, "{by} {:08X}: {} (CiA 301: {standard})", abort.code, own.text)
-                }
-                _ => write!(what, "{by} {:08X}: {text}", abort.code),
-            };
+            let own = device.abort(abort.code, transfer.object).filter(|own| own.text != text);
+            out.extend_from_slice(by.as_bytes());
+            out.push(b' ');
+            push_code(out, abort.code, 8);
+            out.extend_from_slice(b": ");
+            out.extend_from_slice(own.map_or(text, |own| &own.text).as_bytes());
+            if own.is_some() {
+                // Writing to a vector cannot fail.
+                let _ = write!(out, " (CiA 301: {standard})");
+            }
             Tone::Bad
         }
         (Outcome::Complete, _) if transfer.is_unrequested => {
-            what.push_str("response without a request");
+            out.extend_from_slice(b"response without a request");
             Tone::Caution
         }
         (Outcome::Complete | Outcome::Aborted, _) => {
-            what.push_str(OK);
+            out.extend_from_slice(OK.as_bytes());
             Tone::Plain
         }
         (Outcome::Timeout, _) if transfer.cut_start && transfer.awaits_client => {
-            what.push_str("no further message");
+            out.extend_from_slice(b"no further message");
             Tone::Caution
         }
         (Outcome::Timeout, _) => {
-            what.push_str("NO RESPONSE");
+            out.extend_from_slice(b"NO RESPONSE");
             Tone::Bad
         }
         (Outcome::Superseded, _) => {
-            what.push_str(if transfer.waited.is_some() {
-                "NO RESPONSE before the next request"
+            out.extend_from_slice(if transfer.waited.is_some() {
+                b"NO RESPONSE before the next request"
             } else {
-                "superseded by a new transfer"
+                b"superseded by a new transfer"
             });
             Tone::Caution
         }
         (Outcome::Incomplete | Outcome::Unfinished, _) => {
-            what.push_str("unfinished at end of capture");
+            out.extend_from_slice(b"unfinished at end of capture");
             Tone::Caution
         }
     }
 }
 
-/// ` dt=1.0ms exp crc ok (1 retry)`.
-fn details(transfer: &SdoTransfer, what: &mut String) {
+/// Appends ` dt=1.0ms exp crc ok (1 retry)`.
+fn push_details(transfer: &SdoTransfer, out: &mut Vec<u8>) {
     if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
-        let _ = write!(what, " dt={}ms", millis(duration));
+        out.extend_from_slice(b" dt=");
+        push_millis(duration, out);
+        out.extend_from_slice(b"ms");
     }
     if let Some(mode) = transfer.mode {
-        what.push_str(match mode {
-            Mode::Expedited => " exp",
-            Mode::Segmented => " seg",
-            Mode::Block => " blk",
+        out.extend_from_slice(match mode {
+            Mode::Expedited => b" exp",
+            Mode::Segmented => b" seg",
+            Mode::Block => b" blk",
         });
     }
     if let Some(crc) = transfer.crc {
-        let _ = write!(what, " crc {}", crc.name());
+        out.extend_from_slice(b" crc ");
+        out.extend_from_slice(crc.name().as_bytes());
     }
-    order(transfer, what);
+    push_order(transfer, out);
 }

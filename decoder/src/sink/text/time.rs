@@ -9,12 +9,24 @@ use crate::sink::options::TimeColumn;
 /// The column of an event without a time, or before the first frame.
 const UNKNOWN: &str = "        –";
 
+/// Nanoseconds per second.
+const SECOND: i64 = 1_000_000_000;
+
+/// Text of the whole second of the last line, with its decimal point.
+#[derive(Debug, Clone)]
+struct WholeSecond {
+    /// Start of the second in ns, not negative.
+    start: i64,
+    text: Vec<u8>,
+}
+
 /// Formats timestamps for the time column.
 #[derive(Debug, Clone)]
 pub(super) struct Clock {
     style: TimeColumn,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
+    whole: Option<WholeSecond>,
     /// Second of the cached `date`.
     second: i64,
     date: String,
@@ -22,7 +34,7 @@ pub(super) struct Clock {
 
 impl Clock {
     pub(super) fn new(style: TimeColumn) -> Self {
-        Self { style, first: None, last: None, second: 0, date: String::new() }
+        Self { style, first: None, last: None, whole: None, second: 0, date: String::new() }
     }
 
     /// Sets the zero of the column at the first timestamp of a frame.
@@ -39,11 +51,11 @@ impl Clock {
         let before = self.last.replace(time);
         match self.style {
             TimeColumn::Zero => match self.first {
-                Some(first) => seconds::<3>(time.since(first), 9, out),
+                Some(first) => seconds::<3>(time.since(first), 9, &mut self.whole, out),
                 None => out.extend_from_slice(UNKNOWN.as_bytes()),
             },
-            TimeColumn::Delta => seconds::<6>(time.since(before.unwrap_or(time)), 11, out),
-            TimeColumn::Absolute => seconds::<6>(time.0, 17, out),
+            TimeColumn::Delta => seconds::<6>(time.since(before.unwrap_or(time)), 11, &mut self.whole, out),
+            TimeColumn::Absolute => seconds::<6>(time.0, 17, &mut self.whole, out),
             TimeColumn::Date => self.date(time, out),
         }
     }
@@ -63,20 +75,45 @@ impl Clock {
     }
 }
 
-/// Appends nanoseconds as seconds with `DIGITS` decimal places (at most 9), truncated, right-aligned.
-fn seconds<const DIGITS: u32>(nanoseconds: i64, width: usize, out: &mut Vec<u8>) {
-    let per_second = const { 10_u64.pow(DIGITS) };
-    let cut = nanoseconds.unsigned_abs() / const { 10_u64.pow(9 - DIGITS) };
-    let (whole, fraction) = (cut / per_second, cut % per_second);
-    let whole_digits = whole.checked_ilog10().map_or(1, |log| log + 1);
-    let length = (u32::from(nanoseconds < 0) + whole_digits + 1 + DIGITS) as usize;
-    push_blanks(out, width, length);
+/// Appends nanoseconds as seconds with `DIGITS` decimal places (at most 8), truncated, right-aligned. `whole` is
+/// the text of the last call with the same width.
+#[inline]
+fn seconds<const DIGITS: u32>(
+    nanoseconds: i64,
+    width: usize,
+    whole: &mut Option<WholeSecond>,
+    out: &mut Vec<u8>,
+) {
+    let known = whole.as_ref().map(|whole| (nanoseconds.saturating_sub(whole.start), whole));
+    let fraction = match known {
+        Some((fraction @ 0..SECOND, whole)) => {
+            out.extend_from_slice(&whole.text);
+            fraction.unsigned_abs()
+        }
+        _ => push_whole(nanoseconds, width.saturating_sub(DIGITS as usize), whole, out),
+    };
+    push_digits(out, fraction / const { 10_u64.pow(9 - DIGITS) }, DIGITS as usize);
+}
+
+/// Appends the whole second with its decimal point, right-aligned, and returns the rest in ns.
+#[cold]
+fn push_whole(nanoseconds: i64, width: usize, whole: &mut Option<WholeSecond>, out: &mut Vec<u8>) -> u64 {
+    let second = SECOND.unsigned_abs();
+    let (seconds, rest) = (nanoseconds.unsigned_abs() / second, nanoseconds.unsigned_abs() % second);
+    let mut text = Vec::new();
     if nanoseconds < 0 {
-        out.push(b'-');
+        text.push(b'-');
     }
-    push_decimal(out, whole);
-    out.push(b'.');
-    push_digits(out, fraction, DIGITS as usize);
+    push_decimal(&mut text, seconds);
+    text.push(b'.');
+    let digits = text.len();
+    push_blanks(&mut text, width, digits);
+    text.rotate_left(digits);
+    out.extend_from_slice(&text);
+    if nanoseconds >= 0 {
+        *whole = Some(WholeSecond { start: nanoseconds.saturating_sub_unsigned(rest), text });
+    }
+    rest
 }
 
 #[cfg(test)]
@@ -103,6 +140,18 @@ mod tests {
         assert_eq!(columns(TimeColumn::Delta), ["   0.000000", "   1.234567"]);
         assert_eq!(columns(TimeColumn::Absolute), ["1436516252.249713", "1436516253.484280"]);
         assert_eq!(columns(TimeColumn::Date), ["2015-07-10 08:17:32.249713", "2015-07-10 08:17:33.484280"]);
+    }
+
+    #[test]
+    fn the_text_of_a_second_is_used_within_it_only() {
+        let mut clock = Clock::new(TimeColumn::Zero);
+        clock.see(Some(START));
+        let times = [0, 999_999_999, 1_000_000_000, 12_345_678_901, 11_999_999_999, 12_000_000_000];
+        let shown = times.map(|after| column(&mut clock, START.plus(after)));
+        assert_eq!(shown, ["    0.000", "    0.999", "    1.000", "   12.345", "   11.999", "   12.000"]);
+        assert_eq!(column(&mut clock, START.plus(-1)), "   -0.000");
+        assert_eq!(column(&mut clock, START.plus(12_000_000_001)), "   12.000");
+        assert_eq!(column(&mut clock, START.plus(123_456_000_000_000)), "123456.000");
     }
 
     /// The state of a link is known before the first frame.
