@@ -6,7 +6,8 @@ use super::node_table::NodeTable;
 use super::{Intervals, Load, NodeStatistics, frame_bits};
 use crate::event::{Event, EventKind, Protocol};
 use crate::frame::{CanId, Frame, FrameFlags};
-use crate::session::Bus;
+use crate::profile::PdoName;
+use crate::session::{Bus, Preview};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -118,6 +119,16 @@ impl BusStatistics {
         let is_malformed = matches!(event.kind, EventKind::Malformed { .. });
         self.presumed.0 += u64::from(is_message || is_malformed);
         self.presumed.1 += u64::from(is_malformed);
+    }
+
+    /// Counts a PDO without an event. Its identifier is known from an event.
+    #[inline]
+    pub(super) fn skip(&mut self, (pdo, node): (PdoName, NodeId), preview: &Preview) {
+        let Some(node) = self.nodes.entry(node) else { return };
+        node.pdos += 1;
+        if preview.change != 0 {
+            node.reactions.pdo(pdo, preview.time.0, preview.frame);
+        }
     }
 
     /// Removes the CANopen figures of a bus that proved not to be CANopen; nodes that the user named keep theirs.

@@ -38,7 +38,7 @@ pub use span::span;
 
 use crate::event::Event;
 use crate::frame::Frame;
-use crate::session::Buses;
+use crate::session::{Bus, Buses, Preview};
 
 /// Statistics of one capture.
 #[derive(Debug, Clone, Default)]
@@ -60,6 +60,14 @@ impl Statistics {
     pub fn event(&mut self, event: &Event) {
         self.quality.event(event);
         self.bus(event.bus.0).event(event);
+    }
+
+    /// Counts a PDO or J1939 message without an event; see [`Observer::skip`](crate::session::Observer::skip).
+    #[inline]
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some((pdo, node)) = bus.pdo_at(preview.identifier) {
+            self.bus(bus.index().0).skip((pdo, node), preview);
+        }
     }
 
     /// Removes figures of services that the traffic of a bus proved not to use; call it after the last event.
