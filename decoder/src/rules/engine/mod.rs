@@ -341,7 +341,7 @@ impl BusJudge {
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
-        let identifier = bus.identifier_index(pdo.cob_id).unwrap_or(usize::MAX);
+        let identifier = bus.identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
         if self.needs.counted(identifier).is_some() {
             self.pass_on_skipped(identifier, bus, ledger);
         }
@@ -390,7 +390,7 @@ impl BusJudge {
         if self.has_turned {
             self.ask_for_pdos();
         } else if let EventKind::J1939Message(message) = &event.kind
-            && let Some(identifier) = bus.identifier_index(message.can_id)
+            && let Some(identifier) = bus.identifier_of_event(message.can_id)
             && self.needs.is_unknown(identifier, bus.version_of(identifier))
         {
             self.ask_for_needs(identifier, event, bus, ledger);

@@ -210,7 +210,8 @@ impl NeedsTable {
             known.need = Need::EACH;
         }
         if self.identifiers.len() <= identifier {
-            self.identifiers.resize(identifier + 1, NeedsOf::new(0, 0, None));
+            let Some(length) = identifier.checked_add(1) else { return };
+            self.identifiers.resize(length, NeedsOf::new(0, 0, None));
         }
         if let Some(place) = self.identifiers.get_mut(identifier) {
             known.count = place.count;
