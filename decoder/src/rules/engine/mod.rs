@@ -150,6 +150,12 @@ impl Engine {
         while self.buses.len() <= index {
             self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
+        if let EventKind::TestCase(_) = &event.kind {
+            // Checks before the marker belong to the case before.
+            for judge in &mut self.buses {
+                judge.pass_on_all_skipped(bus, &mut self.ledger);
+            }
+        }
         if let Some(judge) = self.buses.get_mut(index) {
             if self.quality.frames <= STAMPS_JUDGED {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
@@ -371,6 +377,11 @@ impl BusJudge {
         match &event.kind {
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
             EventKind::TestCase(_) => self.shared.is_tested = true,
+            EventKind::J1939Message(message) => {
+                if let Some(identifier) = bus.identifier_of_event(message.can_id) {
+                    self.pass_on_skipped(identifier, bus, ledger);
+                }
+            }
             _ => {}
         }
         let mut context = self.shared.context(bus, ledger);
