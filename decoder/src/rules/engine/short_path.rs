@@ -12,8 +12,7 @@ impl Engine {
     /// Whether the rules need the event of a frame; see [`crate::session::Observer::needs`].
     #[inline]
     pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.quality.frames <= STAMPS_JUDGED
-            || !self.held.is_empty()
+        !self.held.is_empty()
             || !self.ledger.news.is_empty()
             || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
     }
@@ -22,6 +21,9 @@ impl Engine {
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
         if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
             judge.skip(preview);
         }
     }
