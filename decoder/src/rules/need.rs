@@ -39,6 +39,7 @@ impl Need {
     pub const PASSED: Self = Self { is_passed: true, ..Self::NOTHING };
 
     /// The rule takes the number of PDOs without an event.
+    #[must_use]
     pub const fn counted(self) -> Self {
         Self { is_counted: true, ..self }
     }

@@ -1,6 +1,6 @@
 //! TPDOs against their event timer.
 
-use super::pdo_parameter::PdoParameter;
+use super::pdo_parameter::{LookedUp, PdoParameter};
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -80,8 +80,12 @@ impl Rule for PdoEventTimer {
 
     fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
         let Some(slot) = context.traffic.current() else { return Need::EACH };
-        let Some(timer) = self.timer.looked_up(slot) else { return Need::EACH };
-        let Some(limit) = timer.and_then(|timer| self.limit(timer)) else { return Need::NOTHING };
+        let limit = match self.timer.looked_up(slot) {
+            LookedUp::NotYet => return Need::EACH,
+            LookedUp::Unknown => None,
+            LookedUp::Value(timer) => self.limit(timer),
+        };
+        let Some(limit) = limit else { return Need::NOTHING };
         let is_first = self.seen.get(slot.place) != Some(&self.timer.generation());
         if is_first { Need::EACH } else { Need { longest: limit, ..Need::PASSED } }
     }

@@ -1,6 +1,6 @@
 //! TPDOs against their inhibit time.
 
-use super::pdo_parameter::PdoParameter;
+use super::pdo_parameter::{LookedUp, PdoParameter};
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -105,14 +105,18 @@ impl Rule for PdoInhibitTime {
 
     fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
         let Some(slot) = context.traffic.current() else { return Need::EACH };
-        let Some(inhibit) = self.inhibit.looked_up(slot) else { return Need::EACH };
-        let Some(inhibit) = inhibit.and_then(positive) else { return Need::NOTHING };
+        let inhibit = match self.inhibit.looked_up(slot) {
+            LookedUp::NotYet => return Need::EACH,
+            LookedUp::Unknown => None,
+            LookedUp::Value(time) => positive(time),
+        };
+        let Some(inhibit) = inhibit else { return Need::NOTHING };
         match (self.kind.looked_up(slot), self.short.get(slot.place)) {
-            (Some(Some(254 | 255)), Some(0)) => {
+            (LookedUp::Value(254 | 255), Some(0)) => {
                 Need { shortest: shortest(inhibit, self.percent), ..Need::PASSED }
             }
-            (None, _) | (Some(Some(254 | 255)), _) => Need::EACH,
-            (Some(_), _) => Need::NOTHING,
+            (LookedUp::NotYet | LookedUp::Value(254 | 255), _) => Need::EACH,
+            (LookedUp::Unknown | LookedUp::Value(_), _) => Need::NOTHING,
         }
     }
 

@@ -23,6 +23,17 @@ pub(super) struct PdoParameter {
     in_vain: u32,
 }
 
+/// Result of the last look-up of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LookedUp {
+    /// It may have changed since.
+    NotYet,
+    /// No confirmed value.
+    Unknown,
+    /// Confirmed value.
+    Value(u64),
+}
+
 impl PdoParameter {
     /// Sub-index `sub` of 1800 and up.
     pub(super) fn new(sub: u8) -> Self {
@@ -54,10 +65,14 @@ impl PdoParameter {
         self.is_known || self.in_vain < ENOUGH
     }
 
-    /// The value, if it was looked up since the last change; `None` if it was not.
-    pub(super) fn looked_up(&self, slot: &PdoSlot) -> Option<Option<u64>> {
-        let known = self.known.get(slot.place).filter(|(generation, _)| *generation == self.generation);
-        known.map(|(_, value)| *value)
+    /// The value as far as it was looked up since the last change.
+    pub(super) fn looked_up(&self, slot: &PdoSlot) -> LookedUp {
+        match self.known.get(slot.place) {
+            Some((generation, value)) if *generation == self.generation => {
+                value.map_or(LookedUp::Unknown, LookedUp::Value)
+            }
+            _ => LookedUp::NotYet,
+        }
     }
 
     /// Number of possible changes so far.

@@ -1,6 +1,6 @@
 //! TPDOs of transmission type 0 (acyclic synchronous).
 
-use super::pdo_parameter::PdoParameter;
+use super::pdo_parameter::{LookedUp, PdoParameter};
 use crate::event::{Event, EventKind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
@@ -44,9 +44,9 @@ impl Rule for PdoSyncAcyclic {
     }
 
     fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        match context.traffic.current().and_then(|slot| self.kind.looked_up(slot)) {
-            None | Some(Some(0)) => Need::EACH,
-            Some(_) => Need::NOTHING,
+        match context.traffic.current().map(|slot| self.kind.looked_up(slot)) {
+            None | Some(LookedUp::NotYet | LookedUp::Value(0)) => Need::EACH,
+            Some(LookedUp::Unknown | LookedUp::Value(_)) => Need::NOTHING,
         }
     }
 

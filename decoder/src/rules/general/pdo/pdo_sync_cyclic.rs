@@ -1,6 +1,6 @@
 //! TPDOs of transmission types 1 to 240 (cyclic synchronous).
 
-use super::pdo_parameter::PdoParameter;
+use super::pdo_parameter::{LookedUp, PdoParameter};
 use crate::event::{Event, EventKind, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
@@ -110,12 +110,12 @@ impl Rule for PdoSyncCyclic {
     fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
         let Some(slot) = context.traffic.current() else { return Need::EACH };
         match (self.kind.looked_up(slot), self.watches.get(slot.place)) {
-            (Some(Some(1..=240)), Some(watch)) if watch.generation == self.kind.generation() => {
+            (LookedUp::Value(1..=240), Some(watch)) if watch.generation == self.kind.generation() => {
                 let frames = u32::try_from(COUNT.saturating_sub(watch.count)).unwrap_or(0);
                 Need { frames, ..Need::NOTHING }.counted()
             }
-            (None, _) | (Some(Some(1..=240)), _) => Need::EACH,
-            (Some(_), _) => Need::NOTHING,
+            (LookedUp::NotYet | LookedUp::Value(1..=240), _) => Need::EACH,
+            (LookedUp::Unknown | LookedUp::Value(_), _) => Need::NOTHING,
         }
     }
 
