@@ -63,7 +63,8 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
-/// The digits of a number below 100,000,000, first digit in the lowest byte, and their count; `None` for larger numbers.
+/// The digits of a number below 100,000,000, first digit in the lowest byte, and their count; `None` for larger
+/// numbers.
 #[inline]
 pub(crate) fn short_digits(value: u64) -> Option<(u64, usize)> {
     (value < PART).then(|| {
