@@ -15,14 +15,14 @@ fn main() -> io::Result<()> {
     let mut files = Vec::new();
     collect(&root, &mut files)?;
     files.sort();
-    let mut table = String::from("pub(super) const FILES: &[(&str, &str, &[u8])] = &[\n");
+    let mut table = String::from("pub(super) const FILES: &[(&str, &str, &str)] = &[\n");
     for (place, file) in files.iter().enumerate() {
         let path = file.strip_prefix(&root).map_err(io::Error::other)?;
         let name = path.to_string_lossy().replace('\\', "/");
         let compiled = out.join(format!("profile_{place}"));
         fs::write(&compiled, compile(file)?)?;
         let [text, compiled] = [file, &compiled].map(|path| path.display().to_string());
-        writeln!(table, "    ({name:?}, include_str!({text:?}), include_bytes!({compiled:?})),")
+        writeln!(table, "    ({name:?}, include_str!({text:?}), include_str!({compiled:?})),")
             .map_err(io::Error::other)?;
     }
     table.push_str("];\n");
@@ -50,69 +50,84 @@ fn is_statements(path: &Path) -> bool {
 }
 
 #[expect(clippy::disallowed_methods, reason = "a build script reads what it embeds")]
-fn compile(file: &Path) -> io::Result<Vec<u8>> {
+fn compile(file: &Path) -> io::Result<String> {
     let text = fs::read_to_string(file)?;
     let wrong = |error: String| io::Error::other(format!("{}: {error}", file.display()));
     let table = DeTable::parse(&text).map_err(|error| wrong(error.to_string()))?;
-    let mut out = Vec::new();
+    let mut out = String::new();
     let span = table.span();
     put(&Spanned::new(span, DeValue::Table(table.into_inner())), &mut out).map_err(wrong)?;
     Ok(out)
 }
 
 /// Appends a value in the compiled form.
-fn put(value: &Spanned<DeValue<'_>>, out: &mut Vec<u8>) -> Result<(), String> {
-    let mut content = Vec::new();
+fn put(value: &Spanned<DeValue<'_>>, out: &mut String) -> Result<(), String> {
+    let mut content = String::new();
     let tag = match value.get_ref() {
         DeValue::String(text) => {
-            content.extend_from_slice(text.as_bytes());
-            b's'
+            content.push_str(text);
+            's'
         }
         DeValue::Integer(number) => {
             let number = i64::from_str_radix(number.as_str(), number.radix());
-            content.extend(number.map_err(|error| error.to_string())?.to_le_bytes());
-            b'i'
+            put_number(
+                number.map_err(|error| error.to_string())?.cast_unsigned().rotate_left(1),
+                &mut content,
+            );
+            'i'
         }
         DeValue::Float(number) => {
             let number: f64 = number.as_str().parse().map_err(|error| format!("{error}"))?;
-            content.extend(number.to_le_bytes());
-            b'f'
+            put_number(number.to_bits().swap_bytes(), &mut content);
+            'f'
         }
         DeValue::Boolean(is_true) => {
-            content.push(u8::from(*is_true));
-            b'b'
+            put_number((*is_true).into(), &mut content);
+            'b'
         }
         DeValue::Array(values) => {
+            put_number(values.len() as u64, &mut content);
             for value in values {
                 put(value, &mut content)?;
             }
-            b'a'
+            'a'
         }
         DeValue::Table(table) => {
             for (key, value) in table {
-                put_number(key.get_ref().len(), &mut content);
-                content.extend_from_slice(key.get_ref().as_bytes());
+                put_number(key.get_ref().len() as u64, &mut content);
+                content.push_str(key.get_ref());
                 put(value, &mut content)?;
             }
-            b't'
+            't'
         }
         DeValue::Datetime(_) => return Err("dates are not supported".into()),
     };
     let span = value.span();
     out.push(tag);
-    put_number(span.start, out);
-    put_number(span.end - span.start, out);
-    put_number(content.len(), out);
-    out.append(&mut content);
+    put_place(span.start, out)?;
+    put_place(span.end - span.start, out)?;
+    put_number(content.len() as u64, out);
+    out.push_str(&content);
     Ok(())
 }
 
-/// Appends a number in groups of seven bits, the lowest first; the top bit of a byte marks that more bytes
-/// follow.
-fn put_number(mut number: usize, out: &mut Vec<u8>) {
-    while number > 0x7F {
-        out.push(0x80 | number.to_le_bytes()[0]);
-        number >>= 7;
+/// Appends a position or length in the text: three characters of six bits, the lowest first.
+fn put_place(number: usize, out: &mut String) -> Result<(), String> {
+    if number >= 1 << 18 {
+        return Err("the file is too long".into());
     }
-    out.push(number.to_le_bytes()[0]);
+    for shift in [0, 6, 12] {
+        out.push(char::from((number >> shift & 0x3F).to_le_bytes()[0]));
+    }
+    Ok(())
+}
+
+/// Appends a number in groups of six bits, the lowest first; bit 6 of a character marks that more characters
+/// follow.
+fn put_number(mut number: u64, out: &mut String) {
+    while number > 0x3F {
+        out.push(char::from(0x40 | number.to_le_bytes()[0] & 0x3F));
+        number >>= 6;
+    }
+    out.push(char::from(number.to_le_bytes()[0]));
 }

@@ -35,6 +35,9 @@ mod j1939;
 mod j1939_nm;
 mod language;
 mod limits;
+#[allow(dead_code, reason = "a part of the generator")]
+#[path = "../../decoder/benches/machine/mod.rs"]
+mod machine;
 mod malformed;
 mod mutations;
 mod mutator;
@@ -52,6 +55,7 @@ mod schema;
 mod sdo_dialogues;
 mod sdo_gaps;
 mod sdo_in_flight;
+mod short_path;
 mod statements;
 mod stories;
 #[path = "../support/mod.rs"]

@@ -61,7 +61,20 @@ impl Batch {
     /// Adds the frame last returned by [`Batch::slot`] to the batch.
     #[inline]
     pub(crate) fn commit(&mut self) {
-        self.length = (self.length + 1).min(self.frames.len());
+        self.commit_all(1);
+    }
+
+    /// All free frames, with the content of earlier ones. The first of them become part of the batch with
+    /// `commit_all`.
+    pub(super) fn free_slots(&mut self) -> &mut [Frame] {
+        self.frames.get_mut(self.length..).unwrap_or_default()
+    }
+
+    /// Adds the first `count` of [`Batch::free_slots`] to the batch.
+    #[inline]
+    pub(super) fn commit_all(&mut self, count: u64) {
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        self.length = self.length.saturating_add(count).min(self.frames.len());
     }
 
     /// Adds a frame; drops it if the batch is full, so check [`Batch::is_full`] first.
@@ -168,6 +181,17 @@ mod tests {
         let found: Vec<_> = batch.frames().iter().map(|frame| (frame.number, frame.bus.0)).collect();
         assert_eq!(found, [(11, 0), (12, 7)]);
         assert_eq!(batch.notices().iter().map(|(_, notice)| notice.bus().0).collect::<Vec<_>>(), [2]);
+    }
+
+    #[test]
+    fn frames_are_committed_up_to_the_size_of_the_batch() {
+        let mut batch = Batch::new();
+        batch.push(Frame::EMPTY);
+        assert_eq!(batch.free_slots().len(), BATCH_FRAMES - 1);
+        batch.commit_all(2);
+        assert_eq!((batch.frames().len(), batch.is_full()), (3, false));
+        batch.commit_all(u64::MAX);
+        assert_eq!((batch.frames().len(), batch.free_slots().len()), (BATCH_FRAMES, 0));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use serde::de::{Deserializer, SeqAccess, Visitor};
 use toml::Spanned;
 
 use super::data_type::DataType;
-use super::dictionary::{Entry, Object};
+use super::entry::{Entry, Object};
 use super::names::{BitNames, Names, Shared};
 use super::object::{
     Access, DefaultValue, Effect, Format, Interpretation, ONCE, ObjectCondition, Repeat, Role, Scale,
@@ -140,8 +140,7 @@ pub(super) fn objects(
 ) -> Vec<Object> {
     let mut objects = Vec::with_capacity(list.len());
     for authored in list {
-        let span = authored.span();
-        match object(authored.into_inner(), span, tables) {
+        match object(authored, tables) {
             Ok(object) => objects.push(object),
             Err(error) => wrong.push(error),
         }
@@ -149,7 +148,10 @@ pub(super) fn objects(
     objects
 }
 
-fn object(mut authored: AuthoredEntry, span: Range<usize>, tables: &Tables) -> Result<Object, TextProblem> {
+/// Converts one object.
+pub(super) fn object(authored: Spanned<AuthoredEntry>, tables: &Tables) -> Result<Object, TextProblem> {
+    let span = authored.span();
+    let mut authored = authored.into_inner();
     let here = |message: &str| (span.clone(), message.to_owned());
     let index = authored.index.take().ok_or_else(|| here("index is missing; every object requires one"))?;
     let repeat = authored.repeat.take().unwrap_or(ONCE);

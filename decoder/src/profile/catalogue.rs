@@ -337,7 +337,7 @@ fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<Stri
 }
 
 /// Path, text and compiled form of the built-in profiles.
-fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static [u8])> {
+fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static str)> {
     embedded::FILES.iter()
 }
 

@@ -1,16 +1,16 @@
-//! Binary form of TOML written by the build script, so that the program parses no text at start.
+//! Form of TOML written by the build script, so that the program parses no text at start.
 //!
 //! ```text
-//! value    tag (1), start and length of its position in the text, length of its content, content
-//! content  s text · i number (8, two's complement) · f IEEE 754 (8) · b 0 or 1 · a values ·
-//!          t keys (length, text), each with its value
+//! value    tag (1), start (3) and length (3) of its position in the text, length of its content, content
+//! content  s text · i number, bit 0 is the sign · f IEEE 754 in reversed byte order · b 0 or 1 ·
+//!          a number of values, values · t keys (length, text), each with its value
 //! ```
-//! Numbers of eight bytes are little-endian. Positions and lengths have seven bits per byte, the lowest
-//! first; the top bit is set if more bytes follow.
+//! Characters of numbers have six bits, the lowest first. Bit 6 is set if more characters follow; positions
+//! always have three. The whole form is text, so that its strings need no check.
 
 use std::ops::Range;
 
-use serde::de::value::BorrowedStrDeserializer;
+use serde::de::value::{BorrowedStrDeserializer, MapAccessDeserializer};
 use serde::de::{
     DeserializeSeed, EnumAccess, Error as _, IntoDeserializer, MapAccess, SeqAccess, VariantAccess, Visitor,
 };
@@ -22,62 +22,131 @@ use toml::de::Error;
 ///
 /// # Errors
 /// Keys and values unknown to `T`, unexpected end of the data.
-pub(super) fn read<'de, T: Deserialize<'de>>(compiled: &'de [u8]) -> Result<T, Error> {
-    T::deserialize(Bytes(compiled).value()?)
+pub(super) fn read<'de, T: Deserialize<'de>>(compiled: &'de str) -> Result<T, Error> {
+    T::deserialize(Text(compiled).value()?)
+}
+
+/// As [`read`], without the value of the key `omitted` in the outermost table.
+pub(super) fn read_without<'de, T: Deserialize<'de>>(
+    compiled: &'de str,
+    omitted: &'static str,
+) -> Result<T, Error> {
+    let value = Text(compiled).value()?;
+    T::deserialize(MapAccessDeserializer::new(Keys { rest: Text(value.content), omitted: Some(omitted) }))
+}
+
+/// Elements of the list that is the value of `key` in the outermost table; empty if the key is missing.
+pub(super) fn elements<'de>(compiled: &'de str, key: &str) -> Result<Vec<CompiledValue<'de>>, Error> {
+    let mut table = Text(Text(compiled).value()?.content);
+    while !table.0.is_empty() {
+        let (found, value) = (table.text()?, table.value()?);
+        if found == key {
+            let Elements { mut rest, count } = Elements::of(value.content)?;
+            let mut elements = Vec::with_capacity(count.min(rest.0.len()));
+            while !rest.0.is_empty() {
+                elements.push(CompiledValue(rest.value()?));
+            }
+            return Ok(elements);
+        }
+    }
+    Ok(Vec::new())
+}
+
+/// A value that is read later.
+#[derive(Debug)]
+pub(super) struct CompiledValue<'de>(Value<'de>);
+
+impl<'de> CompiledValue<'de> {
+    /// Deserializes the value.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub(super) fn read<T: Deserialize<'de>>(&self) -> Result<T, Error> {
+        T::deserialize(self.0.clone())
+    }
+
+    /// Whether the content contains a text: a key, or a part of one or of a string.
+    pub(super) fn contains(&self, text: &str) -> bool {
+        memchr::memmem::find(self.0.content.as_bytes(), text.as_bytes()).is_some()
+    }
 }
 
 /// Sequence of compiled values.
-#[derive(Clone, Copy)]
-struct Bytes<'de>(&'de [u8]);
+#[derive(Debug, Clone, Copy)]
+struct Text<'de>(&'de str);
 
 /// A compiled value.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 struct Value<'de> {
     tag: u8,
-    span: Range<usize>,
-    content: &'de [u8],
+    /// Position in the text, in the compiled form.
+    position: [u8; 6],
+    content: &'de str,
 }
 
-impl<'de> Bytes<'de> {
-    fn take(&mut self, length: usize) -> Result<&'de [u8], Error> {
-        let (taken, rest) =
-            self.0.split_at_checked(length).ok_or_else(|| Error::custom("compiled file: unexpected end"))?;
+impl<'de> Text<'de> {
+    #[inline]
+    fn take(&mut self, length: usize) -> Result<&'de str, Error> {
+        let (taken, rest) = self.0.split_at_checked(length).ok_or_else(unexpected_end)?;
         self.0 = rest;
         Ok(taken)
     }
 
-    fn number(&mut self) -> Result<usize, Error> {
+    #[inline]
+    fn number(&mut self) -> Result<u64, Error> {
+        match self.0.as_bytes() {
+            [byte @ ..0x40, ..] => {
+                self.take(1)?;
+                Ok(u64::from(*byte))
+            }
+            _ => self.long_number(),
+        }
+    }
+
+    fn long_number(&mut self) -> Result<u64, Error> {
         let mut number = 0;
-        for shift in (0..usize::BITS).step_by(7) {
-            let [byte] = self.take(1)? else { break };
-            number |= usize::from(byte & 0x7F) << shift;
-            if *byte < 0x80 {
+        for shift in (0..u64::BITS).step_by(6) {
+            let byte = self.take(1)?.as_bytes().first().copied().unwrap_or_default();
+            number |= u64::from(byte & 0x3F) << shift;
+            if byte < 0x40 {
                 return Ok(number);
             }
         }
-        Err(Error::custom("compiled file: unterminated length"))
+        Err(Error::custom("compiled file: unterminated number"))
     }
 
+    #[inline]
     fn text(&mut self) -> Result<&'de str, Error> {
         let length = self.number()?;
-        std::str::from_utf8(self.take(length)?).map_err(Error::custom)
+        self.take(usize::try_from(length).unwrap_or(usize::MAX))
     }
 
+    #[inline]
     fn value(&mut self) -> Result<Value<'de>, Error> {
-        let tag = self.take(1)?.first().copied().unwrap_or_default();
-        let start = self.number()?;
-        let span = start..start.saturating_add(self.number()?);
-        let length = self.number()?;
-        Ok(Value { tag, span, content: self.take(length)? })
+        let Some([tag, position @ ..]) = self.take(7)?.as_bytes().first_chunk::<7>() else {
+            return Err(unexpected_end());
+        };
+        Ok(Value { tag: *tag, position: *position, content: self.text()? })
     }
 }
 
+#[cold]
+fn unexpected_end() -> Error {
+    Error::custom("compiled file: unexpected end")
+}
+
 impl Value<'_> {
-    fn eight(&self) -> Result<[u8; 8], Error> {
-        self.content
-            .first_chunk()
-            .copied()
-            .ok_or_else(|| Error::custom("compiled file: number shorter than eight bytes"))
+    fn number(&self) -> Result<u64, Error> {
+        Text(self.content).number()
+    }
+
+    /// Position in the text.
+    fn span(&self) -> Range<usize> {
+        let [start, length] = self.position.as_chunks::<3>().0 else { return 0..0 };
+        let [start, length] = [start, length].map(|digits| {
+            digits.iter().rev().fold(0, |number, digit| number << 6 | usize::from(digit & 0x3F))
+        });
+        start..start.saturating_add(length)
     }
 }
 
@@ -86,12 +155,12 @@ impl<'de> Deserializer<'de> for Value<'de> {
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
         match self.tag {
-            b's' => visitor.visit_borrowed_str(std::str::from_utf8(self.content).map_err(Error::custom)?),
-            b'i' => visitor.visit_i64(i64::from_le_bytes(self.eight()?)),
-            b'f' => visitor.visit_f64(f64::from_le_bytes(self.eight()?)),
-            b'b' => visitor.visit_bool(self.content == [1]),
-            b'a' => visitor.visit_seq(Items(Bytes(self.content))),
-            b't' => visitor.visit_map(Items(Bytes(self.content))),
+            b's' => visitor.visit_borrowed_str(self.content),
+            b'i' => visitor.visit_i64(self.number()?.rotate_right(1).cast_signed()),
+            b'f' => visitor.visit_f64(f64::from_bits(self.number()?.swap_bytes())),
+            b'b' => visitor.visit_bool(self.number()? == 1),
+            b'a' => visitor.visit_seq(Elements::of(self.content)?),
+            b't' => visitor.visit_map(Keys { rest: Text(self.content), omitted: None }),
             tag => Err(Error::custom(format!("compiled file: unknown tag {tag}"))),
         }
     }
@@ -115,7 +184,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         if is_spanned(name) {
-            let span = self.span.clone();
+            let span = self.span();
             return visitor.visit_map(SpannedDeserializer::new(self, span));
         }
         self.deserialize_any(visitor)
@@ -129,10 +198,9 @@ impl<'de> Deserializer<'de> for Value<'de> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         if self.tag != b't' {
-            let name = std::str::from_utf8(self.content).map_err(Error::custom)?;
-            return visitor.visit_enum(name.into_deserializer());
+            return visitor.visit_enum(self.content.into_deserializer());
         }
-        let mut content = Bytes(self.content);
+        let mut content = Text(self.content);
         let (name, value) = (content.text()?, content.value()?);
         visitor.visit_enum(Variant { name, value })
     }
@@ -156,33 +224,65 @@ impl<'de> IntoDeserializer<'de, Error> for Value<'de> {
     }
 }
 
-/// Content of an array or a table.
-struct Items<'de>(Bytes<'de>);
+/// Content of an array.
+struct Elements<'de> {
+    rest: Text<'de>,
+    /// Number of elements in `rest`.
+    count: usize,
+}
 
-impl<'de> SeqAccess<'de> for Items<'de> {
-    type Error = Error;
-
-    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
-        if self.0.0.is_empty() {
-            return Ok(None);
-        }
-        seed.deserialize(self.0.value()?).map(Some)
+impl<'de> Elements<'de> {
+    fn of(content: &'de str) -> Result<Self, Error> {
+        let mut rest = Text(content);
+        let count = usize::try_from(rest.number()?).unwrap_or(usize::MAX);
+        Ok(Self { rest, count })
     }
 }
 
-impl<'de> MapAccess<'de> for Items<'de> {
+impl<'de> SeqAccess<'de> for Elements<'de> {
+    type Error = Error;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
+        if self.rest.0.is_empty() {
+            return Ok(None);
+        }
+        self.count = self.count.saturating_sub(1);
+        seed.deserialize(self.rest.value()?).map(Some)
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.count)
+    }
+}
+
+/// Content of a table.
+struct Keys<'de> {
+    rest: Text<'de>,
+    /// Key that is skipped.
+    omitted: Option<&'static str>,
+}
+
+impl<'de> MapAccess<'de> for Keys<'de> {
     type Error = Error;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Error> {
-        if self.0.0.is_empty() {
+        if self.rest.0.is_empty() {
             return Ok(None);
         }
-        let key: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(self.0.text()?);
+        let mut key = self.rest.text()?;
+        if self.omitted == Some(key) {
+            self.rest.value()?;
+            if self.rest.0.is_empty() {
+                return Ok(None);
+            }
+            key = self.rest.text()?;
+        }
+        let key: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(key);
         seed.deserialize(key).map(Some)
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Error> {
-        seed.deserialize(self.0.value()?)
+        seed.deserialize(self.rest.value()?)
     }
 }
 
@@ -249,11 +349,12 @@ mod tests {
     }
 
     /// `name = "a"`, `shapes = ["round", { square = -2 }]`, `weight = 0.5`, `light = true`.
-    const THING: &[u8] = b"t\x00\x05\x54\
-        \x04names\x07\x03\x01a\
-        \x06shapesa\x0b\x07\x20s\x0c\x07\x05roundt\x14\x04\x13\x06squarei\x1e\x02\x08\xfe\xff\xff\xff\xff\xff\xff\xff\
-        \x06weightf\x00\x00\x08\x00\x00\x00\x00\x00\x00\xe0\x3f\
-        \x05lightb\x80\x01\x04\x01\x01";
+    const THING: &str = "t\0\0\0\x05\0\0n\x01\
+        \x04names\x07\0\0\x03\0\0\x01a\
+        \x06shapesa\x0b\0\0\x07\0\0\x30\x02s\x0c\0\0\x07\0\0\x05roundt\x14\0\0\x04\0\0\x1a\
+        \x06squarei\x1e\0\0\x02\0\0\x0b\x7d\x7f\x7f\x7f\x7f\x7f\x7f\x7f\x7f\x7f\x0f\
+        \x06weightf\0\0\0\0\0\0\x03\x7f\x40\x0e\
+        \x05lightb\0\x02\0\x04\0\0\x01\x01";
 
     #[test]
     fn values_of_every_kind() {
@@ -264,21 +365,39 @@ mod tests {
     }
 
     #[test]
+    fn a_list_is_read_apart_from_its_table() {
+        #[derive(Debug, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct WithoutShapes {
+            name: String,
+            weight: f64,
+            light: bool,
+        }
+        let rest: WithoutShapes = read_without(THING, "shapes").unwrap();
+        assert_eq!(rest, WithoutShapes { name: "a".into(), weight: 0.5, light: true });
+        let shapes: Vec<Shape> =
+            elements(THING, "shapes").unwrap().iter().map(|shape| shape.read().unwrap()).collect();
+        assert_eq!(shapes, [Shape::Round, Shape::Square(-2)]);
+        assert!(elements(THING, "colours").unwrap().is_empty());
+    }
+
+    #[test]
     fn errors_are_reported() {
-        let error = |bytes: &[u8]| read::<CompiledItem>(bytes).unwrap_err().to_string();
+        let error = |text: &str| read::<CompiledItem>(text).unwrap_err().to_string();
         assert!(error(&THING[..40]).contains("unexpected end"), "{}", error(&THING[..40]));
-        assert!(error(b"t\x00\x00\x06\x01xb\x00\x00\x01\x01").contains("unknown field `x`"));
-        assert!(error(b"?\x00\x00\x00").contains("tag 63"));
-        assert!(error(b"t\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff").contains("unterminated length"));
+        assert!(error("t\0\0\0\0\0\0\x0b\x01xb\0\0\0\0\0\0\x01\x01").contains("unknown field `x`"));
+        assert!(error("?\0\0\0\0\0\0\0").contains("tag 63"));
+        let endless = format!("t\0\0\0\0\0\0{}", "\x7f".repeat(12));
+        assert!(error(&endless).contains("unterminated number"));
     }
 
     proptest! {
         #[test]
         fn no_bytes_are_too_broken(place in 0..THING.len(), byte: u8, rest: Vec<u8>) {
-            let mut bytes = THING.to_vec();
+            let mut bytes = THING.as_bytes().to_vec();
             bytes[place] = byte;
-            let _ = read::<CompiledItem>(&bytes);
-            let _ = read::<toml::Table>(&rest);
+            let _ = read::<CompiledItem>(&String::from_utf8_lossy(&bytes));
+            let _ = read::<toml::Table>(&String::from_utf8_lossy(&rest));
         }
     }
 }

@@ -1,79 +1,14 @@
 //! Objects by address, from the device profile and the standards that it extends.
 
-use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use super::data_type::DataType;
+use super::entry::{Entry, Object};
 use super::error_texts::ErrorTexts;
-use super::formula::formula;
-use super::object::{
-    Access, DefaultValue, Effect, Format, Interpretation, ObjectCondition, Repeat, Scale, Storage,
-    VariantFilter,
-};
-use super::reference::{ObjectRange, Reference};
+use super::layer::Layer;
+use super::object::{Scale, VariantFilter};
+use super::reference::Reference;
 use crate::wire::canopen::ObjectAddress;
-
-/// An object, or several equal objects at a constant distance.
-#[derive(Debug, Clone)]
-pub struct Object {
-    /// Index of the first repeat.
-    pub index: u16,
-    /// Number of repeats and distance of their indexes.
-    pub repeat: Repeat,
-    /// Name; `{n}` is replaced by the repeat number.
-    pub name: String,
-    /// Sub-entries; a variable has one with sub-index 0.
-    pub entries: Vec<Entry>,
-    /// Whether the entries have separate names.
-    pub is_record: bool,
-    /// Variants it applies to; all if empty.
-    pub only: VariantFilter,
-    /// Section of the manual.
-    pub source: String,
-    pub(super) span: Range<usize>,
-}
-
-/// A sub-entry, or equal ones from `sub` to `to`.
-#[derive(Debug, Clone)]
-pub struct Entry {
-    /// First sub-index.
-    pub sub: u8,
-    /// Last sub-index.
-    pub to: u8,
-    /// Data type; `None` if unknown.
-    pub data_type: Option<DataType>,
-    /// Access by SDO.
-    pub access: Option<Access>,
-    /// Number format in output.
-    pub format: Format,
-    /// Interpretation of the value.
-    pub look: Interpretation,
-    /// Interpretations by mode; the first match is used, missing keys are taken from `look`.
-    pub modes: Vec<(ObjectCondition, Interpretation)>,
-    /// Factory default.
-    pub default: Option<DefaultValue>,
-    /// Persistence of a written value.
-    pub storage: Storage,
-    /// Object that stores the value.
-    pub save: Option<Reference>,
-    /// Time at which a write takes effect.
-    pub effect: Effect,
-    /// Objects whose known value becomes invalid after a write.
-    pub invalidates: Vec<ObjectRange>,
-    pub(super) channel: Option<u8>,
-    /// Raw values of a mode in which actual values do not follow set points.
-    pub open_loop: Vec<i64>,
-    /// Variants it applies to; all if empty.
-    pub only: VariantFilter,
-    /// Section of the manual.
-    pub source: String,
-    /// Assumption or defect of the manual.
-    pub note: String,
-    pub(super) span: Range<usize>,
-}
-
-/// Max repeats expanded for objects that decide the meaning or the identifiers of others.
-const MOST_REPEATS: u16 = 1024;
 
 /// Objects of one or several documents; the first definition of an address takes precedence.
 #[derive(Debug, Clone, Default)]
@@ -81,41 +16,6 @@ pub struct Dictionary {
     pub(super) layers: Vec<Arc<Layer>>,
     /// Texts of the device's error codes.
     pub(super) errors: ErrorTexts,
-}
-
-/// Objects of one document, in file order.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Layer {
-    objects: Vec<Object>,
-    /// First and last index of each object, stored contiguously because every transfer searches them.
-    spans: Vec<(u16, u16)>,
-}
-
-impl Layer {
-    pub(super) fn new(objects: Vec<Object>) -> Self {
-        let spans = objects.iter().map(|object| (object.index, object.last_index())).collect();
-        Self { objects, spans }
-    }
-
-    /// Objects with this index, with their repeat number.
-    fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
-        let near = self.spans.iter().zip(&self.objects);
-        let near = near.filter(move |((first, last), _)| (*first..=*last).contains(&index));
-        near.filter_map(move |(_, object)| Some((object, object.nth(index)?)))
-    }
-
-    /// Whether the layer describes this entry.
-    pub(super) fn has(&self, address: ObjectAddress) -> bool {
-        self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
-    }
-}
-
-impl Deref for Layer {
-    type Target = [Object];
-
-    fn deref(&self) -> &[Object] {
-        &self.objects
-    }
 }
 
 /// Definition of an address: object, entry if the sub-index is described, repeat number.
@@ -154,13 +54,8 @@ impl Dictionary {
     /// Addresses with sub-index 0 or 1 that have a default and that `picks` accepts, ascending.
     pub fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool) -> Vec<ObjectAddress> {
         let mut found = Vec::new();
-        for object in self.layers.iter().flat_map(|layer| layer.iter()) {
-            let delivered = |sub: &u8| object.entry(*sub).is_some_and(|entry| entry.default.is_some());
-            for sub in [0, 1].into_iter().filter(delivered) {
-                let indexes = (0..object.repeat.count.min(MOST_REPEATS))
-                    .map(|nth| object.index.wrapping_add(nth.wrapping_mul(object.repeat.stride)));
-                found.extend(indexes.map(|index| ObjectAddress::new(index, sub)).filter(|it| picks(*it)));
-            }
+        for layer in &self.layers {
+            layer.defaults(&picks, &mut found);
         }
         found.sort_unstable();
         found.dedup();
@@ -179,84 +74,7 @@ impl Dictionary {
 
     /// Objects of the device profile itself.
     pub fn own(&self) -> &[Object] {
-        self.layers.first().map_or(&[], |layer| layer)
-    }
-}
-
-impl Object {
-    /// Repeat number of an index, from 0.
-    pub fn nth(&self, index: u16) -> Option<u16> {
-        let distance = index.checked_sub(self.index)?;
-        if distance == 0 {
-            return Some(0);
-        }
-        let Repeat { count, stride, .. } = self.repeat;
-        let nth = distance.checked_div(stride)?;
-        (distance % stride == 0 && nth < count).then_some(nth)
-    }
-
-    /// Index of the last repeat.
-    fn last_index(&self) -> u16 {
-        let Repeat { count, stride, .. } = self.repeat;
-        self.index.saturating_add(count.saturating_sub(1).saturating_mul(stride))
-    }
-
-    /// Entry with a sub-index.
-    pub fn entry(&self, sub: u8) -> Option<&Entry> {
-        self.entries.iter().find(|entry| (entry.sub..=entry.to).contains(&sub))
-    }
-
-    /// Collects the objects that decide the meaning of this object's entries, in all repeats.
-    pub(super) fn deciding(&self, all: &mut Vec<ObjectAddress>) {
-        for entry in &self.entries {
-            let looks = std::iter::once(&entry.look).chain(entry.modes.iter().map(|(_, look)| look));
-            let scales = looks.filter_map(|look| match look.scale {
-                Some(Scale::ByObject { object, .. }) => Some(object),
-                _ => None,
-            });
-            let modes = entry.modes.iter().map(|(when, _)| when.object);
-            for reference in scales.chain(modes) {
-                all.extend(
-                    (0..self.repeat.count.min(MOST_REPEATS))
-                        .map(|nth| reference.shifted(nth, self.repeat.stride)),
-                );
-            }
-        }
-    }
-
-    /// Repeat number for output.
-    pub fn number(&self, nth: u16) -> u16 {
-        self.repeat.first.saturating_add(nth)
-    }
-
-    /// Number of entries, including repeats.
-    pub fn count(&self) -> usize {
-        let subs = self.entries.iter().map(|entry| usize::from(entry.to - entry.sub) + 1);
-        subs.sum::<usize>() * usize::from(self.repeat.count)
-    }
-}
-
-impl Entry {
-    /// Effect and persistence of a write, if known; none for signatures, which are commands rather than
-    /// values.
-    pub(crate) fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
-        if self.format == Format::Ascii {
-            return (None, None);
-        }
-        let effect = Some(self.effect).filter(|effect| *effect != Effect::Unknown);
-        let storage = Some(self.storage).filter(|storage| *storage != Storage::Unknown);
-        (effect, storage.map(Storage::persists))
-    }
-
-    /// Factory default as a raw number; formulas such as `$NODEID+0x200` require the node-ID.
-    pub fn default_number(&self, node: Option<u8>) -> Option<i64> {
-        match self.default.as_ref()? {
-            DefaultValue::Number(number) => Some(*number),
-            DefaultValue::Text(text) if self.data_type.is_none_or(DataType::is_integer) => {
-                i64::try_from(formula(text, node)?).ok()
-            }
-            DefaultValue::Text(_) | DefaultValue::Real(_) => None,
-        }
+        self.layers.first().map_or(&[], |layer| layer.objects())
     }
 }
 

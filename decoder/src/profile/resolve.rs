@@ -1,7 +1,8 @@
 //! Resolves the definitions of a profile for one node at one time: selects modes, computes scales.
 
 use super::data_type::{DataType, Value};
-use super::dictionary::{Dictionary, Entry, ResolvedObject};
+use super::dictionary::{Dictionary, ResolvedObject};
+use super::entry::Entry;
 use super::meaning::{Factor, Meaning, integer};
 use super::object::{Format, Interpretation, Scale};
 use crate::wire::canopen::ObjectAddress;

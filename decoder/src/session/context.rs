@@ -98,9 +98,11 @@ impl Context<'_> {
     /// Passes the prepared event of a slot to the observer.
     #[inline]
     pub(in crate::session) fn send_prepared(&mut self, slot: usize) {
+        self.shared.bus.current_identifier = Some(slot);
         if let Some(event) = self.shared.bus.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
             self.out.event(event, &self.shared.bus);
         }
+        self.shared.bus.current_identifier = None;
     }
 
     /// Emits an undecoded frame. If a database describes it, it is routine only while unchanged.

@@ -90,14 +90,16 @@ impl BusDecoder {
     /// Decodes the next frame and sends its events to `out`.
     #[inline]
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
-        if !self.is_skipped(frame, out) {
-            self.decode(frame, out);
+        let identifier = self.shared.bus.routes.find(frame.id);
+        let is_skipped = identifier.is_some_and(|identifier| self.is_skipped(identifier, frame, out));
+        if !is_skipped {
+            self.decode(identifier, frame, out);
         }
     }
 
-    /// Decodes a frame and sends its events to `out`.
+    /// Decodes a frame and sends its events to `out`; `identifier` is the index of its identifier, if it is known.
     #[inline(never)]
-    fn decode(&mut self, frame: &Frame, out: &mut dyn Observer) {
+    fn decode(&mut self, identifier: Option<usize>, frame: &Frame, out: &mut dyn Observer) {
         if let Some(stamp) = frame.time {
             self.advance_clock(stamp, frame.number, out);
         }
@@ -106,7 +108,7 @@ impl BusDecoder {
             let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
             return self.shared.lend(out).emit_can(frame, kind);
         }
-        let slot = self.shared.bus.routes.find(frame.id).or_else(|| self.add_slot(frame, out));
+        let slot = identifier.or_else(|| self.find_or_add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
         let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
@@ -248,7 +250,11 @@ impl BusDecoder {
 
     /// Creates the slot of an identifier at its first frame.
     #[cold]
-    fn add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
+    fn find_or_add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
+        // Events before the frame may have created it.
+        if let Some(known) = self.shared.bus.routes.find(frame.id) {
+            return Some(known);
+        }
         let mut cx = self.shared.lend(out);
         let service = match cx.bus.routes.origin(frame.id) {
             RouteOrigin::Learnt(service) => service,

@@ -12,8 +12,8 @@ use crate::frame::Frame;
 impl BusDecoder {
     /// Whether nobody needs the event of a frame; if so, times and counters are updated.
     #[inline]
-    pub(super) fn is_skipped(&mut self, frame: &Frame, out: &mut dyn Observer) -> bool {
-        let Some(preview) = self.shared.bus.preview(frame) else { return false };
+    pub(super) fn is_skipped(&mut self, identifier: usize, frame: &Frame, out: &mut dyn Observer) -> bool {
+        let Some(preview) = self.shared.bus.preview(identifier, frame) else { return false };
         if self.shared.timers.is_due(preview.now) || out.needs(&preview, &self.shared.bus) {
             return false;
         }
@@ -26,12 +26,11 @@ impl BusDecoder {
 impl Bus {
     /// A frame whose event the session itself does not need; `None` for all other frames.
     #[inline]
-    fn preview(&self, frame: &Frame) -> Option<Preview> {
-        let time = frame.time?;
-        let now = self.clock.regular(time)?;
-        let identifier = self.routes.find(frame.id)?;
+    fn preview(&self, identifier: usize, frame: &Frame) -> Option<Preview> {
         let state = self.routes.slot(identifier)?;
         let needed = state.needed?;
+        let time = frame.time?;
+        let now = self.clock.regular(time)?;
         let (payload, change) = state.last.next(frame)?;
         let is_settled = change & needed == 0 && self.is_settled_sender(state);
         is_settled.then_some(Preview { identifier, frame: frame.number, time, now, payload, change })

@@ -32,13 +32,13 @@ impl Beginning {
 impl BusStatistics {
     /// How the capture begins; `None` without a CANopen node.
     pub fn beginning(&self) -> Option<Beginning> {
-        let first = self.nodes.iter().filter_map(|(id, node)| Some((*id, node.first_frame?)));
+        let first = self.nodes().filter_map(|(id, node)| Some((id, node.first_frame?)));
         let (mut running, starting): (Vec<_>, Vec<_>) =
             first.partition(|(_, (first, _))| *first == FirstFrame::Running);
         if running.is_empty() && starting.is_empty() {
             return None;
         }
-        let began = self.nodes.values().filter_map(|node| node.first_frame?.1).min();
+        let began = self.nodes().filter_map(|(_, node)| node.first_frame?.1).min();
         if !starting.is_empty() {
             let is_late = |at: Option<i64>| {
                 at.zip(began).is_some_and(|(at, began)| at.saturating_sub(began) > EXPECTED_WITHIN)
@@ -56,17 +56,13 @@ impl BusStatistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::statistics::NodeStatistics;
 
     fn beginning(first: &[FirstFrame]) -> Option<Beginning> {
-        let node = |(id, first): (u8, &FirstFrame)| {
-            let first_frame = Some((*first, Some(i64::from(id) * 1_000_000_000)));
-            let mut node = NodeStatistics::default();
-            node.first_frame = first_frame;
-            (NodeId::Canopen(id), node)
-        };
         let mut bus = BusStatistics::default();
-        bus.nodes = (1..).zip(first).map(node).collect();
+        for (id, first) in (1..).zip(first) {
+            let first_frame = Some((*first, Some(i64::from(id) * 1_000_000_000)));
+            bus.nodes.entry(NodeId::Canopen(id)).unwrap().first_frame = first_frame;
+        }
         bus.beginning()
     }
 

@@ -19,24 +19,38 @@ const LONGEST_RUN: usize = 5;
 /// Stuffing states: start, and runs of 1 to 4 zeros or ones.
 const STATES: usize = 9;
 
-/// CRC after one byte, for a register whose other bits are zero.
-static CRC: [u16; 256] = crc_table();
+/// Maximum number of bytes of the CRC: 39 bits of an extended header, padded with zeros in front, and data.
+const CRC_BYTES: usize = 5 + 8;
 
-/// Number of stuff bits for a byte, and the next state, by the current state.
-static STUFF: [[(u8, u8); 256]; STATES] = stuff_table();
+/// CRC of a byte that is followed by n bytes of zeros, by n. The CRC of bytes is the sum of their CRCs.
+static CRC: [[u16; 256]; CRC_BYTES] = crc_table();
+
+/// Stuffing table: by state and bits, the next state and the number of stuff bits as in [`Stuffing`]. Rows beyond
+/// the states are unused.
+type StuffTable = [u32; 16 << 8];
+
+/// Stuffing of eight bits.
+static STUFF: StuffTable = stuff_table(true);
+
+/// Stuffing of fewer than eight bits, after a 1 that marks their number.
+static STUFF_PART: StuffTable = stuff_table(false);
 
 #[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "evaluated at compile time")]
-const fn crc_table() -> [u16; 256] {
-    let mut table = [0; 256];
+const fn crc_table() -> [[u16; 256]; CRC_BYTES] {
+    let mut table = [[0; 256]; CRC_BYTES];
     let mut byte = 0;
     while byte < 256 {
         let mut crc = (byte as u16) << 7;
-        let mut bit = 0;
-        while bit < 8 {
-            crc = crc_step(crc, false);
-            bit += 1;
+        let mut following = 0;
+        while following < CRC_BYTES {
+            let mut bit = 0;
+            while bit < 8 {
+                crc = crc_step(crc, false);
+                bit += 1;
+            }
+            table[following][byte] = crc;
+            following += 1;
         }
-        table[byte] = crc;
         byte += 1;
     }
     table
@@ -49,22 +63,22 @@ const fn crc_step(crc: u16, bit: bool) -> u16 {
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::indexing_slicing, reason = "evaluated at compile time")]
-const fn stuff_table() -> [[(u8, u8); 256]; STATES] {
-    let mut table = [[(0, 0); 256]; STATES];
+const fn stuff_table(is_whole: bool) -> StuffTable {
+    let mut table = [0; 16 << 8];
     let mut state = 0;
     while state < STATES {
-        let mut byte = 0;
-        while byte < 256 {
+        let mut bits = if is_whole { 0 } else { 1 };
+        while bits < 256_u32 {
             let (mut stuffed, mut now) = (0, state);
-            let mut place = 8;
+            let mut place = if is_whole { 8 } else { bits.ilog2() };
             while place > 0 {
                 place -= 1;
-                let (more, next) = stuff_step(now, byte >> place & 1 != 0);
+                let (more, next) = stuff_step(now, bits >> place & 1 != 0);
                 stuffed += more;
                 now = next;
             }
-            table[state][byte] = (stuffed, now as u8);
-            byte += 1;
+            table[state << 8 | bits as usize] = stuffed << 16 | (now as u32) << 8;
+            bits += 1;
         }
         state += 1;
     }
@@ -72,7 +86,7 @@ const fn stuff_table() -> [[(u8, u8); 256]; STATES] {
 }
 
 /// Next state: 0 is the start, 1 to 4 a run of that many zeros, 5 to 8 a run of 1 to 4 ones.
-const fn stuff_step(state: usize, bit: bool) -> (u8, usize) {
+const fn stuff_step(state: usize, bit: bool) -> (u32, usize) {
     let (last, run) = if state > 4 { (true, state - 4) } else { (false, state) };
     let run = if run > 0 && last == bit { run + 1 } else { 1 };
     // The stuff bit has the opposite value and starts a new run.
@@ -80,79 +94,173 @@ const fn stuff_step(state: usize, bit: bool) -> (u8, usize) {
     (stuffed, if bit { run + 4 } else { run })
 }
 
-/// Counter for bits on the wire.
-#[derive(Default)]
-struct Wire {
-    crc: u16,
-    bits: u32,
-    state: usize,
+/// Bits sent so far: stuffing state in bits 8 to 11, number of stuff bits in bits 16 to 31.
+#[derive(Debug, Clone, Copy, Default)]
+struct Stuffing(u32);
+
+impl Stuffing {
+    const STATE: u32 = 0xF00;
+
+    #[inline]
+    fn send(&mut self, table: &StuffTable, bits: u8) {
+        let entry = table.get((self.0 & Self::STATE | u32::from(bits)) as usize).copied().unwrap_or(0);
+        self.0 = (self.0 & !Self::STATE).wrapping_add(entry);
+    }
+
+    fn stuff_bits(self) -> u32 {
+        self.0 >> 16
+    }
 }
 
-impl Wire {
-    /// Sends the lowest `width` bits, most significant bit first.
-    fn send(&mut self, value: u32, width: u32) {
-        let whole = width / 8 * 8;
-        for place in (whole..width).rev() {
-            let bit = value >> place & 1 != 0;
-            self.crc = crc_step(self.crc, bit);
-            self.stuff(bit);
+/// Properties of a classic frame, apart from its identifier, that determine the bits before the data.
+#[derive(Debug, Clone, Copy)]
+struct FrameShape {
+    is_remote: bool,
+    dlc: u8,
+    /// Number of data bytes, at most 8.
+    length: u8,
+}
+
+impl FrameShape {
+    fn of(frame: &Frame) -> Self {
+        let is_remote = frame.flags.contains(FrameFlags::REMOTE);
+        let length = frame.length.min(8);
+        let dlc = if frame.raw_dlc > 8 { frame.raw_dlc } else { length };
+        Self { is_remote, dlc, length: if is_remote { 0 } else { length } }
+    }
+}
+
+/// Data bytes of a classic frame as one number, the first byte highest, and zeros after them.
+#[inline]
+fn payload(frame: &Frame, mask: u64) -> u64 {
+    u64::from_be_bytes(frame.bytes.first_chunk().copied().unwrap_or_default()) & mask
+}
+
+/// Mask of [`payload`] for up to eight bytes.
+fn mask(length: u8) -> u64 {
+    !u64::MAX.checked_shr(8 * u32::from(length)).unwrap_or(0)
+}
+
+/// State after SOF to DLC, and the CRC of these bits with the data as zeros.
+#[derive(Debug, Clone, Copy, Default)]
+struct Header {
+    crc: u16,
+    stuffing: Stuffing,
+    /// Bits of the frame without stuff bits.
+    bits: u32,
+    length: u8,
+}
+
+impl Header {
+    fn of(id: CanId, FrameShape { is_remote, dlc, length }: FrameShape) -> Self {
+        let end = u64::from(is_remote) << 6 | u64::from(dlc & 0xF);
+        let mut stuffing = Stuffing::default();
+        let following = usize::from(length);
+        let (mut crc, width, last) = match id {
+            CanId::Standard(id) => {
+                // SOF, identifier, RTR, IDE, r0, DLC.
+                let [last, middle, first, ..] = (u64::from(id & 0x7FF) << 7 | end).to_le_bytes();
+                stuffing.send(&STUFF_PART, 1 << 3 | first);
+                stuffing.send(&STUFF, middle);
+                (crc_of(first, following + 2) ^ crc_of(middle, following + 1), 19, last)
+            }
+            CanId::Extended(id) => {
+                // SOF, eleven bits, SRR, IDE; eighteen bits, RTR, r1, r0, DLC.
+                let id = u64::from(id & 0x1FFF_FFFF);
+                let bits = id >> 18 << 27 | 0b11 << 25 | (id & 0x3_FFFF) << 7 | end;
+                let [last, fourth, third, second, first, ..] = bits.to_le_bytes();
+                stuffing.send(&STUFF_PART, 1 << 7 | first);
+                for byte in [second, third, fourth] {
+                    stuffing.send(&STUFF, byte);
+                }
+                let upper = crc_of(first, following + 4) ^ crc_of(second, following + 3);
+                (upper ^ crc_of(third, following + 2) ^ crc_of(fourth, following + 1), 39, last)
+            }
+        };
+        stuffing.send(&STUFF, last);
+        crc ^= crc_of(last, following);
+        Self { crc, stuffing, bits: width + 8 * u32::from(length) + 15 + UNSTUFFED, length }
+    }
+
+    /// Number of bits of a frame with this header and [`payload`].
+    fn with(self, payload: u64) -> u32 {
+        let Self { mut crc, mut stuffing, bits, length } = self;
+        // The last byte is the lowest. Bytes of zeros in front of the data do not change the CRC.
+        let aligned = payload.checked_shr(64 - 8 * u32::from(length)).unwrap_or(0).to_le_bytes();
+        for (following, byte) in aligned.into_iter().enumerate() {
+            crc ^= crc_of(byte, following);
         }
-        for place in (0..whole / 8).rev() {
-            let [.., byte] = (value >> (place * 8)).to_be_bytes();
-            self.byte(byte);
+        let mut rest = payload.swap_bytes();
+        for _ in 0..length {
+            stuffing.send(&STUFF, rest.to_le_bytes()[0]);
+            rest >>= 8;
         }
+        let [high, low] = crc.to_be_bytes();
+        stuffing.send(&STUFF_PART, 1 << 7 | high);
+        stuffing.send(&STUFF, low);
+        bits + stuffing.stuff_bits()
     }
+}
 
-    fn byte(&mut self, byte: u8) {
-        let [.., front] = (self.crc >> 7).to_be_bytes();
-        self.crc = self.crc << 8 & 0x7FFF ^ CRC.get(usize::from(front ^ byte)).copied().unwrap_or(0);
-        self.stuff_byte(byte);
-    }
+/// CRC of a byte that `following` bytes of zeros follow.
+#[inline]
+fn crc_of(byte: u8, following: usize) -> u16 {
+    CRC.get(following).and_then(|row| row.get(usize::from(byte))).copied().unwrap_or(0)
+}
 
-    fn stuff(&mut self, bit: bool) {
-        let (stuffed, state) = stuff_step(self.state, bit);
-        self.bits += 1 + u32::from(stuffed);
-        self.state = state;
-    }
-
-    fn stuff_byte(&mut self, byte: u8) {
-        let row = STUFF.get(self.state).and_then(|row| row.get(usize::from(byte)));
-        let (stuffed, state) = row.copied().unwrap_or((0, 0));
-        self.bits += 8 + u32::from(stuffed);
-        self.state = usize::from(state);
-    }
-
-    fn finish(mut self) -> u32 {
-        let [high, low] = self.crc.to_be_bytes();
-        for place in (0..7).rev() {
-            self.stuff(high >> place & 1 != 0);
-        }
-        self.stuff_byte(low);
-        self.bits + UNSTUFFED
-    }
+/// Whether the length of a frame cannot be computed.
+#[inline]
+fn is_unknown(frame: &Frame) -> bool {
+    frame.flags.0 & (FrameFlags::FD.0 | FrameFlags::ERROR.0) != 0
 }
 
 /// Number of bits of a frame including intermission; `None` for FD and error frames.
 pub fn frame_bits(frame: &Frame) -> Option<u32> {
-    if frame.flags.0 & (FrameFlags::FD.0 | FrameFlags::ERROR.0) != 0 {
+    if is_unknown(frame) {
         return None;
     }
-    let remote = u32::from(frame.flags.contains(FrameFlags::REMOTE));
-    let dlc = u32::from(if frame.raw_dlc > 8 { frame.raw_dlc } else { frame.length.min(8) });
-    let mut wire = Wire::default();
-    match frame.id {
-        // SOF, identifier, RTR, IDE, r0, DLC.
-        CanId::Standard(id) => wire.send(u32::from(id) << 7 | remote << 6 | dlc, 19),
-        CanId::Extended(id) => {
-            // SOF, eleven bits, SRR, IDE; eighteen bits, RTR, r1, r0, DLC.
-            wire.send(id >> 18 << 2 | 0b11, 14);
-            wire.send((id & 0x3_FFFF) << 7 | remote << 6 | dlc, 25);
+    let header = Header::of(frame.id, FrameShape::of(frame));
+    Some(header.with(payload(frame, mask(header.length))))
+}
+
+/// Number of bits of the last frame of one identifier: computed again only if the frame changes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LastFrameBits {
+    /// Length, DLC and flags of the last frame; the last byte is 0 before the first frame.
+    shape: [u8; 4],
+    header: Header,
+    mask: u64,
+    payload: u64,
+    bits: u32,
+}
+
+impl LastFrameBits {
+    /// As [`frame_bits`], for a frame of the same identifier as all others.
+    #[inline]
+    pub(super) fn of(&mut self, frame: &Frame) -> Option<u32> {
+        if is_unknown(frame) {
+            return None;
         }
+        let shape = [frame.length, frame.raw_dlc, frame.flags.0 & FrameFlags::REMOTE.0, 1];
+        if shape != self.shape {
+            self.set_shape(frame, shape);
+        }
+        let payload = payload(frame, self.mask);
+        if payload != self.payload {
+            self.payload = payload;
+            self.bits = self.header.with(payload);
+        }
+        Some(self.bits)
     }
-    for byte in frame.data().iter().take(8) {
-        wire.byte(*byte);
+
+    #[cold]
+    fn set_shape(&mut self, frame: &Frame, shape: [u8; 4]) {
+        self.shape = shape;
+        self.header = Header::of(frame.id, FrameShape::of(frame));
+        self.mask = mask(self.header.length);
+        self.payload = payload(frame, self.mask);
+        self.bits = self.header.with(self.payload);
     }
-    Some(wire.finish())
 }
 
 #[cfg(test)]
@@ -184,16 +292,17 @@ mod tests {
         let mut bits = vec![false];
         let mut push =
             |value: u32, width: u32| bits.extend((0..width).rev().map(|place| value >> place & 1 != 0));
+        let remote = u32::from(frame.flags.contains(FrameFlags::REMOTE));
         match frame.id {
-            CanId::Standard(id) => push(u32::from(id) << 3, 14),
+            CanId::Standard(id) => push(u32::from(id) << 3 | remote << 2, 14),
             CanId::Extended(id) => {
                 push(id >> 18, 11);
                 push(0b11, 2);
                 push(id, 18);
-                push(0, 3);
+                push(remote << 2, 3);
             }
         }
-        push(u32::from(frame.length), 4);
+        push(u32::from(if frame.raw_dlc > 8 { frame.raw_dlc } else { frame.length }), 4);
         frame.data().iter().for_each(|byte| push(u32::from(*byte), 8));
         let crc = bits.iter().fold(0, |crc, bit| crc_step(crc, *bit));
         bits.extend((0..15).rev().map(|place| crc >> place & 1 != 0));
@@ -211,11 +320,42 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn tables_count_as_bits_do(id: u32, is_long: bool, data in proptest::collection::vec(0_u8.., 0..=8)) {
+        fn tables_count_as_bits_do(
+            id: u32,
+            is_long: bool,
+            frames in proptest::collection::vec(
+                (proptest::collection::vec(0_u8.., 0..=8), 0_u8..16, proptest::bool::ANY, 0_u8..3), 1..6
+            ),
+        ) {
             let id = if is_long { CanId::extended(id) } else { CanId::standard((id & 0x7FF) as u16) };
-            let frame = Frame::data_frame(id, &data);
-            proptest::prop_assert_eq!(frame_bits(&frame), Some(slowly(&frame)));
+            let mut last = LastFrameBits::default();
+            for (data, raw_dlc, is_remote, repeats) in frames {
+                let raw_dlc = if data.len() == 8 { raw_dlc } else { 0 };
+                let mut frame = Frame { raw_dlc, ..Frame::data_frame(id, &data) };
+                if is_remote {
+                    frame.flags = FrameFlags::REMOTE;
+                }
+                // Bytes after the data do not count.
+                frame.bytes[8..].fill(0x55);
+                frame.bytes[data.len()..].iter_mut().for_each(|byte| *byte |= raw_dlc);
+                let expected = Some(slowly(&frame));
+                proptest::prop_assert_eq!(frame_bits(&frame), expected);
+                for _ in 0..=repeats {
+                    proptest::prop_assert_eq!(last.of(&frame), expected);
+                }
+            }
         }
+    }
+
+    #[test]
+    fn frames_without_a_known_length_have_no_bits() {
+        let mut last = LastFrameBits::default();
+        let frame = Frame::data_frame(CanId::standard(0x555), &[]);
+        for flags in [FrameFlags::FD, FrameFlags::ERROR] {
+            let frame = Frame { flags, ..frame };
+            assert_eq!((frame_bits(&frame), last.of(&frame)), (None, None));
+        }
+        assert_eq!(last.of(&frame), Some(48));
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! Statistics of one bus: identifiers, load, nodes, NMT master.
 
-use std::collections::BTreeMap;
-
-use super::{Intervals, Load, NodeStatistics};
+use super::bits::LastFrameBits;
+use super::identifier_index::IdentifierIndex;
+use super::node_table::NodeTable;
+use super::{Intervals, Load, NodeStatistics, frame_bits};
 use crate::event::{Event, EventKind, Protocol};
 use crate::frame::{CanId, Frame, FrameFlags};
-use crate::session::Bus;
+use crate::profile::PdoName;
+use crate::session::{Bus, Preview};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -19,6 +21,7 @@ pub struct IdStatistics {
     pub frames: u64,
     /// Time between frames.
     pub intervals: Intervals,
+    bits: LastFrameBits,
 }
 
 /// Statistics of the NMT master, whose node-ID is not visible on CAN.
@@ -41,14 +44,14 @@ pub struct MasterStatistics {
 /// Statistics of one bus.
 #[derive(Debug, Clone, Default)]
 pub struct BusStatistics {
-    /// Statistics per identifier and remote flag.
-    pub ids: BTreeMap<(CanId, bool), IdStatistics>,
+    /// Statistics per identifier and remote flag, in order of appearance.
+    ids: Vec<((CanId, bool), IdStatistics)>,
+    index: IdentifierIndex,
     /// Number of frames of further identifiers, beyond the first 4,096.
     pub other_ids: u64,
     /// Bus load.
     pub load: Load,
-    /// Statistics per node.
-    pub nodes: BTreeMap<NodeId, NodeStatistics>,
+    pub(super) nodes: NodeTable,
     /// NMT master and SYNC producer.
     pub master: MasterStatistics,
     /// Number of frames of no known protocol.
@@ -63,21 +66,49 @@ impl BusStatistics {
     /// Counts a frame.
     pub fn frame(&mut self, frame: &Frame) {
         let time = frame.time.map(|time| time.0);
-        self.load.add(frame, time);
-        if frame.flags.contains(FrameFlags::ERROR) {
-            return;
-        }
-        let key = (frame.id, frame.flags.contains(FrameFlags::REMOTE));
-        let fits = self.ids.len() < MOST_IDS || self.ids.contains_key(&key);
-        if !fits {
+        let bits = if frame.flags.contains(FrameFlags::ERROR) {
+            None
+        } else if let Some(id) = self.id_entry(frame) {
+            id.frames += 1;
+            if let Some(time) = time {
+                id.intervals.add(time);
+            }
+            id.bits.of(frame)
+        } else {
             self.other_ids += 1;
-            return;
+            frame_bits(frame)
+        };
+        self.load.add(bits.unwrap_or(0), time);
+    }
+
+    /// Statistics of the identifier of a frame, created if missing; None beyond [`MOST_IDS`].
+    #[inline]
+    fn id_entry(&mut self, frame: &Frame) -> Option<&mut IdStatistics> {
+        let rows = self.ids.len();
+        let place = self.index.place(frame, rows, MOST_IDS)?;
+        if place == rows {
+            let key = (frame.id, frame.flags.contains(FrameFlags::REMOTE));
+            self.ids.push((key, IdStatistics::default()));
         }
-        let id = self.ids.entry(key).or_default();
-        id.frames += 1;
-        if let Some(time) = time {
-            id.intervals.add(time);
-        }
+        self.ids.get_mut(place).map(|(_, statistics)| statistics)
+    }
+
+    /// Statistics per identifier and remote flag, in ascending order.
+    pub fn ids(&self) -> Vec<(CanId, bool, &IdStatistics)> {
+        let mut ids: Vec<_> =
+            self.ids.iter().map(|((id, is_remote), figures)| (*id, *is_remote, figures)).collect();
+        ids.sort_by_key(|(id, is_remote, _)| (*id, *is_remote));
+        ids
+    }
+
+    /// Statistics per node, in ascending order.
+    pub fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeStatistics)> + use<'_> {
+        self.nodes.iter()
+    }
+
+    /// Statistics of a node.
+    pub fn node(&self, node: NodeId) -> Option<&NodeStatistics> {
+        self.nodes.get(node)
     }
 
     fn count_presumed(&mut self, event: &Event) {
@@ -88,6 +119,16 @@ impl BusStatistics {
         let is_malformed = matches!(event.kind, EventKind::Malformed { .. });
         self.presumed.0 += u64::from(is_message || is_malformed);
         self.presumed.1 += u64::from(is_malformed);
+    }
+
+    /// Counts a PDO without an event. Its identifier is known from an event.
+    #[inline]
+    pub(super) fn skip(&mut self, (pdo, node): (PdoName, NodeId), preview: &Preview) {
+        let Some(node) = self.nodes.entry(node) else { return };
+        node.pdos += 1;
+        if preview.change != 0 {
+            node.reactions.pdo(pdo, preview.time.0, preview.frame);
+        }
     }
 
     /// Removes the CANopen figures of a bus that proved not to be CANopen; nodes that the user named keep theirs.
@@ -104,7 +145,7 @@ impl BusStatistics {
         }
         // The predefined connection set assigns every identifier to a node, present or not.
         let is_absent = |id, node: &NodeStatistics| bus.node(id).is_none() && node.has_only_pdos();
-        self.nodes.retain(|id, node| !bus.is_withdrawn(Some(*id)) && !is_absent(*id, node));
+        self.nodes.retain(|id, node| !bus.is_withdrawn(Some(id)) && !is_absent(id, node));
     }
 
     /// Counts an event.
@@ -136,8 +177,8 @@ impl BusStatistics {
         if event.presumed && event.protocol == Protocol::Canopen {
             self.count_presumed(event);
         }
-        if let Some(node) = event.node {
-            self.nodes.entry(node).or_default().event(event);
+        if let Some(node) = event.node.and_then(|node| self.nodes.entry(node)) {
+            node.event(event);
         }
     }
 }
@@ -152,6 +193,23 @@ mod tests {
         for id in 0..5_000 {
             bus.frame(&Frame::data_frame(CanId::extended(id), &[]));
         }
-        assert_eq!((bus.ids.len(), bus.other_ids), (MOST_IDS, 5_000 - MOST_IDS as u64));
+        assert_eq!((bus.ids().len(), bus.other_ids), (MOST_IDS, 5_000 - MOST_IDS as u64));
+        let bits = (0..5_000).map(|id| frame_bits(&Frame::data_frame(CanId::extended(id), &[])).unwrap());
+        assert_eq!(bus.load.bits, bits.map(u64::from).sum::<u64>());
+    }
+
+    #[test]
+    fn identifiers_are_sorted_and_remote_frames_counted_apart() {
+        let mut bus = BusStatistics::default();
+        let remote = Frame { flags: FrameFlags::REMOTE, ..Frame::data_frame(CanId::standard(0x705), &[]) };
+        let data = Frame::data_frame(CanId::standard(0x705), &[5]);
+        let error = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(4), &[0; 8]) };
+        for frame in [Frame::data_frame(CanId::extended(1), &[]), remote, data, data, error] {
+            bus.frame(&frame);
+        }
+        let ids: Vec<_> = bus.ids().iter().map(|(id, is_remote, it)| (*id, *is_remote, it.frames)).collect();
+        let id = CanId::standard(0x705);
+        assert_eq!(ids, [(id, false, 2), (id, true, 1), (CanId::extended(1), false, 1)]);
+        assert_eq!(bus.load.frames, 5);
     }
 }

@@ -59,9 +59,10 @@ impl Distribution {
             return Some(self.max);
         }
         if self.classes.is_empty() {
-            let mut sorted = self.exact.clone();
-            sorted.sort_unstable();
-            return sorted.get(usize::try_from(rank).ok()? - 1).copied();
+            let place =
+                usize::try_from(rank).ok()?.checked_sub(1).filter(|place| *place < self.exact.len())?;
+            let mut values = self.exact.clone();
+            return Some(*values.select_nth_unstable(place).1);
         }
         let mut seen = 0_u128;
         let class = self.classes.iter().position(|count| {

@@ -1,11 +1,9 @@
 //! Last payload, frequency and regularity of each identifier: one row per bus, identifier and remote flag.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
-use foldhash::fast::FixedState;
-
 use super::Intervals;
+use super::identifier_index::IdentifierIndex;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
 use crate::profile::{Layout, PdoName};
@@ -13,12 +11,6 @@ use crate::wire::NodeId;
 
 /// Maximum number of rows on all buses; frames of further identifiers are only counted.
 pub const MOST_ROWS: usize = 4096;
-
-/// Number of 11-bit identifiers, for data and remote frames.
-const STANDARD: usize = 2 * 2048;
-
-/// Marks an identifier without a row.
-const NONE: u16 = u16::MAX;
 
 /// Row of one identifier on one bus; remote frames have a separate row.
 #[derive(Debug, Clone)]
@@ -153,8 +145,8 @@ fn between(from: usize, to: usize) -> u64 {
 #[derive(Debug, Clone, Default)]
 pub struct Identifiers {
     rows: Vec<IdentifierRow>,
-    standard: Vec<Box<[u16]>>,
-    extended: HashMap<(BusIndex, u32, bool), u16, FixedState>,
+    /// By bus.
+    indexes: Vec<IdentifierIndex>,
     others: u64,
 }
 
@@ -210,32 +202,16 @@ impl Identifiers {
     }
 
     fn place(&mut self, frame: &Frame) -> Option<usize> {
-        let is_remote = frame.flags.contains(FrameFlags::REMOTE);
-        let found = match frame.id {
-            CanId::Standard(id) => {
-                let bus = usize::from(frame.bus.0);
-                while self.standard.len() <= bus {
-                    self.standard.push(vec![NONE; STANDARD].into());
-                }
-                let at = usize::from(id) + if is_remote { STANDARD / 2 } else { 0 };
-                self.standard.get_mut(bus)?.get_mut(at)?
-            }
-            CanId::Extended(id) => {
-                let key = (frame.bus, id, is_remote);
-                if self.rows.len() >= MOST_ROWS && !self.extended.contains_key(&key) {
-                    return None;
-                }
-                self.extended.entry(key).or_insert(NONE)
-            }
-        };
-        if *found == NONE {
-            if self.rows.len() >= MOST_ROWS {
-                return None;
-            }
-            *found = u16::try_from(self.rows.len()).ok()?;
+        let bus = usize::from(frame.bus.0);
+        if self.indexes.len() <= bus {
+            self.indexes.resize_with(bus + 1, IdentifierIndex::default);
+        }
+        let rows = self.rows.len();
+        let place = self.indexes.get_mut(bus)?.place(frame, rows, MOST_ROWS)?;
+        if place == rows {
             self.rows.push(IdentifierRow::new(frame));
         }
-        Some(usize::from(*found))
+        Some(place)
     }
 
     /// Rows in order of appearance.
@@ -251,8 +227,7 @@ impl Identifiers {
     /// Memory in use, in bytes.
     pub fn footprint(&self) -> usize {
         self.rows.len() * size_of::<IdentifierRow>()
-            + self.standard.len() * STANDARD * size_of::<u16>()
-            + self.extended.len() * 2 * size_of::<(BusIndex, u32, bool, u16)>()
+            + self.indexes.iter().map(IdentifierIndex::footprint).sum::<usize>()
     }
 }
 

@@ -20,11 +20,11 @@ impl BusStatistics {
     /// Statistics of all source addresses, from the identifiers that are counted separately.
     pub fn addresses(&self) -> BTreeMap<u8, AddressStatistics> {
         let mut addresses: BTreeMap<u8, AddressStatistics> = BTreeMap::new();
-        for ((id, is_remote), figures) in &self.ids {
+        for (id, is_remote, figures) in self.ids() {
             let CanId::Extended(number) = id else { continue };
             // ISO 15765 uses groups DA00 and DB00 for ISO-TP; its addresses are not those of J1939 devices.
-            let is_isotp = Addresses::of(*number).is_some();
-            let id = J1939Id::of(*number).filter(|id| !is_remote && !is_isotp && id.source < NO_ADDRESS);
+            let is_isotp = Addresses::of(number).is_some();
+            let id = J1939Id::of(number).filter(|id| !is_remote && !is_isotp && id.source < NO_ADDRESS);
             let Some(id) = id else { continue };
             let address = addresses.entry(id.source).or_default();
             address.frames = address.frames.saturating_add(figures.frames);

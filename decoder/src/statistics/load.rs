@@ -1,8 +1,5 @@
 //! Frames and bits on the bus: in total, and in the busiest second.
 
-use super::frame_bits;
-use crate::frame::Frame;
-
 /// Step of the sliding window in ns; the window has `PARTS` steps, that is 1 s.
 const PART: i64 = 100_000_000;
 const PARTS: i64 = 10;
@@ -22,6 +19,10 @@ pub struct Load {
     window: (u64, u64),
     /// Number of the current step.
     part: i64,
+    /// Index of the current step in `parts`.
+    part_index: usize,
+    /// End of the current step, in corrected time.
+    part_end: i64,
     first: i64,
     last: Option<i64>,
     /// Correction of timestamps after the clock was set back, so that frames do not accumulate in one second.
@@ -29,31 +30,40 @@ pub struct Load {
 }
 
 impl Load {
-    /// Counts a frame at `time`.
-    pub(super) fn add(&mut self, frame: &Frame, time: Option<i64>) {
-        let bits = u64::from(frame_bits(frame).unwrap_or(0));
+    /// Counts a frame of `bits` at `time`.
+    pub(super) fn add(&mut self, bits: u32, time: Option<i64>) {
+        let bits = u64::from(bits);
         self.frames += 1;
         self.bits += bits;
         let Some(time) = time else { return };
-        self.move_to(time);
-        if let Some(part) = self.parts.get_mut(place(self.part)) {
+        let now = time.saturating_add(self.offset);
+        if self.last.is_some_and(|last| (last..self.part_end).contains(&now)) {
+            self.last = Some(now);
+        } else {
+            self.move_to(time);
+        }
+        if let Some(part) = self.parts.get_mut(self.part_index) {
             *part = (part.0 + 1, part.1 + bits);
         }
         self.window = (self.window.0 + 1, self.window.1 + bits);
-        let began = (self.part - PARTS + 1).saturating_mul(PART).saturating_sub(self.offset).max(self.first);
         if self.window.0 > self.worst_frames.0 {
-            self.worst_frames = (self.window.0, began);
+            self.worst_frames = (self.window.0, self.began());
         }
         if self.window.1 > self.worst_bits.0 {
-            self.worst_bits = (self.window.1, began);
+            self.worst_bits = (self.window.1, self.began());
         }
+    }
+
+    /// Start of the window.
+    fn began(&self) -> i64 {
+        (self.part - PARTS + 1).saturating_mul(PART).saturating_sub(self.offset).max(self.first)
     }
 
     /// Moves the window to `time`.
     fn move_to(&mut self, time: i64) {
         let Some(last) = self.last else {
-            (self.last, self.first, self.part) = (Some(time), time, time.div_euclid(PART));
-            return;
+            (self.last, self.first) = (Some(time), time);
+            return self.set_part(time.div_euclid(PART));
         };
         let mut now = time.saturating_add(self.offset);
         if now < last {
@@ -64,30 +74,34 @@ impl Load {
         self.last = Some(now);
         let part = now.div_euclid(PART);
         for step in 1..=part.saturating_sub(self.part).clamp(0, PARTS) {
-            if let Some(old) = self.parts.get_mut(place(self.part.saturating_add(step))) {
+            if let Some(old) = self.parts.get_mut(index_of(self.part.saturating_add(step))) {
                 self.window = (self.window.0.saturating_sub(old.0), self.window.1.saturating_sub(old.1));
                 *old = (0, 0);
             }
         }
+        self.set_part(part);
+    }
+
+    fn set_part(&mut self, part: i64) {
         self.part = part;
+        self.part_index = index_of(part);
+        self.part_end = part.saturating_add(1).saturating_mul(PART);
     }
 }
 
-fn place(part: i64) -> usize {
+fn index_of(part: i64) -> usize {
     usize::try_from(part.rem_euclid(PARTS)).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::CanId;
 
     /// Load of frames of 48 bits at the given times in ms.
     fn load(milliseconds: impl Iterator<Item = i64>) -> Load {
         let mut load = Load::default();
-        let frame = Frame::data_frame(CanId::standard(0x555), &[]);
         for time in milliseconds {
-            load.add(&frame, Some(time * 1_000_000));
+            load.add(48, Some(time * 1_000_000));
         }
         load
     }

@@ -7,11 +7,13 @@ mod codes;
 mod distribution;
 mod first_frame;
 mod holes;
+mod identifier_index;
 mod identifiers;
 mod intervals;
 mod j1939;
 mod load;
 mod node;
+mod node_table;
 mod quality;
 mod reactions;
 mod span;
@@ -36,7 +38,7 @@ pub use span::span;
 
 use crate::event::Event;
 use crate::frame::Frame;
-use crate::session::Buses;
+use crate::session::{Bus, Buses, Preview};
 
 /// Statistics of one capture.
 #[derive(Debug, Clone, Default)]
@@ -60,6 +62,14 @@ impl Statistics {
         self.bus(event.bus.0).event(event);
     }
 
+    /// Counts a PDO or J1939 message without an event; see [`Observer::skip`](crate::session::Observer::skip).
+    #[inline]
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some((pdo, node)) = bus.pdo_at(preview.identifier) {
+            self.bus(bus.index().0).skip((pdo, node), preview);
+        }
+    }
+
     /// Removes figures of services that the traffic of a bus proved not to use; call it after the last event.
     pub fn withdraw(&mut self, buses: Buses<'_>) {
         for (statistics, bus) in self.buses.iter_mut().zip(buses) {
@@ -69,11 +79,15 @@ impl Statistics {
 
     fn bus(&mut self, index: u8) -> &mut BusStatistics {
         let place = usize::from(index);
-        while self.buses.len() <= place {
-            self.buses.push(BusStatistics::default());
+        if self.buses.len() <= place {
+            self.add_buses(place);
         }
-        // The loop ensures that the index exists.
-        #[expect(clippy::indexing_slicing, reason = "ensured by the loop above")]
+        #[expect(clippy::indexing_slicing, reason = "ensured by `add_buses`")]
         &mut self.buses[place]
+    }
+
+    #[cold]
+    fn add_buses(&mut self, last: usize) {
+        self.buses.resize_with(last + 1, BusStatistics::default);
     }
 }

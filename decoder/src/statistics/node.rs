@@ -42,6 +42,8 @@ pub struct NodeStatistics {
     pub pdos: u64,
     /// Names and COB-IDs of PDOs, up to [`MOST_CODES`].
     pub pdo_ids: Vec<(PdoName, CanId)>,
+    /// Index in `pdo_ids` of the PDO that is expected next.
+    next_pdo_id: usize,
     /// Reaction times of the controller.
     pub reactions: Reactions,
 }
@@ -76,7 +78,9 @@ impl NodeStatistics {
     /// Counts an event of this node.
     pub fn event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
-        self.first_frame = self.first_frame.or_else(|| Some((FirstFrame::of(event)?, time)));
+        if self.first_frame.is_none() {
+            self.first_frame = FirstFrame::of(event).map(|first| (first, time));
+        }
         self.reactions.event(event);
         match &event.kind {
             EventKind::Heartbeat { .. } => self.beat(time),
@@ -100,10 +104,7 @@ impl NodeStatistics {
             }
             EventKind::Pdo(pdo) => {
                 self.pdos += 1;
-                let id = (pdo.name, pdo.cob_id);
-                if !self.pdo_ids.contains(&id) && self.pdo_ids.len() < MOST_CODES {
-                    self.pdo_ids.push(id);
-                }
+                self.count_pdo_id((pdo.name, pdo.cob_id));
             }
             EventKind::SdoTransfer(transfer) => self.transfer(transfer, time),
             EventKind::AddressClaim(_) => self.claims += 1,
@@ -111,6 +112,25 @@ impl NodeStatistics {
                 self.dtcs.add(dtc_key(dtc.spn, dtc.fmi));
             }
             _ => {}
+        }
+    }
+
+    /// Adds the name and COB-ID of a PDO. PDOs repeat in their order, so the one after the last PDO is compared first.
+    #[inline]
+    fn count_pdo_id(&mut self, id: (PdoName, CanId)) {
+        if self.pdo_ids.get(self.next_pdo_id) != Some(&id) {
+            match self.pdo_ids.iter().position(|known| *known == id) {
+                Some(place) => self.next_pdo_id = place,
+                None if self.pdo_ids.len() < MOST_CODES => {
+                    self.next_pdo_id = self.pdo_ids.len();
+                    self.pdo_ids.push(id);
+                }
+                None => return,
+            }
+        }
+        self.next_pdo_id += 1;
+        if self.next_pdo_id >= self.pdo_ids.len() {
+            self.next_pdo_id = 0;
         }
     }
 
@@ -144,5 +164,28 @@ impl NodeStatistics {
             self.think_time.add(start.saturating_sub(last));
         }
         self.last_transfer = answered.then_some(end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::PdoDirection;
+
+    #[test]
+    fn pdos_are_listed_once_in_order_of_appearance() {
+        let pdo = |number: u16| {
+            let name = PdoName { direction: PdoDirection::Transmit, number };
+            (name, CanId::standard(0x180 + number))
+        };
+        let mut node = NodeStatistics::default();
+        for number in [1, 2, 1, 2, 3, 1, 3, 2, 1, 2, 3] {
+            node.count_pdo_id(pdo(number));
+        }
+        assert_eq!(node.pdo_ids, [1, 2, 3].map(pdo));
+        for number in (1..=200).chain(1..=200) {
+            node.count_pdo_id(pdo(number));
+        }
+        assert_eq!((node.pdo_ids.len(), node.pdo_ids.last()), (MOST_CODES, Some(&pdo(64))));
     }
 }

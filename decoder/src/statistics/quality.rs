@@ -3,7 +3,7 @@
 use super::holes::{Holes, is_evidence};
 use super::span::span;
 use crate::event::{Event, EventKind};
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::{Frame, FrameFlags, Timestamp};
 use crate::profile;
 use crate::words::plural;
 
@@ -63,28 +63,51 @@ const COUNTERS: u32 = 0x200;
 
 impl Quality {
     /// Counts a frame.
+    #[inline]
     pub fn frame(&mut self, frame: &Frame) {
         self.frames += 1;
         if frame.flags.contains(FrameFlags::ERROR) {
-            // New counters alone are a state of the controller, not an error on the bus.
-            self.error_frames += u64::from(frame.id.number() != COUNTERS);
-            let names = &profile::can_errors().classes;
-            for name in names.names(frame.id.number()).filter(|name| *name != "counters") {
-                match self.error_classes.iter_mut().find(|(known, _)| known == name) {
-                    Some((_, count)) => *count += 1,
-                    None => self.error_classes.push((name.to_owned(), 1)),
-                }
-            }
+            self.error_frame(frame);
         }
-        if let Some(time) = frame.time {
-            self.first = Some(self.first.map_or(time.0, |first| first.min(time.0)));
-            self.last = Some(self.last.map_or(time.0, |last| last.max(time.0)));
-            self.stamps.add(time.0);
+        let Some(Timestamp(time)) = frame.time else { return };
+        match &mut self.last {
+            // A later timestamp changes nothing else, once enough of them were judged.
+            Some(last) if time >= *last && self.stamps.count >= JUDGED => *last = time,
+            _ => self.stamp(time),
         }
     }
 
+    #[cold]
+    fn error_frame(&mut self, frame: &Frame) {
+        // New counters alone are a state of the controller, not an error on the bus.
+        self.error_frames += u64::from(frame.id.number() != COUNTERS);
+        let names = &profile::can_errors().classes;
+        for name in names.names(frame.id.number()).filter(|name| *name != "counters") {
+            match self.error_classes.iter_mut().find(|(known, _)| known == name) {
+                Some((_, count)) => *count += 1,
+                None => self.error_classes.push((name.to_owned(), 1)),
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn stamp(&mut self, time: i64) {
+        self.first = Some(self.first.map_or(time, |first| first.min(time)));
+        self.last = Some(self.last.map_or(time, |last| last.max(time)));
+        self.stamps.add(time);
+    }
+
     /// Counts an event.
+    #[inline]
     pub fn event(&mut self, event: &Event) {
+        // The most frequent kinds concern only their node.
+        if !matches!(event.kind, EventKind::Pdo(_) | EventKind::Heartbeat { .. } | EventKind::J1939Message(_))
+        {
+            self.event_of_capture(event);
+        }
+    }
+
+    fn event_of_capture(&mut self, event: &Event) {
         if is_evidence(&event.kind) {
             self.holes.event(event);
         }

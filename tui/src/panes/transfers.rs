@@ -11,7 +11,7 @@
 use std::borrow::Cow;
 use std::cmp::Ordering;
 
-use cobscope_decoder::statistics::Distribution;
+use cobscope_decoder::statistics::{BusStatistics, Distribution};
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -248,7 +248,7 @@ impl Transfers {
 
 /// Median and maximum duration of the SDO transfers of each node, over the whole capture.
 fn latencies(survey: &Survey) -> Option<String> {
-    let nodes = survey.statistics.buses.iter().flat_map(|bus| &bus.nodes);
+    let nodes = survey.statistics.buses.iter().flat_map(BusStatistics::nodes);
     let part = |of: &Distribution, percent| of.percentile(percent).map_or(String::new(), millis);
     let told: Vec<String> = nodes
         .filter(|(_, node)| node.sdo_duration.count() > 0)

@@ -190,7 +190,12 @@ impl Selection {
     }
 
     /// Whether a frame is in the range.
+    #[inline]
     pub fn admits_frame(&mut self, frame: &Frame) -> bool {
+        if self.from.is_none() && self.to.is_none() {
+            self.is_reached = true;
+            return true;
+        }
         let is_late_enough = !self.from.is_some_and(|from| from.is_behind(frame, self.first));
         self.is_reached |= is_late_enough;
         is_late_enough && !self.to.is_some_and(|to| to.is_before(frame, self.first))

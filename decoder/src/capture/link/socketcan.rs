@@ -122,21 +122,24 @@ impl fmt::Display for InvalidFrame {
 /// Always copies eight bytes: a branch on the length would cost more.
 #[inline]
 pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrder, slot: &mut Frame) -> bool {
-    let &[id @ .., l0, l1, l2, l3, _, _, _, _, _, _, _, _] = window;
-    let word = order.word(id);
-    let room = captured.wrapping_sub(8);
+    let [head, data] = bytemuck::must_cast_ref(window);
+    let head = u64::from_le_bytes(*head);
+    let [length, ..] = (head >> 32).to_le_bytes();
+    // The lowest four bytes.
+    let word = (head & 0xFFFF_FFFF) as u32;
+    let word = if order.is_little { word } else { word.swap_bytes() };
+    let room = u64::from(captured.wrapping_sub(8));
     // Flags and reserved bytes must be zero, so that the four bytes as one number equal the length.
-    let length = u32::from_le_bytes([l0, l1, l2, l3]);
     let is_usual = word & EXTENDED != 0 || word & ABOVE_STANDARD == 0;
-    if room > 8 || length > room || word & (REMOTE | ERROR) != 0 || !is_usual {
+    if room > 8 || head >> 32 > room || word & (REMOTE | ERROR) != 0 || !is_usual {
         return false;
     }
     slot.id =
         if word & EXTENDED == 0 { CanId::standard((word & 0x7FF) as u16) } else { CanId::extended(word) };
     slot.flags = FrameFlags(0);
-    slot.length = l0;
+    slot.length = length;
     slot.raw_dlc = 0;
-    if let (Some(target), Some(data)) = (slot.bytes.first_chunk_mut::<8>(), window.last_chunk()) {
+    if let Some(target) = slot.bytes.first_chunk_mut::<8>() {
         *target = *data;
     }
     true

@@ -34,10 +34,9 @@ impl Lines {
         self.skipping
     }
 
-    /// Counts a line that was read without [`Lines::next`].
-    #[inline]
-    pub(in crate::capture) fn count_one(&mut self) {
-        self.number += 1;
+    /// Counts lines that were read without [`Lines::next`].
+    pub(in crate::capture) fn count(&mut self, lines: u64) {
+        self.number = self.number.saturating_add(lines);
     }
 
     /// Returns the first line of `input`.

@@ -15,7 +15,7 @@ pub use ids::check_ids;
 use super::authored::TextProblem;
 use super::data_type::DataType;
 use super::device::{Device, MessageSpec, PdoField, ProfileFile};
-use super::dictionary::Object;
+use super::entry::Object;
 use super::formula::formula;
 use super::layout::PdoName;
 use super::object::VariantFilter;

@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use super::{Check, is_kebab};
 use crate::profile::data_type::DataType;
-use crate::profile::dictionary::{Dictionary, Entry, Object};
+use crate::profile::dictionary::Dictionary;
+use crate::profile::entry::{Entry, Object};
 use crate::profile::formula::formula;
 use crate::profile::names::{BitNames, Names};
 use crate::profile::object::{DefaultValue, Interpretation, ObjectCondition, Role, Scale};

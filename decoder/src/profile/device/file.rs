@@ -13,9 +13,9 @@ use super::{
 };
 use crate::profile::authored::{self, AuthoredEntry, Tables, TextProblem};
 use crate::profile::compiled;
-use crate::profile::dictionary::{Layer, Object};
+use crate::profile::entry::Object;
+use crate::profile::layer::{Layer, OBJECTS};
 use crate::profile::names::{BitNames, Names};
-use crate::profile::object::VariantFilter;
 use crate::profile::position::TextError;
 
 /// Max repeats expanded per machine, gate, procedure or rule; above the total that `check` accepts.
@@ -57,6 +57,18 @@ struct RawProfileFile {
     sample: Vec<Spanned<Sample>>,
 }
 
+impl RawProfileFile {
+    /// Tables that objects refer to by name.
+    fn take_tables(&mut self) -> Tables {
+        let values = std::mem::take(&mut self.values).into_iter();
+        let bits = std::mem::take(&mut self.bits).into_iter();
+        Tables {
+            values: values.map(|(name, it)| (name, Arc::new(it))).collect(),
+            bits: bits.map(|(name, it)| (name, Arc::new(it))).collect(),
+        }
+    }
+}
+
 /// A parsed profile with all its variants.
 #[derive(Debug)]
 pub struct ProfileFile {
@@ -78,19 +90,15 @@ impl ProfileFile {
     ///
     /// # Errors
     /// Same as [`Self::parse`]; a test proves that none occur.
-    pub(in crate::profile) fn compiled(compiled: &'static [u8], text: &str) -> Result<Self, Vec<TextError>> {
-        let file = compiled::read(compiled).map_err(|error| vec![TextError::of_toml(text, &error)])?;
-        Self::of(file, text)
+    pub(in crate::profile) fn compiled(compiled: &'static str, text: &str) -> Result<Self, Vec<TextError>> {
+        let wrong = |error: toml::de::Error| vec![TextError::of_toml(text, &error)];
+        let mut file: RawProfileFile = compiled::read_without(compiled, OBJECTS).map_err(wrong)?;
+        let objects = Layer::compiled(compiled, file.take_tables()).map_err(wrong)?;
+        Ok(Self { file, objects: Arc::new(objects) })
     }
 
     fn of(mut file: RawProfileFile, text: &str) -> Result<Self, Vec<TextError>> {
-        let tables = Tables {
-            values: std::mem::take(&mut file.values)
-                .into_iter()
-                .map(|(name, it)| (name, Arc::new(it)))
-                .collect(),
-            bits: std::mem::take(&mut file.bits).into_iter().map(|(name, it)| (name, Arc::new(it))).collect(),
-        };
+        let tables = file.take_tables();
         let mut wrong: Vec<TextProblem> = Vec::new();
         let objects = authored::objects(std::mem::take(&mut file.object), &tables, &mut wrong);
         if !wrong.is_empty() {
@@ -135,7 +143,7 @@ impl ProfileFile {
 
     /// Objects of all variants.
     pub fn objects(&self) -> &[Object] {
-        &self.objects
+        self.objects.objects()
     }
 
     /// Builds one variant of the device on top of the standards that it extends, in order of precedence.
@@ -172,7 +180,7 @@ impl ProfileFile {
             codes: file.codes.clone(),
             ..Device::default()
         };
-        device.dictionary.layers.push(self.objects_of(id));
+        device.dictionary.layers.push(self.objects.of_variant(id));
         device.emcy.code.retain(|code| code.only.allows(id));
         device.j1939.dtc.retain(|dtc| dtc.only.allows(id));
         device.aborts = file.abort.iter().filter(|abort| abort.only.allows(id)).cloned().collect();
@@ -184,22 +192,6 @@ impl ProfileFile {
         device.deciding = device.deciding_objects();
         device.share_error_texts();
         device
-    }
-
-    /// Objects of one variant.
-    fn objects_of(&self, variant: &str) -> Arc<Layer> {
-        let all = |only: &VariantFilter| only.allows(variant);
-        let complete =
-            |object: &Object| all(&object.only) && object.entries.iter().all(|entry| all(&entry.only));
-        if self.objects.iter().all(complete) {
-            return Arc::clone(&self.objects);
-        }
-        let chosen = self.objects.iter().filter(|object| all(&object.only)).map(|object| {
-            let mut object = object.clone();
-            object.entries.retain(|entry| all(&entry.only));
-            object
-        });
-        Arc::new(Layer::new(chosen.collect()))
     }
 
     fn add_behaviour(&self, device: &mut Device, variant: &str) {

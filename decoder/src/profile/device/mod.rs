@@ -46,7 +46,9 @@ pub use rule::{CountWindow, DeviceRule, RuleKind, Severity, Shape, VariableWindo
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
-use super::dictionary::{Dictionary, Object};
+use super::deciding::DecidingObjects;
+use super::dictionary::Dictionary;
+use super::entry::Object;
 use super::error_texts::{self, ErrorTexts};
 use crate::wire::canopen::ObjectAddress;
 
@@ -126,7 +128,7 @@ pub struct Device {
     /// General rules that do not apply to the device.
     pub waivers: Vec<Waiver>,
     /// Objects that decide the meaning of other objects or PDOs.
-    pub deciding: Vec<ObjectAddress>,
+    pub deciding: DecidingObjects,
     /// Device file that it originates from, completely or in part.
     pub file: Option<Import>,
     /// Samples with their position in the profile.
@@ -148,15 +150,9 @@ pub(super) struct Places {
 
 impl Device {
     /// Objects that modes, scales and PDO layouts depend on.
-    pub(super) fn deciding_objects(&self) -> Vec<ObjectAddress> {
-        let mut all = Vec::new();
-        for object in self.dictionary.layers.iter().flat_map(|layer| layer.iter()) {
-            object.deciding(&mut all);
-        }
-        all.extend(self.pdos.iter().filter_map(|pdo| pdo.when.as_ref()).map(|when| when.object.object));
-        all.sort_unstable();
-        all.dedup();
-        all
+    pub(super) fn deciding_objects(&self) -> DecidingObjects {
+        let of_pdos = self.pdos.iter().filter_map(|pdo| pdo.when.as_ref());
+        DecidingObjects::new(&self.dictionary, of_pdos.map(|when| when.object.object).collect())
     }
 
     /// Makes the texts of the error codes available to the meanings of objects.

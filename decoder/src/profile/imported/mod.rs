@@ -19,7 +19,8 @@ use std::sync::Arc;
 use self::printable::printable;
 use super::device::{Device, Identity};
 use super::device_file::{DeviceFile, Kind};
-use super::dictionary::{Dictionary, Layer};
+use super::dictionary::Dictionary;
+use super::layer::Layer;
 use super::standards::plain_device;
 use crate::wire::canopen::ObjectAddress;
 

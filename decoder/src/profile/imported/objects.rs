@@ -3,7 +3,8 @@
 use super::printable::printable;
 use crate::profile::DataType;
 use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
-use crate::profile::dictionary::{Dictionary, Entry, Object};
+use crate::profile::dictionary::Dictionary;
+use crate::profile::entry::{Entry, Object};
 use crate::profile::object::{
     Access, DefaultValue, Effect, Format, Interpretation, ONCE, Storage, VariantFilter,
 };

@@ -1,6 +1,7 @@
 //! Default PDO mappings, if the file defines them completely and all mapped objects are known.
 
-use crate::profile::dictionary::{Dictionary, Object};
+use crate::profile::dictionary::Dictionary;
+use crate::profile::entry::Object;
 use crate::profile::{DataType, PdoName};
 use crate::wire::canopen::ObjectAddress;
 

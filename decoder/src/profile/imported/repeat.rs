@@ -1,6 +1,6 @@
 //! Combines equal consecutive objects to one repeated object.
 
-use crate::profile::dictionary::Object;
+use crate::profile::entry::Object;
 use crate::profile::object::{ONCE, Repeat};
 
 /// Max numbers in a name that are tried as repeat number.

@@ -7,7 +7,7 @@ use super::printable::is_terminal_control;
 use super::{pdos, repeat};
 use crate::profile::Device;
 use crate::profile::device_file::{DeviceFile, Problem};
-use crate::profile::dictionary::{Entry, Object};
+use crate::profile::entry::{Entry, Object};
 use crate::profile::object::{DefaultValue, Effect, Format, ONCE, Scale};
 use crate::profile::plain_device;
 

@@ -375,7 +375,7 @@ impl Traffic {
         let place = self.slots.len();
         let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
         if self.places.len() <= identifier {
-            self.places.resize(identifier + 1, 0);
+            self.places.resize(identifier.checked_add(1)?, 0);
         }
         *self.places.get_mut(identifier)? = number;
         self.slots.push(PdoSlot::new(place, id));

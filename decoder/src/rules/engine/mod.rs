@@ -150,6 +150,12 @@ impl Engine {
         while self.buses.len() <= index {
             self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
         }
+        if let EventKind::TestCase(_) = &event.kind {
+            // Checks before the marker belong to the case before.
+            for judge in &mut self.buses {
+                judge.pass_on_all_skipped(bus, &mut self.ledger);
+            }
+        }
         if let Some(judge) = self.buses.get_mut(index) {
             if self.quality.frames <= STAMPS_JUDGED {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
@@ -341,7 +347,7 @@ impl BusJudge {
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
-        let identifier = bus.identifier_index(pdo.cob_id).unwrap_or(usize::MAX);
+        let identifier = bus.identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
         if self.needs.counted(identifier).is_some() {
             self.pass_on_skipped(identifier, bus, ledger);
         }
@@ -371,6 +377,11 @@ impl BusJudge {
         match &event.kind {
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
             EventKind::TestCase(_) => self.shared.is_tested = true,
+            EventKind::J1939Message(message) => {
+                if let Some(identifier) = bus.identifier_of_event(message.can_id) {
+                    self.pass_on_skipped(identifier, bus, ledger);
+                }
+            }
             _ => {}
         }
         let mut context = self.shared.context(bus, ledger);
@@ -390,7 +401,7 @@ impl BusJudge {
         if self.has_turned {
             self.ask_for_pdos();
         } else if let EventKind::J1939Message(message) = &event.kind
-            && let Some(identifier) = bus.identifier_index(message.can_id)
+            && let Some(identifier) = bus.identifier_of_event(message.can_id)
             && self.needs.is_unknown(identifier, bus.version_of(identifier))
         {
             self.ask_for_needs(identifier, event, bus, ledger);

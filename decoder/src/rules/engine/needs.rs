@@ -46,7 +46,16 @@ pub(super) struct NeedsOf {
     /// Places of the rules that take the number of frames.
     counting: RuleList,
     /// Frames since the last event.
-    count: u32,
+    skipped: SkippedFrames,
+}
+
+/// Frames of an identifier without an event.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct SkippedFrames {
+    /// Number of all.
+    pub(super) count: u32,
+    /// Number of those with changed payload.
+    pub(super) changed: u32,
 }
 
 impl NeedsOf {
@@ -60,7 +69,7 @@ impl NeedsOf {
             passed,
             passed_if_changed,
             counting,
-            count: 0,
+            skipped: SkippedFrames::default(),
         }
     }
 
@@ -97,9 +106,19 @@ impl NeedsOf {
         self.statistics.map(usize::from)
     }
 
-    /// Frames since the last call.
-    pub(super) fn take_count(&mut self) -> u32 {
-        std::mem::take(&mut self.count)
+    /// Numbers of the rules for which each frame without an event is a check without a defect.
+    pub(super) fn passed(&self) -> &[u16] {
+        self.passed.all()
+    }
+
+    /// The same, for frames with changed payload.
+    pub(super) fn passed_if_changed(&self) -> &[u16] {
+        self.passed_if_changed.all()
+    }
+
+    /// Frames without an event since the last call.
+    pub(super) fn take_skipped(&mut self) -> SkippedFrames {
+        std::mem::take(&mut self.skipped)
     }
 }
 
@@ -110,15 +129,6 @@ pub(super) struct Answer {
     pub(super) need: Need,
     /// The rule receives only frames with changed payload.
     pub(super) is_for_changes: bool,
-}
-
-/// Rules to which a frame without an event counts.
-pub(super) struct SkippedFrame<'a> {
-    /// Index of the PDO statistics.
-    pub(super) statistics: Option<usize>,
-    /// Numbers of the rules for which it is a check without a defect.
-    pub(super) passed: &'a [u16],
-    pub(super) passed_if_changed: &'a [u16],
 }
 
 /// Needs by index of the identifier on the bus.
@@ -159,17 +169,14 @@ impl NeedsTable {
         }
     }
 
-    /// Counts a frame without an event.
+    /// Counts a frame without an event; index of the PDO statistics.
     #[inline]
-    pub(super) fn skip(&mut self, identifier: usize) -> Option<SkippedFrame<'_>> {
-        let known = self.identifiers.get_mut(identifier)?;
-        known.count = known.count.saturating_add(1);
+    pub(super) fn skip(&mut self, preview: &Preview) -> Option<usize> {
+        let known = self.identifiers.get_mut(preview.identifier)?;
+        known.skipped.count = known.skipped.count.saturating_add(1);
+        known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
         known.need.frames = known.need.frames.saturating_sub(1);
-        Some(SkippedFrame {
-            statistics: known.statistics(),
-            passed: known.passed.all(),
-            passed_if_changed: known.passed_if_changed.all(),
-        })
+        known.statistics()
     }
 
     /// Whether the rules must be asked about an identifier.
@@ -210,10 +217,11 @@ impl NeedsTable {
             known.need = Need::EACH;
         }
         if self.identifiers.len() <= identifier {
-            self.identifiers.resize(identifier + 1, NeedsOf::new(0, 0, None));
+            let Some(length) = identifier.checked_add(1) else { return };
+            self.identifiers.resize(length, NeedsOf::new(0, 0, None));
         }
         if let Some(place) = self.identifiers.get_mut(identifier) {
-            known.count = place.count;
+            known.skipped = place.skipped;
             *place = known;
         }
     }
@@ -221,7 +229,7 @@ impl NeedsTable {
     /// Entry of an identifier with frames since its last event.
     #[inline]
     pub(super) fn counted(&mut self, identifier: usize) -> Option<&mut NeedsOf> {
-        self.identifiers.get_mut(identifier).filter(|known| known.count > 0)
+        self.identifiers.get_mut(identifier).filter(|known| known.skipped.count > 0)
     }
 
     /// Number of identifiers.
@@ -247,12 +255,13 @@ mod tests {
         table
     }
 
+    const fn preview(change: u64) -> Preview {
+        Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change }
+    }
+
     /// Whether an event is needed after `interval`, if the bits of `change` change.
     fn is_needed(table: &NeedsTable, interval: i64, change: u64) -> bool {
-        let pdo = PdoSlot::new(0, CanId::standard(0x181));
-        let preview =
-            Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change };
-        table.has(&preview, interval, &[pdo])
+        table.has(&preview(change), interval, &[PdoSlot::new(0, CanId::standard(0x181))])
     }
 
     const fn within(shortest: i64, longest: i64) -> Need {
@@ -286,7 +295,7 @@ mod tests {
     fn the_third_pdo_is_needed() {
         let mut table = table(&[(Need { frames: 3, ..Need::NOTHING }, false)]);
         assert!(!is_needed(&table, 10, 0));
-        table.skip(2);
+        table.skip(&preview(0));
         assert!(!is_needed(&table, 10, 0));
         table.hear(2);
         assert!(is_needed(&table, 10, 0));
@@ -296,14 +305,11 @@ mod tests {
     fn frames_are_counted_until_the_next_event() {
         let needs = [(Need::PASSED, false), (Need::NOTHING.counted(), false), (Need::PASSED, true)];
         let mut table = table(&needs);
-        table.skip(2).unwrap();
-        let skipped = table.skip(2).unwrap();
-        assert_eq!(
-            (skipped.statistics, skipped.passed, skipped.passed_if_changed),
-            (Some(0), &[10][..], &[12][..])
-        );
+        assert_eq!([0, 5].map(|change| table.skip(&preview(change))), [Some(0); 2]);
         let counted = table.counted(2).unwrap();
-        assert_eq!((counted.take_count(), counted.counting()), (2, &[1][..]));
+        assert_eq!((counted.passed(), counted.passed_if_changed()), (&[10][..], &[12][..]));
+        assert_eq!(counted.counting(), &[1][..]);
+        assert_eq!(counted.take_skipped(), SkippedFrames { count: 2, changed: 1 });
         assert!(table.counted(2).is_none());
     }
 

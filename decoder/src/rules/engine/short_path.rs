@@ -12,8 +12,7 @@ impl Engine {
     /// Whether the rules need the event of a frame; see [`crate::session::Observer::needs`].
     #[inline]
     pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.quality.frames <= STAMPS_JUDGED
-            || !self.held.is_empty()
+        !self.held.is_empty()
             || !self.ledger.news.is_empty()
             || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
     }
@@ -22,7 +21,10 @@ impl Engine {
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
         if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
-            judge.skip(preview, &mut self.ledger);
+            if self.quality.frames <= STAMPS_JUDGED {
+                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+            }
+            judge.skip(preview);
         }
     }
 }
@@ -39,37 +41,34 @@ impl BusJudge {
 
     /// Counts a frame whose event is not needed.
     #[inline]
-    fn skip(&mut self, preview: &Preview, ledger: &mut Ledger) {
+    fn skip(&mut self, preview: &Preview) {
         let now = preview.now.saturating_sub(self.shared.silence).max(self.shared.now);
         self.shared.now = now;
-        let Some(skipped) = self.needs.skip(preview.identifier) else { return };
-        for rule in skipped.passed {
-            ledger.pass(*rule);
-        }
-        if preview.change != 0 {
-            for rule in skipped.passed_if_changed {
-                ledger.pass(*rule);
-            }
-        }
         // Bounds of rules depend on the usual interval.
-        let statistics = skipped.statistics;
+        let statistics = self.needs.skip(preview);
         if statistics.is_some_and(|place| self.shared.traffic.saw_skipped(place, preview, now)) {
             self.needs.forget(preview.identifier);
         }
     }
 
-    /// Passes the number of skipped frames of an identifier to the rules that count them.
+    /// Passes the number of skipped frames of an identifier to the rules for which they count.
     #[cold]
     pub(super) fn pass_on_skipped(&mut self, identifier: usize, bus: &Bus, ledger: &mut Ledger) {
         let Some(known) = self.needs.counted(identifier) else { return };
-        let (count, known) = (known.take_count(), *known);
+        let (skipped, known) = (known.take_skipped(), *known);
+        for rule in known.passed() {
+            ledger.pass_many(*rule, skipped.count);
+        }
+        for rule in known.passed_if_changed() {
+            ledger.pass_many(*rule, skipped.changed);
+        }
         let mut context = self.shared.context(bus, ledger);
         let slot = known.statistics().and_then(|place| context.traffic.slots().get(place));
         let Some(slot) = slot else { return };
         for place in known.counting() {
             if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
                 (context.rule, context.place) = (*number, *place);
-                rule.skipped(slot, count, &mut context);
+                rule.skipped(slot, skipped.count, &mut context);
             }
         }
     }

@@ -179,6 +179,13 @@ impl Ledger {
         }
     }
 
+    /// Counts so many checks of a rule without a defect.
+    pub(super) fn pass_many(&mut self, rule: u16, count: u32) {
+        if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
+            tally.passed = tally.passed.saturating_add(u64::from(count));
+        }
+    }
+
     /// Records what was missing for a verdict of a rule; the first record counts.
     pub(super) fn unexercised(&mut self, rule: u16, why: String) {
         if !self.unexercised.iter().any(|(known, _)| *known == rule) {

@@ -161,6 +161,12 @@ impl Bus {
         self.routes.find(id)
     }
 
+    /// Index of the identifier of the PDO or J1939 message that an observer receives.
+    #[inline]
+    pub(crate) fn identifier_of_event(&self, id: CanId) -> Option<usize> {
+        self.current_identifier.or_else(|| self.routes.find(id))
+    }
+
     /// PDO and node of an identifier by its index; `None` for other services.
     pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
         match self.routes.slot(identifier)?.service {

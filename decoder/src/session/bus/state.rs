@@ -64,6 +64,8 @@ pub struct Bus {
     pub(in crate::session) is_uds: bool,
     /// A group of NMEA 2000 was received.
     pub(in crate::session) is_nmea2000: bool,
+    /// Index of the identifier whose PDO or message is being sent to the observer.
+    pub(in crate::session) current_identifier: Option<usize>,
     /// UDS traffic between identifiers missing from the bus file.
     pub(in crate::session) unnamed: UdsSuspects,
     /// SDO-like dialogues on identifiers of no channel.
@@ -106,6 +108,7 @@ impl Bus {
             last_sync: None,
             is_uds: false,
             is_nmea2000: false,
+            current_identifier: None,
             unnamed: UdsSuspects::default(),
             dialogues: SdoDialogues::default(),
             undecoded: (0, 0),

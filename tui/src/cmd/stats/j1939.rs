@@ -28,7 +28,7 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
     ]);
     for (address, figures) in statistics.addresses() {
         let id = NodeId::J1939(address);
-        let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
+        let (known, counted) = (bus.node(id), statistics.node(id));
         let name = known.and_then(Node::j1939_name);
         let part = |part: Option<u32>| part.map_or("–".to_owned(), |part| part.to_string());
         let parts = name.map(Name::fields);
@@ -60,7 +60,7 @@ pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
     }
     let record = |(address, figures): (u8, cobscope_decoder::statistics::AddressStatistics)| {
         let id = NodeId::J1939(address);
-        let (known, counted) = (bus.node(id), statistics.nodes.get(&id));
+        let (known, counted) = (bus.node(id), statistics.node(id));
         let name = known.and_then(Node::j1939_name);
         let parts = name.map(Name::fields);
         let faults = counted.into_iter().flat_map(|node| node.dtcs.sorted()).map(|(key, count)| {

@@ -49,12 +49,12 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
     let master = &statistics.master;
     let commands: serde_json::Map<String, Value> =
         master.commands.iter().map(|(service, count)| (service.name().to_owned(), json!(count))).collect();
-    let present = statistics.nodes.iter().filter(|(_, node)| node.is_present());
-    let ids = statistics.ids.iter().map(|((id, is_remote), figures)| {
+    let present = statistics.nodes().filter(|(_, node)| node.is_present());
+    let ids = statistics.ids().into_iter().map(|(id, is_remote, figures)| {
         json!({
             "id": id.to_string(),
             "remote": is_remote,
-            "what": bus.describe_id(*id),
+            "what": bus.describe_id(id),
             "frames": figures.frames,
             "period_ms": intervals(&figures.intervals),
             "silent_since": figures.intervals.silent_since(end).map(seconds),
@@ -94,7 +94,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         "sync": {"count": master.syncs, "counter_gaps": master.sync_gaps, "period_ms": intervals(&master.sync)},
         "time": master.times,
         "guard_requests": master.guard_requests,
-        "nodes": present.map(|(id, node)| node_record(bus, *id, node, end)).collect::<Vec<_>>(),
+        "nodes": present.map(|(id, node)| node_record(bus, id, node, end)).collect::<Vec<_>>(),
         "j1939_devices": j1939::records(bus, statistics),
         "ids": ids.collect::<Vec<_>>(),
     })

@@ -8,7 +8,7 @@ mod text;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::session::{Bus, Observer, Preview};
 use cobscope_decoder::statistics::Statistics;
 
 use super::decoding::{CaptureObserver, decode_capture, report};
@@ -60,6 +60,14 @@ impl Observer for Counting {
         if self.selection.admits(event, bus) {
             self.statistics.event(event);
         }
+    }
+
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        self.selection.is_limited()
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.statistics.skip(preview, bus);
     }
 }
 

@@ -144,9 +144,9 @@ fn nodes(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, te
         ("active", Align::Right),
         ("", Align::Left),
     ]);
-    let present = || statistics.nodes.iter().filter(|(_, node)| node.is_present());
+    let present = || statistics.nodes().filter(|(_, node)| node.is_present());
     for (id, node) in present() {
-        let known = bus.node(*id);
+        let known = bus.node(id);
         let state = known.and_then(Node::nmt).map_or("?".to_owned(), |nmt| {
             let mark = if nmt.certainty == Certainty::Confirmed { "" } else { "?" };
             format!("{}{mark}", nmt.state.name())
@@ -209,8 +209,7 @@ fn silent(intervals: &Intervals, end: Option<i64>, start: i64) -> String {
 
 fn sdo(statistics: &BusStatistics, text: &mut String) {
     let served: Vec<_> = statistics
-        .nodes
-        .iter()
+        .nodes()
         .filter(|(_, node)| node.sdo.complete + node.sdo.aborted + node.sdo.timeout + node.sdo.other > 0)
         .collect();
     if served.is_empty() {
@@ -252,7 +251,7 @@ fn reactions(statistics: &BusStatistics, start: i64, text: &mut String) {
         ("at", Align::Right),
         ("", Align::Left),
     ]);
-    for (id, node) in &statistics.nodes {
+    for (id, node) in statistics.nodes() {
         for pair in node.reactions.pairs() {
             let part = |part| pair.times.percentile(part).map(millis).unwrap_or_default();
             let (time, frame) = pair.longest_at;
@@ -276,20 +275,20 @@ fn reactions(statistics: &BusStatistics, start: i64, text: &mut String) {
 
 fn codes(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
     let mut lines = Vec::new();
-    for (id, node) in &statistics.nodes {
+    for (id, node) in statistics.nodes() {
         for (code, count) in node.aborts.sorted() {
             let words = profile::abort_codes().text(code);
             lines.push(format!("{:>6}   SDO abort {code:08X} {words}: {count}", id.label()));
         }
         for (code, count) in node.emcy.sorted() {
             let code = u16::try_from(code).unwrap_or(0);
-            let device = bus.node(*id).map_or(profile::plain_device(), |node| node.device());
+            let device = bus.node(id).map_or(profile::plain_device(), |node| node.device());
             let words = device.error_text(code);
             lines.push(format!("{:>6}   EMCY {code:04X} {words}: {count}", id.label()));
         }
         for (key, count) in node.dtcs.sorted() {
             let (spn, fmi) = dtc_of_key(key);
-            let words = j1939::dtc_words(bus.node(*id), spn, fmi);
+            let words = j1939::dtc_words(bus.node(id), spn, fmi);
             lines.push(format!("{:>6}   SPN {spn} FMI {fmi} {words}: {count}", id.label()));
         }
         let others = node.aborts.others + node.emcy.others + node.dtcs.others;
@@ -313,7 +312,8 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
         ("worst from", Align::Right),
         ("", Align::Left),
     ]);
-    for ((id, is_remote), figures) in &statistics.ids {
+    let ids = statistics.ids();
+    for (id, is_remote, figures) in &ids {
         let intervals = &figures.intervals;
         let longest = intervals.longest();
         table.row([
@@ -331,7 +331,7 @@ fn ids(bus: &Bus, statistics: &BusStatistics, end: Option<i64>, start: i64, text
         text.push('\n');
         table.write(1, text);
     }
-    if statistics.ids.keys().any(|(_, is_remote)| *is_remote) {
+    if ids.iter().any(|(_, is_remote, _)| *is_remote) {
         let _ = writeln!(text, " R: remote frames");
     }
     if statistics.other_ids > 0 {

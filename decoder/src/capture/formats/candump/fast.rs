@@ -21,16 +21,49 @@ pub(super) const WINDOW: usize = 64;
 /// Longest interface name that is cached, in bytes.
 const LONGEST_NAME: usize = 7;
 
-/// The byte, repeated in a register of eight.
-const fn each(byte: u8) -> u64 {
-    u64::from_le_bytes([byte; 8])
+/// Offset of the fraction of a second in a line.
+const FRACTION: usize = 12;
+
+/// Offset of the interface name in a line.
+const NAME: usize = 20;
+
+/// Value of an ASCII hex digit; [`NOT_HEX`] for other bytes.
+static HEX: [u16; 256] = hex_table();
+
+/// Exceeds an 11-bit identifier in every digit position.
+const NOT_HEX: u16 = 0x800;
+
+/// Mask of the payload by its number of hex digits.
+static PAYLOAD: [u64; 17] = payload_table();
+
+#[expect(clippy::indexing_slicing, reason = "evaluated at compile time")]
+const fn payload_table() -> [u64; 17] {
+    let mut table = [u64::MAX; 17];
+    let mut digits = 0;
+    while digits < 16 {
+        table[digits] = (1 << (digits * 4)) - 1;
+        digits += 1;
+    }
+    table
+}
+
+#[expect(clippy::indexing_slicing, reason = "evaluated at compile time")]
+const fn hex_table() -> [u16; 256] {
+    let mut table = [NOT_HEX; 256];
+    let mut digit = 0;
+    while digit < 16 {
+        table[b"0123456789ABCDEF"[digit as usize] as usize] = digit;
+        table[b"0123456789abcdef"[digit as usize] as usize] = digit;
+        digit += 1;
+    }
+    table
 }
 
 /// Second and interfaces of the previous lines.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cache {
-    /// `(1700000000.`, as two registers.
-    head: (u64, u32),
+    /// `(1700000000.`, as two registers that overlap.
+    head: (u64, u64),
     nanoseconds: i64,
     names: [Name; 2],
 }
@@ -40,6 +73,7 @@ struct Name {
     /// Name and the space after it.
     text: u64,
     mask: u64,
+    /// Length of the name, at most [`LONGEST_NAME`].
     length: usize,
     bus: BusIndex,
 }
@@ -65,12 +99,8 @@ impl Cache {
             }
         }
         let [first, _] = self.names;
-        let name = Name {
-            text: u64::from_le_bytes(text),
-            mask: u64::from_le_bytes(mask),
-            length: name.len() + 1,
-            bus,
-        };
+        let name =
+            Name { text: u64::from_le_bytes(text), mask: u64::from_le_bytes(mask), length: name.len(), bus };
         if first.text != name.text {
             self.names = [name, first];
         }
@@ -78,7 +108,7 @@ impl Cache {
 
     /// Parses the second if it differs from that of the previous line.
     #[cold]
-    fn new_second(&mut self, input: &[u8; WINDOW], head: (u64, u32)) -> Option<i64> {
+    fn new_second(&mut self, input: &[u8; WINDOW], head: (u64, u64)) -> Option<i64> {
         let [open, digits @ .., point] = input.first_chunk::<12>()?;
         if (*open, *point) != (b'(', b'.') {
             return None;
@@ -86,8 +116,10 @@ impl Cache {
         let value = digits.iter().try_fold(0_i64, |value, digit| {
             digit.is_ascii_digit().then(|| value * 10 + i64::from(digit - b'0'))
         })?;
-        // Ten digits can exceed the range of nanoseconds; the general parser saturates.
+        // Ten digits can exceed the range of nanoseconds; the general parser saturates. The range includes all
+        // fractions of the second.
         let nanoseconds = value.checked_mul(1_000_000_000)?;
+        nanoseconds.checked_add(999_999_999)?;
         (self.head, self.nanoseconds) = (head, nanoseconds);
         Some(nanoseconds)
     }
@@ -96,15 +128,11 @@ impl Cache {
     /// line with its `\n`. `None` leaves the line to the general parser and `frame` unchanged.
     #[inline]
     pub(super) fn parse(&mut self, input: &[u8; WINDOW], frame: &mut Frame) -> Option<usize> {
-        let end_of_head = load(input, 4)? >> 32;
-        let head = (load(input, 0)?, u32::try_from(end_of_head).ok()?);
-        let nanoseconds = if head == self.head { self.nanoseconds } else { self.new_second(input, head)? };
-        let fraction = load(input, 12)?;
-        if fraction >> 48 != u64::from(u16::from_le_bytes(*b") ")) {
-            return None;
-        }
-        let micros = eight_digits(fraction << 16 | u64::from(u16::from_le_bytes(*b"00")))?;
-        let channel = load(input, 20)?;
+        let head = (load(input, 0)?, load(input, 4)?);
+        let is_same = (head.0 ^ self.head.0) | (head.1 ^ self.head.1) == 0;
+        let nanoseconds = if is_same { self.nanoseconds } else { self.new_second(input, head)? };
+        let fraction = fraction(load(input, FRACTION)?)?;
+        let channel = load(input, NAME)?;
         let [first, second] = &self.names;
         let name = if channel & first.mask == first.text {
             first
@@ -113,15 +141,15 @@ impl Cache {
         } else {
             return None;
         };
-        let (id, data_start) = identifier(input, 20 + name.length)?;
+        // The remainder equals the length; it shows the compiler that the window contains the line.
+        let (id, data_start) = identifier(input, NAME + 1 + name.length % (LONGEST_NAME + 1))?;
         let (bytes, digits) = hex_run(input, data_start)?;
         let end = data_start + digits as usize;
         if input.get(end) != Some(&b'\n') || digits % 2 != 0 {
             return None;
         }
-        let beyond = u64::MAX.checked_shl(digits * 4).unwrap_or(0);
-        *frame.bytes.first_chunk_mut()? = (bytes & !beyond).to_le_bytes();
-        frame.time = Some(Timestamp(nanoseconds.saturating_add(micros * 1_000)));
+        *frame.bytes.first_chunk_mut()? = (bytes & PAYLOAD.get(digits as usize)?).to_le_bytes();
+        frame.time = Some(Timestamp(nanoseconds.wrapping_add(fraction)));
         frame.bus = name.bus;
         frame.id = id;
         frame.flags = FrameFlags(0);
@@ -139,18 +167,23 @@ fn load(input: &[u8; WINDOW], at: usize) -> Option<u64> {
 /// Parses three digits and `#`, or eight digits and `#` without the error bit.
 #[inline]
 fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
+    let [first, second, third, mark] = *input.get(start..)?.first_chunk()?;
+    if mark == b'#' {
+        let [first, second, third] = [first, second, third].map(digit_value);
+        let id = first << 8 | second << 4 | third;
+        let [low, high, ..] = id.to_le_bytes();
+        return (id <= 0x7FF).then_some((CanId::Standard(u16::from_le_bytes([low, high])), start + 4));
+    }
     let (bytes, digits) = hex_run(input, start)?;
     let [first, second, third, fourth, ..] = bytes.to_le_bytes();
-    let (id, end) = if digits == 3 {
-        let id = u16::from_be_bytes([first, second]) >> 4;
-        ((id <= 0x7FF).then_some(CanId::Standard(id))?, start + 3)
-    } else if digits == 8 {
-        let id = u32::from_be_bytes([first, second, third, fourth]);
-        ((id < 0x2000_0000).then_some(CanId::Extended(id))?, start + 8)
-    } else {
-        return None;
-    };
-    (input.get(end) == Some(&b'#')).then_some((id, end + 1))
+    let id = u32::from_be_bytes([first, second, third, fourth]);
+    let is_valid = digits == 8 && id < 0x2000_0000 && input.get(start + 8) == Some(&b'#');
+    is_valid.then_some((CanId::Extended(id), start + 9))
+}
+
+#[inline]
+fn digit_value(digit: u8) -> u32 {
+    u32::from(HEX.get(usize::from(digit)).copied().unwrap_or(NOT_HEX))
 }
 
 /// Parses up to sixteen hex digits from `start`: their bytes, first byte lowest, and the number of digits.
@@ -165,30 +198,34 @@ fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
         return None;
     }
     let text = u8x16::new(*input.get(start..)?.first_chunk()?);
-    let digit = text ^ u8x16::splat(b'0');
-    let letter = (text | u8x16::splat(0x20)) - u8x16::splat(b'a');
-    let is_letter = letter.simd_le(u8x16::splat(5));
-    let is_hex = digit.simd_le(u8x16::splat(9)) | is_letter;
-    let digits = (!is_hex.to_bitmask()).trailing_zeros();
-    // The low nibble of a letter is its value minus 9.
-    let nibbles = (digit & u8x16::splat(0x0F)) + (is_letter & u8x16::splat(9));
+    // Bytes that are not digits, and not letters from A to F, become 16 or more.
+    let decimal = (text + u8x16::splat(0xFF - b'9')).saturating_sub(u8x16::splat(6)) - u8x16::splat(0xF0);
+    let letter = ((text & u8x16::splat(0xDF)) - u8x16::splat(b'A')).saturating_add(u8x16::splat(10));
+    let nibbles = decimal.min(letter);
+    let not_hex = nibbles.saturating_add(u8x16::splat(0x80 - 16)).to_bitmask();
+    let digits = (not_hex | 1 << 16).trailing_zeros();
     let pairs: u16x8 = must_cast(nibbles);
-    let pairs: i16x8 = must_cast((pairs << 4 | pairs >> 8) & u16x8::splat(0xFF));
+    let pairs: i16x8 = must_cast((pairs << 12 | pairs) >> 8);
     let [bytes, _]: [u64; 2] = must_cast(u8x16::narrow_i16x8(pairs, pairs));
     Some((bytes, digits))
 }
 
-/// Value of eight decimal digits, first digit in the lowest byte.
+/// Nanoseconds of six decimal digits before `) `, first digit in the lowest byte.
 #[inline]
-fn eight_digits(text: u64) -> Option<i64> {
-    let values = text ^ each(b'0');
-    if (values | values.wrapping_add(each(0x7F - 9))) & each(0x80) != 0 {
+fn fraction(text: u64) -> Option<i64> {
+    let values = text ^ u64::from_le_bytes(*b"000000) ");
+    // A byte of 10 or more, and in the last two bytes of 1 or more, sets its uppermost bit.
+    let excess =
+        u64::from_le_bytes([0x80 - 10, 0x80 - 10, 0x80 - 10, 0x80 - 10, 0x80 - 10, 0x80 - 10, 0x7F, 0x7F]);
+    if (values | values.wrapping_add(excess)) & u64::from_le_bytes([0x80; 8]) != 0 {
         return None;
     }
-    let pairs = (values * 10 + (values >> 8)) & 0x00FF_00FF_00FF_00FF;
-    let quads = (pairs * 100 + (pairs >> 16)) & 0x0000_FFFF_0000_FFFF;
-    let all = quads.wrapping_mul(10_000).wrapping_add(quads >> 32) & 0xFFFF_FFFF;
-    i64::try_from(all).ok()
+    // Each multiplication adds a group of digits to the scaled group before it.
+    let pairs = (values << 16).wrapping_mul(1 + (10 << 8)) >> 8 & 0x00FF_00FF_00FF_00FF;
+    let quads = pairs.wrapping_mul(1 + (100 << 16)) >> 16 & 0x0000_FFFF_0000_FFFF;
+    // The first four of eight digits are below 100, so that the sum is below 2^32.
+    let nanoseconds = quads.wrapping_mul(1_000 + (10_000_000 << 32)) >> 32;
+    i64::try_from(nanoseconds).ok()
 }
 
 #[cfg(test)]
@@ -248,6 +285,38 @@ mod tests {
         }
     }
 
+    /// The frame of a line in which `byte` replaces the byte at `place`.
+    fn parse_with(line: &str, place: usize, byte: u8) -> Option<Frame> {
+        let mut window = window(line);
+        window[place] = byte;
+        let mut frame = Frame::EMPTY;
+        cache().parse(&window, &mut frame).map(|_| frame)
+    }
+
+    #[test]
+    fn a_byte_is_a_digit_exactly_if_the_standard_library_accepts_it() {
+        let line = "(1700000000.000000) can0 000#0000000000000000\n";
+        for byte in 0..=u8::MAX {
+            let (digit, decimal) = (char::from(byte).to_digit(16), char::from(byte).to_digit(10));
+            for place in 0..6 {
+                let found = parse_with(line, FRACTION + place, byte).map(|frame| frame.time.unwrap().0);
+                let unit = 100_000_000 / 10_i64.pow(u32::try_from(place).unwrap());
+                let expected = decimal.map(|digit| 1_700_000_000_000_000_000 + i64::from(digit) * unit);
+                assert_eq!(found, expected, "fraction, {place}: {byte}");
+            }
+            for place in 0..3 {
+                let found = parse_with(line, 25 + place, byte).map(|frame| frame.id.number());
+                let expected = digit.map(|digit| digit << (8 - 4 * place)).filter(|id| *id <= 0x7FF);
+                assert_eq!(found, expected, "identifier, {place}: {byte}");
+            }
+            for place in 0..16 {
+                let found = parse_with(line, 29 + place, byte).filter(|frame| frame.length == 8);
+                let found = found.map(|frame| u64::from_be_bytes(*frame.bytes.first_chunk().unwrap()));
+                assert_eq!(found, digit.map(|digit| u64::from(digit) << (60 - 4 * place)), "{place}: {byte}");
+            }
+        }
+    }
+
     #[test]
     fn anything_else_is_left_to_the_general_parser() {
         for line in [
@@ -262,6 +331,7 @@ mod tests {
             "(170000000 .123456) can0 123#AA\n",
             "(1700000000.12x456) can0 123#AA\n",
             "(9999999999.999999) can0 123#AA\n",
+            "(9223372036.000000) can0 123#AA\n",
             "(1700000000.123456) can2 123#AA\n",
             "(1700000000.123456) can0 12G#AA\n",
             " (1700000000.123456)  can0  123   [1]  AA\n",

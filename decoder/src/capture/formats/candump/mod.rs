@@ -77,21 +77,24 @@ impl Candump {
     /// Parses consecutive common lines; returns the number of bytes used.
     #[inline]
     fn run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
-        let mut taken = 0;
         // The rest of a line that is too long must not be parsed as a line.
         if !self.clock.is_absolute() || self.lines.is_skipping() {
             return 0;
         }
-        while let Some(window) = input.get(taken..).and_then(|rest| rest.first_chunk()) {
-            let Some(slot) = batch.slot() else { break };
+        let mut rest = input;
+        let mut last = self.frames;
+        for slot in batch.free_slots() {
+            let Some(window) = rest.first_chunk() else { break };
             let Some(length) = self.cache.parse(window, slot) else { break };
-            self.lines.count_one();
-            self.frames += 1;
-            slot.number = self.frames;
-            batch.commit();
-            taken += length;
+            rest = rest.get(length..).unwrap_or_default();
+            last += 1;
+            slot.number = last;
         }
-        taken
+        let count = last.saturating_sub(self.frames);
+        batch.commit_all(count);
+        self.lines.count(count);
+        self.frames = last;
+        input.len().saturating_sub(rest.len())
     }
 
     /// Parses one line with the general parser.

@@ -44,7 +44,8 @@ pub(super) const FORMAT: Format = Format {
 #[derive(Debug, Clone, Copy)]
 struct Header {
     order: ByteOrder,
-    nanoseconds_per_tick: i64,
+    /// 1 or 1,000.
+    nanoseconds_per_tick: u16,
 }
 
 /// Parser of pcap.
@@ -61,9 +62,11 @@ struct Pcap {
 }
 
 impl Header {
+    #[inline]
     fn time(self, seconds: u32, fraction: u32) -> Timestamp {
-        let seconds = i64::from(seconds).saturating_mul(1_000_000_000);
-        Timestamp(seconds.saturating_add(i64::from(fraction).saturating_mul(self.nanoseconds_per_tick)))
+        let fraction = u64::from(fraction) * u64::from(self.nanoseconds_per_tick);
+        // Less than 2^62 + 2^48.
+        Timestamp((u64::from(seconds) * 1_000_000_000 + fraction).cast_signed())
     }
 }
 
@@ -73,26 +76,28 @@ impl Pcap {
     fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let Some((header, channel)) = &self.header else { return 0 };
         let Some((bus, order)) = channel.usual() else { return 0 };
-        let mut taken = 0;
-        while let Some(window) =
-            input.get(taken..).and_then(<[u8]>::first_chunk::<{ PACKET_HEADER + COMMON }>)
-        {
+        let number =
+            |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+        let mut rest = input;
+        let mut last = self.frames;
+        for slot in batch.free_slots() {
+            let Some(window) = rest.first_chunk::<{ PACKET_HEADER + COMMON }>() else { break };
             let ([seconds, fraction, captured, _, ..], []) = window.as_chunks::<4>() else { break };
-            let number =
-                |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
             let captured = number(captured);
-            let (Some(packet), Some(slot)) = (window.last_chunk(), batch.slot()) else { break };
+            let Some(packet) = window.last_chunk() else { break };
             if !common(packet, captured, order, slot) {
                 break;
             }
-            self.frames += 1;
-            slot.number = self.frames;
+            // Up to eight data bytes: not more than the window.
+            rest = rest.get(PACKET_HEADER + captured as usize..).unwrap_or_default();
+            last += 1;
+            slot.number = last;
             slot.time = Some(header.time(number(seconds), number(fraction)));
             slot.bus = bus;
-            batch.commit();
-            taken += PACKET_HEADER + captured as usize;
         }
-        taken
+        batch.commit_all(last.saturating_sub(self.frames));
+        self.frames = last;
+        input.len().saturating_sub(rest.len())
     }
 
     /// Parses the file header; returns the number of bytes used.

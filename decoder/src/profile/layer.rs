@@ -1,0 +1,278 @@
+//! Objects of one document, in file order. Those of a built-in profile are read on first use.
+
+use std::sync::{Arc, OnceLock};
+
+use serde::Deserialize;
+use toml::Spanned;
+use toml::de::Error;
+
+use super::authored::{self, AuthoredEntry, Tables};
+use super::compiled::{self, CompiledValue};
+use super::entry::{MOST_REPEATS, Object};
+use super::object::Repeat;
+use crate::wire::canopen::ObjectAddress;
+
+/// Key of the objects in a profile.
+pub(super) const OBJECTS: &str = "object";
+
+/// Objects of one document.
+#[derive(Debug, Default)]
+pub(super) struct Layer {
+    positions: Positions,
+    content: Content,
+}
+
+/// Indexes of all objects, stored contiguously because every transfer searches them.
+#[derive(Debug, Clone, Default)]
+struct Positions {
+    /// First index of each object, and distance from it to the last index.
+    spans: Vec<(u16, u16)>,
+    /// Number of repeats and distance of their indexes.
+    repeats: Vec<(u16, u16)>,
+}
+
+impl Positions {
+    fn push(&mut self, index: u16, Repeat { count, stride, .. }: Repeat) {
+        let distance = count.saturating_sub(1).saturating_mul(stride);
+        self.spans.push((index, distance.min(u16::MAX - index)));
+        self.repeats.push((count, stride));
+    }
+
+    /// Positions of the objects that can have this index.
+    fn at(&self, index: u16) -> impl Iterator<Item = usize> {
+        let spans = self.spans.iter().enumerate();
+        // A lower index wraps around to more than any distance.
+        spans
+            .filter(move |(_, (first, distance))| index.wrapping_sub(*first) <= *distance)
+            .map(|(place, _)| place)
+    }
+}
+
+#[derive(Debug)]
+enum Content {
+    Read(Vec<Object>),
+    Compiled(CompiledObjects),
+}
+
+impl Default for Content {
+    fn default() -> Self {
+        Self::Read(Vec::new())
+    }
+}
+
+/// Objects of a built-in profile.
+#[derive(Debug)]
+struct CompiledObjects {
+    source: Arc<Source>,
+    /// Selects the objects and entries of one variant; None for those of all variants.
+    variant: Option<String>,
+    /// The objects read so far; an object that the variant lacks is None.
+    read: Vec<OnceLock<Option<Box<Object>>>>,
+    /// All objects, if they were needed at once.
+    all: OnceLock<Vec<Object>>,
+}
+
+#[derive(Debug)]
+struct Source {
+    values: Vec<CompiledValue<'static>>,
+    tables: Tables,
+}
+
+/// Keys of an object that determine its position.
+#[derive(Deserialize)]
+struct PositionKeys {
+    index: u16,
+    #[serde(default)]
+    repeat: Repeat,
+}
+
+impl Layer {
+    pub(super) fn new(objects: Vec<Object>) -> Self {
+        let mut positions = Positions::default();
+        for object in &objects {
+            positions.push(object.index, object.repeat);
+        }
+        Self { positions, content: Content::Read(objects) }
+    }
+
+    /// The objects of a compiled profile, which refer to its `tables`.
+    ///
+    /// # Errors
+    /// An object without a valid index or repeat.
+    pub(super) fn compiled(profile: &'static str, tables: Tables) -> Result<Self, Error> {
+        let values = compiled::elements(profile, OBJECTS)?;
+        let mut positions = Positions::default();
+        for value in &values {
+            let keys: PositionKeys = value.read()?;
+            positions.push(keys.index, keys.repeat);
+        }
+        let source = Arc::new(Source { values, tables });
+        Ok(Self { positions, content: Content::Compiled(CompiledObjects::new(source, None)) })
+    }
+
+    /// The objects and entries of one variant.
+    pub(super) fn of_variant(self: &Arc<Self>, variant: &str) -> Arc<Self> {
+        let objects = match &self.content {
+            Content::Compiled(objects) => {
+                let objects = CompiledObjects::new(Arc::clone(&objects.source), Some(variant.to_owned()));
+                let positions = self.positions.clone();
+                return Arc::new(Self { positions, content: Content::Compiled(objects) });
+            }
+            Content::Read(objects) => objects,
+        };
+        let complete = |object: &Object| {
+            object.only.allows(variant) && object.entries.iter().all(|entry| entry.only.allows(variant))
+        };
+        if objects.iter().all(complete) {
+            return Arc::clone(self);
+        }
+        let chosen = objects.iter().filter_map(|object| of_variant(object.clone(), variant));
+        Arc::new(Self::new(chosen.collect()))
+    }
+
+    /// All objects.
+    pub(super) fn objects(&self) -> &[Object] {
+        match &self.content {
+            Content::Read(objects) => objects,
+            Content::Compiled(objects) => objects.all(),
+        }
+    }
+
+    fn object(&self, place: usize) -> Option<&Object> {
+        match &self.content {
+            Content::Read(objects) => objects.get(place),
+            Content::Compiled(objects) => objects.object(place),
+        }
+    }
+
+    /// Adds the objects that decide the meaning of others.
+    pub(super) fn deciding(&self, all: &mut Vec<ObjectAddress>) {
+        let places = 0..self.positions.spans.len();
+        let candidates = places.filter(|place| match &self.content {
+            Content::Read(_) => true,
+            Content::Compiled(objects) => objects.source.may_depend(*place),
+        });
+        candidates.filter_map(|place| self.object(place)).for_each(|object| object.deciding(all));
+    }
+
+    /// Objects with this index, with their repeat number.
+    pub(super) fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
+        self.positions.at(index).filter_map(move |place| {
+            let object = self.object(place)?;
+            Some((object, object.nth(index)?))
+        })
+    }
+
+    /// Whether the layer describes this entry.
+    pub(super) fn has(&self, address: ObjectAddress) -> bool {
+        self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
+    }
+
+    /// Adds the addresses with sub-index 0 or 1 that `picks` accepts and that have a default.
+    pub(super) fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool, found: &mut Vec<ObjectAddress>) {
+        let Positions { spans, repeats } = &self.positions;
+        for (place, ((first, _), (count, stride))) in spans.iter().zip(repeats).enumerate() {
+            for sub in [0, 1] {
+                let picked = |nth: u16| {
+                    let address = ObjectAddress::new(first.wrapping_add(nth.wrapping_mul(*stride)), sub);
+                    picks(address).then_some(address)
+                };
+                let mut addresses = (0..(*count).min(MOST_REPEATS)).filter_map(picked).peekable();
+                let has_default = || self.object(place)?.entry(sub)?.default.as_ref();
+                if addresses.peek().is_some() && has_default().is_some() {
+                    found.extend(addresses);
+                }
+            }
+        }
+    }
+}
+
+impl CompiledObjects {
+    fn new(source: Arc<Source>, variant: Option<String>) -> Self {
+        let read = source.values.iter().map(|_| OnceLock::new()).collect();
+        Self { source, variant, read, all: OnceLock::new() }
+    }
+
+    fn object(&self, place: usize) -> Option<&Object> {
+        let read = || self.source.object(place, self.variant.as_deref()).map(Box::new);
+        self.read.get(place)?.get_or_init(read).as_deref()
+    }
+
+    fn all(&self) -> &[Object] {
+        self.all.get_or_init(|| {
+            let places = 0..self.source.values.len();
+            places.filter_map(|place| self.source.object(place, self.variant.as_deref())).collect()
+        })
+    }
+}
+
+impl Source {
+    /// Whether the meaning of an object may depend on another object; also true if a text contains the key.
+    fn may_depend(&self, place: usize) -> bool {
+        let value = self.values.get(place);
+        value.is_some_and(|value| DEPENDENT_KEYS.iter().any(|key| value.contains(key)))
+    }
+
+    /// Reads an object. Built-in profiles have no errors: a test reads every object.
+    fn object(&self, place: usize, variant: Option<&str>) -> Option<Object> {
+        let authored: Spanned<AuthoredEntry> = self.values.get(place)?.read().ok()?;
+        let object = authored::object(authored, &self.tables).ok()?;
+        match variant {
+            Some(variant) => of_variant(object, variant),
+            None => Some(object),
+        }
+    }
+}
+
+/// Keys of an object of which at least one is required to depend on another object: those of modes, and of scales by
+/// an object.
+const DEPENDENT_KEYS: [&str; 2] = ["modes", "object"];
+
+/// The entries of one variant; None if it lacks the object.
+fn of_variant(mut object: Object, variant: &str) -> Option<Object> {
+    object.entries.retain(|entry| entry.only.allows(variant));
+    object.only.allows(variant).then_some(object)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::deciding::DecidingObjects;
+    use crate::profile::device::ProfileFile;
+    use crate::profile::embedded::FILES;
+
+    fn shown(objects: &[Object]) -> Vec<String> {
+        objects.iter().map(|object| format!("{object:?}")).collect()
+    }
+
+    #[test]
+    fn compiled_objects_are_those_of_the_text() {
+        let (mut files, mut count, mut deciders) = (0, 0, 0);
+        for (path, text, compiled) in FILES {
+            // The other files are tables of another form.
+            let Ok(read) = ProfileFile::parse(text) else { continue };
+            let lazy = ProfileFile::compiled(compiled, text).unwrap();
+            files += 1;
+            assert_eq!(shown(read.objects()), shown(lazy.objects()), "{path}");
+            let variants = read.variants().iter().map(|variant| Some(variant.id.as_str())).chain([None]);
+            for variant in variants {
+                let [read, lazy] = [&read, &lazy].map(|file| file.device(variant, &[]).dictionary);
+                // Single objects first, before all of them are read.
+                for object in read.own() {
+                    for entry in &object.entries {
+                        let address = ObjectAddress::new(object.index, entry.sub);
+                        let [of_text, compiled] = [&read, &lazy].map(|it| format!("{:?}", it.find(address)));
+                        assert_eq!(of_text, compiled, "{path}");
+                        count += 1;
+                    }
+                }
+                let deciding = [&read, &lazy].map(|it| DecidingObjects::new(it, Vec::new()).to_vec());
+                deciders += deciding[0].len();
+                assert_eq!(deciding[0], deciding[1], "{path} {variant:?}");
+                assert_eq!(read.defaults(|_| true), lazy.defaults(|_| true), "{path}");
+                assert_eq!(shown(read.own()), shown(lazy.own()), "{path} {variant:?}");
+            }
+        }
+        assert!(files >= 9 && count > 1_000 && deciders >= 5, "{count} {deciders}");
+    }
+}
