@@ -63,7 +63,8 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     push_part(out, (text >> ((8 - length) * 8)).to_le_bytes(), length);
 }
 
-/// The digits of a number below 100,000,000, first digit in the lowest byte, and their count; `None` for larger numbers.
+/// The digits of a number below 100,000,000, first digit in the lowest byte, and their count; `None` for larger
+/// numbers.
 #[inline]
 pub(crate) fn short_digits(value: u64) -> Option<(u64, usize)> {
     (value < PART).then(|| {
@@ -113,7 +114,7 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
     push_digits(out, low, 8);
 }
 
-/// The digits of any number, and the offset of the first digit that is not a leading zero.
+/// The digits of any number, and the offset of the first digit after leading zeros.
 pub(crate) fn long_digits(value: u64) -> ([u8; 24], usize) {
     let parts = [value / PART / PART, value / PART % PART, value % PART];
     let text: [u8; 24] = must_cast(parts.map(|part| (decimal_digits(part) | each(b'0')).to_le_bytes()));

@@ -32,7 +32,7 @@ const SECONDS_START: usize = 5;
 
 /// Names of the node that occur in a line.
 #[derive(Debug, PartialEq, Eq)]
-struct Names {
+struct NodeNames {
     node: Option<Box<str>>,
     device: Option<Box<str>>,
 }
@@ -40,7 +40,7 @@ struct Names {
 /// Last line with its key and names.
 struct Template {
     key: Key,
-    names: Names,
+    names: NodeNames,
     /// Start of the second in the line, in ns.
     second: u64,
     /// Offset of the nine decimals of the time.
@@ -67,7 +67,7 @@ pub(super) struct LineTemplates {
     slots: Vec<Option<Box<Template>>>,
 }
 
-impl Names {
+impl NodeNames {
     fn of(node: Option<&Node>) -> Self {
         Self {
             node: node.and_then(|node| node.name()).map(Into::into),
@@ -115,7 +115,7 @@ impl LineTemplates {
         let Some(slot) = self.slots.get_mut(keyed.slot) else { return };
         *slot = Some(Box::new(Template {
             key: keyed.key,
-            names: Names::of(event.node.and_then(|node| bus.node(node))),
+            names: NodeNames::of(event.node.and_then(|node| bus.node(node))),
             second: keyed.time - keyed.time % SECOND,
             decimals: marks.behind_time.saturating_sub(DECIMALS),
             marks,
@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn a_template_is_for_lines_with_equal_names() {
         let bus = bus(0, "can0");
-        let names = |node: Option<&str>, device: Option<&str>| Names {
+        let names = |node: Option<&str>, device: Option<&str>| NodeNames {
             node: node.map(Into::into),
             device: device.map(Into::into),
         };

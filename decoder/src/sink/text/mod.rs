@@ -39,6 +39,7 @@ pub use transfer::TransferWords;
 
 use self::burst::{BurstEnd, Bursts};
 use self::held::HeldLine;
+use self::parts::{characters, push_columns};
 use self::pdo_head::PdoHeads;
 use super::escape::{escape, push_escaped};
 use super::event_sink::{EventContent, EventFormat, EventSink};
@@ -277,27 +278,4 @@ impl<W: Write> EventSink for Text<W> {
     fn has_failed(&self) -> bool {
         self.error.is_some()
     }
-}
-
-/// Appends the columns between the time and the text of an event, with control characters escaped.
-fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line: &mut Vec<u8>) {
-    line.extend_from_slice(b"  ");
-    let mut width = 0;
-    if bus.index().0 != 0 {
-        push_escaped(line, bus.name().as_bytes());
-        line.push(b' ');
-        width = characters(bus.name().as_bytes()) + 1;
-    }
-    push_escaped(line, who);
-    push_blanks(line, 16, width + characters(who));
-    line.extend_from_slice(b"  ");
-    line.extend_from_slice(color.as_bytes());
-    line.extend_from_slice(kind.as_bytes());
-    push_blanks(line, 6, kind.len());
-    line.push(b' ');
-}
-
-/// Number of characters in UTF-8 text.
-fn characters(text: &[u8]) -> usize {
-    text.iter().filter(|byte| **byte & 0xC0 != 0x80).count()
 }

@@ -1,9 +1,10 @@
 //! Shared parts of event lines: nodes, frames, data, times.
 
 use super::tone::Tone;
-use crate::ascii::{push_code, push_decimal, push_enclosed, push_spaced_hex};
+use crate::ascii::{push_blanks, push_code, push_decimal, push_enclosed, push_spaced_hex};
 use crate::event::FrameRange;
 use crate::session::Bus;
+use crate::sink::escape::push_escaped;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -130,6 +131,29 @@ pub(super) fn push_millis(nanoseconds: i64, out: &mut Vec<u8>) {
 pub(super) fn seconds(nanoseconds: i64) -> String {
     let millis = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{}.{:03}", millis / 1_000, millis % 1_000)
+}
+
+/// Appends the columns between the time and the text of an event, with control characters escaped.
+pub(super) fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line: &mut Vec<u8>) {
+    line.extend_from_slice(b"  ");
+    let mut width = 0;
+    if bus.index().0 != 0 {
+        push_escaped(line, bus.name().as_bytes());
+        line.push(b' ');
+        width = characters(bus.name().as_bytes()) + 1;
+    }
+    push_escaped(line, who);
+    push_blanks(line, 16, width + characters(who));
+    line.extend_from_slice(b"  ");
+    line.extend_from_slice(color.as_bytes());
+    line.extend_from_slice(kind.as_bytes());
+    push_blanks(line, 6, kind.len());
+    line.push(b' ');
+}
+
+/// Number of characters in UTF-8 text.
+pub(super) fn characters(text: &[u8]) -> usize {
+    text.iter().filter(|byte| **byte & 0xC0 != 0x80).count()
 }
 
 #[cfg(test)]

@@ -5,9 +5,8 @@
 //!         └──────────────── head ─────────┘
 //! ```
 
-use super::parts::push_node;
+use super::parts::{push_columns, push_node};
 use super::pdo::{push_name, push_payload, push_text};
-use super::push_columns;
 use crate::event::{Event, Pdo};
 use crate::frame::{BusIndex, CanId};
 use crate::session::Bus;

@@ -14,7 +14,7 @@ const SECOND: i64 = 1_000_000_000;
 
 /// Text of the whole second of the last line, with its decimal point.
 #[derive(Debug, Clone)]
-struct WholeSecond {
+struct SecondText {
     /// Start of the second in ns, not negative.
     start: i64,
     text: Vec<u8>,
@@ -26,7 +26,7 @@ pub(super) struct Clock {
     style: TimeColumn,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
-    whole: Option<WholeSecond>,
+    whole: Option<SecondText>,
     /// Second of the cached `date`.
     second: i64,
     date: String,
@@ -81,7 +81,7 @@ impl Clock {
 fn seconds<const DIGITS: u32>(
     nanoseconds: i64,
     width: usize,
-    whole: &mut Option<WholeSecond>,
+    whole: &mut Option<SecondText>,
     out: &mut Vec<u8>,
 ) {
     let known = whole.as_ref().map(|whole| (nanoseconds.saturating_sub(whole.start), whole));
@@ -97,7 +97,7 @@ fn seconds<const DIGITS: u32>(
 
 /// Appends the whole second with its decimal point, right-aligned, and returns the rest in ns.
 #[cold]
-fn push_whole(nanoseconds: i64, width: usize, whole: &mut Option<WholeSecond>, out: &mut Vec<u8>) -> u64 {
+fn push_whole(nanoseconds: i64, width: usize, whole: &mut Option<SecondText>, out: &mut Vec<u8>) -> u64 {
     let second = SECOND.unsigned_abs();
     let (seconds, rest) = (nanoseconds.unsigned_abs() / second, nanoseconds.unsigned_abs() % second);
     let mut text = Vec::new();
@@ -111,7 +111,7 @@ fn push_whole(nanoseconds: i64, width: usize, whole: &mut Option<WholeSecond>, o
     text.rotate_left(digits);
     out.extend_from_slice(&text);
     if nanoseconds >= 0 {
-        *whole = Some(WholeSecond { start: nanoseconds.saturating_sub_unsigned(rest), text });
+        *whole = Some(SecondText { start: nanoseconds.saturating_sub_unsigned(rest), text });
     }
     rest
 }
