@@ -179,7 +179,6 @@ impl PdoChoice {
         match (&event.kind, self.pdo) {
             (EventKind::Frame(_), _) if self.frames => true,
             (EventKind::Frame(undecoded), Pdo::All) => undecoded.message.is_some(),
-            (_, Pdo::All) => true,
             // Without a database, frames are routine events.
             (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::Change) => {
                 !event.routine
