@@ -46,6 +46,8 @@ pub struct BusDecoder {
     obd: ObdPairs,
     uds: Uds,
     devices: Devices,
+    /// Consecutive frames that only the observer needed.
+    pub(super) needed_in_a_row: u8,
 }
 
 impl BusDecoder {
@@ -74,6 +76,7 @@ impl BusDecoder {
             obd: ObdPairs::default(),
             uds: Uds::default(),
             devices: Devices,
+            needed_in_a_row: 0,
         }
     }
 
@@ -91,7 +94,8 @@ impl BusDecoder {
     #[inline]
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
         let identifier = self.shared.bus.routes.find(frame.id);
-        let is_skipped = identifier.is_some_and(|identifier| self.is_skipped(identifier, frame, out));
+        let is_skipped = self.may_skip(frame)
+            && identifier.is_some_and(|identifier| self.is_skipped(identifier, frame, out));
         if !is_skipped {
             self.decode(identifier, frame, out);
         }

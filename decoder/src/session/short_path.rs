@@ -9,14 +9,31 @@ use super::decoder::BusDecoder;
 use super::observer::{Observer, Preview};
 use crate::frame::Frame;
 
+/// Frames in a row that the observer needed, after which it is asked less often: it may need each event.
+const PATIENCE: u8 = 64;
+
+/// Frames between two questions to such an observer.
+const PAUSE: u64 = 64;
+
 impl BusDecoder {
+    /// Whether to ask the observer about a frame. The answer saves work only; events without a question are correct, too.
+    #[inline]
+    pub(super) fn may_skip(&self, frame: &Frame) -> bool {
+        self.needed_in_a_row < PATIENCE || frame.number.is_multiple_of(PAUSE)
+    }
+
     /// Whether nobody needs the event of a frame; if so, times and counters are updated.
     #[inline]
     pub(super) fn is_skipped(&mut self, identifier: usize, frame: &Frame, out: &mut dyn Observer) -> bool {
         let Some(preview) = self.shared.bus.preview(identifier, frame) else { return false };
-        if self.shared.timers.is_due(preview.now) || out.needs(&preview, &self.shared.bus) {
+        if self.shared.timers.is_due(preview.now) {
             return false;
         }
+        if out.needs(&preview, &self.shared.bus) {
+            self.needed_in_a_row = self.needed_in_a_row.saturating_add(1);
+            return false;
+        }
+        self.needed_in_a_row = 0;
         self.shared.bus.skip(&preview);
         out.skip(&preview, &self.shared.bus);
         true
