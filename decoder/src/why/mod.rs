@@ -125,8 +125,8 @@ impl Observer for Why {
         self.observe(event, bus, true);
     }
 
-    fn needs(&self, _preview: &Preview, bus: &Bus) -> bool {
-        Self::needs(self, bus)
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        Self::needs(self, preview, bus)
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) {
@@ -156,13 +156,15 @@ impl Why {
     }
 
     /// Whether the event of a frame is needed; see [`Observer::needs`].
-    pub fn needs(&self, bus: &Bus) -> bool {
+    #[inline]
+    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
         let is_elsewhere = self.question.chosen.as_ref().is_some_and(|chosen| !chosen.is_on(bus));
         let watch = self.buses.iter().find(|watch| watch.index() == bus.index());
-        !is_elsewhere && watch.is_none_or(BusWatch::needs)
+        !is_elsewhere && watch.is_none_or(|watch| watch.needs(preview, bus))
     }
 
     /// Counts a frame whose event is not needed; see [`Observer::skip`].
+    #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
         if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
             watch.skip(preview, bus);

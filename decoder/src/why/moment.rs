@@ -6,6 +6,7 @@ use super::fault::{FaultGrade, FaultKind};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
+use crate::session::Preview;
 use crate::wire::NodeId;
 
 /// Faults within this time are one moment, in ns.
@@ -95,10 +96,14 @@ impl Moment {
 
     /// Position of an event relative to the moment.
     pub(super) fn distance(&self, event: &Event) -> Distance {
-        let (together, soon) = if let Some((time, start)) = event.time.zip(self.time) {
+        self.distance_at(event.time, event.frames.last)
+    }
+
+    fn distance_at(&self, time: Option<Timestamp>, frame: u64) -> Distance {
+        let (together, soon) = if let Some((time, start)) = time.zip(self.time) {
             (time.since(start) <= TOGETHER, time.since(start) <= CONSEQUENCE)
         } else {
-            let frames = event.frames.last.saturating_sub(self.frame);
+            let frames = frame.saturating_sub(self.frame);
             (frames == 0, frames <= CONSEQUENCE_FRAMES)
         };
         match (together, soon) {
@@ -164,6 +169,17 @@ impl Moment {
                 | EventKind::Dtc(_)
         );
         is_status && event.node == self.node && self.distance(event) == Distance::Together
+    }
+
+    /// Whether a frame is too late for this moment.
+    pub(super) fn is_over(&self, preview: &Preview) -> bool {
+        self.distance_at(Some(preview.time), preview.frame) == Distance::Over
+    }
+
+    /// Whether a PDO of a node updates the node state left by the fault; see [`Self::shows_state`].
+    pub(super) fn is_updated_by_pdo(&self, node: NodeId, preview: &Preview) -> bool {
+        let is_together = self.distance_at(Some(preview.time), preview.frame) == Distance::Together;
+        is_together && self.node == Some(node)
     }
 
     /// Whether a fault of this moment is the cause of an event.

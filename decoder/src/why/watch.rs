@@ -115,7 +115,7 @@ impl BusWatch {
             self.close();
         }
         if !self.idle.is_empty() {
-            self.judge_idle(event);
+            self.judge_idle(event.time, event.frames.last);
         }
         if let (EventKind::Pdo(pdo), None) = (&event.kind, &self.open) {
             return self.pdo(pdo, event);
@@ -148,14 +148,25 @@ impl BusWatch {
         }
     }
 
-    /// Whether the event of a PDO or message is needed: within a moment, and while a set point is without effect.
-    pub(super) fn needs(&self) -> bool {
-        self.open.is_some() || !self.idle.is_empty()
+    /// Whether the event of a PDO or message is needed: only a PDO that updates the state of the node in a moment.
+    #[inline]
+    pub(super) fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.open.as_ref().is_some_and(|open| {
+            let of_pdo = bus.pdo_at(preview.identifier);
+            of_pdo.is_some_and(|(_, node)| open.is_updated_by_pdo(node, preview))
+        })
     }
 
     /// Takes a PDO or message without an event.
+    #[inline]
     pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
         self.time = Some(preview.time);
+        if self.open.as_ref().is_some_and(|open| open.is_over(preview)) {
+            self.close();
+        }
+        if !self.idle.is_empty() {
+            self.judge_idle(Some(preview.time), preview.frame);
+        }
         let Some((pdo, node)) = bus.pdo_at(preview.identifier) else { return };
         let is_received = pdo.direction == PdoDirection::Receive;
         if preview.change == 0 && !is_received {
@@ -344,10 +355,10 @@ impl BusWatch {
     }
 
     /// Reports set points that have been without effect for long enough.
-    fn judge_idle(&mut self, event: &Event) {
-        let lasts = |moment: &mut Moment| match event.time.zip(moment.time) {
+    fn judge_idle(&mut self, time: Option<Timestamp>, frame: u64) {
+        let lasts = |moment: &mut Moment| match time.zip(moment.time) {
             Some((now, start)) => now.since(start) >= IDLE,
-            None => event.frames.last.saturating_sub(moment.frame) >= IDLE_FRAMES,
+            None => frame.saturating_sub(moment.frame) >= IDLE_FRAMES,
         };
         let mut found: Vec<Moment> = Vec::new();
         for moment in self.idle.iter_mut().filter_map(|idle| idle.moment.take_if(lasts)) {

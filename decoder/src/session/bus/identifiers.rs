@@ -168,6 +168,7 @@ impl Bus {
     }
 
     /// PDO and node of an identifier by its index; `None` for other services.
+    #[inline]
     pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
         match self.routes.slot(identifier)?.service {
             Service::Pdo(name, node) => Some((name, node)),

@@ -139,8 +139,8 @@ impl Observer for Facts {
         }
     }
 
-    fn needs(&self, _preview: &Preview, bus: &Bus) -> bool {
-        self.selection.is_limited() || self.why.needs(bus)
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.selection.is_limited() || self.why.needs(preview, bus)
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) {
