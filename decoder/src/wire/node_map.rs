@@ -55,11 +55,24 @@ impl<T: Default> NodeMap<T> {
     /// Entry of a node, created if missing; None for an invalid node-ID.
     #[inline]
     pub fn entry(&mut self, node: NodeId) -> Option<&mut T> {
-        let place = Some(node.place()).filter(|place| *place < NODE_PLACES)?;
+        let place = node.place();
+        if !matches!(self.0.get(place), Some(Some(_))) {
+            self.add(place);
+        }
+        self.0.get_mut(place)?.as_mut()
+    }
+
+    #[cold]
+    fn add(&mut self, place: usize) {
+        if place >= NODE_PLACES {
+            return;
+        }
         if self.0.len() <= place {
             self.0.resize_with(place + 1, || None);
         }
-        self.0.get_mut(place).map(|known| known.get_or_insert_with(T::default))
+        if let Some(free) = self.0.get_mut(place) {
+            *free = Some(T::default());
+        }
     }
 }
 

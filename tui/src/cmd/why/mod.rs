@@ -40,6 +40,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
             facts: Facts {
                 why: Why::new(question(arguments)),
                 selection: arguments.select.selection()?,
+                is_limited: true,
                 findings: SelectedFindings::new(arguments.select.selection()?),
             },
             at: arguments.at,
@@ -51,7 +52,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
         let buses = decoded.decoder.buses();
         let Watch { engine, mut facts, at, first } = watch;
         let findings = engine.finish(buses, &mut facts);
-        let Facts { why, selection, findings: selected } = facts;
+        let Facts { why, selection, findings: selected, .. } = facts;
         if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
@@ -125,6 +126,8 @@ fn moment(at: Bound, first: Option<Timestamp>) -> String {
 struct Facts {
     why: Why,
     selection: Selection,
+    /// The selection has a limit.
+    is_limited: bool,
     findings: SelectedFindings,
 }
 
@@ -140,7 +143,7 @@ impl Observer for Facts {
     }
 
     fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.selection.is_limited() || self.why.needs(preview, bus)
+        self.is_limited || self.why.needs(preview, bus)
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) {
@@ -176,6 +179,7 @@ impl CaptureObserver for Watch {
         self.first = first.time;
         self.at = self.at.map(|at| at.resolve(BoundSide::At, first, span)).transpose()?;
         self.facts.selection.begin(first, span)?;
+        self.facts.is_limited = self.facts.selection.is_limited();
         self.facts.findings.begin(first, span)
     }
 
