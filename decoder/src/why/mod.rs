@@ -71,6 +71,8 @@ impl NodeChoice {
 pub struct Why {
     question: Question,
     buses: Vec<BusWatch>,
+    /// A bus has a moment that is still collecting events, or a set point without effect.
+    is_watching: bool,
 }
 
 /// Reaction time of the controller to one TPDO of a node.
@@ -146,28 +148,41 @@ impl Why {
         if chosen.is_some_and(|chosen| !chosen.is_on(bus)) {
             return;
         }
-        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
-            return watch.event(event, bus, may_report);
+        let place = self.buses.iter().position(|watch| watch.index() == bus.index());
+        let place = place.unwrap_or_else(|| {
+            let node = chosen.map(|chosen| chosen.node);
+            self.buses.push(BusWatch::new(bus.index(), self.question.latest, node));
+            self.buses.len() - 1
+        });
+        if let Some(watch) = self.buses.get_mut(place) {
+            watch.event(event, bus, may_report);
         }
-        let node = chosen.map(|chosen| chosen.node);
-        let mut watch = BusWatch::new(bus.index(), self.question.latest, node);
-        watch.event(event, bus, may_report);
-        self.buses.push(watch);
+        self.is_watching = self.buses.iter().any(BusWatch::is_watching);
     }
 
     /// Whether the event of a frame is needed; see [`Observer::needs`].
     #[inline]
     pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        let is_elsewhere = self.question.chosen.as_ref().is_some_and(|chosen| !chosen.is_on(bus));
-        let watch = self.buses.iter().find(|watch| watch.index() == bus.index());
-        !is_elsewhere && watch.is_none_or(|watch| watch.needs(preview, bus))
+        self.is_watching && self.watch_of(bus).is_some_and(|watch| watch.needs(preview, bus))
+    }
+
+    fn watch_of(&self, bus: &Bus) -> Option<&BusWatch> {
+        self.buses.iter().find(|watch| watch.index() == bus.index())
     }
 
     /// Counts a frame whose event is not needed; see [`Observer::skip`].
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
-            watch.skip(preview, bus);
+        let pdo = bus.pdo_at(preview.identifier);
+        // A TPDO or message with unchanged contents is no news.
+        let is_news = preview.change != 0 || pdo.is_some_and(|(pdo, _)| !pdo.is_sent());
+        if (is_news || self.is_watching)
+            && let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index())
+        {
+            watch.skip(pdo, preview);
+            if self.is_watching {
+                self.is_watching = self.buses.iter().any(BusWatch::is_watching);
+            }
         }
     }
 
@@ -276,7 +291,9 @@ impl Why {
             return (Vec::new(), Vec::new(), Vec::new());
         };
         let state = node.filter(|id| bus.node(*id).is_some()).map(|id| watch.state(bus, id));
-        (watch.changes_of(node, after), state.into_iter().collect(), watch.quiet(node, watch.time()))
+        // Frames without news are not counted by the watch.
+        let now = watch.time().max(bus.last_time());
+        (watch.changes_of(node, after), state.into_iter().collect(), watch.quiet(node, now))
     }
 
     /// Without a fault: the chosen node, or all nodes with a set point without effect.

@@ -7,7 +7,7 @@ use super::moment::{Distance, Moment};
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
-use crate::profile::PdoDirection;
+use crate::profile::{PdoDirection, PdoName};
 use crate::session::{Bus, Preview};
 use crate::statistics::{ReactionTime, Reactions};
 use crate::wire::canopen::NmtState;
@@ -148,8 +148,13 @@ impl BusWatch {
         }
     }
 
-    /// Whether the event of a PDO or message is needed: only a PDO that updates the state of the node in a moment.
+    /// Whether a moment is still collecting events, or a set point without effect may become a fault.
     #[inline]
+    pub(super) fn is_watching(&self) -> bool {
+        self.open.is_some() || !self.idle.is_empty()
+    }
+
+    /// Whether the event of a PDO or message is needed: only a PDO that updates the state of the node in a moment.
     pub(super) fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
         self.open.as_ref().is_some_and(|open| {
             let of_pdo = bus.pdo_at(preview.identifier);
@@ -157,17 +162,13 @@ impl BusWatch {
         })
     }
 
-    /// Takes a PDO or message without an event.
-    #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
+    /// Takes a PDO or message (`None`) without an event.
+    pub(super) fn skip(&mut self, pdo: Option<(PdoName, NodeId)>, preview: &Preview) {
         self.time = Some(preview.time);
-        if self.open.as_ref().is_some_and(|open| open.is_over(preview)) {
-            self.close();
+        if self.is_watching() {
+            self.watch(preview);
         }
-        if !self.idle.is_empty() {
-            self.judge_idle(Some(preview.time), preview.frame);
-        }
-        let Some((pdo, node)) = bus.pdo_at(preview.identifier) else { return };
+        let Some((pdo, node)) = pdo else { return };
         let is_received = pdo.direction == PdoDirection::Receive;
         if preview.change == 0 && !is_received {
             return;
@@ -179,6 +180,14 @@ impl BusWatch {
         if preview.change != 0 {
             node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }
+    }
+
+    #[cold]
+    fn watch(&mut self, preview: &Preview) {
+        if self.open.as_ref().is_some_and(|open| open.is_over(preview)) {
+            self.close();
+        }
+        self.judge_idle(Some(preview.time), preview.frame);
     }
 
     /// Processes a PDO outside a moment: it is neither a fault nor a change. A TPDO with unchanged contents is no news.

@@ -183,6 +183,11 @@ impl Bus {
         past.map(|gap| gap.frames.first).or_else(present)
     }
 
+    /// Time of the last frame, if it had one.
+    pub(crate) fn last_time(&self) -> Option<Timestamp> {
+        self.last_time
+    }
+
     /// Number of the last frame of this bus; 0 before the first.
     pub fn last_frame(&self) -> u64 {
         self.last_frame
