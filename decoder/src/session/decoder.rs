@@ -112,7 +112,7 @@ impl BusDecoder {
             let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
             return self.shared.lend(out).emit_can(frame, kind);
         }
-        let slot = identifier.or_else(|| self.find_or_add_slot(frame, out));
+        let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
         let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
@@ -254,11 +254,7 @@ impl BusDecoder {
 
     /// Creates the slot of an identifier at its first frame.
     #[cold]
-    fn find_or_add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
-        // Events before the frame may have created it.
-        if let Some(known) = self.shared.bus.routes.find(frame.id) {
-            return Some(known);
-        }
+    fn add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
         let mut cx = self.shared.lend(out);
         let service = match cx.bus.routes.origin(frame.id) {
             RouteOrigin::Learnt(service) => service,

@@ -12,8 +12,8 @@ pub trait Observer {
     /// `event` happened on `bus`; `bus` is in the state after the event.
     fn event(&mut self, event: &Event, bus: &Bus);
 
-    /// Whether the observer needs the event of a frame; the default is yes. Called before the event, and without one if
-    /// nobody needs it; `bus` is in the state before the frame, except for its time.
+    /// Whether the observer needs the event of a frame; the default is yes. Called before the event; `bus` is in the state
+    /// before the frame.
     fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
         true
     }

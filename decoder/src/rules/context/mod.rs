@@ -130,8 +130,8 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// States that the rule may need other repetitions of PDOs than before: of the present one's identifier while the
-    /// rule handles a PDO, else of all identifiers. See `Rule::repetitions`.
+    /// States that the answer of `Rule::need` may have changed: for the present identifier while the rule handles a PDO,
+    /// else for all identifiers.
     pub fn ask_again(&mut self) {
         *self.has_news = true;
     }

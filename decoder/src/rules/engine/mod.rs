@@ -89,7 +89,7 @@ struct Shared {
     has_time: bool,
     /// Timestamp resolution in ns.
     granularity: i64,
-    /// A rule needs other repetitions of PDOs than before.
+    /// The answer of a rule about the next PDOs may have changed.
     has_news: bool,
 }
 

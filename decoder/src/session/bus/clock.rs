@@ -257,7 +257,7 @@ mod tests {
         assert_eq!(at(&mut clock, 4_090 + 10_001).gap, Some(10_001 * MS));
     }
 
-    /// Without the short path, each frame gives the same clock.
+    /// A regular timestamp leads to the same state as any other.
     #[test]
     fn regular_frames_give_the_same_clock() {
         let stamps = [0, 5, 12, 13, 13, 20, 19, 21, 27, 2_000, 2_001, 900, 901, 907, 915, 916].into_iter();

@@ -128,9 +128,9 @@ fn sender(service: Service) -> u16 {
 /// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Routes {
-    /// IdentifierState of each 11-bit identifier.
+    /// Index of the state of each 11-bit identifier.
     standard: Box<[u16; 2048]>,
-    /// Slots of 29-bit identifiers.
+    /// The same for 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
     slots: Vec<IdentifierState>,
     /// Services from the user; they override all others.
@@ -168,7 +168,7 @@ pub(in crate::session) enum RouteOrigin {
 }
 
 impl Routes {
-    /// IdentifierState of an identifier; `None` before its first frame.
+    /// Index of an identifier in order of appearance; `None` before its first frame.
     #[inline]
     pub(in crate::session) fn find(&self, id: CanId) -> Option<usize> {
         let slot = match id {
