@@ -213,7 +213,10 @@ impl NeedsTable {
         for answer in answers {
             if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add(&answer) }
         }
-        if !is_known {
+        // Intervals and the numbers of frames are known of PDOs only.
+        let is_beyond_messages = statistics.is_none()
+            && (known.need != Need { bits: known.need.bits, ..Need::NOTHING } || known.counting.count > 0);
+        if !is_known || is_beyond_messages {
             known.need = Need::EACH;
         }
         if self.identifiers.len() <= identifier {
@@ -322,6 +325,20 @@ mod tests {
         table.store((2, 0), Some(0), std::iter::empty());
         table.forget_all();
         assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+    }
+
+    #[test]
+    fn messages_have_no_intervals() {
+        let needed =
+            [Need::PASSED, within(5, 20), Need::NOTHING.counted(), Need { bits: 4, ..Need::NOTHING }].map(
+                |need| {
+                    let mut table = NeedsTable::new();
+                    let answer = Answer { number: 10, place: 0, need, is_for_changes: false };
+                    table.store((2, 0), None, std::iter::once(answer));
+                    is_needed(&table, 10, 0)
+                },
+            );
+        assert_eq!(needed, [false, true, true, false]);
     }
 
     #[test]
