@@ -144,6 +144,12 @@ impl FrameFlags {
     }
 }
 
+/// The lowest `count` bits of a word; all from 64 on.
+#[inline]
+pub(crate) const fn low_bits(count: u32) -> u64 {
+    if count >= u64::BITS { u64::MAX } else { (1 << count) - 1 }
+}
+
 /// One frame. Its payload is stored inline, so that a batch of frames is one contiguous block of memory.
 #[derive(Clone, Copy)]
 pub struct Frame {

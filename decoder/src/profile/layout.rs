@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use super::data_type::{DataType, Value, sign_extend};
 use super::meaning::Meaning;
+use crate::frame::low_bits;
 use crate::wire::canopen::ObjectAddress;
 
 /// Direction as seen from the device.
@@ -207,7 +208,7 @@ pub struct FixedBits {
 impl FixedBits {
     /// Adds a field; bits after the first eight bytes are ignored.
     pub(crate) fn add(&mut self, bit: u16, bits: u16, content: u64) {
-        let ones = u64::MAX.checked_shr(64_u32.saturating_sub(u32::from(bits))).unwrap_or(0);
+        let ones = low_bits(u32::from(bits));
         let shifted = |number: u64| number.checked_shl(u32::from(bit)).unwrap_or(0);
         self.mask |= shifted(ones);
         self.value |= shifted(content & ones);
@@ -313,8 +314,7 @@ impl Field {
     /// Bits of the field in the first eight bytes of a payload, if the field is little-endian; bit 0 is the lowest bit of
     /// byte 0.
     pub fn payload_bits(&self) -> u64 {
-        let field = 1_u64.checked_shl(u32::from(self.bits)).map_or(u64::MAX, |end| end - 1);
-        field.checked_shl(u32::from(self.bit)).unwrap_or(0)
+        low_bits(u32::from(self.bits)).checked_shl(u32::from(self.bit)).unwrap_or(0)
     }
 
     /// Little-endian field of an object without further information, as in CANopen and J1939.

@@ -56,7 +56,7 @@ impl Bus {
     /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.
     #[inline]
     fn is_settled_sender(&self, state: &IdentifierState) -> bool {
-        let sender = self.node_at(state.sender);
+        let sender = self.node_at(usize::from(state.sender));
         match state.service {
             Service::Pdo(..) => self.canopen.is_confirmed() && sender.is_none_or(|sender| !sender.attention),
             Service::J1939(_) => self.j1939.is_confirmed() && sender.is_some(),
@@ -75,7 +75,7 @@ impl Bus {
         if let Some(planned) = state.plan.as_mut().filter(|planned| planned.plan.commands) {
             planned.recent.push(preview.frame, preview.now);
         }
-        let sender = state.sender;
+        let sender = usize::from(state.sender);
         // A PDO alone does not prove its node: the identifier may be configured in another one.
         if let Some(node) = self.node_at_mut(sender) {
             node.last_frame = preview.frame;

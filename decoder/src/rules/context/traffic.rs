@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 
 use crate::event::{FrameRange, Pdo};
-use crate::frame::CanId;
+use crate::frame::{CanId, low_bits};
 use crate::session::Preview;
 
 /// Number of intervals for one median.
@@ -201,8 +201,7 @@ pub(in crate::rules) struct PdoFrame {
 
 impl PdoFrame {
     pub(in crate::rules) fn new(pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
-        let unused = 64 - 8 * u32::from(pdo.length.min(8));
-        let used = u64::MAX.checked_shr(unused).unwrap_or(0);
+        let used = low_bits(8 * u32::from(pdo.length));
         Self { now, frame, payload: pdo.word() & used, length: pdo.length, is_unchanged }
     }
 }

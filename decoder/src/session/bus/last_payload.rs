@@ -1,6 +1,6 @@
 //! Payload of the last frame of an identifier, for comparison with the next one.
 
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::{Frame, FrameFlags, low_bits};
 
 /// Payload of the last data frame of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,8 +27,7 @@ impl LastPayload {
     pub(in crate::session) fn of(frame: &Frame) -> Self {
         match frame.bytes.first_chunk() {
             Some(bytes) if frame.length <= LONGEST && !frame.flags.contains(FrameFlags::REMOTE) => {
-                let unused = 64 - 8 * u32::from(frame.length);
-                let used = u64::MAX.checked_shr(unused).unwrap_or(0);
+                let used = low_bits(8 * u32::from(frame.length));
                 Self { word: u64::from_le_bytes(*bytes) & used, used, length: frame.length }
             }
             _ => Self::NONE,

@@ -257,8 +257,7 @@ impl Bus {
 
     /// Node with this node-ID or address; a plain number is a CANopen node-ID.
     pub fn node(&self, id: impl Into<NodeId>) -> Option<&Node> {
-        let place = *self.node_by_id.get(id.into().place())?;
-        self.nodes.get(usize::from(place.checked_sub(1)?))
+        self.node_at(id.into().place())
     }
 
     /// All nodes in ascending order, CANopen first.
@@ -346,21 +345,20 @@ impl Bus {
     /// Node with this node-ID or address, if it exists.
     #[inline]
     pub(in crate::session) fn known_node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
-        let place = *self.node_by_id.get(id.place())?;
-        self.nodes.get_mut(usize::from(place).checked_sub(1)?)
+        self.node_at_mut(id.place())
     }
 
     /// Node by the index of its node-ID in tables by node, if it exists.
     #[inline]
-    pub(in crate::session) fn node_at(&self, place: u16) -> Option<&Node> {
-        let index = *self.node_by_id.get(usize::from(place))?;
+    pub(in crate::session) fn node_at(&self, place: usize) -> Option<&Node> {
+        let index = *self.node_by_id.get(place)?;
         self.nodes.get(usize::from(index).checked_sub(1)?)
     }
 
     /// The same, mutable.
     #[inline]
-    pub(in crate::session) fn node_at_mut(&mut self, place: u16) -> Option<&mut Node> {
-        let index = *self.node_by_id.get(usize::from(place))?;
+    pub(in crate::session) fn node_at_mut(&mut self, place: usize) -> Option<&mut Node> {
+        let index = *self.node_by_id.get(place)?;
         self.nodes.get_mut(usize::from(index).checked_sub(1)?)
     }
 
