@@ -10,6 +10,7 @@ use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::statistics::Statistics;
 
 use crate::machine::devices::{DEVICES, Devices};
 use crate::machine::engine::Engine as J1939Machine;
@@ -181,6 +182,51 @@ fn assert_same_continuation(
     nobody.0
 }
 
+/// Counts frames and events; with `takes_all` it needs the event of each frame.
+#[derive(Default)]
+struct Counting {
+    statistics: Statistics,
+    takes_all: bool,
+}
+
+impl Observer for Counting {
+    fn event(&mut self, event: &Event, _bus: &Bus) {
+        self.statistics.event(event);
+    }
+
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        self.takes_all
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.statistics.skip(preview, bus);
+    }
+}
+
+/// Checks that the short path changes no statistics.
+fn assert_same_statistics(name: &str, recording: &Recording, options: &SessionOptions) {
+    let [wanted, found] = [true, false].map(|takes_all| {
+        let mut counting = Counting { takes_all, ..Counting::default() };
+        let mut decoder = Decoder::new(options.clone());
+        for (place, item) in recording.items.iter().enumerate() {
+            if let Ok(frame) = item {
+                counting.statistics.frame(frame);
+            }
+            recording.push(&mut decoder, place, &mut counting);
+        }
+        decoder.finish(&recording.names, &mut counting);
+        counting.statistics.withdraw(decoder.buses());
+        format!("{:#?}", counting.statistics)
+    });
+    // The place of the next search is no result.
+    let lines = |text: &str| {
+        text.lines().filter(|line| !line.contains("next_pdo_id")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let (wanted, found) = (lines(&wanted), lines(&found));
+    let differs = wanted.iter().zip(&found).find(|(wanted, found)| wanted != found);
+    assert_eq!((differs, wanted.len()), (None, found.len()), "{name}: statistics");
+}
+
 fn generated(messages: impl Iterator<Item = Message>) -> Recording {
     let mut text = Vec::new();
     for message in messages.take(GENERATED) {
@@ -208,6 +254,7 @@ fn assert_generated(
 ) -> (usize, usize) {
     let mut dice = Dice::new(seed);
     let judged = assert_same_verdicts(name, recording, options, plain_setup);
+    assert_same_statistics(name, recording, options);
     let mut unobserved = 0;
     for _ in 0..4 {
         unobserved += assert_same_continuation(name, recording, options, &mut dice);
@@ -284,6 +331,7 @@ fn captures_of_the_corpus() {
         let Some(recording) = Recording::of(&fs::read(&path).unwrap()) else { continue };
         let options = SessionOptions::default();
         assert_same_verdicts(&name, &recording, &options, plain_setup);
+        assert_same_statistics(&name, &recording, &options);
         assert_same_continuation(&name, &recording, &options, &mut dice);
         count += 1;
     }
