@@ -2,8 +2,9 @@
 
 use std::cmp::Reverse;
 
+use super::bus_judge::{BusJudge, RuleInstance};
 use super::needs::Answer;
-use super::{BusJudge, Engine, RuleInstance, STAMPS_JUDGED};
+use super::{Engine, STAMPS_JUDGED};
 use crate::event::{Event, EventKind};
 use crate::rules::ledger::Ledger;
 use crate::session::{Bus, Preview};

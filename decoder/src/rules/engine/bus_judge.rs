@@ -1,0 +1,317 @@
+//! Delivers the events of one bus to its rules.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+
+use super::interests::Interests;
+use super::needs::NeedsTable;
+use super::setup::Setup;
+use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::rules::context::meter::Meter;
+use crate::rules::context::traffic::{PdoFrame, Traffic};
+use crate::rules::context::{Context, LEDGER, Wake};
+use crate::rules::device::{self, DeviceRules};
+use crate::rules::general::longest_period;
+use crate::rules::ledger::{Ledger, occurrence};
+use crate::rules::{REGISTRY, Rule};
+use crate::session::Bus;
+
+/// Maximum wake-ups in one step of time. Timestamps can leap over years; a rule that requests a wake-up again
+/// and again then gets the next one at the end of the leap.
+const WAKES_AT_ONCE: usize = 1_000;
+
+/// A rule at work on one bus.
+pub(super) struct RuleInstance {
+    /// Number of the rule in the ledger.
+    pub(super) number: u16,
+    pub(super) rule: Box<dyn Rule>,
+    /// Events with frames before and after a hole are not delivered.
+    skips_holes: bool,
+}
+
+/// Rule instances of one bus with their shared state.
+pub(super) struct BusJudge {
+    pub(super) rules: Vec<RuleInstance>,
+    pub(super) interests: Interests,
+    pub(super) shared: Shared,
+    has_begun: bool,
+    /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
+    wants: Vec<bool>,
+    has_turned: bool,
+    pub(super) needs: NeedsTable,
+}
+
+/// State that all rules of one bus share.
+pub(super) struct Shared {
+    name: Arc<str>,
+    pub(super) traffic: Traffic,
+    pub(super) meter: Meter,
+    is_tested: bool,
+    pub(super) wakes: BinaryHeap<Wake>,
+    pub(super) now: i64,
+    pub(super) silence: i64,
+    /// First frame after the last silence.
+    resumed: u64,
+    has_time: bool,
+    /// Timestamp resolution in ns.
+    pub(super) granularity: i64,
+    /// The answer of a rule about the next PDOs may have changed.
+    has_news: bool,
+}
+
+impl Shared {
+    /// Context for the rules of this bus; the caller sets `rule` and `place`.
+    #[inline]
+    pub(super) fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
+        Context {
+            bus,
+            now: self.now,
+            has_time: self.has_time,
+            traffic: &self.traffic,
+            meter: &self.meter,
+            is_tested: self.is_tested,
+            granularity: self.granularity,
+            silence: self.silence,
+            resumed: self.resumed,
+            bus_name: &self.name,
+            rule: 0,
+            place: 0,
+            ledger,
+            wakes: &mut self.wakes,
+            has_news: &mut self.has_news,
+        }
+    }
+}
+
+impl BusJudge {
+    pub(super) fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
+        let shared = Shared {
+            name: bus.name().into(),
+            traffic: Traffic::new(longest_period(&setup.policy)),
+            meter: Meter::new(bus.bit_rate()),
+            is_tested: false,
+            wakes: BinaryHeap::new(),
+            now: i64::MIN,
+            silence: 0,
+            resumed: 0,
+            has_time: false,
+            granularity: 0,
+            has_news: false,
+        };
+        let interests = Interests::default();
+        let mut judge = Self {
+            rules: Vec::new(),
+            interests,
+            shared,
+            has_begun: false,
+            wants: Vec::new(),
+            has_turned: true,
+            needs: NeedsTable::new(),
+        };
+        let devices = DeviceRules::new(bus, ledger);
+        let kinds = devices.wanted();
+        let instance = RuleInstance { number: 0, rule: Box::new(devices), skips_holes: false };
+        judge.add(instance, |interests, place| interests.kinds(kinds, place));
+        for (place, entry) in REGISTRY.iter().enumerate() {
+            let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
+            if let (true, Ok(number)) = (is_on, u16::try_from(place)) {
+                let rule = (entry.make)(&setup.policy);
+                let instance = RuleInstance { number, rule, skips_holes: entry.declaration.skips_holes };
+                judge.add(instance, |interests, place| {
+                    interests.declared(entry.declaration.kinds, place);
+                });
+            }
+        }
+        for (number, expectation) in setup.expectations_on(bus.name()) {
+            if ledger.rules.get(usize::from(number)).is_some_and(|info| info.is_on) {
+                let kinds = expectation.kinds();
+                let instance = RuleInstance { number, rule: expectation.make(), skips_holes: false };
+                judge.add(instance, |interests, place| interests.kinds(kinds, place));
+            }
+        }
+        judge
+    }
+
+    fn add(&mut self, instance: RuleInstance, interested: impl Fn(&mut Interests, u16)) {
+        let Ok(place) = u16::try_from(self.rules.len()) else { return };
+        self.rules.push(instance);
+        interested(&mut self.interests, place);
+    }
+
+    #[inline]
+    pub(super) fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        if let Some(stamp) = event.time {
+            let monotonic = bus.monotonic(stamp);
+            if let EventKind::BusSilent { gap } = event.kind {
+                // Deadlines before the start of the silence have passed: time continues from the last of
+                // them.
+                self.shared.resumed = event.frames.last;
+                self.shared.traffic.saw_hole(event.frames.last);
+                self.needs.forget_all();
+                let silence = self.shared.silence.saturating_add(gap);
+                self.shared.silence = silence.min(monotonic.saturating_sub(self.shared.now));
+            }
+            self.shared.has_time = true;
+            self.pass_time(monotonic, bus, ledger);
+        }
+        // A notice of the reader has no frame and no time: the capture begins after it.
+        let is_of_capture = event.time.is_some() || event.frames.last > 0;
+        if is_of_capture && !std::mem::replace(&mut self.has_begun, true) {
+            self.all(bus, ledger, |rule, context| rule.begin(context));
+        }
+        if self.shared.meter.take_over() {
+            self.all(bus, ledger, |rule, context| rule.second(context));
+        }
+        match &event.kind {
+            EventKind::Pdo(pdo) => self.pdo(pdo, event, bus, ledger),
+            _ => self.other(event, bus, ledger),
+        }
+    }
+
+    /// Hot path: only a PDO request can change whether a rule wants PDOs.
+    #[inline]
+    fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        let identifier = bus.identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
+        if self.needs.counted(identifier).is_some() {
+            self.pass_on_skipped(identifier, bus, ledger);
+        }
+        if !pdo.is_request {
+            self.needs.hear(identifier);
+        }
+        let frame = PdoFrame::new(pdo, self.shared.now, event.frames.last, event.routine);
+        self.shared.has_news = self.shared.traffic.saw_pdo((pdo, identifier), &frame);
+        let mut context = self.shared.context(bus, ledger);
+        for place in self.interests.of_pdo(pdo, event) {
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
+                (context.rule, context.place) = (*number, *place);
+                rule.event(event, &mut context);
+            }
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget(identifier);
+        }
+        if pdo.is_request || self.has_turned {
+            self.ask_for_pdos();
+        } else if self.needs.is_unknown(identifier, bus.version_of(identifier)) {
+            self.ask_for_needs(identifier, event, bus, ledger);
+        }
+    }
+
+    fn other(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        match &event.kind {
+            EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
+            EventKind::TestCase(_) => self.shared.is_tested = true,
+            EventKind::J1939Message(message) => {
+                if let Some(identifier) = bus.identifier_of_event(message.can_id) {
+                    self.pass_on_skipped(identifier, bus, ledger);
+                }
+            }
+            _ => {}
+        }
+        let mut context = self.shared.context(bus, ledger);
+        let is_across_hole = context.is_across_hole(event.frames.first);
+        for place in self.interests.of(&event.kind) {
+            if let Some(RuleInstance { number, rule, skips_holes }) = self.rules.get_mut(usize::from(*place))
+                && !(is_across_hole && *skips_holes)
+            {
+                (context.rule, context.place) = (*number, *place);
+                rule.event(event, &mut context);
+                self.has_turned |= self.wants.get(usize::from(*place)) != Some(&rule.wants_pdos());
+            }
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
+        }
+        if self.has_turned {
+            self.ask_for_pdos();
+        } else if let EventKind::J1939Message(message) = &event.kind
+            && let Some(identifier) = bus.identifier_of_event(message.can_id)
+            && self.needs.is_unknown(identifier, bus.version_of(identifier))
+        {
+            self.ask_for_needs(identifier, event, bus, ledger);
+        }
+        if device::may_attach(&event.kind) {
+            self.listen();
+        }
+    }
+
+    /// Updates the event kinds of the device rules (index 0).
+    #[cold]
+    fn listen(&mut self) {
+        if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
+            self.interests.renew(0, kinds);
+            self.needs.forget_all();
+        }
+    }
+
+    /// Asks every rule whether it wants PDOs now.
+    #[cold]
+    fn ask_for_pdos(&mut self) {
+        self.has_turned = false;
+        self.wants.resize(self.rules.len(), true);
+        for ((place, instance), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
+            let wants = instance.rule.wants_pdos();
+            if std::mem::replace(known, wants) != wants {
+                self.interests.want_pdos(place, wants);
+                self.needs.forget_all();
+            }
+        }
+    }
+
+    /// Advances to a monotonic time and processes all wake-ups due before it.
+    #[inline]
+    pub(super) fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
+        let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
+        let mut left = WAKES_AT_ONCE;
+        while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
+            && due < now
+        {
+            self.shared.wakes.pop();
+            left = left.saturating_sub(1);
+            if left == 0 {
+                self.shared.now = now;
+            }
+            self.wake((due, place, token), bus, ledger);
+        }
+        self.shared.now = now;
+    }
+
+    #[cold]
+    fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
+        let shared = &mut self.shared;
+        shared.now = shared.now.max(due);
+        if place == LEDGER {
+            let at = occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
+            let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
+            shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
+            return;
+        }
+        let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(place)) else { return };
+        let mut context = shared.context(bus, ledger);
+        (context.rule, context.place) = (*number, place);
+        rule.wake(token, &mut context);
+        self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
+        }
+    }
+
+    #[cold]
+    pub(super) fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
+        let mut context = self.shared.context(bus, ledger);
+        for (place, RuleInstance { number, rule, .. }) in self.rules.iter_mut().enumerate() {
+            (context.rule, context.place) = (*number, u16::try_from(place).unwrap_or(LEDGER));
+            call(&mut **rule, &mut context);
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget_all();
+        }
+        self.has_turned = true;
+    }
+}
+
+/// Frame range of a deadline: the last frame received.
+fn last_frame(bus: &Bus) -> FrameRange {
+    FrameRange::one(bus.last_frame())
+}
