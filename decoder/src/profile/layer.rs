@@ -22,13 +22,56 @@ pub(super) struct Layer {
     content: Content,
 }
 
-/// Indexes of all objects, stored contiguously because every transfer searches them.
+/// Indexes of all objects.
 #[derive(Debug, Clone, Default)]
 struct Positions {
     /// First index of each object, and distance from it to the last index.
     spans: Vec<(u16, u16)>,
     /// Number of repeats and distance of their indexes.
     repeats: Vec<(u16, u16)>,
+    /// Made at the first search.
+    ranges: OnceLock<IndexRanges>,
+}
+
+/// Positions of objects by ranges of indexes within which they are the same: every transfer searches them several
+/// times.
+#[derive(Debug, Clone, Default)]
+struct IndexRanges {
+    /// First index of each range, ascending; the first one is 0.
+    starts: Vec<u16>,
+    /// Start of the positions of each range in `places`, and their end.
+    bounds: Vec<usize>,
+    /// Ascending within a range.
+    places: Vec<usize>,
+}
+
+impl IndexRanges {
+    fn new(spans: &[(u16, u16)]) -> Self {
+        let ends = spans.iter().filter_map(|(first, distance)| first.checked_add(*distance)?.checked_add(1));
+        let mut starts: Vec<u16> = spans.iter().map(|(first, _)| *first).chain(ends).chain([0]).collect();
+        starts.sort_unstable();
+        starts.dedup();
+        let range_of = |index: u16| starts.partition_point(|start| *start <= index).saturating_sub(1);
+        let mut covered: Vec<(usize, usize)> = Vec::with_capacity(starts.len());
+        for (place, (first, distance)) in spans.iter().enumerate() {
+            let ranges = range_of(*first)..=range_of(first.saturating_add(*distance));
+            covered.extend(ranges.map(|range| (range, place)));
+        }
+        covered.sort_unstable();
+        let bounds = (0..=starts.len()).map(|range| covered.partition_point(|(of, _)| *of < range)).collect();
+        Self { starts, bounds, places: covered.into_iter().map(|(_, place)| place).collect() }
+    }
+
+    /// Positions of the objects whose span has this index, in file order.
+    fn at(&self, index: u16) -> &[usize] {
+        let after = self.starts.partition_point(|start| *start <= index);
+        let bounds = after.checked_sub(1).and_then(|range| self.bounds.get(range..=after));
+        let places = match bounds {
+            Some([start, end]) => self.places.get(*start..*end),
+            _ => None,
+        };
+        places.unwrap_or(&[])
+    }
 }
 
 impl Positions {
@@ -38,13 +81,9 @@ impl Positions {
         self.repeats.push((count, stride));
     }
 
-    /// Positions of the objects that can have this index.
+    /// Positions of the objects that can have this index, in file order.
     fn at(&self, index: u16) -> impl Iterator<Item = usize> {
-        let spans = self.spans.iter().enumerate();
-        // A lower index wraps around to more than any distance.
-        spans
-            .filter(move |(_, (first, distance))| index.wrapping_sub(*first) <= *distance)
-            .map(|(place, _)| place)
+        self.ranges.get_or_init(|| IndexRanges::new(&self.spans)).at(index).iter().copied()
     }
 }
 
@@ -170,7 +209,7 @@ impl Layer {
 
     /// Adds the addresses with sub-index 0 or 1 that `picks` accepts and that have a default.
     pub(super) fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool, found: &mut Vec<ObjectAddress>) {
-        let Positions { spans, repeats } = &self.positions;
+        let Positions { spans, repeats, .. } = &self.positions;
         for (place, ((first, _), (count, stride))) in spans.iter().zip(repeats).enumerate() {
             for sub in [0, 1] {
                 let picked = |nth: u16| {
@@ -243,6 +282,29 @@ mod tests {
 
     fn shown(objects: &[Object]) -> Vec<String> {
         objects.iter().map(|object| format!("{object:?}")).collect()
+    }
+
+    #[test]
+    fn an_index_is_in_all_spans_that_reach_it() {
+        // 1000h; 1400h to 15FFh; 1500h alone; FFF0h to FFFFh; 1400h again.
+        let spans = [(0x1000, 0), (0x1400, 0x1FF), (0x1500, 0), (0xFFF0, 0xF), (0x1400, 0)];
+        let ranges = IndexRanges::new(&spans);
+        let expected: [(u16, &[usize]); 10] = [
+            (0, &[]),
+            (0x1000, &[0]),
+            (0x1001, &[]),
+            (0x1400, &[1, 4]),
+            (0x1401, &[1]),
+            (0x1500, &[1, 2]),
+            (0x15FF, &[1]),
+            (0x1600, &[]),
+            (0xFFEF, &[]),
+            (0xFFFF, &[3]),
+        ];
+        for (index, places) in expected {
+            assert_eq!(ranges.at(index), places, "{index:04X}");
+        }
+        assert_eq!(IndexRanges::new(&[]).at(0x1000), [0_usize; 0]);
     }
 
     #[test]
