@@ -76,9 +76,13 @@ impl Observer for Judging {
         self.takes_all || self.engine.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.skipped += 1;
-        self.engine.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        // Both answers must be the same.
+        let is_needed = self.needs(preview, bus);
+        let is_skipped = !self.takes_all && self.engine.skip(preview, bus);
+        assert_eq!(is_skipped, !is_needed);
+        self.skipped += usize::from(is_skipped);
+        is_skipped
     }
 }
 
@@ -99,8 +103,9 @@ impl Observer for Nobody {
         false
     }
 
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) {
+    fn skip(&mut self, _preview: &Preview, _bus: &Bus) -> bool {
         self.0 += 1;
+        true
     }
 }
 
@@ -198,8 +203,11 @@ impl Observer for Counting {
         self.takes_all
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.statistics.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        if !self.takes_all {
+            self.statistics.skip(preview, bus);
+        }
+        !self.takes_all
     }
 }
 

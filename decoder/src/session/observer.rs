@@ -12,14 +12,16 @@ pub trait Observer {
     /// `event` happened on `bus`; `bus` is in the state after the event.
     fn event(&mut self, event: &Event, bus: &Bus);
 
-    /// Whether the observer needs the event of a frame; the default is yes. Called before the event; `bus` is in the state
-    /// before the frame.
+    /// Whether the observer needs the event of a frame; the default is yes. `bus` is in the state before the frame.
     fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
         true
     }
 
-    /// Takes note of a frame whose event no observer needs; `bus` is in the state after the frame.
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) {}
+    /// Takes note of a frame without its event; `false`, without any effect, if the observer needs the event. `bus` is in
+    /// the state before the frame. An observer that consists of several asks [`Self::needs`] of all but one of them first.
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        !self.needs(preview, bus)
+    }
 }
 
 /// PDO or J1939 message before its event. The frame has the data length of the last frame with its identifier.

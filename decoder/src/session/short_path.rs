@@ -29,13 +29,12 @@ impl BusDecoder {
         if self.shared.timers.is_due(preview.now) {
             return false;
         }
-        if out.needs(&preview, &self.shared.bus) {
+        if !out.skip(&preview, &self.shared.bus) {
             self.needed_in_a_row = self.needed_in_a_row.saturating_add(1);
             return false;
         }
         self.needed_in_a_row = 0;
         self.shared.bus.skip(&preview);
-        out.skip(&preview, &self.shared.bus);
         true
     }
 }

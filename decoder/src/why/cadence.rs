@@ -33,32 +33,39 @@ pub struct StoppedMessage {
     pub last_frame: u64,
 }
 
-/// Timing of one kind of message.
+/// Times of the last messages of one kind.
 #[derive(Debug, Clone, Copy)]
-struct Beat {
-    what: Rhythm,
+pub(super) struct Beat {
     last: Timestamp,
+    /// Frame of the last one; 0 before the first one.
     frame: u64,
     /// Last intervals, newest first; 0 for none.
     intervals: [i64; 4],
 }
 
 impl Beat {
-    fn add(&mut self, time: Timestamp, frame: u64) {
-        let [first, second, third, _] = self.intervals;
-        self.intervals = [time.since(self.last).max(1), first, second, third];
+    /// Before the first message.
+    pub(super) const NONE: Self = Self { last: Timestamp(0), frame: 0, intervals: [0; 4] };
+
+    /// Records a message.
+    #[inline]
+    pub(super) fn add(&mut self, time: Timestamp, frame: u64) {
+        if self.frame > 0 {
+            let [first, second, third, _] = self.intervals;
+            self.intervals = [time.since(self.last).max(1), first, second, third];
+        }
         (self.last, self.frame) = (time, frame);
     }
 
     /// The silence at `now`; `None` if the message was not periodic or is not overdue.
-    fn quiet(&self, now: Timestamp) -> Option<StoppedMessage> {
+    fn quiet(&self, what: Rhythm, now: Timestamp) -> Option<StoppedMessage> {
         let longest = self.intervals.into_iter().max()?;
         let shortest = self.intervals.into_iter().min()?;
         let had_beat = shortest > 0 && longest <= shortest.saturating_mul(2);
         let gap = now.since(self.last);
         let is_silent = gap > longest.saturating_mul(2) && gap > SHORTEST;
         (had_beat && is_silent).then_some(StoppedMessage {
-            what: self.what,
+            what,
             gap,
             usual: longest,
             last_frame: self.frame,
@@ -66,27 +73,68 @@ impl Beat {
     }
 }
 
-/// Periodic messages of a node or of a bus.
+/// Messages of one kind.
+#[derive(Debug, Clone, Copy)]
+struct Listed {
+    what: Rhythm,
+    /// Index of the identifier whose times are current; those in `beat` are then older.
+    identifier: Option<usize>,
+    beat: Beat,
+}
+
+/// Periodic messages of a node or of a bus, in order of appearance.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Beats(Vec<Beat>);
+pub(super) struct Beats(Vec<Listed>);
 
 impl Beats {
     /// Records a message.
     pub(super) fn add(&mut self, what: Rhythm, time: Option<Timestamp>, frame: u64) {
         let Some(time) = time else { return };
-        let has_room = self.0.len() < LIMIT;
-        match self.0.iter_mut().find(|beat| beat.what == what) {
-            Some(beat) => beat.add(time, frame),
-            None if has_room => {
-                self.0.push(Beat { what, last: time, frame, intervals: [0; 4] });
-            }
-            None => {}
+        if let Some(listed) = self.listed(what) {
+            listed.beat.add(time, frame);
         }
     }
 
-    /// Messages that are overdue at `now`.
-    pub(super) fn quiet(&self, now: Option<Timestamp>) -> impl Iterator<Item = StoppedMessage> {
-        self.0.iter().filter_map(move |beat| beat.quiet(now?))
+    /// Entry for one kind of message, made at its first use; `None` if there are too many.
+    fn listed(&mut self, what: Rhythm) -> Option<&mut Listed> {
+        let known = self.0.iter().position(|listed| listed.what == what);
+        let place = known.unwrap_or(self.0.len());
+        if known.is_none() && place < LIMIT {
+            self.0.push(Listed { what, identifier: None, beat: Beat::NONE });
+        }
+        self.0.get_mut(place)
+    }
+
+    /// Messages that are overdue at `now`; `beat_of` has the times of an identifier.
+    pub(super) fn quiet(
+        &self,
+        now: Option<Timestamp>,
+        beat_of: impl Fn(usize) -> Option<Beat>,
+    ) -> impl Iterator<Item = StoppedMessage> {
+        self.0.iter().filter_map(move |listed| {
+            let current = listed.identifier.and_then(&beat_of);
+            current.unwrap_or(listed.beat).quiet(listed.what, now?)
+        })
+    }
+
+    /// Takes the times of one kind of message from an identifier from now on; `beat_of` has the present times of an
+    /// identifier. The times so far.
+    pub(super) fn follow(
+        &mut self,
+        what: Rhythm,
+        identifier: usize,
+        beat_of: impl Fn(usize) -> Option<Beat>,
+    ) -> Beat {
+        let Some(listed) = self.listed(what) else { return Beat::NONE };
+        let before = listed.identifier.replace(identifier).and_then(beat_of);
+        before.unwrap_or(listed.beat)
+    }
+
+    /// Keeps the times of an identifier, which from now on are those of another message.
+    pub(super) fn release(&mut self, identifier: usize, beat: Beat) {
+        for listed in self.0.iter_mut().filter(|listed| listed.identifier == Some(identifier)) {
+            (listed.identifier, listed.beat) = (None, beat);
+        }
     }
 }
 
@@ -102,7 +150,7 @@ mod tests {
             time = time.plus(*interval * 1_000_000);
             beats.add(Rhythm::Sync, Some(time), 2);
         }
-        beats.quiet(Some(time.plus(gap * 1_000_000))).next()
+        beats.quiet(Some(time.plus(gap * 1_000_000)), |_| None).next()
     }
 
     #[test]
@@ -118,5 +166,26 @@ mod tests {
         assert_eq!(quiet_after(&[10, 10, 10], 1000), None);
         assert_eq!(quiet_after(&[10, 10, 25, 10], 1000), None);
         assert_eq!(quiet_after(&[1, 1, 1, 1], 20), None);
+    }
+
+    #[test]
+    fn the_times_of_an_identifier_are_those_of_its_message() {
+        let name =
+            |number| Rhythm::Rpdo(PdoName { direction: crate::profile::PdoDirection::Receive, number });
+        let ms = |time: i64| Timestamp(time * 1_000_000);
+        let (mut beats, mut of_identifier) = (Beats::default(), [Beat::NONE; 2]);
+        let beat_of = |all: [Beat; 2]| move |identifier: usize| all.get(identifier).copied();
+        of_identifier[0] = beats.follow(name(1), 0, beat_of(of_identifier));
+        for time in 0..5 {
+            of_identifier[0].add(ms(10 * time), 1);
+        }
+        // RPDO1 moves to another identifier, and the first identifier is that of RPDO2 from now on.
+        of_identifier[1] = beats.follow(name(1), 1, beat_of(of_identifier));
+        beats.release(0, of_identifier[0]);
+        of_identifier[0] = beats.follow(name(2), 0, beat_of(of_identifier));
+        of_identifier[1].add(ms(52), 2);
+        let quiet: Vec<_> = beats.quiet(Some(ms(100)), beat_of(of_identifier)).collect();
+        let expected = StoppedMessage { what: name(1), gap: 48_000_000, usual: 12_000_000, last_frame: 2 };
+        assert_eq!(quiet, [expected]);
     }
 }

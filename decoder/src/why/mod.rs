@@ -13,6 +13,7 @@ mod cadence;
 mod change;
 mod check;
 mod fault;
+mod followed;
 mod moment;
 mod state;
 pub mod text;
@@ -131,8 +132,12 @@ impl Observer for Why {
         Self::needs(self, preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        Self::skip(self, preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !Self::needs(self, preview, bus);
+        if is_skipped {
+            Self::skip(self, preview, bus);
+        }
+        is_skipped
     }
 }
 
@@ -173,17 +178,20 @@ impl Why {
     /// Counts a frame whose event is not needed; see [`Observer::skip`].
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        let pdo = bus.pdo_at(preview.identifier);
-        // A TPDO or message with unchanged contents is no news.
-        let is_news = preview.change != 0 || pdo.is_some_and(|(pdo, _)| !pdo.is_sent());
-        if (is_news || self.is_watching)
-            && let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index())
-        {
-            watch.skip(pdo, preview);
-            if self.is_watching {
-                self.is_watching = self.buses.iter().any(BusWatch::is_watching);
-            }
+        if self.is_watching {
+            self.watch(preview, bus);
         }
+        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
+            watch.skip(preview, bus);
+        }
+    }
+
+    #[cold]
+    fn watch(&mut self, preview: &Preview, bus: &Bus) {
+        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
+            watch.watch(preview);
+        }
+        self.is_watching = self.buses.iter().any(BusWatch::is_watching);
     }
 
     /// Creates the report; `buses` are in the state after the last event.

@@ -3,11 +3,11 @@
 use super::cadence::{Beats, Rhythm, StoppedMessage};
 use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
+use super::followed::{FollowedPdos, PdoRole};
 use super::moment::{Distance, Moment};
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
-use crate::profile::{PdoDirection, PdoName};
 use crate::session::{Bus, Preview};
 use crate::statistics::{ReactionTime, Reactions};
 use crate::wire::canopen::NmtState;
@@ -37,7 +37,7 @@ pub(super) struct NodeWatch {
     /// Time of the last NMT command to the node.
     commanded: Option<Timestamp>,
     was_operational: bool,
-    beats: Beats,
+    pub(super) beats: Beats,
     points: Vec<SetPoint>,
     reactions: Reactions,
 }
@@ -68,6 +68,7 @@ pub(super) struct BusWatch {
     commanded: Option<Timestamp>,
     beats: Beats,
     nodes: NodeMap<Box<NodeWatch>>,
+    followed: FollowedPdos,
     idle: Vec<IdleSetPoint>,
     /// Moment that is still collecting events.
     open: Option<Moment>,
@@ -90,6 +91,7 @@ impl BusWatch {
             commanded: None,
             beats: Beats::default(),
             nodes: NodeMap::default(),
+            followed: FollowedPdos::default(),
             idle: Vec::new(),
             open: None,
             found: [const { None }; 3],
@@ -118,9 +120,9 @@ impl BusWatch {
             self.judge_idle(event.time, event.frames.last);
         }
         if let (EventKind::Pdo(pdo), None) = (&event.kind, &self.open) {
-            return self.pdo(pdo, event);
+            return self.pdo(pdo, event, bus);
         }
-        let was_operational = self.learn(event);
+        let was_operational = self.learn(event, bus);
         let node = event.node.and_then(|id| bus.node(id));
         let kind = fault::of(event, node, was_operational).filter(|_| self.is_asked_for(event));
         match kind {
@@ -162,28 +164,24 @@ impl BusWatch {
         })
     }
 
-    /// Takes a PDO or message (`None`) without an event.
-    pub(super) fn skip(&mut self, pdo: Option<(PdoName, NodeId)>, preview: &Preview) {
+    /// Takes a PDO or message without an event.
+    #[inline]
+    pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
         self.time = Some(preview.time);
-        if self.is_watching() {
-            self.watch(preview);
-        }
-        let Some((pdo, node)) = pdo else { return };
-        let is_received = pdo.direction == PdoDirection::Receive;
-        if preview.change == 0 && !is_received {
-            return;
-        }
-        let Some(node) = self.nodes.entry(node) else { return };
-        if is_received {
-            node.beats.add(Rhythm::Rpdo(pdo), Some(preview.time), preview.frame);
-        }
-        if preview.change != 0 {
+        let frame = (preview.identifier, self.time, preview.frame);
+        let role = self.followed.add(frame, bus, &mut self.nodes);
+        // A PDO with unchanged contents is no news.
+        if preview.change != 0
+            && let PdoRole::Sent(pdo, node) | PdoRole::Received(pdo, node) = role
+            && let Some(node) = self.nodes.entry(node)
+        {
             node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }
     }
 
+    /// Ends the moment and judges set points at a frame without an event.
     #[cold]
-    fn watch(&mut self, preview: &Preview) {
+    pub(super) fn watch(&mut self, preview: &Preview) {
         if self.open.as_ref().is_some_and(|open| open.is_over(preview)) {
             self.close();
         }
@@ -192,16 +190,23 @@ impl BusWatch {
 
     /// Processes a PDO outside a moment: it is neither a fault nor a change. A TPDO with unchanged contents is no news.
     #[inline]
-    fn pdo(&mut self, pdo: &Pdo, event: &Event) {
-        let is_received = pdo.name.direction == PdoDirection::Receive;
-        if pdo.is_request || event.routine && !is_received {
+    fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
+        if pdo.is_request {
             return;
         }
-        let Some(node) = event.node.and_then(|id| self.nodes.entry(id)) else { return };
-        if is_received {
-            node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
+        self.follow(pdo, event, bus);
+        if !event.routine
+            && let Some(node) = event.node.and_then(|id| self.nodes.entry(id))
+        {
+            node.reactions.event(event);
         }
-        node.reactions.event(event);
+    }
+
+    /// Records the time of a PDO.
+    fn follow(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
+        if let Some(identifier) = bus.identifier_of_event(pdo.cob_id) {
+            self.followed.add((identifier, event.time, event.frames.last), bus, &mut self.nodes);
+        }
     }
 
     /// Whether an event concerns the chosen node; faults of the bus always do.
@@ -218,12 +223,13 @@ impl BusWatch {
     }
 
     /// Updates periodic messages, commands and set points; returns whether the node was operational before.
-    fn learn(&mut self, event: &Event) -> bool {
-        match event.kind {
+    fn learn(&mut self, event: &Event, bus: &Bus) -> bool {
+        match &event.kind {
+            EventKind::Pdo(pdo) if !pdo.is_request => self.follow(pdo, event, bus),
             EventKind::Sync { .. } => self.beats.add(Rhythm::Sync, event.time, event.frames.last),
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
             EventKind::NmtCommand { target, .. } => {
-                if let Some(node) = self.nodes.entry(target.into()) {
+                if let Some(node) = self.nodes.entry((*target).into()) {
                     node.commanded = event.time;
                 }
             }
@@ -232,9 +238,6 @@ impl BusWatch {
         let Some(node) = event.node.and_then(|id| self.nodes.entry(id)) else { return false };
         let was_operational = node.was_operational;
         match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request && pdo.name.direction == PdoDirection::Receive => {
-                node.beats.add(Rhythm::Rpdo(pdo.name), event.time, event.frames.last);
-            }
             EventKind::GuardRequest => node.beats.add(Rhythm::Guarding, event.time, event.frames.last),
             EventKind::NmtState(change) => node.was_operational |= change.to == NmtState::Operational,
             EventKind::Emcy(emergency) if emergency.boot.is_some() => node.points.clear(),
@@ -396,8 +399,9 @@ impl BusWatch {
     /// Periodic messages of the bus and of a node that have stopped.
     pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<StoppedMessage> {
         let node = node.and_then(|id| self.nodes.get(id));
-        let own = node.into_iter().flat_map(|node| node.beats.quiet(now));
-        self.beats.quiet(now).chain(own).collect()
+        let beat_of = |identifier| self.followed.beat(identifier);
+        let own = node.into_iter().flat_map(|node| node.beats.quiet(now, beat_of));
+        self.beats.quiet(now, beat_of).chain(own).collect()
     }
 
     /// Current state of a node.

@@ -61,10 +61,9 @@ impl Observer for JudgingObserver<'_> {
             || self.engine.as_ref().is_some_and(|engine| engine.needs(preview, bus))
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        if let Some(engine) = &mut self.engine {
-            engine.skip(preview, bus);
-        }
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        !self.printer.needs(preview, bus)
+            && self.engine.as_mut().is_none_or(|engine| engine.skip(preview, bus))
     }
 }
 

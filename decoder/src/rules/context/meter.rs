@@ -46,8 +46,14 @@ pub struct Meter {
     pub has_varied: bool,
     /// Last complete second.
     pub last: Second,
+    /// The second that has begun; its number of frames and its last frame are added at its end.
     current: Second,
+    /// Number of frames before the current second.
+    before: u64,
+    last_frame: u64,
     began: i64,
+    /// [`SECOND`] if a later timestamp has an effect only after the current second, otherwise 0.
+    window: u64,
     time: Option<i64>,
     interval: Option<i64>,
     /// A second ended since the last call of `take_over`.
@@ -73,22 +79,20 @@ impl Meter {
 
     #[inline]
     pub(in crate::rules) fn frame(&mut self, frame: &Frame) {
-        self.frames += 1;
-        if let Some(time) = frame.time {
+        // The difference to an earlier time is more than any window.
+        if let Some(time) = frame.time
+            && time.0.wrapping_sub(self.began).cast_unsigned() >= self.window
+        {
             self.move_to(time.0, frame.number);
         }
-        self.current.frames.last = frame.number;
-        self.current.count += 1;
-        if frame.flags.contains(FrameFlags::ERROR) {
-            let is_disturbed = frame.id.number() & DISTURBED != 0;
-            self.errors += u64::from(is_disturbed);
-            self.current.errors += u64::from(is_disturbed);
-        } else if self.bit_rate.is_some() {
-            self.count_bits(frame);
+        self.frames += 1;
+        self.last_frame = frame.number;
+        if self.bit_rate.is_some() || frame.flags.contains(FrameFlags::ERROR) {
+            self.count(frame);
         }
     }
 
-    #[inline]
+    #[cold]
     fn move_to(&mut self, time: i64, frame: u64) {
         if !self.has_varied
             && let Some(before) = self.time
@@ -102,21 +106,35 @@ impl Meter {
         if is_first || !(0..SECOND).contains(&since) {
             self.next_second(time, frame, is_first || since < 0);
         }
+        self.window = if self.has_varied { SECOND.cast_unsigned() } else { 0 };
     }
 
-    #[cold]
     fn next_second(&mut self, time: i64, frame: u64, is_anew: bool) {
         let mut is_busy = false;
         // A second in which the clock was set back is dropped.
         if !is_anew {
             let number = self.last.number + 1;
-            self.last = Second { number, ..self.current };
+            let count = self.frames - self.before;
+            let frames = FrameRange { last: self.last_frame, ..self.current.frames };
+            self.last = Second { number, count, frames, ..self.current };
             self.is_over = true;
             is_busy = self.bit_rate.is_some_and(|rate| self.last.most > u64::from(rate) / 2);
         }
         self.began = time;
+        self.before = self.frames;
         self.current =
             Second { frames: FrameRange::one(frame), bits: is_busy.then_some(0), ..Second::default() };
+    }
+
+    /// Counts an error frame, or the bits of another frame.
+    fn count(&mut self, frame: &Frame) {
+        if frame.flags.contains(FrameFlags::ERROR) {
+            let is_disturbed = frame.id.number() & DISTURBED != 0;
+            self.errors += u64::from(is_disturbed);
+            self.current.errors += u64::from(is_disturbed);
+        } else if self.bit_rate.is_some() {
+            self.count_bits(frame);
+        }
     }
 
     fn count_bits(&mut self, frame: &Frame) {

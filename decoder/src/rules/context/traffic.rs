@@ -12,6 +12,9 @@ const INTERVALS: usize = 15;
 /// PDOs skipped between two medians, since the usual interval rarely changes.
 const PAUSE: u8 = 45;
 
+/// Value for an interval before the second PDO and after a hole.
+const NO_INTERVAL: i64 = i64::MIN;
+
 /// Maximum number of identifiers per bus.
 const SLOT_LIMIT: usize = 4096;
 
@@ -22,10 +25,8 @@ pub struct PdoSlot {
     pub place: usize,
     /// Number of PDOs, without requests.
     pub count: u64,
-    /// Time since the previous PDO, in ns; None for the first one.
-    pub interval: Option<i64>,
-    /// Interval before [`Self::interval`], in ns.
-    pub interval_before: Option<i64>,
+    /// Time since the previous PDO, and the interval before it, in ns; [`NO_INTERVAL`] for none.
+    intervals: (i64, i64),
     /// Time of the last PDO, in ns.
     pub last: i64,
     /// Frame of the last PDO and of the previous one.
@@ -44,16 +45,17 @@ pub struct PdoSlot {
     pub is_requested: bool,
     /// Consecutive PDOs that fit two producers in turn: two contents at two intervals.
     pub alternations: u32,
-    /// Payload, without unused bytes, and length of the last PDO and of the previous one; from the second PDO on.
-    contents: [(u64, u8); 2],
-    /// Data length of the last PDO.
+    /// Contents of the last PDO and of the previous one; from the second PDO on.
+    contents: [PdoContent; 2],
+    /// Data length of the last PDO in bytes.
     length: u8,
     /// Usual interval while the content was constant, before the second content.
     alone: Option<i64>,
     /// Usual interval of PDOs with unchanged content; None if they are irregular or rare.
     period: Option<Period>,
     sync: u64,
-    intervals: [i64; INTERVALS],
+    /// Intervals for the next median.
+    measured: [i64; INTERVALS],
     /// Bit n is set if the content was unchanged after interval n.
     unchanged: u16,
     began: i64,
@@ -81,8 +83,7 @@ impl PdoSlot {
         Self {
             place,
             count: 0,
-            interval: None,
-            interval_before: None,
+            intervals: (NO_INTERVAL, NO_INTERVAL),
             last: 0,
             frames: (0, 0),
             earlier: 0,
@@ -92,12 +93,12 @@ impl PdoSlot {
             sync_step: 0,
             is_requested: false,
             alternations: 0,
-            contents: [(0, 0); 2],
+            contents: [PdoContent { payload: 0, length: 0 }; 2],
             length: 0,
             alone: None,
             period: None,
             sync: 0,
-            intervals: [0; INTERVALS],
+            measured: [0; INTERVALS],
             unchanged: 0,
             began: 0,
             filled: 0,
@@ -105,43 +106,67 @@ impl PdoSlot {
         }
     }
 
+    /// Time since the previous PDO, in ns; `None` for the first one and after a hole.
+    pub fn interval(&self) -> Option<i64> {
+        Some(self.intervals.0).filter(|interval| *interval != NO_INTERVAL)
+    }
+
+    /// Interval before [`Self::interval`], in ns.
+    pub fn interval_before(&self) -> Option<i64> {
+        Some(self.intervals.1).filter(|interval| *interval != NO_INTERVAL)
+    }
+
+    /// Counts a PDO of unchanged length; whether median and period were determined again.
+    #[inline]
+    pub(in crate::rules) fn skip(&mut self, preview: &Preview, now: i64, around: PdoSurroundings) -> bool {
+        let content = PdoContent { payload: preview.payload, length: self.length };
+        let is_unchanged = preview.change == 0;
+        self.take(&PdoFrame { now, frame: preview.frame, content, is_unchanged }, around)
+    }
+
     /// Counts a PDO; whether median and period were determined again.
     #[inline]
-    fn take(&mut self, pdo: &PdoFrame, (sync, resumed): (u64, u64), longest: i64) -> bool {
-        let (now, frame) = (pdo.now, pdo.frame);
-        let before = self.interval_before;
-        self.length = pdo.length;
-        let is_successor = self.count > 0 && self.frames.0 >= resumed;
-        self.interval_before = self.interval;
-        self.interval = is_successor.then(|| now.saturating_sub(self.last));
-        self.count += 1;
-        self.last = now;
+    fn take(&mut self, pdo: &PdoFrame, around: PdoSurroundings) -> bool {
+        let PdoSurroundings { syncs: sync, resumed, longest_period: longest } = around;
+        let interval = if self.frames.0 < resumed { NO_INTERVAL } else { pdo.now.saturating_sub(self.last) };
+        let (last, before) = self.intervals;
+        self.intervals = (interval, last);
+        self.last = pdo.now;
         self.earlier = self.frames.1;
-        self.frames = (frame, self.frames.0);
-        self.since_sync = if self.sync == sync { self.since_sync.saturating_add(1) } else { 1 };
-        self.sync_step = sync.wrapping_sub(self.sync);
-        self.sync = sync;
-        let is_learnt = self.measure(now, pdo.is_unchanged);
-        if self.count > 1 {
-            self.compare((pdo.payload, pdo.length), before, longest);
+        self.frames = (pdo.frame, self.frames.0);
+        self.count += 1;
+        if self.sync == sync {
+            self.since_sync = self.since_sync.saturating_add(1);
+            self.sync_step = 0;
+        } else {
+            self.since_sync = 1;
+            self.sync_step = sync.wrapping_sub(self.sync);
+            self.sync = sync;
+        }
+        let is_learnt = if self.pause > 0 {
+            self.pause -= 1;
+            false
+        } else {
+            interval != NO_INTERVAL && self.measure(interval, pdo)
+        };
+        let [content, previous] = &mut self.contents;
+        if *content != pdo.content {
+            self.change((pdo.content, longest), before);
+        } else if *previous != pdo.content {
+            *previous = pdo.content;
+            self.alternations = 0;
         }
         is_learnt
     }
 
-    /// Adds the last interval; whether median and period were determined again.
-    #[inline]
-    fn measure(&mut self, now: i64, is_unchanged: bool) -> bool {
-        if self.pause > 0 {
-            self.pause -= 1;
-            return false;
-        }
-        let Some(interval) = self.interval else { return false };
-        if let Some(place) = self.intervals.get_mut(self.filled) {
+    /// Adds an interval; whether median and period were determined again.
+    fn measure(&mut self, interval: i64, pdo: &PdoFrame) -> bool {
+        if let Some(place) = self.measured.get_mut(self.filled) {
             *place = interval;
             if self.filled == 0 {
-                (self.unchanged, self.began) = (0, now.saturating_sub(interval));
+                (self.unchanged, self.began) = (0, pdo.now.saturating_sub(interval));
             }
-            self.unchanged |= u16::from(is_unchanged) << self.filled;
+            self.unchanged |= u16::from(pdo.is_unchanged) << self.filled;
             self.filled += 1;
         }
         if self.filled < INTERVALS {
@@ -151,22 +176,22 @@ impl PdoSlot {
         true
     }
 
-    /// Compares the content with the last two; `before` is the third last interval.
-    #[inline]
-    fn compare(&mut self, content: (u64, u8), before: Option<i64>, longest: i64) {
-        let [last, previous] = self.contents;
-        self.contents = [content, last];
-        if content == last {
-            self.alternations = 0;
+    /// Compares a new content with the last two; `before` is the third last interval.
+    fn change(&mut self, (content, longest): (PdoContent, i64), before: i64) {
+        if self.count <= 1 {
             return;
         }
+        let [last, previous] = self.contents;
+        self.contents = [content, last];
         if content != previous {
             self.alone = self.median.filter(|_| last == previous);
             self.alternations = 0;
             return;
         }
-        let intervals = [self.interval, self.interval_before, before].map(|interval| interval.unwrap_or(0));
-        let goes_on = self.is_alternation(intervals, (content.0 ^ last.0).count_ones(), longest);
+        let (interval, interval_before) = self.intervals;
+        let intervals = [interval, interval_before, before]
+            .map(|interval| if interval == NO_INTERVAL { 0 } else { interval });
+        let goes_on = self.is_alternation(intervals, (content.payload ^ last.payload).count_ones(), longest);
         self.alternations = if goes_on { self.alternations.saturating_add(1) } else { 0 };
     }
 
@@ -192,17 +217,35 @@ impl PdoSlot {
 pub(in crate::rules) struct PdoFrame {
     pub(in crate::rules) now: i64,
     pub(in crate::rules) frame: u64,
-    /// Little-endian; unused bytes are 0.
-    pub(in crate::rules) payload: u64,
-    /// Data length in bytes.
-    pub(in crate::rules) length: u8,
+    pub(in crate::rules) content: PdoContent,
     pub(in crate::rules) is_unchanged: bool,
+}
+
+/// State of the bus at a PDO.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::rules) struct PdoSurroundings {
+    /// Number of SYNC messages.
+    syncs: u64,
+    /// First frame after the last hole, at least 1.
+    resumed: u64,
+    /// Longest period of two contents in turn, in ns.
+    longest_period: i64,
+}
+
+/// Payload and length of a PDO.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::rules) struct PdoContent {
+    /// Little-endian; unused bytes are 0.
+    payload: u64,
+    /// In bytes.
+    length: u8,
 }
 
 impl PdoFrame {
     pub(in crate::rules) fn new(pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
         let used = low_bits(8 * u32::from(pdo.length));
-        Self { now, frame, payload: pdo.word() & used, length: pdo.length, is_unchanged }
+        let content = PdoContent { payload: pdo.word() & used, length: pdo.length };
+        Self { now, frame, content, is_unchanged }
     }
 }
 
@@ -212,8 +255,8 @@ impl PdoSlot {
         if self.unchanged != 0 {
             self.period = self.unchanged_period().map(|time| Period { time, from: self.began });
         }
-        self.intervals.sort_unstable();
-        self.median = self.intervals.get(INTERVALS / 2).copied();
+        self.measured.sort_unstable();
+        self.median = self.measured.get(INTERVALS / 2).copied();
         self.filled = 0;
         self.pause = PAUSE;
     }
@@ -222,7 +265,7 @@ impl PdoSlot {
     /// intervals before changed content are not counted. `None` if fewer than three of five are near it; one
     /// of five may be a pause.
     fn unchanged_period(&self) -> Option<i64> {
-        let numbered = self.intervals.iter().enumerate();
+        let numbered = self.measured.iter().enumerate();
         let mut all: Vec<i64> = numbered
             .filter(|(place, _)| self.unchanged >> place & 1 == 1)
             .map(|(_, interval)| *interval)
@@ -308,7 +351,7 @@ pub struct Traffic {
     places: Vec<u16>,
     /// Number of SYNC messages.
     syncs: u64,
-    /// First frame after the last hole.
+    /// First frame after the last hole, at least 1.
     resumed: u64,
     /// Index of the current PDO.
     current: Option<usize>,
@@ -320,12 +363,12 @@ impl Traffic {
     /// Registers a hole in the capture that ended with the frame `resumed`: PDOs on both sides of it do not follow each
     /// other.
     pub(in crate::rules) fn saw_hole(&mut self, resumed: u64) {
-        self.resumed = resumed;
+        self.resumed = resumed.max(1);
     }
 
     /// Before the first PDO; `longest_period` limits [`PdoSlot::alternations`], in ns.
     pub(in crate::rules) fn new(longest_period: i64) -> Self {
-        Self { longest_period, ..Self::default() }
+        Self { longest_period, resumed: 1, ..Self::default() }
     }
 
     pub(in crate::rules) fn saw_sync(&mut self) {
@@ -341,22 +384,20 @@ impl Traffic {
         pdo_frame: &PdoFrame,
     ) -> bool {
         self.current = self.place(identifier).or_else(|| self.add(identifier, pdo.cob_id));
-        let Some(slot) = self.current.and_then(|place| self.slots.get_mut(place)) else { return false };
+        let Some((slot, around)) = self.current.and_then(|place| self.slot_mut(place)) else { return false };
         if pdo.is_request {
             slot.is_requested = true;
             return false;
         }
-        slot.take(pdo_frame, (self.syncs, self.resumed), self.longest_period)
+        slot.length = pdo.length;
+        slot.take(pdo_frame, around)
     }
 
-    /// Counts a PDO of unchanged length by the index of its entry; whether median and period were determined again.
+    /// Statistics by index, and what they need of the bus for the next PDO.
     #[inline]
-    pub(in crate::rules) fn saw_skipped(&mut self, place: usize, preview: &Preview, now: i64) -> bool {
-        let Some(slot) = self.slots.get_mut(place) else { return false };
-        let (frame, payload, length) = (preview.frame, preview.payload, slot.length);
-        let is_unchanged = preview.change == 0;
-        let pdo = PdoFrame { now, frame, payload, length, is_unchanged };
-        slot.take(&pdo, (self.syncs, self.resumed), self.longest_period)
+    pub(in crate::rules) fn slot_mut(&mut self, place: usize) -> Option<(&mut PdoSlot, PdoSurroundings)> {
+        let (syncs, resumed, longest_period) = (self.syncs, self.resumed, self.longest_period);
+        Some((self.slots.get_mut(place)?, PdoSurroundings { syncs, resumed, longest_period }))
     }
 
     /// Index of the current PDO.
@@ -369,8 +410,9 @@ impl Traffic {
         usize::from(*self.places.get(identifier)?).checked_sub(1)
     }
 
+    /// Adds the entry of an identifier; `None` if there are too many.
     #[cold]
-    fn add(&mut self, identifier: usize, id: CanId) -> Option<usize> {
+    pub(in crate::rules) fn add(&mut self, identifier: usize, id: CanId) -> Option<usize> {
         let place = self.slots.len();
         let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
         if self.places.len() <= identifier {
@@ -412,7 +454,11 @@ mod tests {
     use super::*;
 
     const fn pdo_at(now: i64, frame: u64, is_unchanged: bool) -> PdoFrame {
-        PdoFrame { now, frame, payload: 0, length: 0, is_unchanged }
+        PdoFrame { now, frame, content: PdoContent { payload: 0, length: 0 }, is_unchanged }
+    }
+
+    const fn around(syncs: u64, longest_period: i64) -> PdoSurroundings {
+        PdoSurroundings { syncs, resumed: 1, longest_period }
     }
 
     #[test]
@@ -421,13 +467,14 @@ mod tests {
         // Contents 1 and 6 at intervals of 30 and 70; the first PDO is not compared.
         for number in 0..20_i64 {
             let now = number / 2 * 100 + number % 2 * 30;
-            let pdo = PdoFrame { payload: if number % 2 == 0 { 1 } else { 6 }, ..pdo_at(now, 1, false) };
-            slot.take(&pdo, (0, 0), 100);
+            let payload = if number % 2 == 0 { 1 } else { 6 };
+            let content = PdoContent { payload, length: 1 };
+            slot.take(&PdoFrame { content, ..pdo_at(now, 1, false) }, around(0, 100));
         }
         // The contents of the second and the third PDO are new; the other 17 alternate.
         assert_eq!(slot.alternations, 17);
-        let repeated = PdoFrame { payload: 6, ..pdo_at(1_000, 1, true) };
-        slot.take(&repeated, (0, 0), 100);
+        let content = PdoContent { payload: 6, length: 1 };
+        slot.take(&PdoFrame { content, ..pdo_at(1_000, 1, true) }, around(0, 100));
         assert_eq!(slot.alternations, 0);
     }
 
@@ -436,10 +483,10 @@ mod tests {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16_u64 {
             let now = i64::try_from(number).unwrap() * 10 + i64::from(number == 7);
-            slot.take(&pdo_at(now, number, false), (number / 4, 0), 0);
+            slot.take(&pdo_at(now, number + 1, false), around(number / 4, 0));
         }
         assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
-        assert_eq!((slot.interval, slot.frames, slot.period_since(0)), (Some(10), (15, 14), None));
+        assert_eq!((slot.interval(), slot.frames, slot.period_since(0)), (Some(10), (16, 15), None));
     }
 
     /// Period after 16 PDOs, each with its time and whether its content is unchanged.
@@ -447,7 +494,7 @@ mod tests {
         let mut slot = PdoSlot::new(0, CanId::standard(0x181));
         for number in 0..16 {
             let (time, is_unchanged) = pdo(number);
-            slot.take(&pdo_at(time, number.unsigned_abs(), is_unchanged), (0, 0), 0);
+            slot.take(&pdo_at(time, number.unsigned_abs() + 1, is_unchanged), around(0, 0));
         }
         slot.period_since(i64::MIN)
     }

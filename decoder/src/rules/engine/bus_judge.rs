@@ -36,8 +36,9 @@ pub(super) struct BusJudge {
     pub(super) interests: Interests,
     pub(super) shared: Shared,
     has_begun: bool,
-    /// Per rule: whether it wants PDOs. `has_turned` is set when the answer of a rule may have changed.
-    wants: Vec<bool>,
+    /// Per rule: whether it wants PDOs; `None` for a rule without PDOs. `has_turned` is set when the answer of a rule
+    /// may have changed.
+    wants: Vec<Option<bool>>,
     has_turned: bool,
     pub(super) needs: NeedsTable,
 }
@@ -217,7 +218,8 @@ impl BusJudge {
             {
                 (context.rule, context.place) = (*number, *place);
                 rule.event(event, &mut context);
-                self.has_turned |= self.wants.get(usize::from(*place)) != Some(&rule.wants_pdos());
+                let wants = self.wants.get(usize::from(*place)).copied().flatten();
+                self.has_turned |= wants.is_some_and(|wants| wants != rule.wants_pdos());
             }
         }
         if std::mem::take(&mut self.shared.has_news) {
@@ -249,11 +251,11 @@ impl BusJudge {
     #[cold]
     fn ask_for_pdos(&mut self) {
         self.has_turned = false;
-        self.wants.resize(self.rules.len(), true);
+        self.wants.resize(self.rules.len(), None);
         for ((place, instance), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
-            let wants = instance.rule.wants_pdos();
+            let wants = self.interests.has_pdos(place).then(|| instance.rule.wants_pdos());
             if std::mem::replace(known, wants) != wants {
-                self.interests.want_pdos(place, wants);
+                self.interests.want_pdos(place, wants != Some(false));
                 self.needs.forget_all();
             }
         }
@@ -291,7 +293,8 @@ impl BusJudge {
         let mut context = shared.context(bus, ledger);
         (context.rule, context.place) = (*number, place);
         rule.wake(token, &mut context);
-        self.has_turned |= self.wants.get(usize::from(place)) != Some(&rule.wants_pdos());
+        let wants = self.wants.get(usize::from(place)).copied().flatten();
+        self.has_turned |= wants.is_some_and(|wants| wants != rule.wants_pdos());
         if std::mem::take(&mut self.shared.has_news) {
             self.needs.forget_all();
         }

@@ -78,6 +78,11 @@ impl Interests {
         }
     }
 
+    /// Whether a rule has declared PDOs.
+    pub(super) fn has_pdos(&self, place: u16) -> bool {
+        self.members.iter().any(|(member, ..)| *member == place)
+    }
+
     /// Enables or disables the delivery of PDOs to a rule.
     #[inline]
     pub(super) fn want_pdos(&mut self, place: u16, wants: bool) {

@@ -206,9 +206,8 @@ impl Observer for Judge<'_> {
     }
 
     #[inline]
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.out.skip(preview, bus);
-        self.engine.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        !self.out.needs(preview, bus) && self.engine.skip(preview, bus) && self.out.skip(preview, bus)
     }
 }
 

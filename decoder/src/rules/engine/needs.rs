@@ -1,6 +1,6 @@
 //! What the rules together need of the next PDOs or messages of each identifier.
 
-use crate::rules::context::traffic::PdoSlot;
+use crate::rules::context::traffic::{PdoSlot, Traffic};
 use crate::rules::need::Need;
 use crate::session::Preview;
 
@@ -96,6 +96,16 @@ impl NeedsOf {
         self.need.bits |= if is_bounded || !is_listed { u64::MAX } else { need.bits };
     }
 
+    /// Whether rules need the event of the next PDO at the time `now`, whatever its contents are.
+    #[inline]
+    fn needs_pdo(&self, pdo: &PdoSlot, now: i64) -> bool {
+        let interval = now.saturating_sub(pdo.last);
+        interval < self.need.shortest
+            || interval > self.need.longest
+            || pdo.alternations.saturating_add(1) >= self.need.alternations
+            || self.need.frames <= 1
+    }
+
     /// Places of the rules that take the number of frames.
     pub(super) fn counting(&self) -> &[u16] {
         self.counting.all()
@@ -152,13 +162,37 @@ impl NeedsTable {
         if known.answer != self.valid || preview.change & known.need.bits != 0 {
             return true;
         }
-        let Some(statistics) = known.statistics else { return known.need.is_each() };
-        let Some(pdo) = pdos.get(usize::from(statistics)) else { return true };
-        let interval = now.saturating_sub(pdo.last);
-        interval < known.need.shortest
-            || interval > known.need.longest
-            || pdo.alternations.saturating_add(1) >= known.need.alternations
-            || known.need.frames <= 1
+        match known.statistics {
+            Some(place) => pdos.get(usize::from(place)).is_none_or(|pdo| known.needs_pdo(pdo, now)),
+            None => known.need.is_each(),
+        }
+    }
+
+    /// Counts a frame at the time `now` of the rules; `false`, without any effect, if rules need its event.
+    #[inline]
+    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> bool {
+        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return false };
+        if known.answer != self.valid || preview.change & known.need.bits != 0 {
+            return false;
+        }
+        match known.statistics {
+            Some(place) => {
+                let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else { return false };
+                if known.needs_pdo(pdo, now) {
+                    return false;
+                }
+                // Bounds of rules depend on the usual interval.
+                if pdo.skip(preview, now, context) {
+                    known.answer = 0;
+                }
+            }
+            None if known.need.is_each() => return false,
+            None => {}
+        }
+        known.skipped.count = known.skipped.count.saturating_add(1);
+        known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
+        known.need.frames = known.need.frames.saturating_sub(1);
+        true
     }
 
     /// Counts a PDO with an event.
@@ -167,16 +201,6 @@ impl NeedsTable {
         if let Some(known) = self.identifiers.get_mut(identifier) {
             known.need.frames = known.need.frames.saturating_sub(1);
         }
-    }
-
-    /// Counts a frame without an event; index of the PDO statistics.
-    #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview) -> Option<usize> {
-        let known = self.identifiers.get_mut(preview.identifier)?;
-        known.skipped.count = known.skipped.count.saturating_add(1);
-        known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
-        known.need.frames = known.need.frames.saturating_sub(1);
-        known.statistics()
     }
 
     /// Whether the rules must be asked about an identifier.
@@ -267,6 +291,17 @@ mod tests {
         table.has(&preview(change), interval, &[PdoSlot::new(0, CanId::standard(0x181))])
     }
 
+    /// Whether a frame in which the bits of `change` change is skipped, 10 after the last one.
+    fn skip(table: &mut NeedsTable, change: u64) -> bool {
+        let mut traffic = Traffic::new(0);
+        traffic.add(2, CanId::standard(0x181)).unwrap();
+        let is_needed = table.has(&preview(change), 10, traffic.slots());
+        let is_skipped = table.skip(&preview(change), 10, &mut traffic);
+        assert_eq!(is_skipped, !is_needed);
+        assert_eq!(traffic.of(2).unwrap().count, u64::from(is_skipped));
+        is_skipped
+    }
+
     const fn within(shortest: i64, longest: i64) -> Need {
         Need { shortest, longest, ..Need::PASSED }
     }
@@ -297,18 +332,17 @@ mod tests {
     #[test]
     fn the_third_pdo_is_needed() {
         let mut table = table(&[(Need { frames: 3, ..Need::NOTHING }, false)]);
-        assert!(!is_needed(&table, 10, 0));
-        table.skip(&preview(0));
+        assert!(skip(&mut table, 0));
         assert!(!is_needed(&table, 10, 0));
         table.hear(2);
-        assert!(is_needed(&table, 10, 0));
+        assert!(!skip(&mut table, 0));
     }
 
     #[test]
     fn frames_are_counted_until_the_next_event() {
         let needs = [(Need::PASSED, false), (Need::NOTHING.counted(), false), (Need::PASSED, true)];
         let mut table = table(&needs);
-        assert_eq!([0, 5].map(|change| table.skip(&preview(change))), [Some(0); 2]);
+        assert_eq!([0, 5].map(|change| skip(&mut table, change)), [true; 2]);
         let counted = table.counted(2).unwrap();
         assert_eq!((counted.passed(), counted.passed_if_changed()), (&[10][..], &[12][..]));
         assert_eq!(counted.counting(), &[1][..]);

@@ -18,38 +18,46 @@ impl Engine {
             || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
     }
 
-    /// Counts a frame whose event is not needed; see [`crate::session::Observer::skip`].
+    /// Counts a frame whose event the rules do not need; see [`crate::session::Observer::skip`].
     #[inline]
-    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) {
-            if self.quality.frames <= STAMPS_JUDGED {
-                judge.shared.granularity = self.quality.granularity().unwrap_or(0);
-            }
-            judge.skip(preview);
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        if !self.held.is_empty() || !self.ledger.news.is_empty() {
+            return false;
         }
+        let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) else { return false };
+        if self.quality.frames <= STAMPS_JUDGED {
+            judge.shared.granularity = self.quality.granularity().unwrap_or(0);
+        }
+        judge.skip(preview)
     }
 }
 
 impl BusJudge {
-    /// Whether the rules need the event of a frame. Their deadlines are in time without silences of the bus.
+    /// Time of a frame without the silences of the bus, if no deadline of a rule and no second ended before it; deadlines
+    /// are in this time.
     #[inline]
-    fn needs(&self, preview: &Preview) -> bool {
-        let now = preview.now.saturating_sub(self.shared.silence);
-        self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now)
-            || self.shared.meter.is_over()
-            || self.needs.has(preview, now, self.shared.traffic.slots())
+    fn undisturbed(&self, preview: &Preview) -> Option<i64> {
+        let now = preview.now.checked_sub(self.shared.silence)?;
+        let is_due = self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now);
+        (!is_due && !self.shared.meter.is_over()).then_some(now)
     }
 
-    /// Counts a frame whose event is not needed.
+    /// Whether the rules need the event of a frame.
     #[inline]
-    fn skip(&mut self, preview: &Preview) {
-        let now = preview.now.saturating_sub(self.shared.silence).max(self.shared.now);
-        self.shared.now = now;
-        // Bounds of rules depend on the usual interval.
-        let statistics = self.needs.skip(preview);
-        if statistics.is_some_and(|place| self.shared.traffic.saw_skipped(place, preview, now)) {
-            self.needs.forget(preview.identifier);
+    fn needs(&self, preview: &Preview) -> bool {
+        let slots = self.shared.traffic.slots();
+        self.undisturbed(preview).is_none_or(|now| self.needs.has(preview, now, slots))
+    }
+
+    /// Counts a frame; `false`, without any effect, if the rules need its event.
+    #[inline]
+    fn skip(&mut self, preview: &Preview) -> bool {
+        let Some(now) = self.undisturbed(preview) else { return false };
+        let is_skipped = self.needs.skip(preview, now, &mut self.shared.traffic);
+        if is_skipped {
+            self.shared.now = self.shared.now.max(now);
         }
+        is_skipped
     }
 
     /// Passes the number of skipped frames of an identifier to the rules for which they count.

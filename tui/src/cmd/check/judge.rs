@@ -240,8 +240,8 @@ impl Observer for Watch {
         self.engine.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.engine.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.skip(preview, bus)
     }
 }
 

@@ -66,8 +66,12 @@ impl Observer for Counting {
         self.selection.is_limited()
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.statistics.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !self.needs(preview, bus);
+        if is_skipped {
+            self.statistics.skip(preview, bus);
+        }
+        is_skipped
     }
 }
 

@@ -146,8 +146,12 @@ impl Observer for Facts {
         self.is_limited || self.why.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.why.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !self.needs(preview, bus);
+        if is_skipped {
+            self.why.skip(preview, bus);
+        }
+        is_skipped
     }
 }
 
@@ -168,9 +172,12 @@ impl Observer for Watch {
         self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.facts.skip(preview, bus);
-        self.engine.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
+        if is_skipped {
+            self.facts.why.skip(preview, bus);
+        }
+        is_skipped
     }
 }
 

@@ -68,7 +68,7 @@ impl DuplicateProducer {
         *judged += 1;
         if slot.alternations > 0 && slot.alternations.is_multiple_of(2 * self.periods) {
             *judged = 0;
-            let intervals = [slot.interval, slot.interval_before].map(|interval| interval.unwrap_or(0));
+            let intervals = [slot.interval(), slot.interval_before()].map(|interval| interval.unwrap_or(0));
             let [one, other] = intervals.map(|interval| interval / 100_000);
             let alarm = context.fail(event).about(About::Id(pdo.cob_id));
             alarm.report(|| {

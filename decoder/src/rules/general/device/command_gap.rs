@@ -98,7 +98,7 @@ impl CommandGap {
     #[inline]
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let Some(slot) = context.traffic.current() else { return };
-        let (Some(interval), Some(median)) = (slot.interval, slot.median) else { return };
+        let (Some(interval), Some(median)) = (slot.interval(), slot.median) else { return };
         let Some(stream) = self.streams.of(slot) else { return };
         if interval <= median.saturating_mul(2) {
             // A burst is not a cycle.

@@ -61,7 +61,7 @@ impl PdoEventTimer {
         let Some(limit) = self.limit(timer) else { return };
         let Some(seen) = self.seen.of(slot) else { return };
         let is_first = std::mem::replace(seen, self.timer.generation()) != self.timer.generation();
-        let Some(interval) = slot.interval.filter(|_| !is_first) else { return };
+        let Some(interval) = slot.interval().filter(|_| !is_first) else { return };
         if interval <= limit {
             return context.pass();
         }

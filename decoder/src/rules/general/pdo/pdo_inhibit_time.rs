@@ -74,7 +74,7 @@ impl PdoInhibitTime {
         let inhibit = self.inhibit.of(event, pdo, slot, context).and_then(positive);
         let Some(inhibit) = inhibit else { return };
         let Some(254 | 255) = self.kind.of(event, pdo, slot, context) else { return };
-        let (Some(short), Some(interval)) = (self.short.of(slot), slot.interval) else { return };
+        let (Some(short), Some(interval)) = (self.short.of(slot), slot.interval()) else { return };
         let shortest = shortest(inhibit, self.percent);
         if interval >= shortest {
             if std::mem::take(short) > 0 {

@@ -58,7 +58,7 @@ impl Period {
         let timer = parameter(5).and_then(|timer| i64::try_from(timer).ok()).filter(|timer| *timer > 0);
         match timer.map(|timer| timer.saturating_mul(1_000_000)) {
             Some(timer) => {
-                let fits = slot.interval.is_some_and(|interval| interval <= timer.saturating_mul(2));
+                let fits = slot.interval().is_some_and(|interval| interval <= timer.saturating_mul(2));
                 fits.then_some(Self::Timer(timer))
             }
             None => slot.period_since(changed).map(Self::Usual),
