@@ -4,7 +4,7 @@ use super::cadence::{Beat, Rhythm};
 use super::watch::NodeWatch;
 use crate::frame::Timestamp;
 use crate::profile::PdoName;
-use crate::session::Bus;
+use crate::session::{Bus, Preview};
 use crate::wire::{NodeId, NodeMap};
 
 /// Meaning of an identifier for the report.
@@ -46,24 +46,33 @@ const UNKNOWN: FollowedIdentifier =
 pub(super) struct FollowedPdos(Vec<FollowedIdentifier>);
 
 impl FollowedPdos {
-    /// Counts a frame with an identifier; the meaning of the identifier.
+    /// Counts a frame without an event; the meaning of its identifier, which has not changed since the last event.
     #[inline]
+    pub(super) fn skip(&mut self, preview: &Preview) -> PdoRole {
+        let Some(known) = self.0.get_mut(preview.identifier) else { return PdoRole::None };
+        if let PdoRole::Received(..) = known.role {
+            known.beat.add(preview.time, preview.frame);
+        }
+        known.role
+    }
+
+    /// Counts a PDO with an event; its node then has an entry.
     pub(super) fn add(
         &mut self,
         (identifier, time, frame): (usize, Option<Timestamp>, u64),
         bus: &Bus,
         nodes: &mut NodeMap<Box<NodeWatch>>,
-    ) -> PdoRole {
+    ) {
         let is_known =
             self.0.get(identifier).is_some_and(|known| known.version == Some(bus.version_of(identifier)));
         if !is_known {
             self.learn(identifier, bus, nodes);
         }
-        let Some(known) = self.0.get_mut(identifier) else { return PdoRole::None };
-        if let (PdoRole::Received(..), Some(time)) = (known.role, time) {
+        if let Some(known) = self.0.get_mut(identifier)
+            && let (PdoRole::Received(..), Some(time)) = (known.role, time)
+        {
             known.beat.add(time, frame);
         }
-        known.role
     }
 
     /// Times of the last frames with an identifier.
@@ -87,10 +96,16 @@ impl FollowedPdos {
                 node.beats.release(identifier, beat);
             }
             beat = Beat::NONE;
-            if let PdoRole::Received(name, node) = role
-                && let Some(node) = nodes.entry(node)
-            {
-                beat = node.beats.follow(Rhythm::Rpdo(name), identifier, |other| self.beat(other));
+            match role {
+                PdoRole::Received(name, node) => {
+                    if let Some(node) = nodes.entry(node) {
+                        beat = node.beats.follow(Rhythm::Rpdo(name), identifier, |other| self.beat(other));
+                    }
+                }
+                PdoRole::Sent(_, node) => {
+                    nodes.entry(node);
+                }
+                PdoRole::None => {}
             }
         }
         if let Some(place) = self.0.get_mut(identifier) {

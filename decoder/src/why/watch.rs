@@ -166,14 +166,20 @@ impl BusWatch {
 
     /// Takes a PDO or message without an event.
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, bus: &Bus) {
+    pub(super) fn skip(&mut self, preview: &Preview) {
         self.time = Some(preview.time);
-        let frame = (preview.identifier, self.time, preview.frame);
-        let role = self.followed.add(frame, bus, &mut self.nodes);
+        let role = self.followed.skip(preview);
         // A PDO with unchanged contents is no news.
-        if preview.change != 0
-            && let PdoRole::Sent(pdo, node) | PdoRole::Received(pdo, node) = role
-            && let Some(node) = self.nodes.entry(node)
+        if preview.change != 0 {
+            self.changed(role, preview);
+        }
+    }
+
+    /// Takes a PDO with changed contents.
+    #[inline(never)]
+    fn changed(&mut self, role: PdoRole, preview: &Preview) {
+        if let PdoRole::Sent(pdo, node) | PdoRole::Received(pdo, node) = role
+            && let Some(node) = self.nodes.get_mut(node)
         {
             node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }

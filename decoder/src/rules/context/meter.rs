@@ -116,7 +116,7 @@ impl Meter {
             let number = self.last.number + 1;
             let count = self.frames - self.before;
             let frames = FrameRange { last: self.last_frame, ..self.current.frames };
-            self.last = Second { number, count, frames, ..self.current };
+            self.last = Second { number, frames, count, ..self.current };
             self.is_over = true;
             is_busy = self.bit_rate.is_some_and(|rate| self.last.most > u64::from(rate) / 2);
         }
@@ -127,6 +127,7 @@ impl Meter {
     }
 
     /// Counts an error frame, or the bits of another frame.
+    #[inline(never)]
     fn count(&mut self, frame: &Frame) {
         if frame.flags.contains(FrameFlags::ERROR) {
             let is_disturbed = frame.id.number() & DISTURBED != 0;
