@@ -133,20 +133,20 @@ pub fn rates(
         u128::from(count) * times * 1_000_000_000 / u128::from(duration.unsigned_abs())
     };
     let (frames, mean) = (per_second(load.frames, 10), per_second(load.bits, 1));
-    let (worst, at) = load.worst_frames;
+    let (worst, at) = load.worst_frames();
     let first = format!(
         "{}, {}/s, {}/s; worst second {}, {} from {} s",
         plural(load.frames, "frame"),
         tenths(frames),
         bits(mean),
         plural(worst, "frame"),
-        bits(u128::from(load.worst_bits.0)),
+        bits(u128::from(load.worst_bits().0)),
         since(at, start)
     );
     let second = match rate {
         Some(rate) => {
             let percent = |bits: u128| tenths(bits * 1000 / u128::from(rate.max(1)));
-            let (mean, worst) = (percent(mean), percent(u128::from(load.worst_bits.0)));
+            let (mean, worst) = (percent(mean), percent(u128::from(load.worst_bits().0)));
             format!("load {mean} % of {} kbit/s, worst second {worst} %", rate / 1000)
         }
         None => format!("load in % unknown without the bit rate; {hint}"),

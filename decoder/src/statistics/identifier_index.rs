@@ -23,14 +23,27 @@ pub(super) struct IdentifierIndex {
 impl IdentifierIndex {
     /// Row number of the identifier of a frame: `rows`, the number of all rows, if it is new. None for a new
     /// identifier if there are `most` rows.
+    #[inline]
     pub(super) fn place(&mut self, frame: &Frame, rows: usize, most: usize) -> Option<usize> {
+        if let CanId::Standard(id) = frame.id
+            && let Some(found) = self.standard.get(standard_key(id, frame))
+            && *found != NONE
+        {
+            return Some(usize::from(*found));
+        }
+        self.place_of_other(frame, rows, most)
+    }
+
+    /// The same for a 29-bit identifier or a new one.
+    #[inline(never)]
+    fn place_of_other(&mut self, frame: &Frame, rows: usize, most: usize) -> Option<usize> {
         let is_remote = frame.flags.contains(FrameFlags::REMOTE);
         let found = match frame.id {
             CanId::Standard(id) => {
                 if self.standard.is_empty() {
                     self.standard = vec![NONE; STANDARD];
                 }
-                self.standard.get_mut(usize::from(id) << 1 | usize::from(is_remote))?
+                self.standard.get_mut(standard_key(id, frame))?
             }
             CanId::Extended(id) => {
                 let key = id << 1 | u32::from(is_remote);
@@ -54,6 +67,12 @@ impl IdentifierIndex {
     pub(super) fn footprint(&self) -> usize {
         self.standard.len() * size_of::<u16>() + self.extended.capacity() * size_of::<(u32, u16)>()
     }
+}
+
+/// Index of an 11-bit identifier in [`IdentifierIndex::standard`].
+#[inline]
+fn standard_key(id: u16, frame: &Frame) -> usize {
+    usize::from(id) << 1 | usize::from(frame.flags.contains(FrameFlags::REMOTE))
 }
 
 #[cfg(test)]

@@ -11,10 +11,9 @@ pub struct Load {
     pub frames: u64,
     /// Bits on the wire including stuffing, without FD and error frames.
     pub bits: u64,
-    /// Maximum number of frames in one second, and its start.
-    pub worst_frames: (u64, i64),
-    /// Maximum number of bits in one second, and its start.
-    pub worst_bits: (u64, i64),
+    /// Those of [`Self::worst_frames`] and [`Self::worst_bits`] before the current step. Within a step the window only
+    /// grows, so that its last value is the largest.
+    worst: ((u64, i64), (u64, i64)),
     parts: [(u64, u64); 10],
     window: (u64, u64),
     /// Number of the current step.
@@ -46,12 +45,18 @@ impl Load {
             *part = (part.0 + 1, part.1 + bits);
         }
         self.window = (self.window.0 + 1, self.window.1 + bits);
-        if self.window.0 > self.worst_frames.0 {
-            self.worst_frames = (self.window.0, self.began());
-        }
-        if self.window.1 > self.worst_bits.0 {
-            self.worst_bits = (self.window.1, self.began());
-        }
+    }
+
+    /// Maximum number of frames in one second, and its start in ns.
+    pub fn worst_frames(&self) -> (u64, i64) {
+        let (frames, _) = self.worst;
+        if self.window.0 > frames.0 { (self.window.0, self.began()) } else { frames }
+    }
+
+    /// Maximum number of bits in one second, and its start in ns.
+    pub fn worst_bits(&self) -> (u64, i64) {
+        let (_, bits) = self.worst;
+        if self.window.1 > bits.0 { (self.window.1, self.began()) } else { bits }
     }
 
     /// Start of the window.
@@ -60,7 +65,9 @@ impl Load {
     }
 
     /// Moves the window to `time`.
+    #[cold]
     fn move_to(&mut self, time: i64) {
+        self.worst = (self.worst_frames(), self.worst_bits());
         let Some(last) = self.last else {
             (self.last, self.first) = (Some(time), time);
             return self.set_part(time.div_euclid(PART));
@@ -111,16 +118,16 @@ mod tests {
         // Four frames from 0.5 to 1.4 s.
         let found = load([0, 500, 1_200, 1_300, 1_400, 2_500].into_iter());
         assert_eq!((found.frames, found.bits), (6, 6 * 48));
-        assert_eq!(found.worst_frames, (4, 500_000_000));
-        assert_eq!(found.worst_bits, (4 * 48, 500_000_000));
+        assert_eq!(found.worst_frames(), (4, 500_000_000));
+        assert_eq!(found.worst_bits(), (4 * 48, 500_000_000));
         // A second does not start before the first frame.
-        assert_eq!(load([7_350, 7_360].into_iter()).worst_frames, (2, 7_350_000_000));
+        assert_eq!(load([7_350, 7_360].into_iter()).worst_frames(), (2, 7_350_000_000));
     }
 
     #[test]
     fn a_clock_set_back_does_not_pile_frames_up() {
         let steady = (0..50).chain(0..50).map(|second| second * 1_000);
-        assert_eq!(load(steady).worst_frames.0, 2);
+        assert_eq!(load(steady).worst_frames().0, 2);
         assert_eq!(load([i64::MIN / 1_000_000, i64::MAX / 1_000_000].into_iter()).frames, 2);
     }
 }

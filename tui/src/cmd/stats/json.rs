@@ -87,7 +87,7 @@ fn bus_record(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics) -> Val
         })),
         "frames": load.frames,
         "bits": load.bits,
-        "worst_second": {"frames": load.worst_frames.0, "bits": load.worst_bits.0},
+        "worst_second": {"frames": load.worst_frames().0, "bits": load.worst_bits().0},
         "undecoded": statistics.undecoded,
         "malformed": statistics.malformed,
         "nmt_commands": commands,
