@@ -1,7 +1,7 @@
 //! [`Rule`], and its entry in the registry.
 
 use super::context::Context;
-use super::context::traffic::PdoSlot;
+use super::context::traffic::{PdoSlot, Traffic};
 use super::declaration::{Declaration, Tolerance};
 use super::need::Need;
 use super::policy::Policy;
@@ -40,6 +40,11 @@ pub trait Rule {
 
     /// Handles a requested wake-up, see `Context::wake_at`.
     fn wake(&mut self, _token: u64, _context: &mut Context<'_>) {}
+
+    /// Time to which a wake-up at `now` can be postponed, if it would have no other effect; it then needs no event.
+    fn postpone(&self, _token: u64, _now: i64, _traffic: &Traffic) -> Option<i64> {
+        None
+    }
 
     /// Called after each second of bus time (by timestamps); [`Context::meter`] contains its counts.
     fn second(&mut self, _context: &mut Context<'_>) {}

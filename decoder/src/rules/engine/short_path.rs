@@ -33,26 +33,63 @@ impl Engine {
 }
 
 impl BusJudge {
-    /// Time of a frame without the silences of the bus, if no deadline of a rule and no second ended before it; deadlines
-    /// are in this time.
+    /// Time of a frame without the silences of the bus, if no second ended before it. The deadlines of rules are in this
+    /// time.
     #[inline]
-    fn undisturbed(&self, preview: &Preview) -> Option<i64> {
-        let now = preview.now.checked_sub(self.shared.silence)?;
-        let is_due = self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now);
-        (!is_due && !self.shared.meter.is_over()).then_some(now)
+    fn time_of(&self, preview: &Preview) -> Option<i64> {
+        preview.now.checked_sub(self.shared.silence).filter(|_| !self.shared.meter.is_over())
+    }
+
+    #[inline]
+    fn is_due(&self, now: i64) -> bool {
+        self.shared.wakes.peek().is_some_and(|Reverse((due, ..))| *due < now)
+    }
+
+    /// Time to which a wake-up can be postponed without any other effect.
+    fn postponed(&self, (due, place, token): (i64, u16, u64)) -> Option<i64> {
+        let RuleInstance { rule, .. } = self.rules.get(usize::from(place))?;
+        rule.postpone(token, due.max(self.shared.now), &self.shared.traffic)
+    }
+
+    /// Whether a wake-up before `now` has an effect.
+    #[cold]
+    fn must_wake(&self, now: i64) -> bool {
+        let due = self.shared.wakes.iter().filter(|Reverse((due, ..))| *due < now);
+        due.map(|Reverse(wake)| *wake).any(|(mut due, place, token)| {
+            while due < now {
+                let Some(time) = self.postponed((due, place, token)) else { return true };
+                due = time;
+            }
+            false
+        })
+    }
+
+    /// Postpones wake-ups before `now` that have no effect, until one has; whether none has.
+    #[cold]
+    fn postpone(&mut self, now: i64) -> bool {
+        while let Some(Reverse(wake)) = self.shared.wakes.peek().copied().filter(|_| self.is_due(now)) {
+            let Some(time) = self.postponed(wake) else { return false };
+            self.shared.wakes.pop();
+            self.shared.wakes.push(Reverse((time, wake.1, wake.2)));
+        }
+        true
     }
 
     /// Whether the rules need the event of a frame.
     #[inline]
     fn needs(&self, preview: &Preview) -> bool {
         let slots = self.shared.traffic.slots();
-        self.undisturbed(preview).is_none_or(|now| self.needs.has(preview, now, slots))
+        let must_wake = |now| self.is_due(now) && self.must_wake(now);
+        self.time_of(preview).is_none_or(|now| must_wake(now) || self.needs.has(preview, now, slots))
     }
 
     /// Counts a frame; `false`, without any effect, if the rules need its event.
     #[inline]
     fn skip(&mut self, preview: &Preview) -> bool {
-        let Some(now) = self.undisturbed(preview) else { return false };
+        let Some(now) = self.time_of(preview) else { return false };
+        if self.is_due(now) && !self.postpone(now) {
+            return false;
+        }
         let is_skipped = self.needs.skip(preview, now, &mut self.shared.traffic);
         if is_skipped {
             self.shared.now = self.shared.now.max(now);

@@ -5,7 +5,7 @@ use crate::event::{Event, EventKind, FrameRange, Outcome};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSlot, Policy, Rule};
+use crate::rules::{Context, PdoSlot, Policy, Rule, Traffic};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap};
@@ -360,6 +360,16 @@ impl Rule for PdoLost {
         };
         stream.is_queued = true;
         context.wake_at(if due > context.now { due } else { context.now.saturating_add(limit) }, token);
+    }
+
+    /// The TPDO arrived in time.
+    fn postpone(&self, token: u64, now: i64, traffic: &Traffic) -> Option<i64> {
+        let place = usize::try_from(token).ok()?;
+        let stream =
+            self.streams.get(place).filter(|stream| stream.reported.is_none() && !stream.is_overdue)?;
+        let (.., period) = stream.of?;
+        let due = traffic.slots().get(place)?.last.saturating_add(period.limit(self.times, self.least));
+        (due > now).then_some(due)
     }
 
     fn second(&mut self, context: &mut Context<'_>) {
