@@ -82,7 +82,8 @@ impl Reactions {
         }
     }
 
-    fn changed(&mut self, tpdo: PdoName, time: i64) {
+    /// Adds a TPDO with changed contents at a time in ns.
+    pub(crate) fn changed(&mut self, tpdo: PdoName, time: i64) {
         let fits = self.open.len() < MOST_PAIRS;
         match self.open.iter_mut().find(|open| open.tpdo == tpdo) {
             // The controller still works on an earlier value, unless an RPDO reacted to it.
@@ -94,7 +95,8 @@ impl Reactions {
         }
     }
 
-    fn reacted(&mut self, rpdo: PdoName, time: i64, frame: u64) {
+    /// Adds an RPDO with changed contents at a time in ns.
+    pub(crate) fn reacted(&mut self, rpdo: PdoName, time: i64, frame: u64) {
         let Some(number) = self.number(rpdo) else { return };
         let bit = 1_u64 << number;
         for open in self.open.iter_mut().filter(|open| open.answered & bit == 0) {

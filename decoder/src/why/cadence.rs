@@ -37,7 +37,7 @@ pub struct StoppedMessage {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beat {
     last: Timestamp,
-    /// Frame of the last one; 0 before the first one.
+    /// Frame of the last one.
     frame: u64,
     /// Last intervals, newest first; 0 for none.
     intervals: [i64; 4],
@@ -45,15 +45,14 @@ pub(super) struct Beat {
 
 impl Beat {
     /// Before the first message.
-    pub(super) const NONE: Self = Self { last: Timestamp(0), frame: 0, intervals: [0; 4] };
+    /// The first interval after it is longer than any other.
+    pub(super) const NONE: Self = Self { last: Timestamp(i64::MIN), frame: 0, intervals: [0; 4] };
 
     /// Records a message.
     #[inline]
     pub(super) fn add(&mut self, time: Timestamp, frame: u64) {
-        if self.frame > 0 {
-            let [first, second, third, _] = self.intervals;
-            self.intervals = [time.since(self.last).max(1), first, second, third];
-        }
+        let [first, second, third, _] = self.intervals;
+        self.intervals = [time.since(self.last).max(1), first, second, third];
         (self.last, self.frame) = (time, frame);
     }
 

@@ -36,24 +36,85 @@ struct FollowedIdentifier {
     role: PdoRole,
     /// Times of the last frames with a time, if a node receives them.
     beat: Beat,
+    /// Time in ns of the first changed contents since the last changed PDO to the node, if the node sends them. Later
+    /// changes do not matter for [`crate::statistics::Reactions`].
+    changed: Option<i64>,
 }
 
 const UNKNOWN: FollowedIdentifier =
-    FollowedIdentifier { version: None, role: PdoRole::None, beat: Beat::NONE };
+    FollowedIdentifier { version: None, role: PdoRole::None, beat: Beat::NONE, changed: None };
 
 /// Identifiers of a bus, by index.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FollowedPdos(Vec<FollowedIdentifier>);
 
 impl FollowedPdos {
-    /// Counts a frame without an event; the meaning of its identifier, which has not changed since the last event.
+    /// Counts a frame without an event; the meaning of its identifier has not changed since the last event.
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview) -> PdoRole {
-        let Some(known) = self.0.get_mut(preview.identifier) else { return PdoRole::None };
-        if let PdoRole::Received(..) = known.role {
-            known.beat.add(preview.time, preview.frame);
+    pub(super) fn skip(&mut self, preview: &Preview, nodes: &mut NodeMap<Box<NodeWatch>>) {
+        let Some(known) = self.0.get_mut(preview.identifier) else { return };
+        match known.role {
+            PdoRole::None => {}
+            PdoRole::Sent(..) => {
+                if preview.change != 0 && known.changed.is_none() {
+                    known.changed = Some(preview.time.0);
+                }
+            }
+            PdoRole::Received(pdo, node) => {
+                known.beat.add(preview.time, preview.frame);
+                if preview.change != 0 {
+                    self.react((pdo, node), (preview.time.0, preview.frame), nodes);
+                }
+            }
         }
-        known.role
+    }
+
+    /// Counts changed contents of a PDO with an event.
+    pub(super) fn change(
+        &mut self,
+        identifier: usize,
+        (time, frame): (Timestamp, u64),
+        nodes: &mut NodeMap<Box<NodeWatch>>,
+    ) {
+        let Some(known) = self.0.get_mut(identifier) else { return };
+        match known.role {
+            PdoRole::None => {}
+            PdoRole::Sent(..) => {
+                known.changed.get_or_insert(time.0);
+            }
+            PdoRole::Received(pdo, node) => self.react((pdo, node), (time.0, frame), nodes),
+        }
+    }
+
+    /// Changed contents of a PDO to a node: the reaction to the PDOs that changed before.
+    #[inline(never)]
+    fn react(
+        &mut self,
+        (pdo, id): (PdoName, NodeId),
+        (time, frame): (i64, u64),
+        nodes: &mut NodeMap<Box<NodeWatch>>,
+    ) {
+        self.pass_on(id, nodes);
+        if let Some(node) = nodes.get_mut(id) {
+            node.reactions.reacted(pdo, time, frame);
+        }
+    }
+
+    /// Passes changed contents of the PDOs of a node to its reaction times, in order of time.
+    pub(super) fn pass_on(&mut self, id: NodeId, nodes: &mut NodeMap<Box<NodeWatch>>) {
+        let Some(node) = nodes.get_mut(id) else { return };
+        let NodeWatch { sent, reactions, .. } = &mut **node;
+        let next = |all: &[FollowedIdentifier]| {
+            let pending = sent.iter().filter_map(|place| Some((all.get(*place)?.changed?, *place)));
+            pending.min()
+        };
+        while let Some((time, place)) = next(&self.0) {
+            let Some(known) = self.0.get_mut(place) else { return };
+            known.changed = None;
+            if let PdoRole::Sent(pdo, _) = known.role {
+                reactions.changed(pdo, time);
+            }
+        }
     }
 
     /// Counts a PDO with an event; its node then has an entry.
@@ -90,11 +151,7 @@ impl FollowedPdos {
         let known = self.0.get(identifier).copied().unwrap_or(UNKNOWN);
         let mut beat = known.beat;
         if role != known.role {
-            if let PdoRole::Received(_, node) = known.role
-                && let Some(node) = nodes.get_mut(node)
-            {
-                node.beats.release(identifier, beat);
-            }
+            self.release(identifier, known, nodes);
             beat = Beat::NONE;
             match role {
                 PdoRole::Received(name, node) => {
@@ -103,13 +160,34 @@ impl FollowedPdos {
                     }
                 }
                 PdoRole::Sent(_, node) => {
-                    nodes.entry(node);
+                    if let Some(node) = nodes.entry(node) {
+                        node.sent.push(identifier);
+                    }
                 }
                 PdoRole::None => {}
             }
         }
         if let Some(place) = self.0.get_mut(identifier) {
-            *place = FollowedIdentifier { version: Some(bus.version_of(identifier)), role, beat };
+            let version = Some(bus.version_of(identifier));
+            *place = FollowedIdentifier { version, role, beat, changed: place.changed };
+        }
+    }
+
+    /// Keeps what is known of an identifier that is another PDO from now on.
+    fn release(&mut self, identifier: usize, known: FollowedIdentifier, nodes: &mut NodeMap<Box<NodeWatch>>) {
+        match known.role {
+            PdoRole::None => {}
+            PdoRole::Received(_, node) => {
+                if let Some(node) = nodes.get_mut(node) {
+                    node.beats.release(identifier, known.beat);
+                }
+            }
+            PdoRole::Sent(_, node) => {
+                self.pass_on(node, nodes);
+                if let Some(node) = nodes.get_mut(node) {
+                    node.sent.retain(|sent| *sent != identifier);
+                }
+            }
         }
     }
 }

@@ -162,7 +162,9 @@ impl Why {
         if let Some(watch) = self.buses.get_mut(place) {
             watch.event(event, bus, may_report);
         }
-        self.is_watching = self.buses.iter().any(BusWatch::is_watching);
+        let is_watching = self.buses.get(place).is_some_and(BusWatch::is_watching);
+        self.is_watching =
+            is_watching || self.buses.len() > 1 && self.buses.iter().any(BusWatch::is_watching);
     }
 
     /// Whether the event of a frame is needed; see [`Observer::needs`].

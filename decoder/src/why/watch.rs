@@ -3,7 +3,7 @@
 use super::cadence::{Beats, Rhythm, StoppedMessage};
 use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
-use super::followed::{FollowedPdos, PdoRole};
+use super::followed::FollowedPdos;
 use super::moment::{Distance, Moment};
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
@@ -39,7 +39,9 @@ pub(super) struct NodeWatch {
     was_operational: bool,
     pub(super) beats: Beats,
     points: Vec<SetPoint>,
-    reactions: Reactions,
+    /// Indices of the identifiers of its PDOs.
+    pub(super) sent: Vec<usize>,
+    pub(super) reactions: Reactions,
 }
 
 /// A set point without effect.
@@ -119,8 +121,18 @@ impl BusWatch {
         if !self.idle.is_empty() {
             self.judge_idle(event.time, event.frames.last);
         }
-        if let (EventKind::Pdo(pdo), None) = (&event.kind, &self.open) {
-            return self.pdo(pdo, event, bus);
+        // Outside a moment, PDOs and complete SYNC messages are neither faults nor changes.
+        match &event.kind {
+            EventKind::Pdo(pdo) if self.open.is_none() => {
+                if !pdo.is_request {
+                    self.follow(pdo, event, bus);
+                }
+                return;
+            }
+            EventKind::Sync { expected: None, .. } if self.open.is_none() => {
+                return self.beats.add(Rhythm::Sync, event.time, event.frames.last);
+            }
+            _ => {}
         }
         let was_operational = self.learn(event, bus);
         let node = event.node.and_then(|id| bus.node(id));
@@ -133,11 +145,11 @@ impl BusWatch {
         if let EventKind::SetPoint(point) = &event.kind {
             self.set_point(point, event, bus);
         }
-        if let (Some(id), EventKind::Pdo(_) | EventKind::BootUp { .. } | EventKind::NodeLost(_)) =
-            (event.node, &event.kind)
-            && let Some(node) = self.nodes.entry(id)
-        {
-            node.reactions.event(event);
+        if let (Some(id), EventKind::BootUp { .. } | EventKind::NodeLost(_)) = (event.node, &event.kind) {
+            self.followed.pass_on(id, &mut self.nodes);
+            if let Some(node) = self.nodes.entry(id) {
+                node.reactions.event(event);
+            }
         }
         match reach(event) {
             Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),
@@ -167,22 +179,7 @@ impl BusWatch {
     /// Takes a PDO or message without an event.
     #[inline]
     pub(super) fn skip(&mut self, preview: &Preview) {
-        self.time = Some(preview.time);
-        let role = self.followed.skip(preview);
-        // A PDO with unchanged contents is no news.
-        if preview.change != 0 {
-            self.changed(role, preview);
-        }
-    }
-
-    /// Takes a PDO with changed contents.
-    #[inline(never)]
-    fn changed(&mut self, role: PdoRole, preview: &Preview) {
-        if let PdoRole::Sent(pdo, node) | PdoRole::Received(pdo, node) = role
-            && let Some(node) = self.nodes.get_mut(node)
-        {
-            node.reactions.pdo(pdo, preview.time.0, preview.frame);
-        }
+        self.followed.skip(preview, &mut self.nodes);
     }
 
     /// Ends the moment and judges set points at a frame without an event.
@@ -194,24 +191,13 @@ impl BusWatch {
         self.judge_idle(Some(preview.time), preview.frame);
     }
 
-    /// Processes a PDO outside a moment: it is neither a fault nor a change. A TPDO with unchanged contents is no news.
-    #[inline]
-    fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
-        if pdo.is_request {
-            return;
-        }
-        self.follow(pdo, event, bus);
-        if !event.routine
-            && let Some(node) = event.node.and_then(|id| self.nodes.entry(id))
-        {
-            node.reactions.event(event);
-        }
-    }
-
-    /// Records the time of a PDO.
+    /// Records a PDO that is not a request. One with unchanged contents is no news.
     fn follow(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
-        if let Some(identifier) = bus.identifier_of_event(pdo.cob_id) {
-            self.followed.add((identifier, event.time, event.frames.last), bus, &mut self.nodes);
+        let Some(identifier) = bus.identifier_of_event(pdo.cob_id) else { return };
+        let frame = event.frames.last;
+        self.followed.add((identifier, event.time, frame), bus, &mut self.nodes);
+        if let Some(time) = event.time.filter(|_| !event.routine) {
+            self.followed.change(identifier, (time, frame), &mut self.nodes);
         }
     }
 
