@@ -77,11 +77,13 @@ impl NeedsOf {
     fn add(&mut self, rule: &Answer) {
         let (all, need) = (&mut self.need, rule.need);
         all.bits |= need.bits;
+        all.codes = all.codes.or(need.codes);
         all.shortest = all.shortest.max(need.shortest);
         all.longest = all.longest.min(need.longest);
         all.alternations = all.alternations.min(need.alternations);
         all.frames = all.frames.min(need.frames);
         let is_listed = (!need.is_passed || self.passed.add(rule.number))
+            && (!need.is_passed_if_changed || self.passed_if_changed.add(rule.number))
             && (!need.is_counted || self.counting.add(rule.place));
         if !is_listed {
             *all = Need::EACH;
@@ -104,6 +106,12 @@ impl NeedsOf {
             || interval > self.need.longest
             || pdo.alternations.saturating_add(1) >= self.need.alternations
             || self.need.frames <= 1
+    }
+
+    /// Whether rules need the event of the next message.
+    #[inline]
+    fn needs_message(&self, preview: &Preview) -> bool {
+        self.need.is_each() || preview.change != 0 && self.need.codes.are_in(preview.payload)
     }
 
     /// Places of the rules that take the number of frames.
@@ -164,7 +172,7 @@ impl NeedsTable {
         }
         match known.statistics {
             Some(place) => pdos.get(usize::from(place)).is_none_or(|pdo| known.needs_pdo(pdo, now)),
-            None => known.need.is_each(),
+            None => known.needs_message(preview),
         }
     }
 
@@ -186,7 +194,7 @@ impl NeedsTable {
                     known.answer = 0;
                 }
             }
-            None if known.need.is_each() => return false,
+            None if known.needs_message(preview) => return false,
             None => {}
         }
         known.skipped.count = known.skipped.count.saturating_add(1);
@@ -239,7 +247,8 @@ impl NeedsTable {
         }
         // Intervals and the numbers of frames are known of PDOs only.
         let is_beyond_messages = statistics.is_none()
-            && (known.need != Need { bits: known.need.bits, ..Need::NOTHING } || known.counting.count > 0);
+            && (known.need != Need { bits: known.need.bits, codes: known.need.codes, ..Need::NOTHING }
+                || known.counting.count > 0);
         if !is_known || is_beyond_messages {
             known.need = Need::EACH;
         }

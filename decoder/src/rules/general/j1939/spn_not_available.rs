@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, J1939Message};
 use crate::finding::{About, Severity};
-use crate::profile::{Field, IndicatorCoding, Value};
+use crate::profile::{BitOrder, Field, IndicatorCoding, Indicators, Value};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeId;
@@ -58,22 +58,26 @@ fn name(field: &Field) -> Arc<str> {
     }
 }
 
+/// Parameters of a message that may have an error indicator: index, field, codes, raw value.
+fn parameters(message: &J1939Message) -> impl Iterator<Item = (usize, &Field, Indicators, u64)> {
+    let fields = message.layout.as_deref().into_iter().flat_map(|layout| layout.fields.iter().enumerate());
+    fields.filter_map(|(place, field)| {
+        let indicators = field.meaning.as_deref()?.indicators;
+        // NMEA 2000 does not state that its code is an error of the sensor.
+        let indicators = indicators.filter(|it| it.coding == IndicatorCoding::J1939)?;
+        let raw = field.extract(message.payload())?;
+        // A multiplexed field may contain another parameter.
+        let is_number = field.present.is_none() && matches!(field.value(raw), Value::Unsigned(_));
+        is_number.then_some((place, field, indicators, raw))
+    })
+}
+
 impl SpnNotAvailable {
     fn message(&mut self, event: &Event, node: NodeId, message: &J1939Message, context: &mut Context<'_>) {
-        let Some(layout) = message.layout.as_deref() else { return };
         let pgn = message.id.pgn.number();
         let mut judged = false;
-        for (place, field) in layout.fields.iter().enumerate() {
-            let indicators = field.meaning.as_deref().and_then(|meaning| meaning.indicators);
-            // NMEA 2000 does not state that its code is an error of the sensor.
-            let indicators = indicators.filter(|it| it.coding == IndicatorCoding::J1939);
-            let (Some(indicators), Some(raw)) = (indicators, field.extract(message.payload())) else {
-                continue;
-            };
-            // A multiplexed field may contain another parameter.
-            if field.present.is_some() || !matches!(field.value(raw), Value::Unsigned(_)) {
-                continue;
-            }
+        let had_errors = !self.bad.is_empty();
+        for (place, field, indicators, raw) in parameters(message) {
             judged = true;
             let known = self.bad.iter().position(|bad| *bad == (node, pgn, place));
             match (indicators.label(raw), known) {
@@ -93,12 +97,29 @@ impl SpnNotAvailable {
         if judged && self.bad.is_empty() {
             context.pass();
         }
+        if had_errors == self.bad.is_empty() {
+            context.ask_again();
+        }
     }
 }
 
 impl Rule for SpnNotAvailable {
-    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
-        Need { bits: u64::MAX, ..Need::NOTHING }
+    /// Messages without an error indicator, while no parameter has one.
+    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+        let EventKind::J1939Message(message) = &event.kind else { return Need::EACH };
+        let mut need = Need::NOTHING;
+        for (_, field, indicators, _) in parameters(message) {
+            need.is_passed_if_changed = true;
+            let has_error = matches!(indicators.bits, 2..=7) || indicators.bits.is_multiple_of(8);
+            let is_simple = field.order == BitOrder::LittleEndian && field.bits == indicators.bits;
+            if has_error && !(is_simple && need.codes.add(field.bit, field.bits)) {
+                need.bits = u64::MAX;
+            }
+        }
+        if need.is_passed_if_changed && !self.bad.is_empty() {
+            need.bits = u64::MAX;
+        }
+        need
     }
 
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
