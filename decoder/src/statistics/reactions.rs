@@ -84,15 +84,21 @@ impl Reactions {
 
     /// Adds a TPDO with changed contents at a time in ns.
     pub(crate) fn changed(&mut self, tpdo: PdoName, time: i64) {
-        let fits = self.open.len() < MOST_PAIRS;
-        match self.open.iter_mut().find(|open| open.tpdo == tpdo) {
-            // The controller still works on an earlier value, unless an RPDO reacted to it.
-            Some(open) if open.answered != 0 => (open.began, open.answered) = (time, 0),
-            None if fits => {
-                self.open.push(OpenChange { tpdo, began: time, answered: 0, pairs: Vec::new() });
-            }
-            Some(_) | None => {}
+        if !self.has_changed_again(tpdo, time) && self.open.len() < MOST_PAIRS {
+            self.open.push(OpenChange { tpdo, began: time, answered: 0, pairs: Vec::new() });
         }
+    }
+
+    /// Adds a TPDO with changed contents, if it has changed before; whether it has.
+    #[inline]
+    pub(crate) fn has_changed_again(&mut self, tpdo: PdoName, time: i64) -> bool {
+        let known = self.open.iter_mut().find(|open| open.tpdo == tpdo);
+        let is_known = known.is_some();
+        // The controller still works on an earlier value, unless an RPDO reacted to it.
+        if let Some(open) = known.filter(|open| open.answered != 0) {
+            (open.began, open.answered) = (time, 0);
+        }
+        is_known
     }
 
     /// Adds an RPDO with changed contents at a time in ns.

@@ -104,16 +104,19 @@ impl FollowedPdos {
     pub(super) fn pass_on(&mut self, id: NodeId, nodes: &mut NodeMap<Box<NodeWatch>>) {
         let Some(node) = nodes.get_mut(id) else { return };
         let NodeWatch { sent, reactions, .. } = &mut **node;
-        let next = |all: &[FollowedIdentifier]| {
-            let pending = sent.iter().filter_map(|place| Some((all.get(*place)?.changed?, *place)));
-            pending.min()
-        };
-        while let Some((time, place)) = next(&self.0) {
-            let Some(known) = self.0.get_mut(place) else { return };
-            known.changed = None;
-            if let PdoRole::Sent(pdo, _) = known.role {
-                reactions.changed(pdo, time);
+        // The order matters only for PDOs that have not changed before.
+        let mut new = Vec::new();
+        for place in sent {
+            let Some(known) = self.0.get_mut(*place) else { continue };
+            if let (PdoRole::Sent(pdo, _), Some(time)) = (known.role, known.changed.take())
+                && !reactions.has_changed_again(pdo, time)
+            {
+                new.push((time, pdo));
             }
+        }
+        new.sort_unstable();
+        for (time, pdo) in new {
+            reactions.changed(pdo, time);
         }
     }
 
