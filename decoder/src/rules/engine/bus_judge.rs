@@ -252,12 +252,20 @@ impl BusJudge {
     fn ask_for_pdos(&mut self) {
         self.has_turned = false;
         self.wants.resize(self.rules.len(), None);
-        for ((place, instance), known) in (0..).zip(&self.rules).zip(&mut self.wants) {
-            let wants = self.interests.has_pdos(place).then(|| instance.rule.wants_pdos());
-            if std::mem::replace(known, wants) != wants {
-                self.interests.want_pdos(place, wants != Some(false));
-                self.needs.forget_all();
+        let mut turned = Vec::new();
+        for place in self.interests.with_pdos() {
+            let index = usize::from(place);
+            let (Some(instance), Some(known)) = (self.rules.get(index), self.wants.get_mut(index)) else {
+                continue;
+            };
+            let wants = instance.rule.wants_pdos();
+            if known.replace(wants) != Some(wants) {
+                turned.push((place, wants));
             }
+        }
+        for (place, wants) in turned {
+            self.interests.want_pdos(place, wants);
+            self.needs.forget_all();
         }
     }
 

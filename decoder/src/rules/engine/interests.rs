@@ -78,9 +78,9 @@ impl Interests {
         }
     }
 
-    /// Whether a rule has declared PDOs.
-    pub(super) fn has_pdos(&self, place: u16) -> bool {
-        self.members.iter().any(|(member, ..)| *member == place)
+    /// Rules that have declared PDOs.
+    pub(super) fn with_pdos(&self) -> impl Iterator<Item = u16> {
+        self.members.iter().map(|(place, ..)| *place)
     }
 
     /// Enables or disables the delivery of PDOs to a rule.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, J1939Message};
 use crate::finding::{About, Severity};
+use crate::frame::low_bits;
 use crate::profile::{BitOrder, Field, IndicatorCoding, Indicators, Value};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Need, Policy, Rule};
@@ -72,6 +73,13 @@ fn parameters(message: &J1939Message) -> impl Iterator<Item = (usize, &Field, In
     })
 }
 
+/// Payload bits of a field; all bits if they are not known.
+fn bits_of(field: &Field) -> u64 {
+    let is_within = field.order == BitOrder::LittleEndian && field.bit.saturating_add(field.bits) <= 64;
+    let mask = low_bits(u32::from(field.bits)).checked_shl(u32::from(field.bit));
+    mask.filter(|_| is_within).unwrap_or(u64::MAX)
+}
+
 impl SpnNotAvailable {
     fn message(&mut self, event: &Event, node: NodeId, message: &J1939Message, context: &mut Context<'_>) {
         let pgn = message.id.pgn.number();
@@ -113,7 +121,7 @@ impl Rule for SpnNotAvailable {
             let has_error = matches!(indicators.bits, 2..=7) || indicators.bits.is_multiple_of(8);
             let is_simple = field.order == BitOrder::LittleEndian && field.bits == indicators.bits;
             if has_error && !(is_simple && need.codes.add(field.bit, field.bits)) {
-                need.bits = u64::MAX;
+                need.bits |= bits_of(field);
             }
         }
         if need.is_passed_if_changed && !self.bad.is_empty() {
