@@ -1,7 +1,7 @@
 //! PDOs by identifier: what a frame without an event can change in the report.
 
 use super::cadence::{Beat, Rhythm};
-use super::watch::NodeWatch;
+use super::node_watch::NodeWatch;
 use crate::frame::Timestamp;
 use crate::profile::PdoName;
 use crate::session::{Bus, Preview};

@@ -15,6 +15,7 @@ mod check;
 mod fault;
 mod followed;
 mod moment;
+mod node_watch;
 mod state;
 pub mod text;
 mod watch;

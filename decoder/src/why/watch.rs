@@ -5,16 +5,14 @@ use super::change::{ChangeScope, Changes, reach};
 use super::fault::{self, FaultGrade, FaultKind};
 use super::followed::FollowedPdos;
 use super::moment::{Distance, Moment};
+use super::node_watch::{NodeWatch, same};
 use super::state::NodeState;
 use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Preview};
-use crate::statistics::{ReactionTime, Reactions};
+use crate::statistics::ReactionTime;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
-
-/// Maximum number of set points per node.
-const POINTS: usize = 64;
 
 /// Maximum number of set points without effect per bus.
 const IDLE_POINTS: usize = 64;
@@ -29,20 +27,6 @@ const FINDINGS: usize = 64;
 
 /// Time after an NMT command during which a node may still report its old state, in ns.
 const SETTLING: i64 = 1_000_000_000;
-
-/// Data collected for one node.
-#[derive(Debug, Clone, Default)]
-pub(super) struct NodeWatch {
-    changes: Changes,
-    /// Time of the last NMT command to the node.
-    commanded: Option<Timestamp>,
-    was_operational: bool,
-    pub(super) beats: Beats,
-    points: Vec<SetPoint>,
-    /// Indices of the identifiers of its PDOs.
-    pub(super) sent: Vec<usize>,
-    pub(super) reactions: Reactions,
-}
 
 /// A set point without effect.
 #[derive(Debug, Clone)]
@@ -415,21 +399,5 @@ impl BusWatch {
     /// Nodes with events.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (NodeId, &NodeWatch)> {
         self.nodes.iter().map(|(id, node)| (id, &**node))
-    }
-}
-
-fn same(one: &SetPoint, other: &SetPoint) -> bool {
-    (one.object, one.channel, &one.carrier) == (other.object, other.channel, &other.carrier)
-}
-
-impl NodeWatch {
-    /// Stores the last value of a set point.
-    fn remember(&mut self, point: &SetPoint) {
-        let has_room = self.points.len() < POINTS;
-        match self.points.iter_mut().find(|known| same(known, point)) {
-            Some(known) => known.clone_from(point),
-            None if has_room => self.points.push(point.clone()),
-            None => {}
-        }
     }
 }
