@@ -62,6 +62,7 @@
 mod ascii;
 pub mod bus_file;
 pub mod capture;
+pub mod comparison;
 pub mod decoder;
 pub mod diagnosis;
 pub mod event;

@@ -59,6 +59,23 @@ const LAYERS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "comparison",
+        &[
+            "diagnosis",
+            "finding",
+            "words",
+            "frame",
+            "wire",
+            "profile",
+            "event",
+            "bus_file",
+            "session",
+            "query",
+            "statistics",
+            "sink",
+        ],
+    ),
+    (
         "why",
         &[
             "diagnosis",

@@ -12,6 +12,7 @@
 //! node = 5
 //! ```
 
+mod diff;
 mod expectation;
 mod judgement;
 mod model;
@@ -20,6 +21,7 @@ mod uds;
 mod value;
 mod written;
 
+pub use diff::DiffTolerances;
 pub use expectation::{Demand, Expectation};
 
 pub use judgement::{Judgement, RuleSettings, Suppression};
@@ -43,6 +45,8 @@ pub struct BusFile {
     pub buses: Vec<(String, Settings)>,
     /// Rule settings, suppressions and expectations.
     pub judgement: Judgement,
+    /// Tolerances of `cobscope diff`.
+    pub diff: DiffTolerances,
 }
 
 impl BusFile {
@@ -53,9 +57,9 @@ impl BusFile {
     pub fn parse(text: &str) -> Result<Self, TextError> {
         let file: model::AuthoredBusFile =
             toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
-        let (everywhere, buses, judgement) =
+        let (everywhere, buses, judgement, diff) =
             file.check().map_err(|(span, message)| TextError::at(text, span, message))?;
-        Ok(Self { everywhere, buses, judgement })
+        Ok(Self { everywhere, buses, judgement, diff })
     }
 
     /// Settings of this bus, then those of every bus.

@@ -6,11 +6,12 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::diff::DiffTolerances;
 use super::judgement::Judgement;
 use super::settings::{AreaEntry, BIT_RATES, ObjectValue, ProtocolChoice, Settings};
 use super::value::{Value, bytes};
 use super::written::{NO_IDENTIFIER, Number, TextProblem};
-use super::{expectation, judgement, uds};
+use super::{diff, expectation, judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
 use crate::wire::NodeId;
@@ -46,6 +47,8 @@ pub(super) struct AuthoredBusFile {
     suppress: Vec<judgement::Suppress>,
     #[serde(default)]
     expect: Vec<expectation::Entry>,
+    #[serde(default)]
+    diff: diff::Table,
 }
 
 #[derive(Deserialize)]
@@ -134,8 +137,8 @@ struct Id {
     node: Option<Spanned<i64>>,
 }
 
-/// Settings of every bus, settings by bus name, rule settings.
-pub(super) type Parts = (Settings, Vec<(String, Settings)>, Judgement);
+/// Settings of every bus, settings by bus name, rule settings, tolerances of comparisons.
+pub(super) type Parts = (Settings, Vec<(String, Settings)>, Judgement, DiffTolerances);
 
 impl AuthoredBusFile {
     /// Checks the file; returns the first problem.
@@ -155,7 +158,8 @@ impl AuthoredBusFile {
             ))
         });
         let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
-        Ok((everywhere, buses.collect::<Result<_, TextProblem>>()?, judgement))
+        let buses = buses.collect::<Result<_, TextProblem>>()?;
+        Ok((everywhere, buses, judgement, diff::check(self.diff)?))
     }
 }
 

@@ -82,6 +82,11 @@ pub struct Story {
 }
 
 impl Story {
+    /// Sum of the weights of its findings; stories are in descending order of it.
+    pub fn rank(&self) -> f64 {
+        self.rank
+    }
+
     /// The cause, its effects and the steps, without evidence and manual.
     pub fn brief(&self) -> impl Iterator<Item = &StoryLine> {
         self.lines

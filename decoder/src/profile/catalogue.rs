@@ -354,7 +354,7 @@ fn is_device(path: &str) -> bool {
 /// Whether a TOML text is a bus file rather than a profile: it has keys specific to bus files, and no profile
 /// id.
 pub fn is_bus_file(text: &str) -> bool {
-    const PARTS: [&str; 7] = ["bus", "node", "master", "dbc", "rules", "suppress", "expect"];
+    const PARTS: [&str; 8] = ["bus", "node", "master", "dbc", "rules", "suppress", "expect", "diff"];
     // In a bus file these are lists, in a profile single values.
     const LISTS: [&str; 2] = ["id", "uds"];
     let Ok(table) = text.parse::<toml::Table>() else { return false };

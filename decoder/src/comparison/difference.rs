@@ -1,0 +1,251 @@
+//! Differences between two captures, in order of importance.
+
+use std::collections::BTreeMap;
+
+use strum::{IntoStaticStr, VariantArray};
+
+use super::ranking::ranking;
+use super::record::Mark;
+
+/// Section of the report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, VariantArray)]
+#[strum(serialize_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Section {
+    /// Steps after an event.
+    Sequence,
+    /// Findings and codes.
+    Faults,
+    /// Parameters and mappings.
+    Configuration,
+    /// Nodes, identities, boot-ups and losses.
+    Nodes,
+    /// States of NMT and of devices.
+    States,
+    /// Set points and their effect.
+    SetPoints,
+    /// Periods, gaps and latencies.
+    Timing,
+    /// Bus load and error frames.
+    Load,
+}
+
+impl Section {
+    /// All sections.
+    pub const ALL: &[Self] = Self::VARIANTS;
+
+    /// Name in JSON and in `--only`.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// Kind of a difference; its weight is in `ranking.toml`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, VariantArray)]
+#[strum(serialize_all = "kebab-case")]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "the names are explained in docs/diff.schema.json")]
+pub enum Kind {
+    Sequence,
+    Machine,
+    NodeMissing,
+    NewNode,
+    NodeId,
+    Identity,
+    Device,
+    Parameter,
+    ParameterLost,
+    Mapping,
+    Write,
+    WriteInOperation,
+    BootUps,
+    Lost,
+    HeartbeatSilent,
+    MessageSilent,
+    MessageMissing,
+    NewMessage,
+    Emcy,
+    TroubleCode,
+    Abort,
+    NoResponse,
+    UdsResponse,
+    Finding,
+    FaultState,
+    State,
+    Effect,
+    SetPoint,
+    Following,
+    Period,
+    LongestGap,
+    Jitter,
+    Latency,
+    Reaction,
+    FindingRate,
+    Load,
+    ErrorFrames,
+    StoryEnded,
+    FindingEnded,
+    CodeEnded,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: &[Self] = Self::VARIANTS;
+
+    /// Name in JSON.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// One of the two captures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Side {
+    /// The first capture.
+    Good,
+    /// The second capture.
+    Bad,
+}
+
+/// Value in one capture, with its evidence.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Observation {
+    /// Value as text.
+    pub text: String,
+    /// Frame and time; frame 0 for a value without a frame.
+    pub mark: Mark,
+}
+
+impl Observation {
+    /// A value with its evidence.
+    pub fn new(text: impl Into<String>, mark: Mark) -> Self {
+        Self { text: text.into(), mark }
+    }
+}
+
+/// A difference between the captures.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Difference {
+    /// Section.
+    pub section: Section,
+    /// Kind.
+    pub kind: Kind,
+    /// Bus, node or identifier.
+    pub subject: String,
+    /// Object, message, state or code.
+    pub aspect: String,
+    /// Value in the first capture; `None` if it has none.
+    pub good: Option<Observation>,
+    /// Value in the second capture; `None` if it has none.
+    pub bad: Option<Observation>,
+    /// Further facts; empty for none.
+    pub note: String,
+    /// Importance.
+    pub weight: f64,
+}
+
+/// Something that one capture never showed.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct UnobservedSubject {
+    /// Section.
+    pub section: Section,
+    /// Capture that did not show it.
+    pub by: Side,
+    /// Noun for the count, in the singular.
+    pub noun: &'static str,
+    /// Bus, node or identifier.
+    pub subject: String,
+    /// Object, message, state or code, with its value in the other capture.
+    pub aspect: String,
+    /// Evidence in the other capture.
+    pub mark: Mark,
+    /// Importance; 0 for a subject that is only counted.
+    pub weight: f64,
+}
+
+/// Result of a comparison.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct Comparison {
+    /// Differences, most important first.
+    pub differences: Vec<Difference>,
+    /// What one capture never showed.
+    pub not_seen: Vec<UnobservedSubject>,
+    /// Number of equal subjects by section and noun in the singular.
+    pub equal: BTreeMap<(Section, &'static str), u64>,
+    /// Reasons why something was not compared.
+    pub limits: Vec<String>,
+}
+
+impl Comparison {
+    /// Whether no difference was found.
+    pub fn is_equal(&self) -> bool {
+        self.differences.is_empty()
+    }
+
+    /// Keeps these sections only.
+    pub fn keep(&mut self, sections: &[Section]) {
+        self.differences.retain(|it| sections.contains(&it.section));
+        self.not_seen.retain(|it| sections.contains(&it.section));
+        self.equal.retain(|(section, _), _| sections.contains(section));
+    }
+
+    /// Counts an equal subject.
+    pub(super) fn add_equal(&mut self, section: Section, noun: &'static str) {
+        *self.equal.entry((section, noun)).or_default() += 1;
+    }
+
+    /// Adds a difference with the weight of its kind.
+    pub(super) fn add(
+        &mut self,
+        (section, kind): (Section, Kind),
+        (subject, aspect): (impl Into<String>, impl Into<String>),
+        values: (Option<Observation>, Option<Observation>),
+        note: impl Into<String>,
+    ) {
+        let (good, bad) = values;
+        self.differences.push(Difference {
+            section,
+            kind,
+            subject: subject.into(),
+            aspect: aspect.into(),
+            good,
+            bad,
+            note: note.into(),
+            weight: ranking().weight(kind.name()),
+        });
+    }
+
+    /// Adds something that one capture never showed.
+    pub(super) fn add_not_seen(
+        &mut self,
+        (section, noun): (Section, &'static str),
+        by: Side,
+        (subject, aspect): (impl Into<String>, impl Into<String>),
+        mark: Mark,
+    ) {
+        let (subject, aspect) = (subject.into(), aspect.into());
+        self.not_seen.push(UnobservedSubject { section, by, noun, subject, aspect, mark, weight: 0.0 });
+    }
+
+    /// Sets the weight of the subject that was added last, so that it is printed among the differences.
+    pub(super) fn raise_not_seen(&mut self, weight: f64) {
+        if let Some(last) = self.not_seen.last_mut() {
+            last.weight = weight;
+        }
+    }
+
+    /// Sorts the differences by importance.
+    pub(super) fn sort(&mut self) {
+        let order = |it: &Difference| {
+            let mark = it.bad.as_ref().or(it.good.as_ref()).map_or(0, |value| value.mark.frame);
+            (it.section, mark)
+        };
+        self.not_seen.sort_by(|one, other| other.weight.total_cmp(&one.weight));
+        self.differences.sort_by(|one, other| {
+            other.weight.total_cmp(&one.weight).then_with(|| order(one).cmp(&order(other)))
+        });
+    }
+}

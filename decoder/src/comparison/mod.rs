@@ -1,0 +1,41 @@
+//! Comparison of two captures by meaning: configuration, nodes, states, set points, timing, faults and load.
+//!
+//! ```text
+//! frames, events ─Recorder─▶ notes ─finish (Bus, findings, stories)─▶ CaptureRecord ─┐
+//!                                                                  CaptureRecord ─┴─compare─▶ Comparison ─▶ text, JSON
+//! ```
+//!
+//! Captures are aligned by role and not by time. Everything that one capture never showed is `UnobservedSubject`, not a `Difference`.
+
+mod alignment;
+mod compare;
+mod configuration;
+mod difference;
+mod faults;
+mod finish;
+mod following;
+mod load;
+mod nodes;
+mod objects;
+mod points;
+mod ranking;
+mod record;
+mod recorder;
+mod scope;
+mod sequence;
+mod states;
+mod steps;
+pub mod text;
+mod times;
+mod timing;
+mod tolerance;
+
+pub use compare::compare;
+pub use difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
+pub use finish::Ending;
+pub use record::{
+    BusRecord, CaptureRecord, Code, CodeRecord, FindingRecord, MOST_STEPS, MOST_SUBJECTS, Mapping, Mark,
+    MessageRecord, MessageRole, NodeRecord, Occurrences, Parameter, PointRecord, Sequence, SequenceStep,
+    StateRecord, StateTime, StoryRecord, WrittenValue,
+};
+pub use recorder::Recorder;

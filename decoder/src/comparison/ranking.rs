@@ -1,0 +1,89 @@
+//! `ranking.toml`: order of differences.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use serde::Deserialize;
+
+/// Weights of differences.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct Ranking {
+    story: StoryWeight,
+    weight: BTreeMap<String, f64>,
+    error_frames: ErrorFrameRules,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct StoryWeight {
+    base: f64,
+    per_rank: f64,
+    most: f64,
+    effect_part: f64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ErrorFrameRules {
+    rules: Vec<String>,
+}
+
+impl Ranking {
+    /// Weight of a kind of difference; 0 for an unknown one.
+    pub(super) fn weight(&self, kind: &str) -> f64 {
+        self.weight.get(kind).copied().unwrap_or(0.0)
+    }
+
+    /// Weight of a new story.
+    pub(super) fn story(&self, rank: f64, is_cause_visible: bool) -> f64 {
+        let StoryWeight { base, per_rank, most, effect_part } = self.story;
+        let part = if is_cause_visible { 1.0 } else { effect_part };
+        (base + per_rank * rank).min(most) * part
+    }
+
+    /// Whether a rule depends on error frames.
+    pub(super) fn needs_error_frames(&self, rule: &str) -> bool {
+        self.error_frames.rules.iter().any(|known| known == rule)
+    }
+}
+
+/// The table, parsed once.
+pub(super) fn ranking() -> &'static Ranking {
+    static RANKING: OnceLock<Ranking> = OnceLock::new();
+    RANKING.get_or_init(|| {
+        // A unit test checks that the file is valid; an invalid file would yield an empty table.
+        toml::from_str(include_str!("ranking.toml")).unwrap_or_default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::comparison::difference::Kind;
+    use crate::rules::declarations;
+
+    #[test]
+    fn every_kind_has_a_weight_and_every_name_is_a_rule() {
+        toml::from_str::<Ranking>(include_str!("ranking.toml")).unwrap();
+        let ranking = ranking();
+        for kind in Kind::ALL {
+            assert!(ranking.weight(kind.name()) > 0.0, "{}", kind.name());
+        }
+        let known: Vec<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
+        for name in ranking.weight.keys() {
+            assert!(known.contains(&name.as_str()), "{name}");
+        }
+        let rules: Vec<_> = declarations().map(|rule| rule.name).collect();
+        for name in &ranking.error_frames.rules {
+            assert!(rules.contains(&name.as_str()), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_visible_cause_precedes_its_effects() {
+        let ranking = ranking();
+        assert!(ranking.story(6.0, true) > ranking.weight("parameter"));
+        assert!(ranking.story(6.0, false) < ranking.weight("parameter"));
+    }
+}

@@ -1,0 +1,52 @@
+//! Sequences: the first step that differs after an event.
+
+use super::difference::{Comparison, Kind, Observation, Section};
+use super::record::{CaptureRecord, Sequence, SequenceStep};
+use super::scope::Scope;
+use crate::words::plural;
+
+/// Compares the steps after the requested event.
+pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
+    let (Some(good), Some(bad)) = (&scope.good.sequence, &scope.bad.sequence) else { return };
+    for (sequence, side) in [(good, "GOOD"), (bad, "BAD")] {
+        if sequence.start.is_none() {
+            out.limits.push(format!("{side}: no event matches --at-event; steps not compared"));
+        }
+    }
+    if good.start.is_none() || bad.start.is_none() {
+        return;
+    }
+    let equal = good.steps.iter().zip(&bad.steps).take_while(|(one, other)| one.text == other.text).count();
+    for _ in 0..equal {
+        out.add_equal(Section::Sequence, "step");
+    }
+    let (one, other) = (good.steps.get(equal), bad.steps.get(equal));
+    let is_shown = match (one, other) {
+        (Some(_), Some(_)) => true,
+        (Some(step), None) => has_lasted(scope.bad, (good, step), bad),
+        (None, Some(step)) => has_lasted(scope.good, (bad, step), good),
+        (None, None) => return,
+    };
+    if !is_shown {
+        let text = |sequence: &Sequence| plural(sequence.steps.len(), "step");
+        let (good, bad) = (text(good), text(bad));
+        out.limits.push(format!("sequence: GOOD {good}, BAD {bad}; the common ones are equal"));
+        return;
+    }
+    let value = |step: Option<&SequenceStep>| step.map(|step| Observation::new(&*step.text, step.mark));
+    let before = equal.checked_sub(1).and_then(|at| good.steps.get(at));
+    let before = before.map_or(String::new(), |step| format!(" up to {}", step.text));
+    let note = format!("{} equal{before}", plural(equal, "step"));
+    let aspect = format!("step {}", equal + 1);
+    let place = ("first difference", aspect);
+    out.add((Section::Sequence, Kind::Sequence), place, (value(one), value(other)), note);
+}
+
+/// Whether a capture lasts long enough to show a step of the other one: a capture that ends earlier shows fewer steps.
+fn has_lasted(record: &CaptureRecord, (other, step): (&Sequence, &SequenceStep), own: &Sequence) -> bool {
+    const MARGIN: i64 = 1_000_000_000;
+    let offset = step.mark.time.zip(other.start.and_then(|start| start.time));
+    let rest = record.end.time.zip(own.start.and_then(|start| start.time));
+    let (Some((at, began)), Some((end, start))) = (offset, rest) else { return false };
+    end.saturating_sub(start) > at.saturating_sub(began).saturating_mul(2).saturating_add(MARGIN)
+}

@@ -1,0 +1,217 @@
+//! The comparison as text: differences by section, most important first, then counts.
+
+use std::fmt::Write as _;
+
+use super::difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
+use super::record::{CaptureRecord, Mark};
+use super::times::seconds;
+use crate::sink::escape;
+use crate::words::{grouped, plural};
+
+/// Maximum number of lines by default.
+const SHOWN_LINES: usize = 40;
+
+/// Maximum number of findings per capture that the other one did not show, by default.
+const SHOWN_ABSENT: usize = 5;
+
+/// Maximum number of characters of a value by default.
+const SHOWN_VALUE: usize = 120;
+
+/// Width of the section column.
+const LABEL: usize = 18;
+
+/// Writes the comparison; `is_complete` prints every difference and everything that was not seen.
+pub fn write(
+    comparison: &Comparison,
+    (good, bad): (&CaptureRecord, &CaptureRecord),
+    is_complete: bool,
+    output: &mut String,
+) {
+    let mut page = Page { output, is_complete, rest: if is_complete { usize::MAX } else { SHOWN_LINES } };
+    page.line("", &format!("GOOD {}   BAD {}", length(good), length(bad)));
+    let closing = closing(comparison, is_complete);
+    page.rest = page.rest.saturating_sub(closing.len());
+    page.differences(comparison);
+    page.rest = usize::MAX;
+    for (label, text) in closing {
+        page.line(label, &text);
+    }
+}
+
+/// `good.log 612.0 s, 1,204 frames`.
+fn length(record: &CaptureRecord) -> String {
+    let duration = record.duration.map_or("without timestamps".to_owned(), seconds);
+    format!("{} {duration}, {} frames", record.name, grouped(record.frames))
+}
+
+struct Page<'a> {
+    output: &'a mut String,
+    is_complete: bool,
+    /// Lines that may still be written.
+    rest: usize,
+}
+
+impl Page<'_> {
+    fn line(&mut self, label: &str, text: &str) {
+        self.rest = self.rest.saturating_sub(1);
+        let line = format!("{label:<LABEL$}{text}");
+        let line = if label.is_empty() && text.starts_with("GOOD ") { text.to_owned() } else { line };
+        let _ = writeln!(self.output, "{}", escape(line.trim_end()));
+    }
+
+    /// Sections in the order of their first difference.
+    fn differences(&mut self, comparison: &Comparison) {
+        let of_differences =
+            comparison.differences.iter().map(|it| (it.weight, title(it), self.difference(it)));
+        let of_not_seen = comparison.not_seen.iter().filter(|it| it.weight > 0.0);
+        let of_not_seen = of_not_seen.map(|it| (it.weight, not_seen_by(it.by), self.cut(&absence(it))));
+        let mut rows: Vec<_> = of_differences.chain(of_not_seen).collect();
+        rows.sort_by(|one, other| other.0.total_cmp(&one.0));
+        let mut groups: Vec<(&'static str, Vec<String>)> = Vec::new();
+        for (_, title, text) in rows {
+            match groups.iter_mut().find(|(known, _)| *known == title) {
+                Some((_, group)) => group.push(text),
+                None => groups.push((title, vec![text])),
+            }
+        }
+        let mut hidden = 0;
+        for (title, group) in groups {
+            let mut label = title;
+            for text in group {
+                // The last line states how many are not printed.
+                if self.rest <= 1 {
+                    hidden += 1;
+                    continue;
+                }
+                self.line(label, &text);
+                label = "";
+            }
+        }
+        if hidden > 0 {
+            self.line("", &format!("{} more (-v)", plural(hidden, "difference")));
+        }
+    }
+
+    fn difference(&self, difference: &Difference) -> String {
+        let Difference { kind, subject, aspect, good, bad, note, .. } = difference;
+        let values = self.values(difference);
+        let is_finding = matches!(kind, Kind::Finding | Kind::StoryEnded | Kind::FindingEnded);
+        let rule = if is_finding { format!("[{aspect}]") } else { String::new() };
+        let aspect = if is_finding { "" } else { aspect };
+        // The text of a finding starts with its node.
+        let subject = if is_finding && values.starts_with(subject.as_str()) { "" } else { subject };
+        let parts = [subject, aspect, values.as_str(), note.as_str(), rule.as_str()];
+        let text = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("  ");
+        let mut marks = [good, bad].map(|value| value.as_ref().map_or(Mark::default(), |value| value.mark));
+        if values.contains('{') {
+            marks = marks.map(|mark| Mark { frame: 0, ..mark });
+        }
+        text + &evidence(marks)
+    }
+
+    /// `2000 | 800`; only the value itself if the other capture has none and the section states it.
+    fn values(&self, difference: &Difference) -> String {
+        let value = |value: &Observation| self.cut(&value.text);
+        match (&difference.good, &difference.bad) {
+            (Some(good), Some(bad)) => format!("{} | {}", value(good), value(bad)),
+            (Some(only), None) | (None, Some(only)) if difference.section == Section::Faults => value(only),
+            (Some(good), None) => format!("{} | not seen", value(good)),
+            (None, Some(bad)) => format!("not seen | {}", value(bad)),
+            (None, None) => String::new(),
+        }
+    }
+
+    fn cut(&self, text: &str) -> String {
+        if self.is_complete || text.chars().count() <= SHOWN_VALUE {
+            return text.to_owned();
+        }
+        text.chars().take(SHOWN_VALUE).chain(['…']).collect()
+    }
+}
+
+/// ` {96}`, ` {96 | 131}`: evidence of the second capture, and of the first one.
+fn evidence([good, bad]: [Mark; 2]) -> String {
+    let time = bad.time.map_or(String::new(), |time| format!(" at {}", seconds(time)));
+    match (good.frame, bad.frame) {
+        (0, 0) => time,
+        (0, frame) => format!("{time} {{{frame}}}"),
+        (frame, 0) => format!(" {{{frame} | –}}"),
+        (one, other) => format!("{time} {{{one} | {other}}}"),
+    }
+}
+
+/// Label of a difference.
+fn title(difference: &Difference) -> &'static str {
+    match (difference.section, &difference.good, &difference.bad) {
+        (Section::Sequence, ..) => "SEQUENCE",
+        (Section::Faults, None, _) => "NEW IN BAD",
+        (Section::Faults, _, None) => "ONLY IN GOOD",
+        (Section::Faults, ..) => "FAULTS",
+        (Section::Configuration, ..) => "CONFIGURATION",
+        (Section::Nodes, ..) => "NODES",
+        (Section::States, ..) => "STATES",
+        (Section::SetPoints, ..) => "SET POINTS",
+        (Section::Timing, ..) => "TIMING",
+        (Section::Load, ..) => "LOAD",
+    }
+}
+
+/// Lines after the differences: counts, limits, result.
+fn closing(comparison: &Comparison, is_complete: bool) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    let equal: Vec<_> = comparison.equal.iter().map(|((_, noun), count)| plural(*count, noun)).collect();
+    if !equal.is_empty() {
+        lines.push(("EQUAL", equal.join(", ")));
+    }
+    for side in [Side::Good, Side::Bad] {
+        let labels = std::iter::once(not_seen_by(side)).chain(std::iter::repeat(""));
+        lines.extend(labels.zip(not_seen(comparison, side, is_complete)));
+    }
+    lines.extend(comparison.limits.iter().map(|limit| ("NOT COMPARED", limit.clone())));
+    if comparison.is_equal() {
+        lines.push(("", "no difference within the tolerances".to_owned()));
+    }
+    lines
+}
+
+const fn not_seen_by(side: Side) -> &'static str {
+    match side {
+        Side::Good => "NOT SEEN IN GOOD",
+        Side::Bad => "NOT SEEN IN BAD",
+    }
+}
+
+/// Text of one subject that was not seen.
+fn absence(it: &UnobservedSubject) -> String {
+    let aspect = if it.aspect.is_empty() { String::new() } else { format!("  {}", it.aspect) };
+    let has_frame = it.mark.frame != 0 && !aspect.contains('{');
+    let frame = if has_frame { format!(" {{{}}}", it.mark.frame) } else { String::new() };
+    let is_named = !it.subject.is_empty() && it.aspect.starts_with(it.subject.as_str());
+    let text =
+        if is_named { format!("{}{frame}", it.aspect) } else { format!("{}{aspect}{frame}", it.subject) };
+    text.trim_start().to_owned()
+}
+
+/// Counts by noun; with `-v`, and for findings, error frames and buses, each subject.
+fn not_seen(comparison: &Comparison, side: Side, is_complete: bool) -> Vec<String> {
+    let own = || comparison.not_seen.iter().filter(|it| it.by == side && it.weight <= 0.0);
+    let is_listed = |noun: &str| is_complete || ["finding", "error frame", "bus"].contains(&noun);
+    let mut counts: Vec<(&str, u64)> = Vec::new();
+    for it in own().filter(|it| !is_listed(it.noun)) {
+        match counts.iter_mut().find(|(noun, _)| *noun == it.noun) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((it.noun, 1)),
+        }
+    }
+    let mut lines: Vec<String> = own().filter(|it| is_listed(it.noun)).map(absence).collect();
+    let hidden = lines.len().saturating_sub(if is_complete { usize::MAX } else { SHOWN_ABSENT });
+    lines.truncate(lines.len() - hidden);
+    if hidden > 0 {
+        counts.push(("further finding", hidden as u64));
+    }
+    if !counts.is_empty() {
+        let counts: Vec<_> = counts.into_iter().map(|(noun, count)| plural(count, noun)).collect();
+        lines.push(counts.join(", "));
+    }
+    lines
+}

@@ -1,0 +1,39 @@
+//! Comparison of numbers within tolerances.
+
+/// Whether two positive quantities differ by more than `percent` of the smaller one, and by more than `floor`.
+#[expect(clippy::cast_precision_loss, reason = "a tolerance needs few digits")]
+pub(super) fn differ(good: i64, bad: i64, percent: f64, floor: i64) -> bool {
+    let gap = good.abs_diff(bad);
+    gap > floor.unsigned_abs() && gap as f64 > good.min(bad).max(0) as f64 * percent / 100.0
+}
+
+/// Whether counts differ as rates: not equal, and their rates differ by more than `percent`. Without durations the
+/// counts themselves are compared.
+#[expect(clippy::cast_precision_loss, reason = "a tolerance needs few digits")]
+pub(super) fn counts_differ(good: (u64, f64), bad: (u64, f64), percent: f64) -> bool {
+    let rate =
+        |(count, seconds): (u64, f64)| if seconds > 0.0 { count as f64 / seconds } else { count as f64 };
+    let (one, other) = (rate(good), rate(bad));
+    good.0 != bad.0 && (one - other).abs() > one.min(other) * percent / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_exceeds_both_limits() {
+        assert!(!differ(100, 105, 5.0, 0));
+        assert!(differ(100, 106, 5.0, 0));
+        assert!(!differ(100, 120, 5.0, 20));
+        assert!(!differ(0, 1, 5.0, 1));
+    }
+
+    #[test]
+    fn counts_are_compared_as_rates() {
+        // 10 in 100 s and 4 in 40 s are the same rate; 3 in 40 s instead of 1 in 60 s is more than twice as often.
+        assert!(!counts_differ((10, 100.0), (4, 40.0), 100.0));
+        assert!(!counts_differ((1, 10.0), (1, 100.0), 100.0));
+        assert!(counts_differ((1, 60.0), (3, 40.0), 100.0));
+    }
+}
