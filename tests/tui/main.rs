@@ -10,6 +10,7 @@ mod cli;
 mod convert;
 mod cross_checks;
 mod dbc;
+mod diff;
 mod docs;
 mod eds;
 mod explain;

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 pub enum Exit {
     /// Success, also if the reader closed the output pipe.
     Clean = 0,
-    /// Findings at or above `--fail-on`.
+    /// Findings at or above `--fail-on`, or captures that differ.
     Findings = 1,
     /// Invalid command line, or an output cannot be created.
     Usage = 2,

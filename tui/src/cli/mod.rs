@@ -3,6 +3,7 @@
 mod check;
 mod convert;
 mod decode;
+mod diff;
 mod input;
 mod live;
 mod notes;
@@ -23,6 +24,7 @@ use clap::{Parser, Subcommand};
 pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
+pub use diff::DiffArgs;
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
@@ -123,6 +125,27 @@ pub enum Command {
     #[command(mut_arg("to", |arg| arg.help("Report only faults up to WHEN, in the form of --from")))]
     #[command(mut_arg("only_node", |arg| arg.help("Report only faults of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Why(WhyArgs),
+    /// Compare the behaviour in two captures: configuration, nodes, states, timing, faults
+    ///
+    /// Captures are compared by meaning and aligned by role: bus name, name of the node in the bus file, node-ID with vendor
+    /// and product, vendor and product alone. Actual values, counters, error histories and serial numbers are not
+    /// compared. GOOD and BAD are two files or folders; more files must form two series. A subject that one capture never
+    /// showed is "not seen" and not a difference. The exit status is 0 without a difference and 1 with one.
+    ///
+    /// Default tolerances, in percent of the smaller value: median of a period 5, 99th percentile of its intervals (from
+    /// 100 intervals on) 20, longest interval 100, median and 99th percentile of latencies 100, rates of counts 100, bus
+    /// load 20, range of a set point 20. Differences of times below 5 ms are ignored for gaps and latencies. The table
+    /// [diff] of the bus file changes them.
+    #[command(
+        mut_arg("captures", |arg| arg.value_name("GOOD BAD").help("Captures to compare: files or folders")),
+        mut_arg("join", |arg| {
+            let help = "Read all files of a folder as parts of one capture, also if their relative clocks start again";
+            arg.help(help).long_help(help)
+        }),
+        override_usage = "cobscope diff [OPTIONS] <GOOD> <BAD>",
+        after_help = notes::diff()
+    )]
+    Diff(Box<DiffArgs>),
     /// Check captures against the rules of standards, of manuals and of the bus file
     ///
     /// For a folder, all captures in it and in its subfolders are checked, in the order of their names;
@@ -188,6 +211,7 @@ impl Command {
             Self::Objects(arguments) => &arguments.input,
             Self::Why(arguments) => &arguments.input,
             Self::Check(arguments) => &arguments.input,
+            Self::Diff(arguments) => &arguments.input,
             Self::Live(_)
             | Self::Convert(_)
             | Self::Rules(_)
@@ -211,6 +235,7 @@ impl Command {
             Self::Convert(arguments) => (&arguments.input, Some(Otherwise::OnlyNode)),
             Self::Stats(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::Diff(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Objects(arguments) => (&arguments.input, None),
             Self::Why(arguments) => (&arguments.input, None),
             Self::Rules(_)

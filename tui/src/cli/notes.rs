@@ -4,7 +4,8 @@
 pub const EXIT_STATUS: &str = "\
 Exit status:
   0  success, even if some lines are unreadable
-  1  check, live --check: findings at or above --fail-on, or a required rule is not exercised
+  1  check, live --check: findings at or above --fail-on, or a required rule is not exercised;
+     diff: the captures differ
   2  the command line is invalid, or an output cannot be created
   3  a capture is unreadable, incomplete or without frames, or an output is incomplete
   4  a profile, bus file, device file, DBC or baseline is invalid or unreadable";
@@ -50,6 +51,10 @@ examples! {
         "cobscope why customer.log",
         "cobscope why --node 5 --at 12.5 customer.log",
         "cobscope why --node 5 --node 5=wandfluh-md2 -f json customer.log";
+    DIFF_EXAMPLES:
+        "cobscope diff good.log bad.log --bus machine.toml",
+        "cobscope diff --at-event 'kind == boot-up && node == 2' good.log bad.log",
+        "cobscope diff --only configuration,timing -f json golden/ run/";
     CHECK_EXAMPLES:
         "cobscope check --node 2=rexroth-sydfec customer.log",
         "cobscope check --baseline known.json captures/",
@@ -67,6 +72,11 @@ examples! {
 /// Examples of `check`, and the exit statuses.
 pub fn check() -> String {
     format!("{CHECK_EXAMPLES}\n\n{EXIT_STATUS}")
+}
+
+/// Examples of `diff`, and the exit statuses.
+pub fn diff() -> String {
+    format!("{DIFF_EXAMPLES}\n\n{EXIT_STATUS}")
 }
 
 #[cfg(test)]

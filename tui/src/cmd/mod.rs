@@ -5,6 +5,7 @@ mod convert;
 mod decode;
 mod decoding;
 mod describe;
+mod diff;
 mod explain;
 mod input;
 mod live;
@@ -52,6 +53,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Check(arguments) => check::run(&arguments),
         Command::Rules(arguments) => rules::run(&arguments),
         Command::Why(arguments) => why::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),

@@ -1,0 +1,45 @@
+//! `cobscope diff`.
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use cobscope_decoder::comparison::Section;
+use cobscope_decoder::query::Filter;
+
+use super::{InputArgs, ReportFormat};
+use crate::select::Bound;
+
+/// `cobscope diff`.
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    /// Compare only these sections (repeatable, or separated by commas)
+    #[arg(long, value_name = "SECTION", value_delimiter = ',', value_parser = sections())]
+    pub only: Vec<Section>,
+    /// Also compare the steps from the first event on that matches EXPR, such as 'kind == boot-up && node == 2'
+    ///
+    /// Steps are the NMT commands, states, SDO transfers, EMCY, trouble codes and procedures of the node of that event, in
+    /// their order. The first step that differs is printed first.
+    #[arg(long, value_name = "EXPR")]
+    pub at_event: Option<Filter>,
+    /// Compare both captures from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or both
+    #[arg(long, value_name = "WHEN")]
+    pub from: Option<Bound>,
+    /// Compare both captures up to WHEN, in the form of --from
+    #[arg(long, value_name = "WHEN")]
+    pub to: Option<Bound>,
+    /// Print all differences, and everything that one capture never showed
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: ReportFormat,
+}
+
+fn sections() -> impl TypedValueParser<Value = Section> {
+    let names = Section::ALL.iter().map(|section| section.name());
+    PossibleValuesParser::new(names).map(|name| {
+        let found = Section::ALL.iter().copied().find(|section| section.name() == name);
+        found.unwrap_or(Section::Configuration)
+    })
+}

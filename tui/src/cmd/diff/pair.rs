@@ -1,0 +1,51 @@
+//! The two captures of the command line: two files or folders, or more files that form two series.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+
+use crate::cli::InputArgs;
+use crate::cmd::input::joined;
+use crate::source::{CaptureFile, Series};
+
+/// GOOD and BAD.
+///
+/// # Errors
+/// If the arguments are not two captures.
+pub(super) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
+    let paths = &input.captures;
+    if let [good, bad] = paths.as_slice() {
+        return Ok([one(good, input)?, one(bad, input)?]);
+    }
+    ensure!(paths.len() > 2, "diff needs two captures: GOOD BAD; found {}", paths.len());
+    ensure!(
+        !input.join,
+        "--join: ambiguous for more than two files; put the parts of each capture in a folder"
+    );
+    let files = paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
+    let series = joined(files.collect(), input);
+    let count = series.len();
+    series
+        .try_into()
+        .map_err(|_| anyhow::anyhow!("{} files form {count} captures; expected two: GOOD BAD", paths.len()))
+}
+
+/// A file, or the parts of one capture in a folder.
+fn one(path: &Path, input: &InputArgs) -> anyhow::Result<Series> {
+    if !path.is_dir() {
+        return Ok(Series { parts: vec![path.to_owned()], first_frames: Vec::new(), shifts: Vec::new() });
+    }
+    let name = path.display();
+    let entries = std::fs::read_dir(path).with_context(|| format!("{name}: cannot be read"))?;
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    files.sort();
+    let files = files.into_iter().map(|path| CaptureFile { path, is_listed: true });
+    let mut series = joined(files.collect(), input);
+    ensure!(
+        series.len() == 1,
+        "{name}: contains {} captures; expected the parts of one (--join, --part-gap)",
+        series.len()
+    );
+    series.pop().context("no capture")
+}
