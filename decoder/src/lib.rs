@@ -72,6 +72,7 @@ pub mod pipeline;
 pub mod profile;
 pub mod query;
 pub mod replay;
+pub mod report;
 pub mod rules;
 pub mod samples;
 pub mod session;

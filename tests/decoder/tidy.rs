@@ -93,6 +93,23 @@ const LAYERS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "report",
+        &[
+            "words",
+            "frame",
+            "capture",
+            "wire",
+            "profile",
+            "event",
+            "finding",
+            "session",
+            "statistics",
+            "diagnosis",
+            "sink",
+            "why",
+        ],
+    ),
+    (
         "decoder",
         &["words", "frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"],
     ),

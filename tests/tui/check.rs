@@ -475,7 +475,7 @@ fn every_command_of_the_document_runs() {
                 "machine.toml" => text(&bus).to_owned(),
                 "captures/baseline.json" => text(&baseline).to_owned(),
                 "captures" => captures.to_owned(),
-                "cobscope.sarif" | "cobscope.xml" => text(&folder.join(word)).to_owned(),
+                "cobscope.sarif" | "cobscope.xml" | "pages" => text(&folder.join(word)).to_owned(),
                 other => other.to_owned(),
             });
             let words: Vec<String> = words.collect();
@@ -486,7 +486,7 @@ fn every_command_of_the_document_runs() {
             count += 1;
         }
     }
-    assert_eq!(count, 9);
+    assert_eq!(count, 10);
 }
 
 #[test]

@@ -23,6 +23,7 @@ mod output;
 mod panes;
 mod profiles;
 mod readme;
+mod report;
 mod reports;
 mod screens;
 mod select;

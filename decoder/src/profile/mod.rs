@@ -28,6 +28,7 @@ mod meaning;
 mod names;
 pub mod object;
 mod one_or_many;
+mod plotted;
 mod position;
 mod quoted;
 mod reference;

@@ -66,6 +66,16 @@ pub fn write(report: &Report, setting: &Setting<'_>, output: &mut String) {
     page.dialogues(report);
 }
 
+/// Writes the changes before the fault, messages that had stopped, and the states and gates at that time.
+pub fn write_context(report: &Report, setting: &Setting<'_>, output: &mut String) {
+    let mut page = Page { setting, output };
+    if let Some(moment) = &report.moment {
+        page.before(moment);
+    }
+    page.quiet(report);
+    page.states(report);
+}
+
 struct Page<'a> {
     setting: &'a Setting<'a>,
     output: &'a mut String,

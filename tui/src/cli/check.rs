@@ -23,6 +23,9 @@ pub struct CheckArgs {
     /// Write to FILE instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Write a report page per failed capture, and an index page, to the folder DIR
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
     /// Exit with status 1 for findings at or above SEVERITY
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,

@@ -4,6 +4,7 @@ mod check;
 mod convert;
 mod decode;
 mod diff;
+mod formats;
 mod input;
 mod live;
 mod notes;
@@ -25,12 +26,13 @@ pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
 pub use diff::DiffArgs;
+pub use formats::{Color, ReportFormat};
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
 pub use objects::ObjectsArgs;
 pub use profiles::{PageFormat, ProfilesCommand};
-pub use report::{Color, ReportFormat};
+pub use report::{AttachPlace, FindingArg, PageStyle, ReportArgs};
 pub use rules::{RulesArgs, RulesFormat};
 pub use stats::StatsArgs;
 pub use view::{ScreenArgs, ViewArgs};
@@ -146,6 +148,19 @@ pub enum Command {
         after_help = notes::diff()
     )]
     Diff(Box<DiffArgs>),
+    /// Write a page with the claim, its evidence and its origin, to mail and print
+    ///
+    /// The page contains the stories of why with numbered frames, plots, object values, manual sections,
+    /// assumptions, quality and hashes of the capture; it needs no script and no network. For a folder or
+    /// several captures, --output names a folder: it gets one page per capture and an index page. --node 5
+    /// selects the node; --node 5=PROFILE assigns its profile.
+    #[command(after_help = notes::REPORT)]
+    #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
+    #[command(mut_arg("filter", |arg| arg.help("Report only findings that match EXPR")))]
+    #[command(mut_arg("from", |arg| arg.help("Report only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("to", |arg| arg.help("Report only findings present up to WHEN, in the form of --from")))]
+    #[command(mut_arg("only_node", |arg| arg.help("Report only findings of a node: 5, can0:5, sa:0x80 (repeatable)")))]
+    Report(Box<ReportArgs>),
     /// Check captures against the rules of standards, of manuals and of the bus file
     ///
     /// For a folder, all captures in it and in its subfolders are checked, in the order of their names;
@@ -210,6 +225,7 @@ impl Command {
             Self::Stats(arguments) => &arguments.input,
             Self::Objects(arguments) => &arguments.input,
             Self::Why(arguments) => &arguments.input,
+            Self::Report(arguments) => &arguments.input,
             Self::Check(arguments) => &arguments.input,
             Self::Diff(arguments) => &arguments.input,
             Self::Live(_)
@@ -238,6 +254,7 @@ impl Command {
             Self::Diff(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Objects(arguments) => (&arguments.input, None),
             Self::Why(arguments) => (&arguments.input, None),
+            Self::Report(arguments) => (&arguments.input, None),
             Self::Rules(_)
             | Self::Explain { .. }
             | Self::Profiles { .. }

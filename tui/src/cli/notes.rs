@@ -55,6 +55,10 @@ examples! {
         "cobscope diff good.log bad.log --bus machine.toml",
         "cobscope diff --at-event 'kind == boot-up && node == 2' good.log bad.log",
         "cobscope diff --only configuration,timing -f json golden/ run/";
+    REPORT:
+        "cobscope report customer.log -o case.html",
+        "cobscope report --node 2=rexroth-sydfec --story 1 --attach customer.log -o case.html",
+        "cobscope report captures/ -o reports/";
     CHECK_EXAMPLES:
         "cobscope check --node 2=rexroth-sydfec customer.log",
         "cobscope check --baseline known.json captures/",

@@ -1,5 +1,6 @@
 //! The subcommands, one module each.
 
+mod captures;
 mod check;
 mod convert;
 mod decode;
@@ -7,6 +8,7 @@ mod decoding;
 mod describe;
 mod diff;
 mod explain;
+mod facts;
 mod input;
 mod live;
 mod messages;
@@ -16,6 +18,7 @@ mod print;
 mod profiles;
 mod reassign;
 mod remarks;
+mod report;
 mod rules;
 mod screen_settings;
 mod selected_findings;
@@ -54,6 +57,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Rules(arguments) => rules::run(&arguments),
         Command::Why(arguments) => why::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Completions { shell } => shell::completions(shell),

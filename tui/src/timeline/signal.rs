@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{BusIndex, CanId, FrameFlags};
-use cobscope_decoder::profile::{Field, Layout, SignalId, Value, integer};
+use cobscope_decoder::profile::{Field, Layout, SignalId, Value};
 use cobscope_decoder::sink::escape;
 
 /// A signal: a field in the payload of an identifier.
@@ -81,28 +81,6 @@ fn unit(field: &Field) -> &str {
 
 fn is_same(field: &Field, other: &Field) -> bool {
     field.id == other.id && (field.id != SignalId::Name || field.name() == other.name())
-}
-
-/// A value as a number for the plot: the scaled quantity or the number of a state. None for special values
-/// such as "not available".
-pub fn number(field: &Field, value: &Value) -> Option<f64> {
-    let plain = match value {
-        #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
-        Value::Unsigned(number) => *number as f64,
-        #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
-        Value::Integer(number) => *number as f64,
-        Value::Real(number) => *number,
-        Value::Text(_) | Value::Bytes(_) => return None,
-    };
-    let Some(meaning) = field.meaning.as_deref() else { return Some(plain) };
-    if meaning.scale.is_some() {
-        return meaning.scaled(value);
-    }
-    // A name among the values is a state; a special value has no number.
-    let special = meaning.special.as_deref().zip(integer(value)).and_then(|(names, raw)| names.get(raw));
-    let is_indicated =
-        meaning.indicators.is_some() && meaning.values.is_none() && meaning.label(value).is_some();
-    (special.is_none() && !is_indicated).then_some(plain)
 }
 
 /// Whether a value is presumed.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
-use cobscope_decoder::capture::{Batch, BusNames, CaptureError, is_compressed};
+use cobscope_decoder::capture::{Batch, BusNames, is_compressed};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
@@ -16,12 +16,11 @@ use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
-use super::captures::{Source, SourceSeries};
 use crate::cli::{CheckArgs, InputArgs};
+use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::cmd::selected_findings::SelectedFindings;
-use crate::record::format;
 use crate::select::Span;
 use crate::source::{self, Series};
 
@@ -147,28 +146,6 @@ impl JudgeInputs<'_> {
         let selection = select.is_any().then(|| select.selection().ok()).flatten()?;
         Some(SelectedFindings::new(selection))
     }
-}
-
-/// Message for a skipped file in a folder; `None` for a file that does not look like a capture.
-fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
-    let shown = path.display().to_string();
-    match error.downcast_ref::<CaptureError>()? {
-        CaptureError::Empty => Some(format!("{}: empty; skipped", escape(&shown))),
-        _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),
-        _ => None,
-    }
-}
-
-/// Whether a file is checked; files in a folder only if they are captures.
-pub(super) fn is_capture(source: &Source, input: &InputArgs) -> bool {
-    let opened = source::open(&source.path, &read_options(input));
-    source.folder.is_none() || !opened.err().is_some_and(|error| is_no_capture(&error))
-}
-
-/// Whether a file is not in any capture format.
-fn is_no_capture(error: &anyhow::Error) -> bool {
-    let cause = error.downcast_ref::<CaptureError>();
-    matches!(cause, Some(CaptureError::Unrecognised { .. } | CaptureError::Empty))
 }
 
 /// Parts of a series with the numbers of their first frames.

@@ -1,8 +1,8 @@
 //! `cobscope check`: checks captures against rules.
 
-mod captures;
 mod judge;
 mod known;
+mod pages;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -14,13 +14,13 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
 use cobscope_decoder::words::plural;
 
-use super::input::{catalogue, check_rules_of, common_catalogue, joined, options_of, setup};
+use super::captures::{self, Source};
+use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain, note};
 use super::output::{ensure_not_read, files_read, is_colored, output, write_result};
+use super::report;
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
-use crate::source::Series;
-use captures::{Source, SourceSeries};
 use known::KnownFindings;
 
 /// Runs the command.
@@ -41,13 +41,16 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
         known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
     }
     check_selection(arguments, &setup).map_err(|error| (Exit::Usage, error))?;
+    if arguments.report.is_some() {
+        report::ensure_files(&arguments.input.captures).map_err(|error| (Exit::Usage, error))?;
+    }
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
     let known = KnownFindings::read(arguments)?;
     // Opens the output before the check, so that an error is reported at once.
     let mut output =
         output(arguments.output.as_deref(), &arguments.baseline).map_err(|error| (Exit::Usage, error))?;
 
-    let captures = series(&captures, arguments);
+    let captures = captures::series(&captures, &arguments.input);
     let judged = judge::judge_all(&captures, arguments, &options, &setup);
     let mut exit = Exit::Clean;
     let mut messages: Vec<String> = judged.iter().flat_map(|one| one.messages.clone()).collect();
@@ -62,8 +65,8 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
         let _ = writeln!(io::stderr(), "cobscope: {message}");
     }
     let judged = judged.into_iter().filter_map(|one| Some((one.judged?, one.selected)));
-    let (captures, selected): (Vec<_>, Vec<_>) = judged.unzip();
-    let mut report = Report { captures, least: arguments.fail_on.least(), ..Report::default() };
+    let (results, selected): (Vec<_>, Vec<_>) = judged.unzip();
+    let mut report = Report { captures: results, least: arguments.fail_on.least(), ..Report::default() };
     report.require(&arguments.require_exercised);
     known.apply(&mut report, exit).map_err(|error| (Exit::Usage, error))?;
     // The baseline covers all findings, also those that are not printed.
@@ -81,6 +84,9 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if report.fails() {
         exit = exit.max(Exit::Findings);
     }
+    if let Some(folder) = &arguments.report {
+        exit = exit.max(pages::write(&report, &found, (folder, arguments), (&options, &setup))?);
+    }
     let written = write(&report, arguments, &mut output).and_then(|()| output.flush());
     Ok(exit.max(write_result(written)))
 }
@@ -93,7 +99,7 @@ fn captures_to_read(arguments: &CheckArgs) -> anyhow::Result<Vec<Source>> {
         ensure_not_read(path, &files_read(&arguments.input))?;
         for source in &captures {
             let other = ensure_not_read(path, [&source.path]);
-            if other.is_err() && judge::is_capture(source, &arguments.input) {
+            if other.is_err() && captures::is_capture(source, &arguments.input) {
                 other?;
             }
         }
@@ -118,15 +124,6 @@ fn check_selection(arguments: &CheckArgs, setup: &Setup) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// Joins the parts of captures.
-fn series(captures: &[Source], arguments: &CheckArgs) -> Vec<SourceSeries> {
-    let all = joined(captures::files(captures), &arguments.input);
-    let folder = |series: &Series| {
-        captures.iter().find(|source| source.path == series.first()).and_then(|source| source.folder.clone())
-    };
-    all.into_iter().map(|series| SourceSeries { folder: folder(&series), series }).collect()
 }
 
 /// Options for decoding and rules.

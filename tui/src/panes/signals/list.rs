@@ -235,7 +235,7 @@ pub(super) fn number(core: &Core, key: &SignalKey) -> Option<f64> {
     let row = row_at(core, key)?;
     let layout = row.layout.as_ref()?;
     let (place, field) = key.field_in(layout)?;
-    signal::number(field, &layout.signal(place, row.payload())?.value)
+    field.plotted(&layout.signal(place, row.payload())?.value)
 }
 
 /// Fingerprint of identifiers and layouts.

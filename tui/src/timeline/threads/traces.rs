@@ -19,7 +19,7 @@ use cobscope_decoder::replay::{PlacedEvent, ReplayState};
 use crate::bucket::Bucket;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
-use crate::timeline::signal::{SignalKey, carried, is_assumed, number};
+use crate::timeline::signal::{SignalKey, carried, is_assumed};
 use crate::timeline::traces::{Points, Traces};
 use crate::timeline::walk::Walk;
 
@@ -173,7 +173,7 @@ impl Track {
         let Some(place) = self.place else { return self.buckets.add(time, f64::NAN) };
         // In another branch of a multiplexed message the previous value still applies.
         if let Some(signal) = layout.signal(place, payload) {
-            self.buckets.add(time, number(signal.field, &signal.value).unwrap_or(f64::NAN));
+            self.buckets.add(time, signal.field.plotted(&signal.value).unwrap_or(f64::NAN));
         }
     }
 

@@ -1,17 +1,23 @@
-//! Captures to check: the files on the command line, and all files in and below its folders.
+//! Captures of commands that read folders: the files on the command line, and all files in and below its folders.
 
 use std::path::{Path, PathBuf};
 
-use crate::source::{CaptureFile, Series};
+use cobscope_decoder::capture::CaptureError;
+use cobscope_decoder::sink::escape;
 
-/// A file to check.
+use super::input::{joined, read_options};
+use crate::cli::InputArgs;
+use crate::record::format;
+use crate::source::{self, CaptureFile, Series};
+
+/// A file to read.
 pub(super) struct Source {
     pub(super) path: PathBuf,
     /// Folder on the command line that contains the file; such a file need not be a capture.
     pub(super) folder: Option<PathBuf>,
 }
 
-/// A capture to check: a file or the parts of a series.
+/// A capture to read: a file or the parts of a series.
 pub(super) struct SourceSeries {
     pub(super) series: Series,
     /// Folder on the command line that contains the file; such a file need not be a capture.
@@ -19,7 +25,7 @@ pub(super) struct SourceSeries {
 }
 
 /// Files to be joined; those of folders only if their names are consecutive.
-pub(super) fn files(sources: &[Source]) -> Vec<CaptureFile> {
+fn files(sources: &[Source]) -> Vec<CaptureFile> {
     let file =
         |source: &Source| CaptureFile { path: source.path.clone(), is_listed: source.folder.is_none() };
     sources.iter().map(file).collect()
@@ -52,6 +58,37 @@ pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
 pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&SourceSeries]) -> Vec<&'a PathBuf> {
     let folders = named.iter().filter(|path| path.is_dir());
     folders.filter(|path| judged.iter().all(|source| source.folder.as_ref() != Some(path))).collect()
+}
+
+/// Joins the parts of captures.
+pub(super) fn series(captures: &[Source], input: &InputArgs) -> Vec<SourceSeries> {
+    let all = joined(files(captures), input);
+    let folder = |series: &Series| {
+        captures.iter().find(|source| source.path == series.first()).and_then(|source| source.folder.clone())
+    };
+    all.into_iter().map(|series| SourceSeries { folder: folder(&series), series }).collect()
+}
+
+/// Message for a skipped file in a folder; `None` for a file that does not look like a capture.
+pub(super) fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
+    let shown = path.display().to_string();
+    match error.downcast_ref::<CaptureError>()? {
+        CaptureError::Empty => Some(format!("{}: empty; skipped", escape(&shown))),
+        _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),
+        _ => None,
+    }
+}
+
+/// Whether a file is read; files in a folder only if they are captures.
+pub(super) fn is_capture(source: &Source, input: &InputArgs) -> bool {
+    let opened = source::open(&source.path, &read_options(input));
+    source.folder.is_none() || !opened.err().is_some_and(|error| is_no_capture(&error))
+}
+
+/// Whether a file is not in any capture format.
+pub(super) fn is_no_capture(error: &anyhow::Error) -> bool {
+    let cause = error.downcast_ref::<CaptureError>();
+    matches!(cause, Some(CaptureError::Unrecognised { .. } | CaptureError::Empty))
 }
 
 /// Files in and below a folder, except hidden ones. Links to folders are not followed, because they may form

@@ -1,0 +1,29 @@
+//! Values as numbers of a plot.
+
+use super::data_type::Value;
+use super::layout::Field;
+use super::meaning::integer;
+
+impl Field {
+    /// A value as a number for a plot: the scaled quantity or the number of a state. None for special values
+    /// such as "not available".
+    pub fn plotted(&self, value: &Value) -> Option<f64> {
+        let plain = match value {
+            #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
+            Value::Unsigned(number) => *number as f64,
+            #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
+            Value::Integer(number) => *number as f64,
+            Value::Real(number) => *number,
+            Value::Text(_) | Value::Bytes(_) => return None,
+        };
+        let Some(meaning) = self.meaning.as_deref() else { return Some(plain) };
+        if meaning.scale.is_some() {
+            return meaning.scaled(value);
+        }
+        // A name among the values is a state; a special value has no number.
+        let special = meaning.special.as_deref().zip(integer(value)).and_then(|(names, raw)| names.get(raw));
+        let is_indicated =
+            meaning.indicators.is_some() && meaning.values.is_none() && meaning.label(value).is_some();
+        (special.is_none() && !is_indicated).then_some(plain)
+    }
+}

@@ -1,0 +1,73 @@
+//! A report as one HTML page without scripts: markup, style and plots in one file.
+//!
+//! The templates escape every text; control characters are shown as `\u{1b}`.
+
+mod claim;
+mod document;
+mod index;
+mod parts;
+mod plot;
+mod sections;
+
+pub use document::STYLE;
+pub use index::{IndexPage, IndexRow, RuleCount, write_index};
+
+use maud::html;
+
+use self::claim::claim;
+use self::document::page;
+use super::model::Report;
+use crate::words::{grouped, plural};
+
+/// The page.
+pub fn write(report: &Report) -> String {
+    let title = match report.claims.first() {
+        Some(claim) => claim.title.clone(),
+        None if report.account.iter().any(|line| line.contains("fault at")) => {
+            "no finding; fault without a rule".to_owned()
+        }
+        None => "no finding".to_owned(),
+    };
+    let body = html! {
+        header {
+            p.quiet { "cobscope report on " (report.capture.name) }
+            h1 { (title) }
+            p.quiet { (extent(report)) }
+            @if let Some(failure) = &report.capture.failure {
+                p { span.severity.error { "INCOMPLETE" } " " (failure) }
+            }
+        }
+        main {
+            @if report.claims.is_empty() {
+                (sections::nothing_found(report))
+            }
+            @for own in &report.claims {
+                (claim(own))
+            }
+            (sections::further(report))
+            @if !report.claims.is_empty() {
+                (sections::assumptions(report))
+            }
+            (sections::quality(report))
+            (sections::sources(report))
+            (sections::clock(report))
+            (sections::provenance(report))
+            (sections::coverage(report))
+            (sections::glossary())
+        }
+    };
+    page(&format!("{title} – {}", report.capture.name), "report", &body)
+}
+
+/// `359 frames in 143.001 s, candump log; 4 claims`.
+fn extent(report: &Report) -> String {
+    let capture = &report.capture;
+    let frames = if capture.frames == 1 { "frame" } else { "frames" };
+    let duration = capture.duration.as_ref().map_or_else(String::new, |duration| format!(" in {duration}"));
+    let claims = match (report.claims.len(), report.further.len()) {
+        (0, _) => String::new(),
+        (shown, 0) => format!("; {}", plural(shown, "claim")),
+        (shown, further) => format!("; {shown} of {}", plural(shown.saturating_add(further), "claim")),
+    };
+    format!("{} {frames}{duration}, {}{claims}", grouped(capture.frames), capture.format)
+}

@@ -1,0 +1,118 @@
+//! Facts of a capture for its stories, and findings within the selection.
+
+use std::collections::BTreeSet;
+use std::num::NonZeroUsize;
+
+use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::finding::Findings;
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
+use cobscope_decoder::why::{NodeChoice, Question, Why};
+
+use super::selected_findings::SelectedFindings;
+use crate::cli::{InputArgs, SelectArgs};
+use crate::select::{Selection, Span};
+
+/// Facts of the capture, and findings within the selection.
+pub(super) struct Facts {
+    why: Why,
+    selection: Selection,
+    /// The selection has a limit.
+    is_limited: bool,
+    findings: SelectedFindings,
+}
+
+impl Facts {
+    /// No facts yet.
+    ///
+    /// # Errors
+    /// If the selection is inconsistent.
+    pub(super) fn new(question: Question, select: &SelectArgs) -> anyhow::Result<Self> {
+        Ok(Self {
+            why: Why::new(question),
+            selection: select.selection()?,
+            is_limited: true,
+            findings: SelectedFindings::new(select.selection()?),
+        })
+    }
+
+    /// Prepares the selection for a capture; see [`Selection::begin`].
+    ///
+    /// # Errors
+    /// If a bound is not possible for this capture.
+    pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.selection.begin(first, span)?;
+        self.is_limited = self.selection.is_limited();
+        self.findings.begin(first, span)
+    }
+
+    /// Message for a range after the end of the capture; see [`Selection::missed`].
+    pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+        self.selection.missed(frame, last)
+    }
+
+    /// Takes note of a frame that is known not to be needed.
+    pub(super) fn count_skipped(&mut self, preview: &Preview, bus: &Bus) {
+        self.why.skip(preview, bus);
+    }
+
+    /// The facts, and the numbers of the selected findings.
+    pub(super) fn results(self, findings: &Findings) -> (Why, BTreeSet<u64>) {
+        (self.why, self.findings.numbers(&findings.groups))
+    }
+}
+
+impl Observer for Facts {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
+            self.findings.see(event, bus);
+            self.why.observe(event, bus, true);
+        } else {
+            let may_report = self.selection.admits(event, bus);
+            self.why.observe(event, bus, may_report);
+        }
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.is_limited || self.why.needs(preview, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !self.needs(preview, bus);
+        if is_skipped {
+            self.why.skip(preview, bus);
+        }
+        is_skipped
+    }
+}
+
+/// Stories with a selected finding, about the chosen node.
+pub(super) fn diagnosis(
+    findings: &Findings,
+    selected: &BTreeSet<u64>,
+    setting: Setting,
+    (question, buses): (&Question, Buses<'_>),
+) -> Diagnosis {
+    let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
+    diagnosis.stories.retain(|story| story.findings.iter().any(|id| selected.contains(id)));
+    if let Some(chosen) = &question.chosen {
+        diagnosis.keep_node(|index, node| {
+            let bus = buses.iter().find(|bus| bus.index() == index);
+            node == chosen.node
+                && chosen.bus.as_deref().is_none_or(|name| bus.is_some_and(|bus| bus.name() == name))
+        });
+    }
+    diagnosis
+}
+
+/// The question of a command line: a node without a profile is the chosen node.
+pub(super) fn question(input: &InputArgs, select: &SelectArgs, story: Option<NonZeroUsize>) -> Question {
+    let chosen = input.node.iter().find(|node| node.profile.is_none());
+    let only = match select.only_node.as_slice() {
+        [node] => Some(node),
+        _ => None,
+    };
+    let chosen = chosen.or(only).map(|node| NodeChoice { bus: node.bus.clone(), node: node.id });
+    Question { chosen, latest: false, story: story.map_or(0, usize::from) }
+}

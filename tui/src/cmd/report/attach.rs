@@ -1,0 +1,73 @@
+//! The cut-out capture of a report: a file next to the page, or embedded in it.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use cobscope_decoder::report::Attachment;
+
+use super::provenance::sha256;
+use super::reading::Composed;
+use crate::cli::{AttachPlace, PageStyle, ReportArgs};
+use crate::cmd::messages::note;
+use crate::cmd::output::output;
+
+/// Suffix of the cut-out capture.
+const SUFFIX: &str = "pcapng";
+
+/// Checks the place of the cut-out capture.
+///
+/// # Errors
+/// If stdout has no place for a file, or the format cannot embed one.
+pub(super) fn check(arguments: &ReportArgs) -> anyhow::Result<()> {
+    match arguments.attach {
+        Some(AttachPlace::File) => {
+            ensure!(arguments.output.is_some(), "--attach: stdout has no folder; give a file with -o");
+        }
+        Some(AttachPlace::Embedded) => {
+            ensure!(arguments.format == PageStyle::Html, "--attach=embedded: only HTML; use --attach");
+        }
+        None => {}
+    }
+    Ok(())
+}
+
+/// Adds the frames around the claims to a report whose page is written to `page`.
+///
+/// # Errors
+/// If the file cannot be written, or is one of the files `read`.
+pub(super) fn attach(
+    composed: &mut Composed,
+    place: Option<AttachPlace>,
+    page: Option<&Path>,
+    read: &[PathBuf],
+) -> anyhow::Result<()> {
+    let Some(place) = place else { return Ok(()) };
+    if composed.excerpt.is_empty() {
+        note(&format!("{}: no claim; no capture attached", composed.report.capture.name));
+        return Ok(());
+    }
+    let bytes = composed.excerpt.pcapng().context("cannot write the cut-out capture")?;
+    let path = page.map_or_else(|| PathBuf::from("report"), Path::to_owned).with_extension(SUFFIX);
+    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let embedded = match place {
+        AttachPlace::File => {
+            let mut file = output(Some(&path), read)?;
+            file.write_all(&bytes).and_then(|()| file.flush())?;
+            None
+        }
+        AttachPlace::Embedded => Some(STANDARD.encode(&bytes)),
+    };
+    composed.report.attachment = Some(Attachment {
+        name,
+        frames: composed.excerpt.len(),
+        size: bytes.len(),
+        is_cut: composed.excerpt.is_cut(),
+        is_timed: composed.report.capture.duration.is_some(),
+        sha256: sha256(&bytes),
+        embedded,
+    });
+    Ok(())
+}

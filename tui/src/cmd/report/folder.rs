@@ -1,0 +1,202 @@
+//! Pages of several captures in a folder, with an index page.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use cobscope_decoder::finding::{Group, Severity};
+use cobscope_decoder::report::html::{IndexPage, IndexRow, RuleCount, write_index};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::words::plural;
+
+use super::provenance::command;
+use super::reading::{Composed, ReportScope, compose};
+use super::{attach, page};
+use crate::cli::{AttachPlace, PageStyle, ReportArgs};
+use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
+use crate::cmd::messages::{Refusal, complain, note};
+use crate::cmd::output::{ensure_not_read, files_read, output, write_result};
+use crate::exit_code::Exit;
+
+/// Name of the index page.
+const INDEX: &str = "index";
+
+/// Maximum length of the name of a page, without its suffix.
+const LONGEST_NAME: usize = 100;
+
+/// A folder of pages in preparation.
+pub(in crate::cmd) struct PageFolder {
+    folder: PathBuf,
+    style: PageStyle,
+    names: BTreeSet<String>,
+    rows: Vec<IndexRow>,
+    read: Vec<PathBuf>,
+}
+
+/// A capture of the index.
+pub(in crate::cmd) struct FolderCapture<'a> {
+    /// Name of the capture.
+    pub(in crate::cmd) capture: &'a str,
+    /// Its report, if there is one.
+    pub(in crate::cmd) composed: Option<&'a mut Composed>,
+    /// Verdict, or why the capture was not read.
+    pub(in crate::cmd) remark: String,
+    /// Rules with findings.
+    pub(in crate::cmd) rules: Vec<RuleCount>,
+}
+
+impl PageFolder {
+    /// Creates the folder; none of its pages may be one of the files `read`.
+    ///
+    /// # Errors
+    /// If the folder cannot be created.
+    pub(in crate::cmd) fn create(
+        folder: &Path,
+        style: PageStyle,
+        read: Vec<PathBuf>,
+    ) -> anyhow::Result<Self> {
+        let shown = escape(&folder.display().to_string()).into_owned();
+        std::fs::create_dir_all(folder).with_context(|| format!("{shown}: cannot create the folder"))?;
+        let names = BTreeSet::from([INDEX.to_owned()]);
+        Ok(Self { folder: folder.to_owned(), style, names, rows: Vec::new(), read })
+    }
+
+    /// Writes the page of a capture, if it has a report, and adds it to the index.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub(in crate::cmd) fn add(
+        &mut self,
+        own: FolderCapture<'_>,
+        place: Option<AttachPlace>,
+    ) -> Result<Exit, Refusal> {
+        let FolderCapture { capture, composed, remark, rules } = own;
+        let mut exit = Exit::Clean;
+        let mut written = None;
+        if let Some(composed) = composed {
+            let name = format!("{}.{}", self.name_of(capture), self.suffix());
+            let path = self.folder.join(&name);
+            attach::attach(composed, place, Some(&path), &self.read).map_err(|error| (Exit::Usage, error))?;
+            exit = page::write(&composed.report, self.style, Some(&path), &self.read)?;
+            written = Some(name);
+        }
+        self.rows.push(IndexRow { capture: capture.to_owned(), page: written, rules, remark });
+        Ok(exit)
+    }
+
+    const fn suffix(&self) -> &'static str {
+        match self.style {
+            PageStyle::Html => "html",
+            PageStyle::Md => "md",
+        }
+    }
+
+    /// A new name for the page of a capture: its path with letters, digits, `.`, `-` and `_` only.
+    fn name_of(&mut self, capture: &str) -> String {
+        let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
+        let plain: String = capture.chars().map(|it| if is_plain(it) { it } else { '_' }).collect();
+        let plain = plain.trim_start_matches(['.', '_', '-']);
+        let start = plain.len().saturating_sub(LONGEST_NAME);
+        let plain = plain.get(start..).filter(|name| !name.is_empty()).unwrap_or("capture");
+        let numbered = (1..).map(|n: u32| if n == 1 { plain.to_owned() } else { format!("{plain}-{n}") });
+        let name = numbered.into_iter().find(|name| !self.names.contains(name)).unwrap_or_default();
+        self.names.insert(name.clone());
+        name
+    }
+
+    /// Writes the index page, which is HTML also for pages in Markdown.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(in crate::cmd) fn finish(self, name: &str) -> Result<Exit, Refusal> {
+        let path = self.folder.join(format!("{INDEX}.html"));
+        let pages = self.rows.iter().filter(|row| row.page.is_some()).count();
+        let index = IndexPage {
+            name: name.to_owned(),
+            rows: self.rows,
+            command: command(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+        };
+        let mut output = output(Some(&path), &self.read).map_err(|error| (Exit::Usage, error))?;
+        let text = write_index(&index);
+        let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.flush()));
+        note(&format!("{}: {} and {INDEX}.html", self.folder.display(), plural(pages, "report")));
+        Ok(exit)
+    }
+}
+
+/// Findings per rule, in order of names.
+pub(in crate::cmd) fn counts<'a>(groups: impl Iterator<Item = &'a Group>) -> Vec<RuleCount> {
+    let mut rules: BTreeMap<&str, (usize, Severity)> = BTreeMap::new();
+    for group in groups {
+        let known = rules.entry(&group.rule).or_insert((0, group.severity));
+        *known = (known.0.saturating_add(1), known.1.max(group.severity));
+    }
+    let count = |(rule, (count, severity)): (&str, _)| RuleCount { rule: rule.to_owned(), count, severity };
+    rules.into_iter().map(count).collect()
+}
+
+/// Several captures: one page each, and the index.
+pub(super) fn write(
+    all: &[SourceSeries],
+    arguments: &ReportArgs,
+    options: &SessionOptions,
+    rules: &Arc<Setup>,
+) -> Result<Exit, Refusal> {
+    let usage = |error| (Exit::Usage, error);
+    let Some(folder) = &arguments.output else {
+        return Err(usage(anyhow::anyhow!("several captures: give a folder for the pages with -o")));
+    };
+    let read: Vec<_> = all.iter().flat_map(|source| source.series.parts.clone()).collect();
+    ensure_not_read(folder, &read).map_err(usage)?;
+    let read = read.into_iter().chain(files_read(&arguments.input)).collect();
+    let mut pages = PageFolder::create(folder, arguments.format, read).map_err(usage)?;
+    let mut exit = Exit::Clean;
+    for source in all {
+        let name = source.series.name();
+        match compose(&source.series, &ReportScope::of(arguments), options, rules) {
+            Ok(mut composed) => {
+                let counted = counts(composed.findings.counting());
+                let mut remark = verdict(&composed);
+                if let Some(failure) = &composed.failure {
+                    complain(failure);
+                    remark.push_str(", incomplete");
+                    exit = exit.max(Exit::Capture);
+                }
+                let own =
+                    FolderCapture { capture: &name, composed: Some(&mut composed), remark, rules: counted };
+                exit = exit.max(pages.add(own, arguments.attach)?);
+            }
+            Err(error) if source.folder.is_some() && is_no_capture(&error) => {
+                if let Some(text) = passed_over(source.series.first(), &error) {
+                    note(&text);
+                }
+            }
+            Err(error) => {
+                complain(&error);
+                exit = exit.max(Exit::Capture);
+                let remark = format!("{error:#}");
+                let own = FolderCapture { capture: &name, composed: None, remark, rules: Vec::new() };
+                exit = exit.max(pages.add(own, None)?);
+            }
+        }
+    }
+    let names: Vec<_> = arguments.input.captures.iter().map(|path| path.display().to_string()).collect();
+    Ok(exit.max(pages.finish(&names.join(", "))?))
+}
+
+/// `2 errors, 4 warnings`, `no finding`.
+fn verdict(composed: &Composed) -> String {
+    let number = |severity| composed.findings.number(severity);
+    let parts = [
+        (number(Severity::Error), "error"),
+        (number(Severity::Warning), "warning"),
+        (number(Severity::Note), "note"),
+    ];
+    let parts: Vec<_> =
+        parts.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| plural(count, what)).collect();
+    if parts.is_empty() { "no finding".to_owned() } else { parts.join(", ") }
+}

@@ -1,0 +1,89 @@
+//! `cobscope report`: a page with claim, evidence and origin.
+//!
+//! ```text
+//! capture ─▶ reading (findings, then evidence) ─▶ attach ─▶ page: HTML or Markdown
+//! folder  ─▶ one page per capture ─▶ folder: index page
+//! ```
+
+mod attach;
+mod folder;
+mod page;
+mod provenance;
+mod reading;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+
+pub(super) use folder::{FolderCapture, PageFolder, counts};
+pub(super) use reading::{ReportScope, compose};
+
+use super::captures::{self, SourceSeries};
+use super::input::{session_options, setup};
+use super::messages::{Refusal, complain};
+use super::output::files_read;
+use crate::cli::ReportArgs;
+use crate::exit_code::Exit;
+
+/// Runs the command.
+pub fn run(arguments: &ReportArgs) -> Exit {
+    match reported(arguments) {
+        Ok(exit) => exit,
+        Err((exit, error)) => {
+            complain(&error);
+            exit
+        }
+    }
+}
+
+fn reported(arguments: &ReportArgs) -> Result<Exit, Refusal> {
+    let usage = |error| (Exit::Usage, error);
+    let profile = |error| (Exit::Profile, error);
+    arguments.select.selection().map_err(usage)?;
+    attach::check(arguments).map_err(usage)?;
+    let input = &arguments.input;
+    let named = &input.captures;
+    ensure_files(named).map_err(usage)?;
+    let options = session_options(input).map_err(profile)?;
+    let rules = Arc::new(setup(input, &options.catalogue, None).map_err(profile)?);
+    if let Some(crate::cli::FindingArg::Rule(rule)) = &arguments.finding {
+        rules.check_name(rule).map_err(|error| usage(anyhow::anyhow!("--finding: {error}")))?;
+    }
+    let all = captures::series(&captures::captures(named), input);
+    match all.as_slice() {
+        [one] if one.folder.is_none() => single(one, arguments, &options, &rules),
+        all => folder::write(all, arguments, &options, &rules),
+    }
+}
+
+/// Checks that all captures can be read twice.
+///
+/// # Errors
+/// If one of them is stdin.
+pub(super) fn ensure_files(captures: &[PathBuf]) -> anyhow::Result<()> {
+    let is_stdin = captures.is_empty() || captures.iter().any(|path| path.as_os_str() == "-");
+    anyhow::ensure!(!is_stdin, "a report reads a capture twice; stdin cannot be read again, give a file");
+    Ok(())
+}
+
+/// One capture: a page to a file or to stdout.
+fn single(
+    source: &SourceSeries,
+    arguments: &ReportArgs,
+    options: &SessionOptions,
+    rules: &Arc<Setup>,
+) -> Result<Exit, Refusal> {
+    let mut composed = compose(&source.series, &ReportScope::of(arguments), options, rules)
+        .map_err(|error| (Exit::Capture, error))?;
+    let read = files_read(&arguments.input);
+    let path = arguments.output.as_deref();
+    attach::attach(&mut composed, arguments.attach, path, &read).map_err(|error| (Exit::Usage, error))?;
+    let mut exit = page::write(&composed.report, arguments.format, path, &read)?;
+    if let Some(failure) = &composed.failure {
+        complain(failure);
+        exit = exit.max(Exit::Capture);
+    }
+    Ok(exit)
+}

@@ -1,0 +1,29 @@
+//! Writes a page in its format.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use cobscope_decoder::report::{Report, html, markdown};
+
+use crate::cli::PageStyle;
+use crate::cmd::messages::Refusal;
+use crate::cmd::output::{output, write_result};
+use crate::exit_code::Exit;
+
+/// Writes a page to a file, which is none of the files `read`, else to stdout.
+///
+/// # Errors
+/// If the file is an input, or cannot be created.
+pub(super) fn write(
+    report: &Report,
+    style: PageStyle,
+    path: Option<&Path>,
+    read: &[PathBuf],
+) -> Result<Exit, Refusal> {
+    let text = match style {
+        PageStyle::Html => html::write(report),
+        PageStyle::Md => markdown::write(report),
+    };
+    let mut output = output(path, read).map_err(|error| (Exit::Usage, error))?;
+    Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.flush())))
+}

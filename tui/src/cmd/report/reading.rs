@@ -1,0 +1,219 @@
+//! The two readings of a capture: findings first, then the evidence.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::diagnosis;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::finding::Findings;
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::report::{Draft, Excerpt, Ground, Report};
+use cobscope_decoder::rules::{Engine, Judge, Setup};
+use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::statistics::Statistics;
+use cobscope_decoder::why::Question;
+
+use super::provenance::provenance;
+use crate::cli::{FindingArg, InputArgs, ReportArgs, SelectArgs};
+use crate::cmd::decoding::{CaptureObserver, decode_capture, decode_quietly};
+use crate::cmd::facts::{Facts, diagnosis, question};
+use crate::select::Span;
+use crate::source::Series;
+
+/// What to report on.
+pub(in crate::cmd) struct ReportScope<'a> {
+    /// Input options.
+    pub(in crate::cmd) input: &'a InputArgs,
+    /// Range, filter and nodes.
+    pub(in crate::cmd) select: &'a SelectArgs,
+    /// Chosen node and story.
+    pub(in crate::cmd) question: Question,
+    /// Only stories with this finding.
+    pub(in crate::cmd) finding: Option<&'a FindingArg>,
+    /// Only stories with one of these findings; `None` for all.
+    pub(in crate::cmd) kept: Option<&'a BTreeSet<u64>>,
+}
+
+impl<'a> ReportScope<'a> {
+    /// The scope of a command line.
+    pub(super) fn of(arguments: &'a ReportArgs) -> Self {
+        Self {
+            input: &arguments.input,
+            select: &arguments.select,
+            question: question(&arguments.input, &arguments.select, arguments.story),
+            finding: arguments.finding.as_ref(),
+            kept: None,
+        }
+    }
+}
+
+/// A report with the frames around its claims.
+pub(in crate::cmd) struct Composed {
+    /// The report.
+    pub(in crate::cmd) report: Report,
+    /// Frames around the claims.
+    pub(in crate::cmd) excerpt: Excerpt,
+    /// All findings.
+    pub(in crate::cmd) findings: Findings,
+    /// Error that ended reading early.
+    pub(in crate::cmd) failure: Option<anyhow::Error>,
+}
+
+/// Reads a capture twice.
+///
+/// # Errors
+/// If the capture cannot be opened or recognised, contains no frames, or the requested story does not exist.
+pub(in crate::cmd) fn compose(
+    series: &Series,
+    scope: &ReportScope<'_>,
+    options: &SessionOptions,
+    setup: &Arc<Setup>,
+) -> anyhow::Result<Composed> {
+    let name = series.name();
+    let mut reading = FirstReading {
+        engine: Engine::new(Arc::clone(setup)),
+        facts: Facts::new(scope.question.clone(), scope.select)?,
+        statistics: Statistics::default(),
+        first: None,
+    };
+    let decoded = decode_capture(series, scope.input, options, &mut reading)?;
+    decoded.report_unreadable(&name);
+    let buses = decoded.decoder.buses();
+    let FirstReading { engine, mut facts, mut statistics, first } = reading;
+    statistics.withdraw(buses);
+    let findings = engine.finish(buses, &mut facts);
+    if let Some(missed) = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+        crate::cmd::messages::note(&format!("{name}: {missed}"));
+    }
+    let (why, selected) = facts.results(&findings);
+    let setting = diagnosis::Setting { zero: first, end: None, is_growing: false };
+    let mut diagnosis = diagnosis(&findings, &selected, setting, (&scope.question, buses));
+    let wanted = wanted(scope, &findings);
+    diagnosis
+        .stories
+        .retain(|story| wanted.as_ref().is_none_or(|it| it.iter().any(|id| story.findings.contains(id))));
+    let stories = diagnosis.stories.len();
+    anyhow::ensure!(
+        scope.question.story <= stories,
+        "{name}: story {} does not exist; stories: {stories}",
+        scope.question.story
+    );
+    if let Some(finding) = scope.finding {
+        let shown = match finding {
+            FindingArg::Id(id) => id.to_string(),
+            FindingArg::Rule(rule) => rule.clone(),
+        };
+        anyhow::ensure!(stories > 0, "{name}: --finding {shown}: no such finding (cobscope check -f jsonl)");
+    }
+    let answer = why.report(diagnosis, buses, &options.catalogue);
+    let failure = decoded.failure.as_ref().map(|failure| format!("{failure:#}"));
+    let draft = Draft::new(&Ground {
+        answer: &answer,
+        findings: &findings,
+        statistics: &statistics,
+        buses,
+        first,
+        capture: &name,
+        format: decoded.format,
+        failure: failure.as_deref(),
+    });
+    let mut second = SecondReading { draft };
+    let again = decode_quietly(series, scope.input, options, &mut second)?;
+    let made = provenance(series, scope.input, (&options.catalogue, again.decoder.buses()));
+    let (report, excerpt) = second.draft.finish(again.decoder.buses(), made);
+    Ok(Composed { report, excerpt, findings, failure: decoded.failure })
+}
+
+/// Findings of the stories to report; `None` for all.
+fn wanted(scope: &ReportScope<'_>, findings: &Findings) -> Option<BTreeSet<u64>> {
+    let is_meant = |id: u64, rule: &str| match scope.finding {
+        Some(FindingArg::Id(wanted)) => *wanted == id,
+        Some(FindingArg::Rule(wanted)) => wanted == rule,
+        None => true,
+    };
+    let is_kept = |id: u64| scope.kept.is_none_or(|kept| kept.contains(&id));
+    let is_all = scope.finding.is_none() && scope.kept.is_none();
+    let all = findings.groups.iter().filter(|group| is_meant(group.id, &group.rule) && is_kept(group.id));
+    (!is_all).then(|| all.map(|group| group.id).collect())
+}
+
+/// Observer of findings, facts and statistics.
+struct FirstReading {
+    engine: Engine,
+    facts: Facts,
+    statistics: Statistics,
+    first: Option<Timestamp>,
+}
+
+impl Observer for FirstReading {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.statistics.event(event);
+        Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
+        if is_skipped {
+            self.statistics.skip(preview, bus);
+            self.facts.count_skipped(preview, bus);
+        }
+        is_skipped
+    }
+}
+
+impl CaptureObserver for FirstReading {
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.first = first.time;
+        self.facts.begin(first, span)
+    }
+
+    fn wants_frames(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
+        self.statistics.frame(frame);
+        self.engine.frame(frame);
+        true
+    }
+}
+
+/// Observer of the evidence.
+struct SecondReading {
+    draft: Draft,
+}
+
+impl Observer for SecondReading {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.draft.event(event, bus);
+    }
+
+    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.draft.needs(preview, bus)
+    }
+}
+
+impl CaptureObserver for SecondReading {
+    fn wants_frames(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
+        let name = names.names().get(usize::from(frame.bus.0)).map_or("", String::as_str);
+        self.draft.frame(frame, name);
+        true
+    }
+
+    fn wants_decoded_frames(&self) -> bool {
+        true
+    }
+
+    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
+        self.draft.frame_decoded(frame, bus);
+    }
+}
