@@ -49,7 +49,9 @@ impl Bus {
         let now = self.clock.regular(time)?;
         let (payload, change) = state.last.next(frame)?;
         let is_settled = change & needed == 0 && self.is_settled_sender(state);
-        is_settled.then_some(Preview { identifier, frame: frame.number, time, now, payload, change })
+        let is_received = state.is_received();
+        let frame = frame.number;
+        is_settled.then_some(Preview { identifier, frame, time, now, payload, change, is_received })
     }
 
     /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.

@@ -181,6 +181,14 @@ impl Why {
     /// Counts a frame whose event is not needed; see [`Observer::skip`].
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        // Unchanged contents from a node are no news.
+        if preview.change != 0 || preview.is_received || self.is_watching {
+            self.note(preview, bus);
+        }
+    }
+
+    #[inline(never)]
+    fn note(&mut self, preview: &Preview, bus: &Bus) {
         if self.is_watching {
             self.watch(preview, bus);
         }

@@ -292,7 +292,15 @@ mod tests {
     }
 
     const fn preview(change: u64) -> Preview {
-        Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change }
+        Preview {
+            identifier: 2,
+            frame: 9,
+            time: Timestamp(0),
+            now: 0,
+            payload: change,
+            change,
+            is_received: false,
+        }
     }
 
     /// Whether an event is needed after `interval`, if the bits of `change` change.

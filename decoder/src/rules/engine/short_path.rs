@@ -19,8 +19,7 @@ impl Engine {
     }
 
     /// Counts a frame whose event the rules do not need; see [`crate::session::Observer::skip`].
-    #[expect(clippy::inline_always, reason = "a call costs each observer of the rules a tenth of it")]
-    #[inline(always)]
+    #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         if !self.held.is_empty() || !self.ledger.news.is_empty() {
             return false;

@@ -104,6 +104,12 @@ impl IdentifierState {
         self.version = self.version.wrapping_add(1);
     }
 
+    /// Whether nodes receive the PDO or message, and its sender is not known.
+    #[inline]
+    pub(in crate::session) const fn is_received(&self) -> bool {
+        self.sender == NO_SENDER
+    }
+
     /// Registers a frame at a monotonic time.
     #[inline]
     pub(in crate::session) fn hear(&mut self, now: i64) {
