@@ -60,10 +60,10 @@ impl FollowedPdos {
                     known.changed = Some(preview.time.0);
                 }
             }
-            PdoRole::Received(pdo, node) => {
+            PdoRole::Received(..) => {
                 known.beat.add(preview.time, preview.frame);
                 if preview.change != 0 {
-                    self.react((pdo, node), (preview.time.0, preview.frame), nodes);
+                    self.react(preview.identifier, (preview.time, preview.frame), nodes);
                 }
             }
         }
@@ -82,7 +82,7 @@ impl FollowedPdos {
             PdoRole::Sent(..) => {
                 known.changed.get_or_insert(time.0);
             }
-            PdoRole::Received(pdo, node) => self.react((pdo, node), (time.0, frame), nodes),
+            PdoRole::Received(..) => self.react(identifier, (time, frame), nodes),
         }
     }
 
@@ -90,13 +90,14 @@ impl FollowedPdos {
     #[inline(never)]
     fn react(
         &mut self,
-        (pdo, id): (PdoName, NodeId),
-        (time, frame): (i64, u64),
+        identifier: usize,
+        (time, frame): (Timestamp, u64),
         nodes: &mut NodeMap<Box<NodeWatch>>,
     ) {
+        let Some(PdoRole::Received(pdo, id)) = self.0.get(identifier).map(|known| known.role) else { return };
         self.pass_on(id, nodes);
         if let Some(node) = nodes.get_mut(id) {
-            node.reactions.reacted(pdo, time, frame);
+            node.reactions.reacted(pdo, time.0, frame);
         }
     }
 

@@ -189,26 +189,18 @@ impl Why {
 
     #[inline(never)]
     fn note(&mut self, preview: &Preview, bus: &Bus) {
-        if self.is_watching {
-            self.watch(preview, bus);
-        }
         // Most captures have one bus.
-        let first = self.buses.first().is_some_and(|first| first.index() == bus.index());
-        let watch = if first { self.buses.first_mut() } else { self.watch_mut(bus) };
-        if let Some(watch) = watch {
-            watch.skip(preview);
+        match self.buses.first_mut() {
+            Some(first) if first.index() == bus.index() && !self.is_watching => first.skip(preview),
+            _ => self.watch(preview, bus),
         }
-    }
-
-    #[cold]
-    fn watch_mut(&mut self, bus: &Bus) -> Option<&mut BusWatch> {
-        self.buses.iter_mut().find(|watch| watch.index() == bus.index())
     }
 
     #[cold]
     fn watch(&mut self, preview: &Preview, bus: &Bus) {
-        if let Some(watch) = self.watch_mut(bus) {
+        if let Some(watch) = self.buses.iter_mut().find(|watch| watch.index() == bus.index()) {
             watch.watch(preview);
+            watch.skip(preview);
         }
         self.is_watching = self.buses.iter().any(BusWatch::is_watching);
     }
