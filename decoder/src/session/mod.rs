@@ -31,11 +31,11 @@ mod timers;
 mod uds;
 
 pub use crate::profile::device::GateStatus;
-pub(crate) use bus::Signs;
 pub use bus::{
     Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, PendingNodeId,
     SdoPairHint, Store, UdsPairHint, Watch,
 };
+pub(crate) use bus::{Signs, SkippedTimes};
 pub use buses::Buses;
 pub use decoder::BusDecoder;
 pub use limits::{

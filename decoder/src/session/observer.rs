@@ -39,8 +39,6 @@ pub struct Preview {
     pub payload: u64,
     /// Payload bits that differ from the last frame with the identifier; bit 0 is the lowest bit of byte 0.
     pub change: u64,
-    /// A PDO that nodes receive, thus no message of a known node.
-    pub is_received: bool,
 }
 
 impl<F: FnMut(&Event, &Bus)> Observer for F {

@@ -49,9 +49,7 @@ impl Bus {
         let now = self.clock.regular(time)?;
         let (payload, change) = state.last.next(frame)?;
         let is_settled = change & needed == 0 && self.is_settled_sender(state);
-        let is_received = state.is_received();
-        let frame = frame.number;
-        is_settled.then_some(Preview { identifier, frame, time, now, payload, change, is_received })
+        is_settled.then_some(Preview { identifier, frame: frame.number, time, now, payload, change })
     }
 
     /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.
@@ -73,6 +71,9 @@ impl Bus {
         let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
         state.hear(preview.now);
         state.last.set(preview.payload);
+        if state.is_received() {
+            state.skipped.get_or_insert_default().push(preview.time, preview.frame);
+        }
         if let Some(planned) = state.plan.as_mut().filter(|planned| planned.plan.commands) {
             planned.recent.push(preview.frame, preview.now);
         }

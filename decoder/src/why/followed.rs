@@ -4,7 +4,7 @@ use super::cadence::{Beat, Rhythm};
 use super::node_watch::NodeWatch;
 use crate::frame::Timestamp;
 use crate::profile::PdoName;
-use crate::session::{Bus, Preview};
+use crate::session::{Bus, Preview, SkippedTimes};
 use crate::wire::{NodeId, NodeMap};
 
 /// Meaning of an identifier for the report.
@@ -34,15 +34,17 @@ struct FollowedIdentifier {
     /// Number of the service for which `role` holds; `None` before the first frame.
     version: Option<u32>,
     role: PdoRole,
-    /// Times of the last frames with a time, if a node receives them.
+    /// Times of the last frames with a time, if a node receives them, without the last ones that had no event.
     beat: Beat,
+    /// Number of frames without an event that are in `beat`.
+    seen: u64,
     /// Time in ns of the first changed contents since the last changed PDO to the node, if the node sends them. Later
     /// changes do not matter for [`crate::statistics::Reactions`].
     changed: Option<i64>,
 }
 
 const UNKNOWN: FollowedIdentifier =
-    FollowedIdentifier { version: None, role: PdoRole::None, beat: Beat::NONE, changed: None };
+    FollowedIdentifier { version: None, role: PdoRole::None, beat: Beat::NONE, seen: 0, changed: None };
 
 /// Identifiers of a bus, by index.
 #[derive(Debug, Clone, Default)]
@@ -61,7 +63,6 @@ impl FollowedPdos {
                 }
             }
             PdoRole::Received(..) => {
-                known.beat.add(preview.time, preview.frame);
                 if preview.change != 0 {
                     self.react(preview.identifier, (preview.time, preview.frame), nodes);
                 }
@@ -133,16 +134,26 @@ impl FollowedPdos {
         if !is_known {
             self.learn(identifier, bus, nodes);
         }
-        if let Some(known) = self.0.get_mut(identifier)
-            && let (PdoRole::Received(..), Some(time)) = (known.role, time)
+        let current = self.beat(identifier, bus);
+        if let (Some(known), Some((beat, seen))) = (self.0.get_mut(identifier), current)
+            && let PdoRole::Received(..) = known.role
         {
-            known.beat.add(time, frame);
+            (known.beat, known.seen) = (beat, seen);
+            if let Some(time) = time {
+                known.beat.add(time, frame);
+            }
         }
     }
 
-    /// Times of the last frames with an identifier.
-    pub(super) fn beat(&self, identifier: usize) -> Option<Beat> {
-        self.0.get(identifier).map(|known| known.beat)
+    /// Times of the last frames with an identifier, and the number of those without an event.
+    pub(super) fn beat(&self, identifier: usize, bus: &Bus) -> Option<(Beat, u64)> {
+        let known = self.0.get(identifier)?;
+        let mut beat = known.beat;
+        let Some(skipped) = bus.skipped_times(identifier) else { return Some((beat, known.seen)) };
+        for (time, frame) in skipped.after(known.seen) {
+            beat.add(time, frame);
+        }
+        Some((beat, skipped.count()))
     }
 
     #[cold]
@@ -152,15 +163,23 @@ impl FollowedPdos {
             self.0.resize(length, UNKNOWN);
         }
         let role = PdoRole::of(bus, identifier);
-        let known = self.0.get(identifier).copied().unwrap_or(UNKNOWN);
-        let mut beat = known.beat;
+        let mut known = self.0.get(identifier).copied().unwrap_or(UNKNOWN);
+        let count = bus.skipped_times(identifier).map_or(0, SkippedTimes::count);
+        if known.version.is_none() {
+            known.seen = count;
+        }
+        let (mut beat, mut seen) = (known.beat, known.seen);
         if role != known.role {
+            known.beat = self.beat(identifier, bus).map_or(Beat::NONE, |(beat, _)| beat);
             self.release(identifier, known, nodes);
+            seen = count;
             beat = Beat::NONE;
             match role {
                 PdoRole::Received(name, node) => {
                     if let Some(node) = nodes.entry(node) {
-                        beat = node.beats.follow(Rhythm::Rpdo(name), identifier, |other| self.beat(other));
+                        beat = node.beats.follow(Rhythm::Rpdo(name), identifier, |other| {
+                            self.beat(other, bus).map(|(beat, _)| beat)
+                        });
                     }
                 }
                 PdoRole::Sent(_, node) => {
@@ -173,7 +192,7 @@ impl FollowedPdos {
         }
         if let Some(place) = self.0.get_mut(identifier) {
             let version = Some(bus.version_of(identifier));
-            *place = FollowedIdentifier { version, role, beat, changed: place.changed };
+            *place = FollowedIdentifier { version, role, beat, seen, changed: place.changed };
         }
     }
 

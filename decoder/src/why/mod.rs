@@ -181,10 +181,15 @@ impl Why {
     /// Counts a frame whose event is not needed; see [`Observer::skip`].
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        // Unchanged contents from a node are no news.
-        if preview.change != 0 || preview.is_received || self.is_watching {
+        if self.concerns(preview) {
             self.note(preview, bus);
         }
+    }
+
+    /// Whether a frame without an event may change anything.
+    #[inline]
+    pub fn concerns(&self, preview: &Preview) -> bool {
+        preview.change != 0 || self.is_watching
     }
 
     #[inline(never)]
@@ -312,7 +317,7 @@ impl Why {
         let state = node.filter(|id| bus.node(*id).is_some()).map(|id| watch.state(bus, id));
         // Frames without news are not counted by the watch.
         let now = watch.time().max(bus.last_time());
-        (watch.changes_of(node, after), state.into_iter().collect(), watch.quiet(node, now))
+        (watch.changes_of(node, after), state.into_iter().collect(), watch.quiet(node, now, bus))
     }
 
     /// Without a fault: the chosen node, or all nodes with a set point without effect.

@@ -236,7 +236,7 @@ impl BusWatch {
         } else {
             self.close();
             if self.latest || self.found(kind.grade()).is_none() {
-                self.open = Some(self.begin(Some(kind), event, event.node));
+                self.open = Some(self.begin(Some(kind), event, event.node, bus));
             }
         }
         self.refresh(bus);
@@ -256,7 +256,7 @@ impl BusWatch {
             open.findings.push(id);
             return;
         }
-        let mut moment = self.begin(None, event, event.node);
+        let mut moment = self.begin(None, event, event.node, bus);
         moment.findings.push(id);
         moment.state = event.node.or(self.chosen).map(|node| self.state(bus, node));
         self.of_findings.push(moment);
@@ -279,10 +279,10 @@ impl BusWatch {
     }
 
     /// Starts a moment with the changes before it.
-    fn begin(&self, kind: Option<FaultKind>, event: &Event, node: Option<NodeId>) -> Moment {
+    fn begin(&self, kind: Option<FaultKind>, event: &Event, node: Option<NodeId>, bus: &Bus) -> Moment {
         let mut moment = Moment::new(kind, event, self.sequence);
         moment.before = self.changes_of(node.or(self.chosen), 0);
-        moment.quiet = self.quiet(node.or(self.chosen), event.time);
+        moment.quiet = self.quiet(node.or(self.chosen), event.time, bus);
         moment
     }
 
@@ -332,7 +332,7 @@ impl BusWatch {
             None if is_idle && self.idle.len() < IDLE_POINTS => {
                 let is_wanted = self.latest || self.found(FaultGrade::Minor).is_none();
                 let moment = is_wanted.then(|| {
-                    let mut moment = self.begin(Some(FaultKind::SetPoint), event, Some(id));
+                    let mut moment = self.begin(Some(FaultKind::SetPoint), event, Some(id), bus);
                     moment.state = Some(self.state(bus, id));
                     moment
                 });
@@ -373,9 +373,14 @@ impl BusWatch {
     }
 
     /// Periodic messages of the bus and of a node that have stopped.
-    pub(super) fn quiet(&self, node: Option<NodeId>, now: Option<Timestamp>) -> Vec<StoppedMessage> {
+    pub(super) fn quiet(
+        &self,
+        node: Option<NodeId>,
+        now: Option<Timestamp>,
+        bus: &Bus,
+    ) -> Vec<StoppedMessage> {
         let node = node.and_then(|id| self.nodes.get(id));
-        let beat_of = |identifier| self.followed.beat(identifier);
+        let beat_of = |identifier| self.followed.beat(identifier, bus).map(|(beat, _)| beat);
         let own = node.into_iter().flat_map(|node| node.beats.quiet(now, beat_of));
         self.beats.quiet(now, beat_of).chain(own).collect()
     }

@@ -52,6 +52,12 @@ impl Facts {
         self.selection.missed(frame, last)
     }
 
+    /// Whether a frame without an event may change anything, or may be needed.
+    #[inline]
+    pub(super) fn concerns(&self, preview: &Preview) -> bool {
+        self.is_limited || self.why.concerns(preview)
+    }
+
     /// Takes note of a frame that is known not to be needed.
     pub(super) fn count_skipped(&mut self, preview: &Preview, bus: &Bus) {
         self.why.skip(preview, bus);

@@ -379,15 +379,7 @@ mod tests {
     #[test]
     fn unchanged_messages_are_needed_only_if_all_are_printed() {
         let needs = |pdo, change| {
-            let preview = Preview {
-                identifier: 0,
-                frame: 2,
-                time: Timestamp(0),
-                now: 0,
-                payload: 1,
-                change,
-                is_received: false,
-            };
+            let preview = Preview { identifier: 0, frame: 2, time: Timestamp(0), now: 0, payload: 1, change };
             PdoChoice { pdo, frames: false }.needs(&preview)
         };
         assert_eq!([needs(Pdo::All, 0), needs(Pdo::All, 1)], [true, true]);

@@ -292,15 +292,7 @@ mod tests {
     }
 
     const fn preview(change: u64) -> Preview {
-        Preview {
-            identifier: 2,
-            frame: 9,
-            time: Timestamp(0),
-            now: 0,
-            payload: change,
-            change,
-            is_received: false,
-        }
+        Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change }
     }
 
     /// Whether an event is needed after `interval`, if the bits of `change` change.

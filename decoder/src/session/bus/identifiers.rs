@@ -3,6 +3,7 @@
 use super::cob_id::{nonzero_identifier, predefined};
 use super::link::Link;
 use super::routes::Service;
+use super::skipped_times::SkippedTimes;
 use super::state::Bus;
 use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
@@ -174,6 +175,11 @@ impl Bus {
             Service::Pdo(name, node) => Some((name, node)),
             _ => None,
         }
+    }
+
+    /// Frames without an event of an RPDO, by the index of its identifier.
+    pub(crate) fn skipped_times(&self, identifier: usize) -> Option<&SkippedTimes> {
+        self.routes.slot(identifier)?.skipped.as_deref()
     }
 
     /// Number of the present service and layout of an identifier; it changes with them.

@@ -10,6 +10,7 @@ use super::last_payload::LastPayload;
 use super::link::Link;
 use super::plan::IdentifierPlan;
 use super::pulse::Pulse;
+use super::skipped_times::SkippedTimes;
 use crate::event::{Event, EventKind, Pdo};
 use crate::frame::{CanId, Frame};
 use crate::profile::{Layout, Owner, PdoDirection, PdoName, connection_set};
@@ -66,6 +67,8 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) plan: Option<Box<IdentifierPlan>>,
     /// Intervals, if a manual limits them.
     pub(in crate::session) cadence: Option<Box<Cadence>>,
+    /// Frames of an RPDO without an event.
+    pub(in crate::session) skipped: Option<Box<SkippedTimes>>,
     /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
     pulse: Pulse,
@@ -93,6 +96,7 @@ impl IdentifierState {
             prepared: None,
             plan: None,
             cadence: None,
+            skipped: None,
             described: None,
             pulse: Pulse::NEW,
         }

@@ -104,6 +104,17 @@ impl Observer for Watch {
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        if self.facts.concerns(preview) {
+            self.skip_change(preview, bus)
+        } else {
+            self.engine.skip(preview, bus)
+        }
+    }
+}
+
+impl Watch {
+    #[inline(never)]
+    fn skip_change(&mut self, preview: &Preview, bus: &Bus) -> bool {
         let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
         if is_skipped {
             self.facts.count_skipped(preview, bus);
