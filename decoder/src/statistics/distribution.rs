@@ -21,20 +21,28 @@ pub struct Distribution {
 
 impl Distribution {
     /// Adds a duration; a negative one counts as 0.
+    #[inline]
     pub fn add(&mut self, value: i64) {
         let value = value.max(0);
         self.min = if self.count == 0 { value } else { self.min.min(value) };
         self.max = self.max.max(value);
         self.count += 1;
-        if self.classes.is_empty() && self.exact.len() < EXACT {
-            self.exact.push(value);
-            return;
-        }
         if self.classes.is_empty() {
-            self.classes = vec![0; CLASSES];
-            for value in std::mem::take(&mut self.exact) {
-                count(&mut self.classes, value);
-            }
+            self.add_exact(value);
+        } else {
+            count(&mut self.classes, value);
+        }
+    }
+
+    /// Keeps a value, or counts all values in classes from the next one on.
+    #[inline(never)]
+    fn add_exact(&mut self, value: i64) {
+        if self.exact.len() < EXACT {
+            return self.exact.push(value);
+        }
+        self.classes = vec![0; CLASSES];
+        for value in std::mem::take(&mut self.exact) {
+            count(&mut self.classes, value);
         }
         count(&mut self.classes, value);
     }

@@ -116,9 +116,11 @@ impl FollowedPdos {
                 new.push((time, pdo));
             }
         }
-        new.sort_unstable();
-        for (time, pdo) in new {
-            reactions.changed(pdo, time);
+        if !new.is_empty() {
+            new.sort_unstable();
+            for (time, pdo) in new {
+                reactions.changed(pdo, time);
+            }
         }
     }
 

@@ -192,8 +192,9 @@ impl Why {
         preview.change != 0 || self.is_watching
     }
 
+    /// Counts a frame that [`Self::concerns`] the report.
     #[inline(never)]
-    fn note(&mut self, preview: &Preview, bus: &Bus) {
+    pub fn note(&mut self, preview: &Preview, bus: &Bus) {
         // Most captures have one bus.
         match self.buses.first_mut() {
             Some(first) if first.index() == bus.index() && !self.is_watching => first.skip(preview),

@@ -60,7 +60,7 @@ impl Facts {
 
     /// Takes note of a frame that is known not to be needed.
     pub(super) fn count_skipped(&mut self, preview: &Preview, bus: &Bus) {
-        self.why.skip(preview, bus);
+        self.why.note(preview, bus);
     }
 
     /// The facts, and the numbers of the selected findings.
