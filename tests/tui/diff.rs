@@ -1,4 +1,5 @@
-//! `cobscope diff`. Expected causes are those of the stories in `fixtures/`, written from the manuals.
+//! `cobscope diff`. The causes are those that the stories in `fixtures/` state; the words that name them are those of the
+//! output, so that these tests find changes of the output, not a wrong word.
 
 #![expect(clippy::indexing_slicing, reason = "a test that cannot continue has failed")]
 
@@ -458,4 +459,37 @@ fn the_schema_has_the_keys_of_the_report() {
     let known: Vec<_> = kinds.as_array().unwrap().iter().map(|kind| kind.as_str().unwrap()).collect();
     let all: Vec<_> = cobscope_decoder::comparison::Kind::ALL.iter().map(|kind| kind.name()).collect();
     assert_eq!(known, all);
+}
+
+#[test]
+fn a_capture_that_ends_before_a_message_is_due_does_not_lack_it() {
+    let folder = folder("diff-short");
+    // 100 every 10 ms, 200 every second.
+    let capture = |name: &str, until: u32| {
+        let mut text = String::new();
+        for time in (0..until).step_by(10) {
+            let wobble = time % 7;
+            let stamp = format!("({}.{:03}{wobble:03}) can0", 1_600_000_000 + time / 1_000, time % 1_000);
+            let _ = writeln!(text, "{stamp} 100#01");
+            if time % 1_000 == 500 {
+                let _ = writeln!(text, "{stamp} 200#02");
+            }
+        }
+        write(&folder, name, &text)
+    };
+    let (long, short, silent) =
+        (capture("long.log", 20_000), capture("short.log", 400), folder.join("silent.log"));
+    let kept: Vec<_> = fs::read_to_string(&long)
+        .unwrap()
+        .lines()
+        .filter(|line| !line.contains(" 200#"))
+        .map(str::to_owned)
+        .collect();
+    fs::write(&silent, kept.join("\n") + "\n").unwrap();
+    let cut = diff(&[&long, &short]);
+    assert_eq!(cut.code, 0, "{}", cut.stdout);
+    assert!(cut.stdout.contains("NOT SEEN IN BAD"), "{}", cut.stdout);
+    let lost = diff(&[long.as_str(), silent.to_str().unwrap()]);
+    assert_eq!(lost.code, 1, "{}", lost.stdout);
+    assert!(lost.stdout.contains("every 1") && lost.stdout.contains("not seen"), "{}", lost.stdout);
 }

@@ -16,6 +16,9 @@ const SECTION: Section = Section::Timing;
 /// Minimum number of intervals for a period, and of exchanges for a latency.
 const ENOUGH: u64 = 10;
 
+/// Longest intervals of a message after which it is missing.
+const MISSING: i64 = 3;
+
 /// Compares all identifiers and exchanges.
 pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     for (record, side) in [(scope.good, "GOOD"), (scope.bad, "BAD")] {
@@ -80,8 +83,8 @@ fn is_periodic(gaps: &Distribution) -> bool {
     gaps.count() >= ENOUGH && part(90) <= median.saturating_mul(2) && part(10) >= median / 2
 }
 
-/// A message of one capture only. Its absence is a difference if it is periodic and its node is operational in the
-/// other capture.
+/// A message of one capture only. Its absence is a difference if it is periodic, and if the other capture lasts for
+/// [`MISSING`] of its intervals and its node is operational there.
 fn lone(bus: &BusPair<'_>, message: &MessageRecord, by: Side, scope: &Scope<'_>, out: &mut Comparison) {
     let name = subject(bus, message);
     let period = message.gaps.percentile(50).filter(|_| is_periodic(&message.gaps));
@@ -99,6 +102,9 @@ fn lone(bus: &BusPair<'_>, message: &MessageRecord, by: Side, scope: &Scope<'_>,
             Side::Good => pair.good.was_operational,
         })
     });
+    let other = if by == Side::Bad { scope.bad } else { scope.good };
+    let lasts = other.duration >= Some(message.gaps.longest().saturating_mul(MISSING));
+    let had_opportunity = had_opportunity && lasts;
     let Some(period) = period.filter(|_| had_opportunity && scope.is_timed() && !message.is_remote) else {
         return out.add_not_seen((SECTION, "identifier"), by, (name, ""), message.last);
     };
