@@ -164,11 +164,7 @@ impl Observer for Watch {
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
-        if is_skipped {
-            self.facts.skip(preview, bus);
-        }
-        is_skipped
+        Judge { engine: &mut self.engine, out: &mut self.facts }.skip(preview, bus)
     }
 }
 

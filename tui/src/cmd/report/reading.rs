@@ -157,10 +157,9 @@ impl Observer for FirstReading {
     }
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
+        let is_skipped = Judge { engine: &mut self.engine, out: &mut self.facts }.skip(preview, bus);
         if is_skipped {
             self.statistics.skip(preview, bus);
-            self.facts.count_skipped(preview, bus);
         }
         is_skipped
     }
