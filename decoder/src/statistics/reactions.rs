@@ -44,7 +44,7 @@ struct OpenChange {
     /// Bit n is set if RPDO n has reacted.
     answered: u64,
     /// Index + 1 in `pairs` by RPDO, 0 for none.
-    pairs: Vec<u8>,
+    pairs: [u8; MOST_RPDOS],
 }
 
 impl Reactions {
@@ -84,21 +84,28 @@ impl Reactions {
 
     /// Adds a TPDO with changed contents at a time in ns.
     pub(crate) fn changed(&mut self, tpdo: PdoName, time: i64) {
-        if !self.has_changed_again(tpdo, time) && self.open.len() < MOST_PAIRS {
-            self.open.push(OpenChange { tpdo, began: time, answered: 0, pairs: Vec::new() });
+        match self.number_of_change(tpdo) {
+            Some(number) => self.changed_again(number, time),
+            None if self.open.len() < MOST_PAIRS => {
+                self.open.push(OpenChange { tpdo, began: time, answered: 0, pairs: [0; MOST_RPDOS] });
+            }
+            None => {}
         }
     }
 
-    /// Adds a TPDO with changed contents, if it has changed before; whether it has.
+    /// Number of a TPDO, assigned at its first change; it stays the same.
     #[inline]
-    pub(crate) fn has_changed_again(&mut self, tpdo: PdoName, time: i64) -> bool {
-        let known = self.open.iter_mut().find(|open| open.tpdo == tpdo);
-        let is_known = known.is_some();
+    pub(crate) fn number_of_change(&self, tpdo: PdoName) -> Option<usize> {
+        self.open.iter().position(|open| open.tpdo == tpdo)
+    }
+
+    /// Adds the TPDO with this number, with changed contents.
+    #[inline]
+    pub(crate) fn changed_again(&mut self, number: usize, time: i64) {
         // The controller still works on an earlier value, unless an RPDO reacted to it.
-        if let Some(open) = known.filter(|open| open.answered != 0) {
+        if let Some(open) = self.open.get_mut(number).filter(|open| open.answered != 0) {
             (open.began, open.answered) = (time, 0);
         }
-        is_known
     }
 
     /// Adds an RPDO with changed contents at a time in ns.
@@ -140,7 +147,6 @@ fn add_pair(
 ) -> Option<usize> {
     let place = u8::try_from(pairs.len() + 1).ok().filter(|_| pairs.len() < MOST_PAIRS)?;
     pairs.push(ReactionTime { tpdo: open.tpdo, rpdo, times: Distribution::default(), longest_at });
-    open.pairs.resize(open.pairs.len().max(number + 1), 0);
     *open.pairs.get_mut(number)? = place;
     Some(pairs.len() - 1)
 }

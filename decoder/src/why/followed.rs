@@ -41,10 +41,18 @@ struct FollowedIdentifier {
     /// Time in ns of the first changed contents since the last changed PDO to the node, if the node sends them. Later
     /// changes do not matter for [`crate::statistics::Reactions`].
     changed: Option<i64>,
+    /// Its number in [`crate::statistics::Reactions::number_of_change`].
+    number: Option<usize>,
 }
 
-const UNKNOWN: FollowedIdentifier =
-    FollowedIdentifier { version: None, role: PdoRole::None, beat: Beat::NONE, seen: 0, changed: None };
+const UNKNOWN: FollowedIdentifier = FollowedIdentifier {
+    version: None,
+    role: PdoRole::None,
+    beat: Beat::NONE,
+    seen: 0,
+    changed: None,
+    number: None,
+};
 
 /// Identifiers of a bus, by index.
 #[derive(Debug, Clone, Default)]
@@ -103,6 +111,7 @@ impl FollowedPdos {
     }
 
     /// Passes changed contents of the PDOs of a node to its reaction times, in order of time.
+    #[inline]
     pub(super) fn pass_on(&mut self, id: NodeId, nodes: &mut NodeMap<Box<NodeWatch>>) {
         let Some(node) = nodes.get_mut(id) else { return };
         let NodeWatch { sent, reactions, .. } = &mut **node;
@@ -110,10 +119,13 @@ impl FollowedPdos {
         let mut new = Vec::new();
         for place in sent {
             let Some(known) = self.0.get_mut(*place) else { continue };
-            if let (PdoRole::Sent(pdo, _), Some(time)) = (known.role, known.changed.take())
-                && !reactions.has_changed_again(pdo, time)
-            {
-                new.push((time, pdo));
+            let (PdoRole::Sent(pdo, _), Some(time)) = (known.role, known.changed.take()) else { continue };
+            if known.number.is_none() {
+                known.number = reactions.number_of_change(pdo);
+            }
+            match known.number {
+                Some(number) => reactions.changed_again(number, time),
+                None => new.push((time, pdo)),
             }
         }
         if !new.is_empty() {
@@ -194,7 +206,8 @@ impl FollowedPdos {
         }
         if let Some(place) = self.0.get_mut(identifier) {
             let version = Some(bus.version_of(identifier));
-            *place = FollowedIdentifier { version, role, beat, seen, changed: place.changed };
+            let number = place.number.filter(|_| role == place.role);
+            *place = FollowedIdentifier { version, role, beat, seen, changed: place.changed, number };
         }
     }
 

@@ -160,12 +160,10 @@ impl Why {
             self.buses.push(BusWatch::new(bus.index(), self.question.latest, node));
             self.buses.len() - 1
         });
-        if let Some(watch) = self.buses.get_mut(place) {
-            watch.event(event, bus, may_report);
-        }
-        let is_watching = self.buses.get(place).is_some_and(BusWatch::is_watching);
+        let Some(watch) = self.buses.get_mut(place) else { return };
+        watch.event(event, bus, may_report);
         self.is_watching =
-            is_watching || self.buses.len() > 1 && self.buses.iter().any(BusWatch::is_watching);
+            watch.is_watching() || self.buses.len() > 1 && self.buses.iter().any(BusWatch::is_watching);
     }
 
     /// Whether the event of a frame is needed; see [`Observer::needs`].
@@ -178,27 +176,24 @@ impl Why {
         self.buses.iter().find(|watch| watch.index() == bus.index())
     }
 
-    /// Counts a frame whose event is not needed; see [`Observer::skip`].
-    #[inline]
-    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        if self.concerns(preview) {
-            self.note(preview, bus);
-        }
-    }
-
     /// Whether a frame without an event may change anything.
     #[inline]
     pub fn concerns(&self, preview: &Preview) -> bool {
         preview.change != 0 || self.is_watching
     }
 
-    /// Counts a frame that [`Self::concerns`] the report.
-    #[inline(never)]
-    pub fn note(&mut self, preview: &Preview, bus: &Bus) {
-        // Most captures have one bus.
-        match self.buses.first_mut() {
-            Some(first) if first.index() == bus.index() && !self.is_watching => first.skip(preview),
-            _ => self.watch(preview, bus),
+    /// Counts a frame whose event is not needed; see [`Observer::skip`].
+    #[inline]
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        if self.is_watching {
+            return self.watch(preview, bus);
+        }
+        if preview.change != 0 {
+            // Most captures have one bus.
+            match self.buses.first_mut() {
+                Some(first) if first.index() == bus.index() => first.skip(preview),
+                _ => self.watch(preview, bus),
+            }
         }
     }
 

@@ -58,9 +58,10 @@ impl Facts {
         self.is_limited || self.why.concerns(preview)
     }
 
-    /// Takes note of a frame that is known not to be needed.
+    /// Counts a frame that is known not to be needed.
+    #[inline]
     pub(super) fn count_skipped(&mut self, preview: &Preview, bus: &Bus) {
-        self.why.note(preview, bus);
+        self.why.skip(preview, bus);
     }
 
     /// The facts, and the numbers of the selected findings.
@@ -80,6 +81,7 @@ impl Observer for Facts {
         }
     }
 
+    #[inline]
     fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
         self.is_limited || self.why.needs(preview, bus)
     }

@@ -105,7 +105,7 @@ impl Observer for Watch {
 
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         if self.facts.concerns(preview) {
-            self.skip_change(preview, bus)
+            self.skip_with_facts(preview, bus)
         } else {
             self.engine.skip(preview, bus)
         }
@@ -114,7 +114,7 @@ impl Observer for Watch {
 
 impl Watch {
     #[inline(never)]
-    fn skip_change(&mut self, preview: &Preview, bus: &Bus) -> bool {
+    fn skip_with_facts(&mut self, preview: &Preview, bus: &Bus) -> bool {
         let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
         if is_skipped {
             self.facts.count_skipped(preview, bus);
