@@ -35,4 +35,5 @@ mod terminal;
 mod tidy;
 mod traces;
 mod verdicts;
+mod whole_files;
 mod why;

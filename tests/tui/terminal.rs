@@ -193,11 +193,13 @@ fn a_key_pressed_while_the_size_changes_is_not_lost() {
 
 #[test]
 fn a_program_told_to_end_gives_the_terminal_back() {
-    let session = Session::view(PVE);
-    session.wait_text("BOOT");
-    let id = session.child.id().to_string();
-    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
-    session.wait_end();
+    for signal in ["-TERM", "-INT"] {
+        let session = Session::view(PVE);
+        session.wait_text("BOOT");
+        let id = session.child.id().to_string();
+        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+        session.wait_end();
+    }
 }
 
 #[test]

@@ -11,7 +11,9 @@ mod config;
 mod exit_code;
 mod figures;
 pub mod keymap;
+mod output_file;
 pub mod panes;
+mod path_text;
 mod record;
 mod select;
 mod source;
@@ -33,9 +35,11 @@ use timeline::News;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
-    let cli =
-        cli::Cli::parse_from(cli::with_default_command(std::env::args_os(), std::io::stdout().is_terminal()));
-    cmd::run(cli).into()
+    let arguments = cli::with_default_command(std::env::args_os(), std::io::stdout().is_terminal());
+    match cli::Cli::try_parse_from(arguments) {
+        Ok(cli) => cmd::run(cli).into(),
+        Err(error) => cmd::refuse(&error).into(),
+    }
 }
 
 /// Opens the terminal UI for a command line (`view …`) without a terminal; also returns the results of its

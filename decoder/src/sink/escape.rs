@@ -1,5 +1,7 @@
 //! Escaping of captured text for terminal output.
 
+use std::fmt::Write as _;
+
 /// `text` with control characters and bidirectional formatting characters shown as `\u{1b}`, so that a
 /// capture cannot control the terminal.
 pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
@@ -13,6 +15,25 @@ pub fn escape(text: &str) -> std::borrow::Cow<'_, str> {
     }
 }
 
+/// A JSON document without control characters and bidirectional formatting characters, which JSON permits in strings: a
+/// reader may print it on a terminal. Its meaning stays the same.
+pub fn escape_json(json: &str) -> std::borrow::Cow<'_, str> {
+    let is_unsafe = |c: char| c > '~' && is_terminal_control(c);
+    if is_plain(json.as_bytes()) || !json.chars().any(is_unsafe) {
+        return json.into();
+    }
+    let mut safe = String::with_capacity(json.len());
+    for c in json.chars() {
+        if is_unsafe(c) {
+            // All of them have at most four hexadecimal digits.
+            let _ = write!(safe, "\\u{:04x}", u32::from(c));
+        } else {
+            safe.push(c);
+        }
+    }
+    safe.into()
+}
+
 /// Appends escaped text; bytes that are not valid UTF-8 are replaced.
 pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
     if is_plain(text) {
@@ -24,12 +45,17 @@ pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
 
 /// Whether `c` is a control character or a Unicode bidirectional formatting character.
 fn is_terminal_control(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+    let is_bidirectional = matches!(
+        c,
+        '\u{061C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'
+    );
+    // Line and paragraph separators end a line for some readers.
+    c.is_control() || is_bidirectional || matches!(c, '\u{2028}' | '\u{2029}')
 }
 
 /// Quick check: `true` if no ASCII control character and no first byte of another character to escape occurs.
 pub(super) fn is_plain(text: &[u8]) -> bool {
-    let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xE2));
+    let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xD8 | 0xE2));
     text.iter().fold(0, |found, byte| found | special(*byte)) == 0
 }
 
@@ -42,8 +68,20 @@ mod tests {
         assert_eq!(escape("→ é 5 °C"), "→ é 5 °C");
         assert_eq!(escape("a\u{202e}b – c"), "a\\u{202e}b – c");
         assert_eq!(escape("\x1b[2J\u{9b}2J\x7f"), "\\u{1b}[2J\\u{9b}2J\\u{7f}");
+        assert_eq!(escape("\u{61c}\u{2028}"), "\\u{61c}\\u{2028}");
         let mut out = Vec::new();
         push_escaped(&mut out, b"a\tb \xC2\x9B \xC2\xB0");
         assert_eq!(String::from_utf8(out).unwrap(), "a\\tb \\u{9b} °");
+    }
+
+    #[test]
+    fn json_keeps_its_meaning_without_control_characters() {
+        let name = "° é \u{9b}2J\u{7f}\u{202e}\u{61c}\u{2029}\n→";
+        let json = serde_json::to_string(&[name]).unwrap();
+        let safe = escape_json(&json);
+        assert_eq!(safe, r#"["° é \u009b2J\u007f\u202e\u061c\u2029\n→"]"#);
+        assert_eq!(serde_json::from_str::<Vec<String>>(&safe).unwrap(), [name]);
+        // Line ends between values stay.
+        assert_eq!(escape_json("{\n \"a\": 1\n}\n"), "{\n \"a\": 1\n}\n");
     }
 }

@@ -16,7 +16,7 @@ pub mod table;
 pub mod text;
 mod values;
 
-pub use escape::escape;
+pub use escape::{escape, escape_json};
 pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, SpoolFile};
 
 pub use options::SinkOptions;

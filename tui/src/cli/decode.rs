@@ -28,6 +28,9 @@ pub struct PrintArgs {
     /// Write to FILE instead of stdout
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Overwrite FILE of --output if it exists
+    #[arg(long, requires = "output")]
+    pub force: bool,
     /// Print these PDOs, J1939 messages and DBC messages: new information, all or none (default: change for
     /// text, all for other formats)
     #[arg(long, value_name = "WHICH")]

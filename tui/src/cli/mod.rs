@@ -239,6 +239,25 @@ impl Command {
         Some(&input.captures)
     }
 
+    /// Folders of `--profiles`.
+    pub fn profile_folders(&self) -> &[PathBuf] {
+        match self {
+            Self::View(arguments) => &arguments.input.profiles,
+            Self::Live(arguments) => &arguments.input.profiles,
+            Self::Decode(arguments) => &arguments.input.profiles,
+            Self::Convert(arguments) => &arguments.input.profiles,
+            Self::Stats(arguments) => &arguments.input.profiles,
+            Self::Objects(arguments) => &arguments.input.profiles,
+            Self::Why(arguments) => &arguments.input.profiles,
+            Self::Report(arguments) => &arguments.input.profiles,
+            Self::Check(arguments) => &arguments.input.profiles,
+            Self::Diff(arguments) => &arguments.input.profiles,
+            Self::Rules(arguments) => &arguments.profiles,
+            Self::Explain { profiles, .. } | Self::Profiles { profiles, .. } => profiles,
+            Self::Completions { .. } | Self::Man { .. } => &[],
+        }
+    }
+
     /// Checks the values of `--node`.
     ///
     /// # Errors
@@ -274,9 +293,8 @@ pub fn with_default_command(
 ) -> Vec<OsString> {
     let mut arguments: Vec<OsString> = arguments.collect();
     let is_command = |text: &str| {
-        use clap::CommandFactory as _;
         let own = matches!(text, "help" | "-h" | "--help" | "-V" | "--version");
-        own || Cli::command().get_subcommands().any(|command| command.get_name() == text)
+        own || COMMANDS.contains(&text)
     };
     let needs_default = match arguments.get(1) {
         Some(first) => !first.to_str().is_some_and(|first| is_command(first) || is_misspelt(first)),
@@ -292,17 +310,39 @@ pub fn with_default_command(
     arguments
 }
 
-/// Whether an argument is a misspelt command rather than a capture: no such file exists, and a command starts
-/// with the same letters. The parser then suggests the command.
+/// Names of the subcommands: building the parser only for them would take longer than decoding a small capture.
+const COMMANDS: [&str; 15] = [
+    "view",
+    "live",
+    "decode",
+    "convert",
+    "stats",
+    "objects",
+    "why",
+    "diff",
+    "report",
+    "check",
+    "rules",
+    "explain",
+    "profiles",
+    "completions",
+    "man",
+];
+
+/// Largest number of wrong, missing or exchanged letters of a misspelt command.
+const WRONG_LETTERS: usize = 2;
+
+/// Smallest number of letters of a misspelt command; with fewer, most words would resemble one.
+const LETTERS: usize = 4;
+
+/// Whether an argument is a misspelt command rather than a capture: a word that resembles a command, and no such file
+/// exists. The parser then suggests the command.
 fn is_misspelt(text: &str) -> bool {
-    use clap::CommandFactory as _;
-    const BEGINNING: usize = 3;
-    let is_word = text.bytes().all(|byte| byte.is_ascii_lowercase());
-    let begins = |command: &clap::Command| command.get_name().get(..BEGINNING) == text.get(..BEGINNING);
-    is_word
-        && text.len() > BEGINNING
-        && Cli::command().get_subcommands().any(begins)
-        && !std::path::Path::new(text).exists()
+    let is_word =
+        text.len() >= LETTERS && text.bytes().all(|byte| byte.is_ascii_alphabetic() || byte == b'-');
+    let resembles =
+        |command: &&str| strsim::damerau_levenshtein(command, &text.to_ascii_lowercase()) <= WRONG_LETTERS;
+    is_word && COMMANDS.iter().any(resembles) && !std::path::Path::new(text).exists()
 }
 
 #[cfg(test)]
@@ -313,6 +353,24 @@ mod tests {
     fn the_definition_is_sound() {
         use clap::CommandFactory as _;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn all_commands_are_known_by_name() {
+        use clap::CommandFactory as _;
+        let mut names: Vec<_> = Cli::command().get_subcommands().map(|it| it.get_name().to_owned()).collect();
+        names.sort();
+        let mut known = COMMANDS;
+        known.sort_unstable();
+        assert_eq!(known.as_slice(), names);
+    }
+
+    #[test]
+    fn a_misspelt_command_is_no_capture() {
+        let misspelt = ["chek", "covnert", "decdoe", "Check", "stat", "veiw", "diffs", "profile", "objcets"];
+        assert_eq!(misspelt.iter().filter(|word| !is_misspelt(word)).collect::<Vec<_>>(), [&""; 0]);
+        let captures = ["run.log", "-f", "machine", "c", "/dev/stdin", "capture-12"];
+        assert_eq!(captures.iter().filter(|word| is_misspelt(word)).collect::<Vec<_>>(), [&""; 0]);
     }
 
     #[test]

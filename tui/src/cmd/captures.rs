@@ -7,6 +7,7 @@ use cobscope_decoder::sink::escape;
 
 use super::input::{joined, read_options};
 use crate::cli::InputArgs;
+use crate::path_text::shown;
 use crate::record::format;
 use crate::source::{self, CaptureFile, Series};
 
@@ -71,7 +72,7 @@ pub(super) fn series(captures: &[Source], input: &InputArgs) -> Vec<SourceSeries
 
 /// Message for a skipped file in a folder; `None` for a file that does not look like a capture.
 pub(super) fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
-    let shown = path.display().to_string();
+    let shown = shown(path);
     match error.downcast_ref::<CaptureError>()? {
         CaptureError::Empty => Some(format!("{}: empty; skipped", escape(&shown))),
         _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),

@@ -29,13 +29,14 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         return Exit::Usage;
     }
     // The bus file names further input files, so it must be valid before the output is opened.
-    let mut printer = match Printer::new(&arguments.print, &arguments.select, &files_read(&arguments.input)) {
-        Ok(printer) => printer,
-        Err(error) => {
-            complain(&error);
-            return Exit::Usage;
-        }
-    };
+    let mut printer =
+        match Printer::new(&arguments.print, &arguments.select, false, &files_read(&arguments.input)) {
+            Ok(printer) => printer,
+            Err(error) => {
+                complain(&error);
+                return Exit::Usage;
+            }
+        };
     printer.describe(&arguments.input);
     let captures = series(&arguments.input);
     let several = captures.len() > 1;

@@ -1,7 +1,5 @@
 //! Decoding of one capture, shared by most commands.
 
-use std::io::Write as _;
-
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Item, Notice};
 use cobscope_decoder::decoder::Decoder;
@@ -125,7 +123,7 @@ pub(super) fn decode_capture(
 ) -> anyhow::Result<DecodedCapture> {
     let decoded = decode_quietly(series, input, options, watcher)?;
     for warning in &decoded.warnings {
-        let _ = writeln!(std::io::stderr(), "cobscope: {warning}");
+        warn(warning);
     }
     Ok(decoded)
 }

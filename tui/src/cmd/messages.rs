@@ -9,9 +9,9 @@ use crate::exit_code::Exit;
 /// An error with its exit status.
 pub(super) type Refusal = (Exit, anyhow::Error);
 
-/// Reports an error.
+/// Reports an error, with its context.
 pub(super) fn complain(error: &anyhow::Error) {
-    let _ = writeln!(std::io::stderr(), "cobscope: {error:#}");
+    warn(&format!("{error:#}"));
 }
 
 /// Reports a problem that does not end the command, in several lines.

@@ -27,14 +27,31 @@ mod stats;
 mod view;
 mod why;
 
-use std::io::IsTerminal as _;
+use std::borrow::Cow;
+use std::io::{IsTerminal as _, Write as _};
+
+use cobscope_decoder::sink::escape;
 
 use crate::cli::{Cli, Command};
 use crate::exit_code::Exit;
+use crate::path_text;
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub use live::over_datagrams;
 use messages::complain;
 pub use view::open as open_view;
+
+/// Prints help, or an error of the command line; file names in it may contain control characters.
+pub fn refuse(error: &clap::Error) -> Exit {
+    let text = error.render().to_string();
+    let safe: Vec<_> = text.lines().map(escape).collect();
+    if safe.iter().any(|line| matches!(line, Cow::Owned(_))) {
+        let _ = writeln!(std::io::stderr(), "{}", safe.join("\n"));
+    } else {
+        // With its colours.
+        let _ = error.print();
+    }
+    if error.use_stderr() { Exit::Usage } else { Exit::Clean }
+}
 
 /// Runs the command.
 pub fn run(cli: Cli) -> Exit {
@@ -45,6 +62,10 @@ pub fn run(cli: Cli) -> Exit {
     if let Err(error) = cli.command.check_nodes() {
         complain(&anyhow::Error::msg(error));
         return Exit::Usage;
+    }
+    if let Some(folder) = cli.command.profile_folders().iter().find(|folder| !folder.is_dir()) {
+        complain(&anyhow::anyhow!("--profiles {}: not a folder", path_text::shown(folder)));
+        return Exit::Profile;
     }
     match cli.command {
         Command::View(arguments) => view::run(&arguments),

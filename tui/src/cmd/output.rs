@@ -1,16 +1,17 @@
 //! Output files and stdout; input files are protected from being overwritten.
 
-use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::sink::{EventFormat, Output, OutputFiles, SpoolFile, escape};
+use cobscope_decoder::sink::{EventFormat, Output, OutputFiles, SpoolFile};
 
 use super::input::files_named;
-use super::messages::complain;
+use super::messages::{complain, note};
 use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
+use crate::output_file::{self, Existing, FinalName};
+use crate::path_text::shown;
 use crate::record::format::part_of;
 
 /// Size of output buffers, in bytes.
@@ -43,11 +44,7 @@ pub(super) fn ensure_not_read<'a>(
     read: impl IntoIterator<Item = &'a PathBuf>,
 ) -> anyhow::Result<()> {
     let is_read = read.into_iter().any(|read| is_same(read, path));
-    ensure!(
-        !is_read,
-        "{}: is also an input; choose another output file",
-        escape(&path.display().to_string())
-    );
+    ensure!(!is_read, "{}: is also an input; choose another output file", shown(path));
     Ok(())
 }
 
@@ -67,26 +64,77 @@ fn is_same(one: &Path, other: &Path) -> bool {
     matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }
 
+/// An output of a command.
+pub(super) struct CommandOutput {
+    writer: Output,
+    name: FinalName,
+}
+
+impl CommandOutput {
+    /// Writes the last bytes; a file receives its name.
+    ///
+    /// # Errors
+    /// If they cannot be written; the file keeps the name of a part.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        self.writer.flush()?;
+        drop(self.writer);
+        self.name.finish()
+    }
+}
+
+impl Write for CommandOutput {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.writer.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
 /// Opens an output: a file not among the files `read`, else stdout. Write errors contain the file
 /// name.
 ///
 /// # Errors
-/// If the file is an input, or cannot be created.
+/// If the file is an input, exists and is to be kept, or cannot be created.
 pub(super) fn output<'a>(
     path: Option<&Path>,
-    read: impl IntoIterator<Item = &'a PathBuf>,
-) -> anyhow::Result<Output> {
+    naming: FileNaming,
+    read: impl IntoIterator<Item = &'a PathBuf> + Clone,
+) -> anyhow::Result<CommandOutput> {
     Ok(match path {
         Some(path) => {
-            ensure_not_read(path, read)?;
-            let name = path.display().to_string();
-            let file = File::create(path).with_context(|| format!("{name}: cannot be written"))?;
-            Box::new(BufWriter::with_capacity(BUFFER, NamedOutput { name, output: file }))
+            ensure_not_read(path, read.clone())?;
+            ensure_not_read(&output_file::part_of(path), read)?;
+            let name = shown(path);
+            let FileNaming { existing, is_at_once } = naming;
+            let created = if is_at_once {
+                output_file::create_at_once(path, existing).map(|file| (file, FinalName::at_once()))
+            } else {
+                output_file::create(path, existing)
+            };
+            let (file, final_name) = created.map_err(|error| refused(path, &error))?;
+            let writer = Box::new(BufWriter::with_capacity(BUFFER, NamedOutput { name, output: file }));
+            CommandOutput { writer, name: final_name }
         }
         // Large blocks for a pipe or a file; on a terminal each line is visible immediately.
-        None if io::stdout().is_terminal() => Box::new(stdout()),
-        None => Box::new(BufWriter::with_capacity(BUFFER, stdout())),
+        None if io::stdout().is_terminal() => {
+            CommandOutput { writer: Box::new(stdout()), name: FinalName::at_once() }
+        }
+        None => {
+            let writer = Box::new(BufWriter::with_capacity(BUFFER, stdout()));
+            CommandOutput { writer, name: FinalName::at_once() }
+        }
     })
+}
+
+/// Message for a file that cannot be created.
+pub(super) fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
+    let name = shown(path);
+    match error.kind() {
+        ErrorKind::AlreadyExists => anyhow::anyhow!("{name}: file exists; use --force to overwrite it"),
+        _ => anyhow::anyhow!("{name}: cannot be created: {error}"),
+    }
 }
 
 /// Whether to colour the output.
@@ -105,37 +153,82 @@ pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
 pub(super) struct SinkFiles<'a> {
     format: &'static EventFormat,
     to: Option<&'a Path>,
+    naming: FileNaming,
     read: &'a [PathBuf],
     parts: Vec<PathBuf>,
+    names: FinalNames,
+}
+
+/// When an output file receives its name, and what happens to a file with this name.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FileNaming {
+    pub(super) existing: Existing,
+    /// The file has its name from the start, because others read it while it grows.
+    pub(super) is_at_once: bool,
+}
+
+impl FileNaming {
+    /// The whole output takes the place of an earlier one.
+    pub(super) const REPLACE: Self = Self { existing: Existing::Replace, is_at_once: false };
+}
+
+/// Names of the output files of one command.
+#[derive(Debug, Default)]
+pub(super) struct FinalNames(Vec<FinalName>);
+
+impl FinalNames {
+    /// Gives the files their names; all of them were written.
+    ///
+    /// # Errors
+    /// If one cannot be renamed.
+    pub(super) fn finish(self) -> io::Result<()> {
+        self.0.into_iter().try_for_each(FinalName::finish)
+    }
 }
 
 impl<'a> SinkFiles<'a> {
     /// Creates files named after `to`; none of them may be one of the files `read`.
-    pub(super) fn new(format: &'static EventFormat, to: Option<&'a Path>, read: &'a [PathBuf]) -> Self {
-        Self { format, to, read, parts: Vec::new() }
+    pub(super) fn new(
+        format: &'static EventFormat,
+        to: Option<&'a Path>,
+        naming: FileNaming,
+        read: &'a [PathBuf],
+    ) -> Self {
+        Self { format, to, naming, read, parts: Vec::new(), names: FinalNames::default() }
+    }
+
+    /// Names of the opened files.
+    pub(super) fn into_names(self) -> FinalNames {
+        self.names
     }
 
     /// Prints the names of the files of a format with several files.
     pub(super) fn report_parts(&self) {
-        let names: Vec<_> = self.parts.iter().map(|path| path.display().to_string()).collect();
+        let names: Vec<_> = self.parts.iter().map(|path| shown(path)).collect();
         if !names.is_empty() {
-            let _ = writeln!(io::stderr(), "cobscope: writing {}", names.join(" and "));
+            note(&format!("writing {}", names.join(" and ")));
         }
     }
 
-    fn open_whole(&self) -> anyhow::Result<Output> {
+    fn open(&mut self, path: Option<&Path>) -> anyhow::Result<Output> {
+        let CommandOutput { writer, name } = output(path, self.naming, self.read)?;
+        self.names.0.push(name);
+        Ok(writer)
+    }
+
+    fn open_whole(&mut self) -> anyhow::Result<Output> {
         ensure!(
             !self.format.is_binary || self.to.is_some() || !io::stdout().is_terminal(),
             "binary format on a terminal; give a file with -o"
         );
-        output(self.to, self.read)
+        self.open(self.to)
     }
 
     fn open_part(&mut self, content: &str) -> anyhow::Result<Output> {
         let to = self.to.context("format with two files; give a name with -o NAME")?;
         let path = part_of(to, content, self.format.suffix)
-            .with_context(|| format!("{}: not a file name", to.display()))?;
-        let output = output(Some(&path), self.read)?;
+            .with_context(|| format!("{}: not a file name", shown(to)))?;
+        let output = self.open(Some(&path))?;
         self.parts.push(path);
         Ok(output)
     }

@@ -1,6 +1,6 @@
 //! Printing of events: rules, selection, output format.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,8 +14,10 @@ use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
 use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
 use super::decoding::CaptureObserver;
-use super::output::{SinkFiles, is_colored};
+use super::messages::note;
+use super::output::{FileNaming, FinalNames, SinkFiles, is_colored};
 use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
+use crate::output_file::Existing;
 use crate::select::{Selection, Span};
 
 /// Engine for rules; `None` if findings are not printed.
@@ -111,6 +113,7 @@ pub(super) struct Printer {
 struct OpenSink {
     format: &'static EventFormat,
     sink: Box<dyn EventSink + Send>,
+    names: FinalNames,
     /// Time of the last flush, for binary formats.
     flushed: Instant,
 }
@@ -193,14 +196,16 @@ impl OpenSink {
     fn open(
         format: &'static EventFormat,
         arguments: &PrintArgs,
-        pdo: Pdo,
+        (pdo, is_followed): (Pdo, bool),
         read: &[PathBuf],
     ) -> anyhow::Result<Self> {
+        let existing = if arguments.force { Existing::Replace } else { Existing::Keep };
+        let naming = FileNaming { existing, is_at_once: is_followed };
         let options = SinkOptions { text: text_options(arguments, pdo), packing: arguments.packing.into() };
-        let mut files = SinkFiles::new(format, arguments.output.as_deref(), read);
+        let mut files = SinkFiles::new(format, arguments.output.as_deref(), naming, read);
         let sink = (format.sink)(&mut files, &options)?;
         files.report_parts();
-        Ok(Self { format, sink, flushed: Instant::now() })
+        Ok(Self { format, sink, names: files.into_names(), flushed: Instant::now() })
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
@@ -231,12 +236,19 @@ impl OpenSink {
 }
 
 impl Printer {
-    /// Opens the output, which must not be one of the files `read`.
-    pub(super) fn new(arguments: &PrintArgs, select: &SelectArgs, read: &[PathBuf]) -> anyhow::Result<Self> {
+    /// Opens the output, which must not be one of the files `read`. Others may read it while it grows if it
+    /// `is_followed`.
+    pub(super) fn new(
+        arguments: &PrintArgs,
+        select: &SelectArgs,
+        is_followed: bool,
+        read: &[PathBuf],
+    ) -> anyhow::Result<Self> {
         let format = arguments.format.0;
         let is_news = format.is_some_and(|format| format.content == EventContent::News);
         let pdo = arguments.pdo.unwrap_or(if is_news { Pdo::Change } else { Pdo::All });
-        let output = format.map(|format| OpenSink::open(format, arguments, pdo, read)).transpose()?;
+        let output =
+            format.map(|format| OpenSink::open(format, arguments, (pdo, is_followed), read)).transpose()?;
         let selection = select.selection()?;
         let prints = arguments.output.is_none() && output.is_some();
         Ok(Self {
@@ -295,10 +307,11 @@ impl Printer {
 
     /// Ends the output and prints a remark on missing data.
     pub(super) fn finish(&mut self) -> std::io::Result<()> {
-        let Some(OpenSink { sink, .. }) = &mut self.output else { return Ok(()) };
+        let Some(OpenSink { sink, names, .. }) = &mut self.output else { return Ok(()) };
         sink.finish()?;
+        std::mem::take(names).finish()?;
         if let Some(remark) = sink.remark() {
-            let _ = writeln!(std::io::stderr(), "cobscope: {remark}");
+            note(&remark);
         }
         Ok(())
     }

@@ -20,7 +20,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::keymap::Keymap;
+use crate::output_file::{self, Existing};
 use crate::panes::{Layout, PaneId, Panes};
+use crate::path_text::shown;
 use crate::theme::ThemeName;
 
 pub use folders::config as folder;
@@ -84,7 +86,7 @@ impl Config {
 
     /// Reads a file; without it nothing is set.
     fn read(path: &Path) -> anyhow::Result<Self> {
-        let name = path.display();
+        let name = shown(path);
         let size = match path.metadata() {
             Ok(metadata) => metadata.len(),
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
@@ -151,9 +153,9 @@ impl Config {
     pub fn remember(&self) -> anyhow::Result<()> {
         let Some(path) = memory() else { return Ok(()) };
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+            std::fs::create_dir_all(folder).with_context(|| shown(folder))?;
         }
-        std::fs::write(&path, self.text()).with_context(|| path.display().to_string())
+        output_file::write(&path, Existing::Replace, self.text().as_bytes()).with_context(|| shown(&path))
     }
 
     /// Removes the remembered view.
@@ -163,7 +165,7 @@ impl Config {
     pub fn forget() -> anyhow::Result<()> {
         match memory().map(|path| (std::fs::remove_file(&path), path)) {
             Some((Err(error), path)) if error.kind() != ErrorKind::NotFound => {
-                Err(error).with_context(|| path.display().to_string())
+                Err(error).with_context(|| shown(&path))
             }
             _ => Ok(()),
         }

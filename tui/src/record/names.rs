@@ -15,6 +15,7 @@ use cobscope_decoder::sink::escape;
 use jiff::civil::DateTime;
 
 use super::format;
+use crate::path_text::shown;
 
 /// Number of digits of a part number.
 const DIGITS: usize = 4;
@@ -53,8 +54,7 @@ impl Names {
             None => usual_name(now).into(),
         };
         let Some(format) = format::of(&path) else {
-            let shown = path.display().to_string();
-            bail!("{}: {}", escape(&shown), format::unknown(format::suffixes()));
+            bail!("{}: {}", shown(&path), format::unknown(format::suffixes()));
         };
         let names = Self::of(&path, is_numbered)?;
         names.ensure_free()?;
@@ -66,13 +66,11 @@ impl Names {
     /// # Errors
     /// Folder missing or no file name.
     pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
-        let shown = path.display().to_string();
-        let shown = escape(&shown);
+        let name = shown(path);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let is_there = folder.as_os_str().is_empty() || folder.is_dir();
-        let folder_shown = folder.display().to_string();
-        ensure!(is_there, "{shown}: folder {} does not exist; create it first", escape(&folder_shown));
-        let stem = path.file_stem().with_context(|| format!("{shown}: not a file name"))?.to_owned();
+        ensure!(is_there, "{name}: folder {} does not exist; create it first", shown(&folder));
+        let stem = path.file_stem().with_context(|| format!("{name}: not a file name"))?.to_owned();
         let suffix = path.extension().unwrap_or_default().to_owned();
         let names = Self { folder, stem, suffix, is_numbered, number: 1 };
         Ok(names)
@@ -85,7 +83,7 @@ impl Names {
     pub fn ensure_free(&self) -> anyhow::Result<()> {
         match self.find().filter(|_| self.is_numbered) {
             Some(part) => {
-                bail!("{}: part of an earlier capture; {OTHERWISE}", escape(&part.display().to_string()))
+                bail!("{}: part of an earlier capture; {OTHERWISE}", shown(&part))
             }
             None => Ok(()),
         }

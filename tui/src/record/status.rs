@@ -1,13 +1,13 @@
 //! Status of a capture being written.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use cobscope_decoder::capture::Notice;
-use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
 use crate::figures::bytes;
+use crate::path_text::shown;
 
 /// A kind of notice that a format cannot store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -142,10 +142,6 @@ impl fmt::Display for RecordStatus {
 
 fn frames(count: u64) -> String {
     plural(count, "frame")
-}
-
-fn shown(path: &Path) -> String {
-    escape(&path.display().to_string()).into_owned()
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
 use super::ahead::{Frames, ReadAhead};
 use super::original::OriginalFile;
 use super::progress::Progress;
+use crate::path_text::shown;
 
 /// Bytes buffered to detect compression; larger reads bypass the buffer.
 pub(super) const HEAD: usize = 16 * 1024;
@@ -53,25 +54,23 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     let (source, size): (Box<dyn Read + Send>, _) = if path.as_os_str() == "-" {
         (Box::new(std::io::stdin()), None)
     } else {
-        let file = File::open(path).with_context(|| format!("{}: cannot be opened", path.display()))?;
+        let file = File::open(path).with_context(|| format!("{}: cannot be opened", shown(path)))?;
         ensure_no_folder(path)?;
-        let original =
-            OriginalFile::of(path, &file).with_context(|| path.display().to_string())?.map(Arc::new);
+        let original = OriginalFile::of(path, &file).with_context(|| shown(path))?.map(Arc::new);
         match original {
             Some(original) => {
-                let source =
-                    original.once().with_context(|| format!("{}: cannot be opened", path.display()))?;
+                let source = original.once().with_context(|| format!("{}: cannot be opened", shown(path)))?;
                 (Box::new(source), Some(original.length()))
             }
             None => (Box::new(file), None),
         }
     };
     let source = CountedInput { source, taken: Arc::clone(&taken) };
-    let name = path.display();
+    let name = shown(path);
     let mut source = BufReader::with_capacity(HEAD, source);
-    let is_compressed = is_compressed(source.fill_buf().with_context(|| name.to_string())?);
-    let source = decompress(source).with_context(|| name.to_string())?;
-    let reader = Reader::open(source, options).with_context(|| name.to_string())?;
+    let is_compressed = is_compressed(source.fill_buf().with_context(|| name.clone())?);
+    let source = decompress(source).with_context(|| name.clone())?;
+    let reader = Reader::open(source, options).with_context(|| name.clone())?;
     Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
 }
 
@@ -80,7 +79,7 @@ pub(super) fn ensure_no_folder(path: &Path) -> anyhow::Result<()> {
     ensure!(
         !path.is_dir(),
         "{}: a folder; name the captures in it, or use check for all of them",
-        path.display()
+        shown(path)
     );
     Ok(())
 }

@@ -111,11 +111,11 @@ pub fn listen(messages: Sender<Message>, may_answer: bool) -> anyhow::Result<()>
     Ok(())
 }
 
-/// Ends the program on SIGHUP and SIGTERM.
+/// Ends the program on SIGHUP, SIGINT and SIGTERM, so that the terminal is restored.
 #[cfg(unix)]
 fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGTERM};
-    let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGTERM])
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM])
         .context("cannot install the signal handler")?;
     let mind = move || {
         if signals.forever().next().is_some() {

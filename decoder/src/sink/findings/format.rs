@@ -11,6 +11,8 @@ pub struct FindingFormat {
     pub name: &'static str,
     /// Help text, one line.
     pub help: &'static str,
+    /// Text that each report contains within 64 KiB of its start or its end.
+    pub mark: &'static str,
     /// Whether findings refer to lines of the capture ([`super::CaptureResult::lines`]).
     pub has_lines: bool,
     /// Writes the report on all captures.

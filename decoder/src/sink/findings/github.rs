@@ -15,6 +15,7 @@ use crate::sink::escape;
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "github",
     help: "GitHub Actions workflow commands: annotations at the lines of captures",
+    mark: " unreadable; ",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),
 };

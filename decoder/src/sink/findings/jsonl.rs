@@ -224,6 +224,7 @@ pub const KEYS: &[Key] = &[
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "jsonl",
     help: "One JSON object per finding and per capture, and a total (docs/check.schema.json)",
+    mark: "{\"kind\":\"total\",",
     has_lines: false,
     write: |report, _, out| write(report, out),
 };

@@ -15,6 +15,7 @@ use crate::words::plural;
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "junit",
     help: "JUnit XML: one suite per capture, one test case per rule",
+    mark: "<testsuites name=\"cobscope\"",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),
 };

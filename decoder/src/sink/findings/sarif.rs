@@ -12,7 +12,7 @@ use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing};
 use crate::finding::phrase::{sentence, what, who};
 use crate::finding::{Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
-use crate::sink::escape;
+use crate::sink::{escape, escape_json};
 
 /// Page of the program, shown next to its results.
 const INFORMATION: &str = "https://crates.io/crates/cobscope";
@@ -65,6 +65,7 @@ struct SarifResult {
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "sarif",
     help: "SARIF 2.1.0 for code scanning",
+    mark: "\"name\": \"cobscope\"",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),
 };
@@ -105,7 +106,7 @@ fn write(report: &Report, out: &mut String) {
             results,
         }],
     };
-    out.push_str(&serde_json::to_string_pretty(&log).unwrap_or_default());
+    out.push_str(&escape_json(&serde_json::to_string_pretty(&log).unwrap_or_default()));
     out.push('\n');
 }
 

@@ -38,6 +38,7 @@ struct Page<'a> {
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "text",
     help: "One line per finding, and a summary table",
+    mark: " unreadable; ",
     has_lines: false,
     write: |report, options, out| write_at_once(out, |text| write(report, options, text)),
 };

@@ -1,10 +1,12 @@
 //! Writer for one JSON object.
 
+use std::borrow::Cow;
 use std::io::Write as _;
 
 use crate::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
 use crate::frame::CanId;
 use crate::query::record::{FieldValue, Fields};
+use crate::sink::escape_json;
 
 /// Offsets of the parts of a line that vary between events of the same kind.
 #[derive(Debug, Clone, Copy, Default)]
@@ -75,13 +77,15 @@ impl<'a> Object<'a> {
     }
 
     fn text(&mut self, text: &str) {
-        let is_plain = text.bytes().all(|byte| byte >= b' ' && byte != b'"' && byte != b'\\');
-        if is_plain {
+        let is_literal = text.bytes().all(|byte| byte >= b' ' && byte != b'"' && byte != b'\\')
+            && matches!(escape_json(text), Cow::Borrowed(_));
+        if is_literal {
             self.line.push(b'"');
             self.line.extend_from_slice(text.as_bytes());
             self.line.push(b'"');
-        } else if serde_json::to_writer(&mut *self.line, text).is_err() {
-            self.line.extend_from_slice(b"null");
+        } else {
+            let json = serde_json::to_string(text).unwrap_or_else(|_| "null".to_owned());
+            self.line.extend_from_slice(escape_json(&json).as_bytes());
         }
     }
 

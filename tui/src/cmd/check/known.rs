@@ -1,17 +1,19 @@
 //! The baseline of a run: comparison and update.
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::{Context as _, anyhow, bail};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::Report;
 use cobscope_decoder::sink::findings::baseline::Baseline;
 use cobscope_decoder::words::plural;
 
 use crate::cli::CheckArgs;
+use crate::cmd::input::limited;
 use crate::cmd::messages::{Refusal, note};
 use crate::exit_code::Exit;
+use crate::output_file::{self, Existing};
+use crate::path_text::shown;
 
 /// Use of the file of `--baseline`.
 pub(super) enum KnownFindings<'a> {
@@ -55,7 +57,7 @@ impl<'a> KnownFindings<'a> {
             }
             Self::Replaced { path, .. } if exit == Exit::Capture => note(&format!(
                 "{}: not updated; a capture is unreadable, and its entries would be lost",
-                path.display()
+                shown(path)
             )),
             Self::Replaced { path, before } => replace(path, &before, report)?,
         }
@@ -71,19 +73,19 @@ fn first_file(capture: &str) -> &Path {
 }
 
 fn compared(path: &Path) -> anyhow::Result<Baseline> {
-    let name = path.display();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{name}: cannot be read (--update-baseline creates it)"))?;
+    let name = shown(path);
+    if matches!(path.try_exists(), Ok(false)) {
+        bail!("{name}: no such file; --update-baseline creates it");
+    }
+    let text = limited::text(path)?;
     Baseline::parse(&text).map_err(|error| anyhow!("{name}: not a valid baseline: {}", escape(&error)))
 }
 
 /// Content of the baseline to update; empty if there is no file or an empty file.
 fn replaced(path: &Path) -> anyhow::Result<Baseline> {
-    let name = path.display();
-    let bytes = match std::fs::read(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Baseline::default()),
-        bytes => bytes.with_context(|| format!("{name}: cannot be read"))?,
-    };
+    let name = shown(path);
+    let is_missing = matches!(path.try_exists(), Ok(false));
+    let bytes = if is_missing { Vec::new() } else { limited::bytes(path)? };
     if bytes.is_empty() {
         return Ok(Baseline::default());
     }
@@ -94,11 +96,12 @@ fn replaced(path: &Path) -> anyhow::Result<Baseline> {
 
 /// Writes the current findings as the new baseline. Entries of captures that were not checked are kept.
 fn replace(path: &Path, before: &Baseline, report: &mut Report) -> anyhow::Result<()> {
-    let name = path.display();
+    let name = shown(path);
     let mut baseline = Baseline::of(report);
     // Stdin always exists.
     let others = baseline.keep(before, report, |capture| capture == "-" || first_file(capture).exists());
-    std::fs::write(path, baseline.text()).with_context(|| format!("{name}: cannot be written"))?;
+    output_file::write(path, Existing::Replace, baseline.text().as_bytes())
+        .with_context(|| format!("{name}: cannot be written"))?;
     baseline.compare(report);
     // Kept entries are reported below; they do not fail the run.
     report.absent.clear();

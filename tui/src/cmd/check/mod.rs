@@ -3,6 +3,7 @@
 mod judge;
 mod known;
 mod pages;
+mod replaced;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -16,11 +17,12 @@ use cobscope_decoder::words::plural;
 
 use super::captures::{self, Source};
 use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
-use super::messages::{Refusal, complain, note};
-use super::output::{ensure_not_read, files_read, is_colored, output, write_result};
+use super::messages::{Refusal, complain, note, warn};
+use super::output::{FileNaming, ensure_not_read, files_read, is_colored, output, write_result};
 use super::report;
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
+use crate::path_text::shown;
 use known::KnownFindings;
 
 /// Runs the command.
@@ -47,8 +49,11 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
     let known = KnownFindings::read(arguments)?;
     // Opens the output before the check, so that an error is reported at once.
-    let mut output =
-        output(arguments.output.as_deref(), &arguments.baseline).map_err(|error| (Exit::Usage, error))?;
+    if let Some(path) = &arguments.output {
+        replaced::ensure_report(path).map_err(|error| (Exit::Usage, error))?;
+    }
+    let mut output = output(arguments.output.as_deref(), FileNaming::REPLACE, &arguments.baseline)
+        .map_err(|error| (Exit::Usage, error))?;
 
     let captures = captures::series(&captures, &arguments.input);
     let judged = judge::judge_all(&captures, arguments, &options, &setup);
@@ -60,15 +65,15 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if !empty.is_empty() || judged.iter().any(|one| one.has_failed) {
         exit = exit.max(Exit::Capture);
     }
-    messages.extend(empty.iter().map(|folder| format!("{}: no captures", folder.display())));
+    messages.extend(empty.iter().map(|folder| format!("{}: no captures", shown(folder))));
     for message in messages {
-        let _ = writeln!(io::stderr(), "cobscope: {message}");
+        warn(&message);
     }
     let judged = judged.into_iter().filter_map(|one| Some((one.judged?, one.selected)));
     let (results, selected): (Vec<_>, Vec<_>) = judged.unzip();
     let mut report = Report { captures: results, least: arguments.fail_on.least(), ..Report::default() };
     report.require(&arguments.require_exercised);
-    known.apply(&mut report, exit).map_err(|error| (Exit::Usage, error))?;
+    known.apply(&mut report, exit).map_err(|error| (Exit::Capture, error))?;
     // The baseline covers all findings, also those that are not printed.
     for (capture, selected) in report.captures.iter_mut().zip(selected) {
         if let Some(selected) = selected {
@@ -87,7 +92,7 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if let Some(folder) = &arguments.report {
         exit = exit.max(pages::write(&report, &found, (folder, arguments), (&options, &setup))?);
     }
-    let written = write(&report, arguments, &mut output).and_then(|()| output.flush());
+    let written = write(&report, arguments, &mut output).and_then(|()| output.finish());
     Ok(exit.max(write_result(written)))
 }
 

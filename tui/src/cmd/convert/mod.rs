@@ -25,6 +25,7 @@ use super::input::{read_options, session_options, unknown_buses};
 use super::messages::{complain, note};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
+use crate::path_text::shown;
 use crate::record::format;
 use crate::select::ensure_order;
 use crate::source::time_span;
@@ -125,7 +126,7 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
 fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static WritableFormat> {
     let Some(name) = &arguments.format else {
         let found = format::of(out);
-        let shown = out.display().to_string();
+        let shown = shown(out);
         return found.with_context(|| {
             let known = format::unknown(format::suffixes());
             format!("{}: {known}; or use -f", escape(&shown))

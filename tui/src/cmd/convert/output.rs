@@ -1,6 +1,5 @@
 //! Output of a conversion: one file, several, or stdout.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,7 +12,9 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
 use crate::cli::ConvertArgs;
-use crate::cmd::output::{ensure_not_read, files_known};
+use crate::cmd::output::{ensure_not_read, files_known, refused};
+use crate::output_file::{self, Existing, FinalName};
+use crate::path_text::shown;
 use crate::record::Names;
 
 /// Size of the output buffer, in bytes.
@@ -51,6 +52,7 @@ pub(super) struct Output {
 
 struct OutputPart {
     writer: Box<dyn FrameWriter>,
+    name: FinalName,
     written: Arc<AtomicU64>,
     frames: u64,
     /// Bus names in order of appearance, for formats with bus numbers.
@@ -100,23 +102,27 @@ impl Output {
 
     /// Starts the next file.
     fn begin(&mut self) -> anyhow::Result<()> {
+        let mut name = FinalName::at_once();
         let output: Box<dyn Write + Send> = match &mut self.names {
             None => Box::new(io::stdout()),
             Some(names) => {
                 self.path = names.next();
                 names.number += 1;
                 ensure_not_read(&self.path, &self.read)?;
-                let mut options = File::options();
+                ensure_not_read(&output_file::part_of(&self.path), &self.read)?;
                 // Files of the user are overwritten only with `--force`.
-                options.write(true).truncate(self.force).create(self.force).create_new(!self.force);
-                Box::new(options.open(&self.path).map_err(|error| refused(&self.path, &error))?)
+                let existing = if self.force { Existing::Replace } else { Existing::Keep };
+                let created = output_file::create(&self.path, existing);
+                let (file, final_name) = created.map_err(|error| refused(&self.path, &error))?;
+                name = final_name;
+                Box::new(file)
             }
         };
         let written = Arc::new(AtomicU64::new(0));
         let counted =
             CountedOutput { output: BufWriter::with_capacity(BUFFER, output), written: Arc::clone(&written) };
         let writer = (self.format.writer)(Box::new(counted), &self.options);
-        self.part = Some(OutputPart { writer, written, frames: 0, buses: Vec::new() });
+        self.part = Some(OutputPart { writer, name, written, frames: 0, buses: Vec::new() });
         self.parts += 1;
         // The precision of the time of the first frame differs between files.
         self.losses.begin();
@@ -181,22 +187,19 @@ impl Output {
         Ok(())
     }
 
-    /// Removes a file without frames, which would look like a capture.
-    fn remove(&self) {
-        let is_file = self.path.symlink_metadata().is_ok_and(|metadata| metadata.is_file());
-        if self.names.is_some() && is_file {
-            // A file that cannot be removed remains; it was already reported as empty.
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
-
+    /// Ends a file. One without frames would look like a capture, and is removed.
     fn end(&mut self) -> anyhow::Result<()> {
         let Some(mut part) = self.part.take() else { return Ok(()) };
         self.is_numbered_anew |= part.buses.iter().zip(&self.numbered).any(|(one, other)| one != other);
         if part.buses.len() > self.numbered.len() {
             self.numbered = part.buses;
         }
-        part.writer.finish().with_context(|| failed(&self.path))
+        part.writer.finish().with_context(|| failed(&self.path))?;
+        if part.frames == 0 {
+            part.name.discard();
+            return Ok(());
+        }
+        part.name.finish().with_context(|| failed(&self.path))
     }
 
     /// Note on bus numbers, unless they equal the names; `buses` are all buses of the input.
@@ -223,11 +226,8 @@ impl Output {
     pub(super) fn finish(mut self, buses: &BusNames, has_frames: bool) -> anyhow::Result<Vec<String>> {
         self.end()?;
         let mut notes = Vec::new();
-        if self.frames == 0 {
-            self.remove();
-        }
         if self.frames == 0 && has_frames {
-            notes.push(format!("{}: no frames selected", self.path.display()));
+            notes.push(format!("{}: no frames selected", shown(&self.path)));
         }
         let lost = self.losses.texts();
         if !lost.is_empty() {
@@ -259,17 +259,8 @@ fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertAr
     Ok(())
 }
 
-fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
-    let shown = path.display().to_string();
-    let shown = escape(&shown);
-    match error.kind() {
-        io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: file exists; use --force to overwrite it"),
-        _ => anyhow::anyhow!("{shown}: cannot be created: {error}"),
-    }
-}
-
 fn failed(path: &Path) -> String {
-    format!("{}: cannot be written", path.display())
+    format!("{}: cannot be written", shown(path))
 }
 
 /// Writer that counts bytes.

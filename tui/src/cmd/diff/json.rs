@@ -4,6 +4,7 @@ use cobscope_decoder::bus_file::DiffTolerances;
 use cobscope_decoder::comparison::{
     CaptureRecord, Comparison, Difference, Mark, Observation, Side, UnobservedSubject,
 };
+use cobscope_decoder::sink::escape_json;
 use serde_json::{Value, json};
 
 /// Writes the report and a line end.
@@ -36,7 +37,7 @@ pub(super) fn write(
             "time_ms": tolerances.time_ms,
         },
     });
-    output.push_str(&report.to_string());
+    output.push_str(&escape_json(&report.to_string()));
     output.push('\n');
 }
 

@@ -8,14 +8,13 @@ mod j1939;
 mod object;
 mod uds;
 
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use cobscope_decoder::profile::{self, Device, ProfileError};
-use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
+use super::messages::{note, warn};
 use super::output::print;
 use super::rules;
 use crate::exit_code::Exit;
@@ -55,7 +54,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
                 None => format!("found \"{shown}\"; {FORMS}"),
             },
         };
-        let _ = writeln!(std::io::stderr(), "cobscope: explain: {text}");
+        note(&format!("explain: {text}"));
         return Exit::Usage;
     }
     print(readings.join("\n").as_bytes())
@@ -65,9 +64,7 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
 fn refuse(error: &ProfileError) -> Exit {
     let is_broken = matches!(error, ProfileError::Broken { .. });
     let list = if is_broken { "" } else { " (cobscope profiles list)" };
-    let text = error.to_string();
-    let lines: Vec<_> = text.lines().map(escape).collect();
-    let _ = writeln!(std::io::stderr(), "cobscope: {}{list}", lines.join("\n"));
+    warn(&format!("{error}{list}"));
     if is_broken { Exit::Profile } else { Exit::Usage }
 }
 

@@ -8,8 +8,9 @@ use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile};
 use cobscope_decoder::words::plural;
 
-use super::device_files::bytes;
+use super::limited::bytes;
 use crate::cli::InputArgs;
+use crate::path_text::shown;
 
 /// Maximum number of problems printed per file.
 const TOLD: usize = 5;
@@ -59,7 +60,7 @@ impl Reader<'_> {
         if let Some(file) = self.files.get(path) {
             return Ok(file.clone());
         }
-        let shown = path.display();
+        let shown = shown(path);
         let file = dbc::parse(&bytes(path)?).map_err(|problem| anyhow::anyhow!("{shown}:{problem}"))?;
         for problem in file.problems.iter().take(TOLD) {
             self.problems.push(format!("{shown}:{problem}"));

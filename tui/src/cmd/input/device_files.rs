@@ -1,8 +1,6 @@
 //! EDS, DCF, XDD and XDC files: reading, problems, assignment to nodes, and use as profiles.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,14 +12,13 @@ use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
+use super::limited::bytes;
 use crate::cli::{EdsArg, InputArgs};
 use crate::cmd::messages::warn;
+use crate::path_text::shown;
 
 /// Maximum number of problems printed per file.
 const TOLD: usize = 5;
-
-/// Maximum file size in bytes; the largest known file has 0.5 MB.
-const LARGEST: u64 = 64 << 20;
 
 /// Whether a file name has the suffix of a device file.
 pub(in crate::cmd) fn is_device_file(path: &Path) -> bool {
@@ -39,26 +36,13 @@ pub(in crate::cmd) fn name(path: &Path) -> String {
 /// # Errors
 /// If the file is unreadable or not a device file.
 pub(in crate::cmd) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
-    let file = device_file::parse(&bytes(path)?).with_context(|| path.display().to_string())?;
+    let file = device_file::parse(&bytes(path)?).with_context(|| shown(path))?;
     Ok(Arc::new(file))
-}
-
-/// Reads a file of limited size.
-///
-/// # Errors
-/// If the file is unreadable or too large.
-pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let shown = path.display();
-    let mut bytes = Vec::new();
-    let file = File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
-    file.take(LARGEST + 1).read_to_end(&mut bytes).with_context(|| format!("{shown}: cannot be read"))?;
-    anyhow::ensure!(bytes.len() as u64 <= LARGEST, "{shown}: larger than {} MiB", LARGEST >> 20);
-    Ok(bytes)
 }
 
 /// Problems of a file, one line each: `pump.eds:12: reason`.
 pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
-    let shown = path.display();
+    let shown = shown(path);
     let line = |problem: &device_file::Problem| match problem.line {
         0 => format!("{shown}: {}", problem.reason),
         line => format!("{shown}:{line}: {}", problem.reason),
@@ -108,7 +92,7 @@ impl Reader<'_> {
         };
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
         if let Some(own) = own.filter(|own| node != NodeId::Canopen(*own)) {
-            self.problems.push(format!("{}: for node {own}; used for node {node}", path.display()));
+            self.problems.push(format!("{}: for node {own}; used for node {node}", shown(path)));
         }
         Ok(device)
     }
@@ -118,7 +102,7 @@ impl Reader<'_> {
 fn first_problems(path: &Path, file: &DeviceFile) -> Vec<String> {
     let mut lines = problem_lines(path, file);
     if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
-        let shown = path.display();
+        let shown = shown(path);
         lines.truncate(TOLD);
         lines.push(format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
     }

@@ -2,6 +2,7 @@
 
 mod databases;
 pub(super) mod device_files;
+pub(super) mod limited;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -139,9 +140,7 @@ pub(super) fn files_named(path: &Path) -> Vec<PathBuf> {
 }
 
 fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
-    let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
-    Ok((name, text))
+    Ok((path.display().to_string(), limited::text(path)?))
 }
 
 /// Configuration of rules from the bus file; `today` is the reference date for expired suppressions (default:
@@ -227,9 +226,6 @@ pub(super) fn common_catalogue(folders: &[PathBuf]) -> Catalogue {
 
 fn add_folders(catalogue: &mut Catalogue, folders: &[PathBuf]) {
     for folder in folders {
-        if !folder.is_dir() {
-            warn(&format!("{}: not a folder", folder.display()));
-        }
         add_folder(catalogue, folder);
     }
 }
@@ -252,7 +248,7 @@ fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
 /// Adds the other profiles of a folder, because the profile `but` may extend them.
 pub(super) fn add_siblings(catalogue: &mut Catalogue, folder: &Path, but: &Path) {
     for path in files_in(folder, is_profile).iter().filter(|path| path.as_path() != but) {
-        let text = std::fs::read_to_string(path).unwrap_or_default();
+        let text = limited::text(path).unwrap_or_default();
         // Errors in them are reported only if a profile extends them.
         let _ = catalogue.add_text(&path.display().to_string(), &text);
     }
@@ -274,8 +270,9 @@ fn files_in(folder: &Path, picks: fn(&Path) -> bool) -> Vec<PathBuf> {
 fn add_file(catalogue: &mut Catalogue, path: &Path) {
     let name = path.display().to_string();
     let stem = path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-    let Ok(text) = std::fs::read_to_string(path) else {
-        return warn(&format!("{name}: cannot be read"));
+    let text = match limited::text(path) {
+        Ok(text) => text,
+        Err(error) => return warn(&format!("{error:#}")),
     };
     if is_bus_file(&text) {
         return;

@@ -50,7 +50,7 @@ pub(super) fn watch(
     });
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
     check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (Exit::Usage, error))?;
-    let printer = Printer::new(&arguments.lines, &arguments.select, &files_read(&arguments.input))
+    let printer = Printer::new(&arguments.lines, &arguments.select, true, &files_read(&arguments.input))
         .map_err(|error| (Exit::Usage, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
     let sources = sources().map_err(|error| (Exit::Capture, error))?;

@@ -11,7 +11,7 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::Value;
 use cobscope_decoder::session::{Bus, Buses, Entry, Node, Observer};
-use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::{escape, escape_json};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
@@ -121,7 +121,8 @@ fn print_bus(
         return table(node, first, output);
     }
     for (object, entry) in node.store().sorted() {
-        let _ = writeln!(output, "{}", record(bus, node, object, entry, capture));
+        let record = record(bus, node, object, entry, capture).to_string();
+        let _ = writeln!(output, "{}", escape_json(&record));
     }
 }
 
@@ -134,7 +135,7 @@ fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output:
         ReportFormat::Json => {
             let record =
                 json!({"capture": capture, "bus": bus.name(), "node": node.id().number(), "objects": count});
-            writeln!(output, "{record}")
+            writeln!(output, "{}", escape_json(&record.to_string()))
         }
     };
 }

@@ -8,7 +8,7 @@ use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject, Kind};
 use cobscope_decoder::profile::{DataType, Value};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
-use cobscope_decoder::sink::escape;
+use cobscope_decoder::sink::{escape, escape_json};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use serde_json::json;
@@ -16,6 +16,7 @@ use serde_json::json;
 use super::entry::{hex, label, place};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::cmd::input::device_files;
+use crate::path_text::shown;
 
 /// Store and restore parameters: a read returns the capability of the device, not a configured value.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];
@@ -40,7 +41,7 @@ impl Want {
     /// # Errors
     /// If the file is unreadable or contains no values, or if the node is unknown.
     pub(super) fn new(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<Self> {
-        let shown = path.display();
+        let shown = shown(path);
         let file = device_files::read(path)?;
         let wants = file.objects.iter().any(|object| object.value.is_some());
         let why = match file.kind {
@@ -134,7 +135,7 @@ impl Want {
                 "frame": compared.is.map(|entry| entry.origin.frame).filter(|frame| *frame != 0),
                 "stale": compared.is.map(|entry| entry.stale),
             });
-            let _ = writeln!(output, "{record}");
+            let _ = writeln!(output, "{}", escape_json(&record.to_string()));
         }
     }
 }

@@ -5,7 +5,6 @@ mod markdown;
 mod page;
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
@@ -15,7 +14,8 @@ use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
-use super::input::{add_siblings, device_files};
+use super::input::{add_siblings, device_files, limited};
+use super::messages::warn;
 use super::output::print;
 use crate::cli::{PageFormat, ProfilesCommand};
 use crate::exit_code::Exit;
@@ -35,10 +35,6 @@ pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
         ProfilesCommand::Check { files } => check_files(files),
         ProfilesCommand::Import { file } => import(file),
     }
-}
-
-fn complain(text: &str) {
-    let _ = writeln!(std::io::stderr(), "cobscope: {text}");
 }
 
 /// Prints one line per device and variant.
@@ -63,7 +59,7 @@ fn list(catalogue: &Catalogue) -> Exit {
             Err(error) => {
                 // An unreadable file has no content and was already reported.
                 if catalogue.content_of(&id).is_none_or(|origin| !origin.is_empty()) {
-                    complain(&error.to_string());
+                    warn(&error.to_string());
                 }
                 let _ = writeln!(text, "{:<24} invalid", escape(&id));
                 exit = Exit::Profile;
@@ -77,11 +73,11 @@ fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String)
     match catalogue.device(profile) {
         Ok(device) => print(shown(&device).as_bytes()),
         Err(error @ ProfileError::Broken { .. }) => {
-            complain(&error.to_string());
+            warn(&error.to_string());
             Exit::Profile
         }
         Err(error) => {
-            complain(&format!("{error} (cobscope profiles list)"));
+            warn(&format!("{error} (cobscope profiles list)"));
             Exit::Usage
         }
     }
@@ -103,10 +99,10 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
             exit = exit.max(check_device_file(path));
             continue;
         }
-        match std::fs::read_to_string(path) {
+        match limited::text(path) {
             Ok(text) => exit = exit.max(check_one(path, &name, &text)),
             Err(error) => {
-                complain(&format!("{}: {error}", escape(&name)));
+                warn(&format!("{error:#}"));
                 exit = Exit::Profile;
             }
         }
@@ -119,13 +115,13 @@ fn check_device_file(path: &Path) -> Exit {
     let file = match device_files::read(path) {
         Ok(file) => file,
         Err(error) => {
-            complain(&escape(&format!("{error:#}")));
+            warn(&format!("{error:#}"));
             return Exit::Profile;
         }
     };
     let lines = device_files::problem_lines(path, &file);
     for line in &lines {
-        complain(&escape(line));
+        warn(line);
     }
     if !lines.is_empty() {
         return Exit::Profile;
@@ -139,7 +135,7 @@ fn import(path: &Path) -> Exit {
     match device_files::read(path) {
         Ok(file) => print(imported::toml(&file, &device_files::name(path)).as_bytes()),
         Err(error) => {
-            complain(&escape(&format!("{error:#}")));
+            warn(&format!("{error:#}"));
             Exit::Profile
         }
     }
@@ -151,14 +147,14 @@ fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     let folder = path.parent().unwrap_or(Path::new("."));
     add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
-        complain(&error.to_string());
+        warn(&error.to_string());
         return Exit::Profile;
     }
     let Ok(file) = ProfileFile::parse(text) else { return Exit::Profile };
     let ids = check_ids(text);
     if !ids.is_empty() {
         for error in &ids {
-            complain(&error.show(name));
+            warn(&error.show(name));
         }
         return Exit::Profile;
     }
@@ -181,7 +177,7 @@ fn check_one(path: &Path, name: &str, text: &str) -> Exit {
     }
     problems.dedup();
     for error in &problems {
-        complain(error);
+        warn(error);
     }
     if !problems.is_empty() {
         return Exit::Profile;

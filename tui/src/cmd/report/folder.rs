@@ -1,6 +1,7 @@
 //! Pages of several captures in a folder, with an index page.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,7 +10,6 @@ use cobscope_decoder::finding::{Group, Severity};
 use cobscope_decoder::report::html::{IndexPage, IndexRow, RuleCount, write_index};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::plural;
 
 use super::provenance::command;
@@ -18,8 +18,9 @@ use super::{attach, page};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::messages::{Refusal, complain, note};
-use crate::cmd::output::{ensure_not_read, files_read, output, write_result};
+use crate::cmd::output::{FileNaming, ensure_not_read, files_read, output, write_result};
 use crate::exit_code::Exit;
+use crate::path_text;
 
 /// Name of the index page.
 const INDEX: &str = "index";
@@ -58,7 +59,7 @@ impl PageFolder {
         style: PageStyle,
         read: Vec<PathBuf>,
     ) -> anyhow::Result<Self> {
-        let shown = escape(&folder.display().to_string()).into_owned();
+        let shown = path_text::shown(folder);
         std::fs::create_dir_all(folder).with_context(|| format!("{shown}: cannot create the folder"))?;
         let names = BTreeSet::from([INDEX.to_owned()]);
         Ok(Self { folder: folder.to_owned(), style, names, rows: Vec::new(), read })
@@ -120,10 +121,11 @@ impl PageFolder {
             command: command(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let mut output = output(Some(&path), &self.read).map_err(|error| (Exit::Usage, error))?;
+        let mut output =
+            output(Some(&path), FileNaming::REPLACE, &self.read).map_err(|error| (Exit::Usage, error))?;
         let text = write_index(&index);
-        let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.flush()));
-        note(&format!("{}: {} and {INDEX}.html", self.folder.display(), plural(pages, "report")));
+        let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish()));
+        note(&format!("{}: {} and {INDEX}.html", path_text::shown(&self.folder), plural(pages, "report")));
         Ok(exit)
     }
 }

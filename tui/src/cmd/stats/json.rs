@@ -2,6 +2,7 @@
 
 use cobscope_decoder::event::Certainty;
 use cobscope_decoder::session::{Bus, Node};
+use cobscope_decoder::sink::escape_json;
 use cobscope_decoder::statistics::{
     BusStatistics, CodeCounts, Distribution, Intervals, NodeStatistics, ReactionTime,
 };
@@ -39,7 +40,7 @@ pub fn write(report: &Report<'_>, output: &mut String) {
         "silences": quality.silences.0,
         "buses": buses,
     });
-    output.push_str(&record.to_string());
+    output.push_str(&escape_json(&record.to_string()));
     output.push('\n');
 }
 

@@ -23,7 +23,7 @@ use crate::words::{commands, error_frames, faults, period, protocols, rates, sin
 pub fn write(report: &Report<'_>, output: &mut String) {
     let mut text = String::new();
     let start = report.statistics.quality.first.unwrap_or(0);
-    let _ = writeln!(text, "== {} ({})", report.capture, report.format);
+    let _ = writeln!(text, "== {} ({})", escape(&report.capture), report.format);
     quality(report, &mut text);
     for (bus, statistics) in report.decoder.buses().iter().zip(&report.statistics.buses) {
         let _ = writeln!(text);

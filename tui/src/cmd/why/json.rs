@@ -5,8 +5,8 @@ use cobscope_decoder::event::{Certainty, Event};
 use cobscope_decoder::finding::Occurrence;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::session::{Bus, Buses};
-use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::{EventSink as _, escape_json};
 use cobscope_decoder::why::{
     FaultGrade, Moment, NodeState, PointState, Reaction, Report, Rhythm, StoppedMessage,
 };
@@ -71,7 +71,7 @@ pub(super) fn line(
         ("not_canopen", list(doubts)),
         ("sdo_dialogues", list(dialogues)),
     ];
-    object(&members)
+    escape_json(&object(&members)).into_owned()
 }
 
 /// A JSON object from members that are already JSON.

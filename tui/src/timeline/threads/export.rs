@@ -1,6 +1,5 @@
 //! Exports a part of the captures: frames in any writable format, or the shown events.
 
-use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
@@ -15,6 +14,8 @@ use cobscope_decoder::sink::{
 };
 use cobscope_decoder::words::plural;
 
+use crate::output_file::{self, Existing, FinalName};
+use crate::path_text::shown;
 use crate::record::format::{self, part_of};
 use crate::timeline::shared::Shared;
 use crate::timeline::walk::Walk;
@@ -70,10 +71,14 @@ impl Export {
 pub(in crate::timeline) fn run(shared: &Shared, export: &Export, news: &Sender<News>) {
     let mut files = ExportFiles { path: &export.path, opened: Vec::new() };
     let told = write(shared, export, &mut files);
-    let names: Vec<_> = files.opened.iter().map(|path| path.display().to_string()).collect();
+    let names: Vec<_> = files.opened.iter().map(|(path, _)| shown(path)).collect();
+    let told = told.and_then(|what| {
+        anyhow::ensure!(!shared.is_over(), "the program ended before the file was whole");
+        files.finish().map(|()| what).context("cannot be written")
+    });
     let told = told
         .map(|what| format!("{}: {what}", names.join(", ")))
-        .map_err(|error| format!("{}: {error:#}", export.path.display()));
+        .map_err(|error| format!("{}: {error:#}", shown(&export.path)));
     // The application may have ended.
     let _ = news.send(News::Exported(told));
 }
@@ -97,23 +102,24 @@ fn write(shared: &Shared, export: &Export, files: &mut ExportFiles<'_>) -> anyho
 /// Files of an export. Existing files are never overwritten.
 struct ExportFiles<'a> {
     path: &'a Path,
-    opened: Vec<PathBuf>,
+    opened: Vec<(PathBuf, FinalName)>,
 }
 
 impl ExportFiles<'_> {
     fn open(&mut self, path: PathBuf) -> io::Result<Output> {
-        let file =
-            File::options().write(true).create_new(true).open(&path).map_err(|error| refusal(&error))?;
-        self.opened.push(path);
+        let (file, name) = output_file::create(&path, Existing::Keep).map_err(|error| refusal(&error))?;
+        self.opened.push((path, name));
         Ok(Box::new(BufWriter::with_capacity(BUFFER, file)))
     }
 
+    /// Gives the files their names; all of them were written.
+    fn finish(self) -> io::Result<()> {
+        self.opened.into_iter().try_for_each(|(_, name)| name.finish())
+    }
+
     /// Removes the empty files again.
-    fn discard(&self) {
-        for path in &self.opened {
-            // A remaining empty file does no harm.
-            let _ = fs::remove_file(path);
-        }
+    fn discard(&mut self) {
+        self.opened.drain(..).for_each(|(_, name)| name.discard());
     }
 }
 
@@ -125,7 +131,7 @@ impl OutputFiles for ExportFiles<'_> {
     fn part(&mut self, content: &str) -> io::Result<Output> {
         let suffix = format::suffix(self.path);
         let path = part_of(self.path, content, suffix).ok_or(ErrorKind::InvalidFilename)?;
-        let name = path.display().to_string();
+        let name = shown(&path);
         self.open(path).map_err(|error| io::Error::other(format!("{name}: {error}")))
     }
 

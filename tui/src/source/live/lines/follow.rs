@@ -9,13 +9,14 @@ use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
 use super::super::SourceEnd;
 use super::outlet::Outlet;
+use crate::path_text::shown;
 
 /// Interval between two checks of a file without new data.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Reads the file at `path` and its replacements until the receiver ends.
 pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> SourceEnd {
-    let shown = path.display();
+    let shown = shown(path);
     let mut has_said = false;
     while !outlet.is_over() {
         let mut growing = match GrowingFile::open(path, outlet) {
@@ -48,7 +49,7 @@ pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> Source
 }
 
 fn failed(path: &Path, error: CaptureError) -> SourceEnd {
-    SourceEnd::Failed(anyhow::Error::new(error).context(path.display().to_string()))
+    SourceEnd::Failed(anyhow::Error::new(error).context(shown(path)))
 }
 
 /// A file that may grow.

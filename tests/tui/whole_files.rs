@@ -1,0 +1,243 @@
+//! Output files take their name when they are whole, and replace nothing that the user did not name; messages and JSON
+//! contain no control characters of a capture or a file name.
+#![cfg(unix)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::cli::{Output, run_in};
+
+const BOOT: &str = "(1700000000.000000) can0 705#00\n(1700000000.100000) can0 705#05\n";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.log"), BOOT).unwrap();
+    folder
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<_> = entries.map(|name| name.to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn decode_replaces_a_file_only_if_forced() {
+    let folder = folder();
+    fs::write(folder.path().join("notes.txt"), "mine").unwrap();
+    let decode = |words: &[&str]| run_in(folder.path(), &[&["decode", "a.log"], words].concat(), "");
+    let refused = decode(&["-o", "notes.txt"]);
+    let expected = "cobscope: notes.txt: file exists; use --force to overwrite it\n";
+    assert_eq!((refused.code, refused.stderr.as_str()), (2, expected));
+    assert_eq!(fs::read(folder.path().join("notes.txt")).unwrap(), b"mine");
+    assert_eq!(decode(&["-o", "notes.txt", "--force"]).code, 0);
+    assert!(fs::read_to_string(folder.path().join("notes.txt")).unwrap().contains("boot-up"));
+    assert_eq!(names(folder.path()), ["a.log", "notes.txt"]);
+    // A device is not replaced.
+    assert_eq!(decode(&["-o", "/dev/null"]).code, 0);
+}
+
+#[cfg(feature = "parquet")]
+#[test]
+fn neither_of_two_files_is_replaced() {
+    let folder = folder();
+    fs::write(folder.path().join("run.signals.parquet"), "mine").unwrap();
+    let words = ["decode", "-f", "parquet", "-o", "run.parquet", "a.log"];
+    assert_eq!(run_in(folder.path(), &words, "").code, 2);
+    assert_eq!(fs::read(folder.path().join("run.signals.parquet")).unwrap(), b"mine");
+    let forced = [&words[..], &["--force"]].concat();
+    assert_eq!(run_in(folder.path(), &forced, "").code, 0);
+    assert_eq!(names(folder.path()), ["a.log", "run.events.parquet", "run.signals.parquet"]);
+}
+
+#[test]
+fn check_replaces_its_reports_and_nothing_else() {
+    let folder = folder();
+    let formats = ["text", "jsonl", "junit", "sarif", "github"];
+    let check = |format: &str, output: &str| {
+        run_in(folder.path(), &["check", "a.log", "-f", format, "-o", output], "")
+    };
+    for one in formats {
+        for other in formats {
+            assert_eq!(check(one, "report").code, 0, "{one}");
+            let replaced = check(other, "report");
+            assert_eq!((replaced.code, replaced.stderr.as_str()), (0, ""), "{one}, then {other}");
+        }
+    }
+    for content in ["mine\n", "{\"kind\": \"other\"}\n", "<?xml version=\"1.0\"?>\n<a/>\n"] {
+        fs::write(folder.path().join("other"), content).unwrap();
+        let refused = check("sarif", "other");
+        let expected = "cobscope: other: not overwritten; expected a report of cobscope check, or no file\n";
+        assert_eq!((refused.code, refused.stderr.as_str()), (2, expected));
+        assert_eq!(fs::read_to_string(folder.path().join("other")).unwrap(), content);
+    }
+    fs::write(folder.path().join("empty"), "").unwrap();
+    assert_eq!(check("junit", "empty").code, 0);
+}
+
+/// Runs the program where no file can have more than 1,024 bytes.
+fn run_on_full_disk(folder: &Path, words: &[&str]) -> Output {
+    // An ignored signal stays ignored in the program, which sees an error instead.
+    const LIMITED: &str = "trap '' XFSZ; ulimit -f 2; exec \"$@\"";
+    let mut command = Command::new("sh");
+    command.current_dir(folder).args(["-c", LIMITED, "sh", env!("CARGO_BIN_EXE_cobscope")]).args(words);
+    let output = command.output().unwrap();
+    Output {
+        code: output.status.code().unwrap(),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+#[test]
+fn on_a_full_disk_an_output_stays_a_part() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.log"), BOOT.repeat(200)).unwrap();
+    let mut outputs = vec![
+        (vec!["decode", "--all", "a.log", "-o"], "out.txt"),
+        (vec!["decode", "-f", "jsonl", "a.log", "-o"], "out.jsonl"),
+        (vec!["check", "-f", "sarif", "a.log", "-o"], "out.sarif"),
+        (vec!["report", "a.log", "-o"], "out.html"),
+    ];
+    for suffix in ["log", "pcapng", "asc", "trc", "csv"] {
+        outputs.push((vec!["convert", "a.log"], suffix));
+    }
+    for (words, suffix) in outputs {
+        let name = if suffix.contains('.') { suffix.to_owned() } else { format!("out.{suffix}") };
+        let run = run_on_full_disk(folder.path(), &[&words[..], &[name.as_str()]].concat());
+        assert_eq!(run.code, 3, "{name}: {}", run.stderr);
+        assert!(run.stderr.contains(&name), "{name}: {}", run.stderr);
+        assert_eq!(names(folder.path()), ["a.log", &format!("{name}.part")], "{name}");
+        fs::remove_file(folder.path().join(format!("{name}.part"))).unwrap();
+    }
+    // The former baseline is still there.
+    let update = ["check", "a.log", "--baseline", "known.json", "--update-baseline"];
+    fs::write(folder.path().join("known.json"), "").unwrap();
+    let emcy = |node: u32| format!("(17000000{node:02}.0) can0 {:03X}#1081010000000000\n", 0x80 + node);
+    fs::write(folder.path().join("a.log"), BOOT.to_owned() + &(1..60).map(emcy).collect::<String>()).unwrap();
+    let run = run_on_full_disk(folder.path(), &update);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert_eq!(fs::read(folder.path().join("known.json")).unwrap(), b"");
+}
+
+#[test]
+fn files_without_end_are_refused() {
+    let folder = folder();
+    for (words, code) in [
+        (&["decode", "a.log", "--bus", "/dev/zero"][..], 4),
+        (&["check", "a.log", "--bus", "/dev/zero"], 4),
+        (&["check", "a.log", "--baseline", "/dev/zero"], 4),
+        (&["check", "a.log", "--baseline", "/dev/zero", "--update-baseline"], 2),
+        (&["decode", "a.log", "--dbc", "/dev/zero"], 4),
+    ] {
+        let run = run_in(folder.path(), words, "");
+        let expected = "cobscope: /dev/zero: larger than 64 MiB; expected a smaller file\n";
+        assert_eq!((run.code, run.stderr.as_str()), (code, expected), "{words:?}");
+    }
+}
+
+#[test]
+fn a_profile_folder_that_is_none_has_one_exit_status() {
+    let folder = folder();
+    for command in
+        ["decode", "check", "why", "stats", "objects", "report", "view", "rules", "diff", "convert"]
+    {
+        let captures = match command {
+            "rules" => &[][..],
+            "diff" => &["a.log", "a.log"],
+            "convert" => &["a.log", "out.pcapng"],
+            _ => &["a.log"],
+        };
+        let run = run_in(folder.path(), &[&[command, "--profiles", "a.log"], captures].concat(), "");
+        let expected = "cobscope: --profiles a.log: not a folder\n";
+        assert_eq!((run.code, run.stderr.as_str()), (4, expected), "{command}");
+    }
+}
+
+#[test]
+fn a_misspelt_command_is_named() {
+    let folder = folder();
+    for (word, meant) in
+        [("chek", "check"), ("covnert", "convert"), ("stat", "stats"), ("objcets", "objects")]
+    {
+        let run = run_in(folder.path(), &[word, "a.log"], "");
+        assert_eq!(run.code, 2, "{word}");
+        assert!(run.stderr.contains(&format!("a similar subcommand exists: '{meant}'")), "{}", run.stderr);
+    }
+    // A file with such a name is a capture.
+    fs::write(folder.path().join("chek"), BOOT).unwrap();
+    assert_eq!(run_in(folder.path(), &["chek"], "").code, 0);
+}
+
+#[test]
+fn no_message_contains_control_characters_of_a_name() {
+    let folder = folder();
+    let name = "a\u{1b}[31m\n::error::b\u{9b}c.log";
+    let broken = "broken\u{1b}]0;x\u{7}\n.toml";
+    fs::write(folder.path().join(name), BOOT).unwrap();
+    fs::write(folder.path().join(broken), "a = \n").unwrap();
+    let missing = "no\u{1b}[2J\nsuch.log";
+    for words in [
+        &["decode", missing][..],
+        &["check", name, missing],
+        &["convert", name, name],
+        &["convert", name, "x\u{1b}\n/out.log"],
+        &["decode", name, "-o", name],
+        &["decode", "--bus", broken, name],
+        &["decode", "--dbc", missing, name],
+        &["decode", "--node", &format!("5={missing}"), name],
+        &["decode", "--frm\u{1b}[2J", name],
+        &["profiles", "check", broken],
+        &["check", "--baseline", missing, name],
+        &["report", name, "-o", "x\u{1b}\n/out.html"],
+        &["diff", name, missing],
+        &["stats", name],
+        &["why", name],
+    ] {
+        let run = run_in(folder.path(), words, "");
+        let is_control = |c: char| c.is_control() && c != '\n';
+        assert!(!run.stderr.contains(is_control), "{words:?}: {:?}", run.stderr);
+        assert!(!run.stdout.contains(is_control), "{words:?}: {:?}", run.stdout);
+        let is_command = |line: &str| line.trim_start().starts_with("::error");
+        assert!(!run.stderr.lines().chain(run.stdout.lines()).any(is_command), "{words:?}: {}", run.stderr);
+    }
+}
+
+#[test]
+fn json_contains_no_control_characters_of_a_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = "can\u{9b}2J\u{7f}\u{202e}\u{61c}";
+    let frames = [
+        "705#00",
+        "705#05",
+        "705#05",
+        "585#4318100001000000",
+        "605#4018100000000000",
+        "085#1081010000000000",
+        "705#00",
+    ];
+    let lines = (0..).zip(frames).map(|(second, frame)| format!("(17000000{second:02}.0) {name} {frame}\n"));
+    fs::write(folder.path().join("a.log"), lines.collect::<String>()).unwrap();
+    for words in [
+        &["decode", "-f", "jsonl", "a.log"][..],
+        &["check", "-f", "jsonl", "a.log"],
+        &["check", "-f", "sarif", "a.log"],
+        &["stats", "-f", "json", "a.log"],
+        &["why", "-f", "json", "a.log"],
+        &["objects", "-f", "json", "a.log"],
+        &["diff", "-f", "json", "a.log", "a.log"],
+    ] {
+        let run = run_in(folder.path(), words, "");
+        let is_unsafe = |c: char| c.is_control() && c != '\n' || matches!(c, '\u{202e}' | '\u{61c}');
+        assert!(!run.stdout.contains(is_unsafe), "{words:?}: {:?}", run.stdout);
+        // Text in JSON is escaped as on a terminal.
+        let escaped = ["can\\u009b2J\\u007f\\u202e\\u061c", "can\\\\u{9b}2J\\\\u{7f}\\\\u{202e}\\\\u{61c}"];
+        assert!(
+            words[0] == "diff" || escaped.iter().any(|name| run.stdout.contains(name)),
+            "{words:?}: {}",
+            run.stdout
+        );
+    }
+}

@@ -1,0 +1,193 @@
+//! Output files that have their name only once they are whole.
+//!
+//! ```text
+//! create ─▶ events.jsonl.part ── finish ─▶ events.jsonl
+//!                    └─ full disk, crash: stays
+//! ```
+
+use crate::path_text::shown;
+use std::ffi::OsString;
+use std::fs::{self, File, Metadata};
+use std::io::{self, ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Suffix of a file that is not whole.
+pub const PART: &str = "part";
+
+/// What happens to a file that exists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// The output is refused.
+    Keep,
+    /// The whole output takes its place.
+    Replace,
+}
+
+/// Name that an output file receives once it is whole; until then the file has a name that ends in `.part`.
+#[derive(Debug)]
+#[must_use = "the file keeps the name of a part until `finish`"]
+pub struct FinalName {
+    /// Present name and final name; `None` if the output has its name already.
+    names: Option<(PathBuf, PathBuf)>,
+}
+
+/// Name of a file before it is whole.
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(".");
+    name.push(PART);
+    name.into()
+}
+
+/// Creates an output file. A device or a pipe is written directly.
+///
+/// # Errors
+/// [`ErrorKind::AlreadyExists`] if the file exists and is to be kept; any error of the file system.
+pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> {
+    match path.metadata() {
+        Ok(found) if !found.is_file() => {
+            let file = File::options().write(true).open(path)?;
+            return Ok((file, FinalName { names: None }));
+        }
+        Ok(found) if existing == Existing::Replace => {
+            // A link stays, and its target is replaced.
+            let place = path.canonicalize()?;
+            return begin(place, Some(&found));
+        }
+        // A link without a target exists, too.
+        _ if existing == Existing::Keep && path.symlink_metadata().is_ok() => {
+            return Err(ErrorKind::AlreadyExists.into());
+        }
+        _ => {}
+    }
+    begin(path.to_owned(), None)
+}
+
+/// Creates an output file that others read while it grows.
+///
+/// # Errors
+/// As [`create`].
+pub fn create_at_once(path: &Path, existing: Existing) -> io::Result<File> {
+    let is_new = existing == Existing::Keep && path.metadata().map_or(true, |found| found.is_file());
+    let is_old = !is_new && path.metadata().is_ok_and(|found| found.is_file());
+    File::options().write(true).create(!is_new).create_new(is_new).truncate(is_old).open(path)
+}
+
+/// Creates the part of a file; `replaced` has the permissions of the file whose place it takes.
+fn begin(path: PathBuf, replaced: Option<&Metadata>) -> io::Result<(File, FinalName)> {
+    let part = part_of(&path);
+    // The part of a run that was stopped. A new file never follows a link.
+    if part.symlink_metadata().is_ok_and(|found| !found.is_dir()) {
+        fs::remove_file(&part)?;
+    }
+    let file = File::options().write(true).create_new(true).open(&part)?;
+    if let Some(replaced) = replaced {
+        // Without the same permissions the content is complete all the same.
+        let _ = file.set_permissions(replaced.permissions());
+    }
+    Ok((file, FinalName { names: Some((part, path)) }))
+}
+
+/// Writes a whole file.
+///
+/// # Errors
+/// As [`create`]; an incomplete file keeps the name of a part.
+pub fn write(path: &Path, existing: Existing, content: &[u8]) -> io::Result<()> {
+    let (mut file, name) = create(path, existing)?;
+    file.write_all(content)?;
+    name.finish()
+}
+
+impl FinalName {
+    /// Name of an output that is not a file, or that others read while it grows.
+    pub const fn at_once() -> Self {
+        Self { names: None }
+    }
+
+    /// Gives the file its name; all of it was written.
+    ///
+    /// # Errors
+    /// If the file cannot be renamed; it keeps the name of a part.
+    pub fn finish(self) -> io::Result<()> {
+        let Some((part, path)) = self.names else { return Ok(()) };
+        let renamed = fs::rename(&part, &path);
+        renamed.map_err(|error| {
+            let text = format!("cannot be renamed from {}: {error}", shown(&part));
+            io::Error::new(error.kind(), text)
+        })
+    }
+
+    /// Removes the file, which has no content.
+    pub fn discard(self) {
+        if let Some((part, _)) = self.names {
+            // A part that cannot be removed does not look like a result.
+            let _ = fs::remove_file(part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+        let mut names: Vec<_> = entries.map(|name| name.into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_has_its_name_once_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.log");
+        let (mut file, name) = create(&path, Existing::Keep).unwrap();
+        file.write_all(b"1").unwrap();
+        assert_eq!(names(folder.path()), ["out.log.part"]);
+        name.finish().unwrap();
+        assert_eq!(names(folder.path()), ["out.log"]);
+        let error = create(&path, Existing::Keep).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+
+        let (mut file, name) = create(&path, Existing::Replace).unwrap();
+        file.write_all(b"2").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"1");
+        drop(name);
+        // A later run replaces the part.
+        let (_, name) = create(&path, Existing::Replace).unwrap();
+        assert_eq!(fs::read(part_of(&path)).unwrap(), b"");
+        name.discard();
+        assert_eq!(names(folder.path()), ["out.log"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_and_permissions_stay() {
+        use std::os::unix::fs::{PermissionsExt as _, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [target, link] = ["target", "link"].map(|name| folder.path().join(name));
+        fs::write(&target, b"1").unwrap();
+        fs::set_permissions(&target, fs::Permissions::from_mode(0o600)).unwrap();
+        symlink(&target, &link).unwrap();
+        // Another file must not be written through a link with the name of the part.
+        let other = folder.path().join("other");
+        fs::write(&other, b"mine").unwrap();
+        symlink(&other, part_of(&target)).unwrap();
+        write(&link, Existing::Replace, b"2").unwrap();
+        assert_eq!((fs::read(&target).unwrap(), fs::read(&other).unwrap()), (b"2".into(), b"mine".into()));
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        assert_eq!(target.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+
+        let dangling = folder.path().join("dangling");
+        symlink(folder.path().join("nowhere"), &dangling).unwrap();
+        assert_eq!(create(&dangling, Existing::Keep).unwrap_err().kind(), ErrorKind::AlreadyExists);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_written_directly() {
+        write(Path::new("/dev/null"), Existing::Keep, b"1").unwrap();
+        assert!(write(Path::new("/dev/full"), Existing::Keep, b"1").is_err());
+        assert!(!part_of(Path::new("/dev/null")).exists());
+    }
+}
