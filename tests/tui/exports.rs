@@ -210,7 +210,8 @@ mod parquet {
         for name in ["run", "run.v2", "run.parquet"] {
             let path = folder.join(name);
             let path = path.to_str().unwrap();
-            let said = ok(&["decode", "-f", "parquet", "--force", "-o", path, "fixtures/canopen/emcy.log"], "");
+            let said =
+                ok(&["decode", "-f", "parquet", "--force", "-o", path, "fixtures/canopen/emcy.log"], "");
             let stem = path.trim_end_matches(".parquet");
             let expected = format!("cobscope: writing {stem}.events.parquet and {stem}.signals.parquet\n");
             assert!(said.stderr.starts_with(&expected), "{}", said.stderr);

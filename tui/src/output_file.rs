@@ -11,7 +11,7 @@ use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
-/// Suffix of a file that is not whole.
+/// Suffix of an incomplete file.
 pub const PART: &str = "part";
 
 /// What happens to a file that exists.
@@ -99,7 +99,7 @@ pub fn write(path: &Path, existing: Existing, content: &[u8]) -> io::Result<()> 
 }
 
 impl FinalName {
-    /// Name of an output that is not a file, or that others read while it grows.
+    /// Name of a device or pipe, or of a file for readers while it grows.
     pub const fn at_once() -> Self {
         Self { names: None }
     }

@@ -22,8 +22,9 @@ mod rule;
 mod selection;
 
 pub use context::meter::{Meter, Second};
+pub use context::pdo_slot::PdoSlot;
 pub(crate) use context::traffic::BySlot;
-pub use context::traffic::{PdoSlot, Traffic};
+pub use context::traffic::Traffic;
 pub use context::{Alarm, Context};
 pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section, sections};
 pub use engine::names::check_names;

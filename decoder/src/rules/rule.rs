@@ -1,7 +1,8 @@
 //! [`Rule`], and its entry in the registry.
 
 use super::context::Context;
-use super::context::traffic::{PdoSlot, Traffic};
+use super::context::pdo_slot::PdoSlot;
+use super::context::traffic::Traffic;
 use super::declaration::{Declaration, Tolerance};
 use super::need::Need;
 use super::policy::Policy;

@@ -1,6 +1,7 @@
 //! View of a rule on the bus, and its interface to report findings.
 
 pub(super) mod meter;
+pub(super) mod pdo_slot;
 mod scene;
 pub(super) mod traffic;
 
@@ -9,8 +10,9 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use self::meter::Meter;
+use self::pdo_slot::PdoSlot;
 use self::scene::View;
-use self::traffic::{PdoSlot, Traffic};
+use self::traffic::Traffic;
 use super::ledger::{Claim, Ledger, occurrence};
 use crate::event::{Certainty, Event, FrameRange};
 use crate::finding::{About, Key, Occurrence, Severity};

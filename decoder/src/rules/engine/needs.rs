@@ -1,6 +1,7 @@
 //! What the rules together need of the next PDOs or messages of each identifier.
 
-use crate::rules::context::traffic::{PdoSlot, Traffic};
+use crate::rules::context::pdo_slot::PdoSlot;
+use crate::rules::context::traffic::Traffic;
 use crate::rules::need::Need;
 use crate::session::Preview;
 
