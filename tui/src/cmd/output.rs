@@ -99,7 +99,7 @@ impl Write for CommandOutput {
 /// If the file is an input, exists and is to be kept, or cannot be created.
 pub(super) fn output<'a>(
     path: Option<&Path>,
-    naming: FileNaming,
+    naming: NamePolicy,
     read: impl IntoIterator<Item = &'a PathBuf> + Clone,
 ) -> anyhow::Result<CommandOutput> {
     Ok(match path {
@@ -107,7 +107,7 @@ pub(super) fn output<'a>(
             ensure_not_read(path, read.clone())?;
             ensure_not_read(&output_file::part_of(path), read)?;
             let name = shown(path);
-            let FileNaming { existing, is_at_once } = naming;
+            let NamePolicy { existing, is_at_once } = naming;
             let created = if is_at_once {
                 output_file::create_at_once(path, existing).map(|file| (file, FinalName::at_once()))
             } else {
@@ -153,7 +153,7 @@ pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
 pub(super) struct SinkFiles<'a> {
     format: &'static EventFormat,
     to: Option<&'a Path>,
-    naming: FileNaming,
+    naming: NamePolicy,
     read: &'a [PathBuf],
     parts: Vec<PathBuf>,
     names: FinalNames,
@@ -161,13 +161,13 @@ pub(super) struct SinkFiles<'a> {
 
 /// When an output file receives its name, and what happens to a file with this name.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct FileNaming {
+pub(super) struct NamePolicy {
     pub(super) existing: Existing,
     /// The file has its name from the start, because others read it while it grows.
     pub(super) is_at_once: bool,
 }
 
-impl FileNaming {
+impl NamePolicy {
     /// The whole output takes the place of an earlier one.
     pub(super) const REPLACE: Self = Self { existing: Existing::Replace, is_at_once: false };
 }
@@ -191,7 +191,7 @@ impl<'a> SinkFiles<'a> {
     pub(super) fn new(
         format: &'static EventFormat,
         to: Option<&'a Path>,
-        naming: FileNaming,
+        naming: NamePolicy,
         read: &'a [PathBuf],
     ) -> Self {
         Self { format, to, naming, read, parts: Vec::new(), names: FinalNames::default() }

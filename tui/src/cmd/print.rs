@@ -15,7 +15,7 @@ use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
 use super::decoding::CaptureObserver;
 use super::messages::note;
-use super::output::{FileNaming, FinalNames, SinkFiles, is_colored};
+use super::output::{FinalNames, NamePolicy, SinkFiles, is_colored};
 use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::output_file::Existing;
 use crate::select::{Selection, Span};
@@ -200,7 +200,7 @@ impl OpenSink {
         read: &[PathBuf],
     ) -> anyhow::Result<Self> {
         let existing = if arguments.force { Existing::Replace } else { Existing::Keep };
-        let naming = FileNaming { existing, is_at_once: is_followed };
+        let naming = NamePolicy { existing, is_at_once: is_followed };
         let options = SinkOptions { text: text_options(arguments, pdo), packing: arguments.packing.into() };
         let mut files = SinkFiles::new(format, arguments.output.as_deref(), naming, read);
         let sink = (format.sink)(&mut files, &options)?;

@@ -18,7 +18,7 @@ use cobscope_decoder::words::plural;
 use super::captures::{self, Source};
 use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain, note, warn};
-use super::output::{FileNaming, ensure_not_read, files_read, is_colored, output, write_result};
+use super::output::{NamePolicy, ensure_not_read, files_read, is_colored, output, write_result};
 use super::report;
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
@@ -52,7 +52,7 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if let Some(path) = &arguments.output {
         replaced::ensure_report(path).map_err(|error| (Exit::Usage, error))?;
     }
-    let mut output = output(arguments.output.as_deref(), FileNaming::REPLACE, &arguments.baseline)
+    let mut output = output(arguments.output.as_deref(), NamePolicy::REPLACE, &arguments.baseline)
         .map_err(|error| (Exit::Usage, error))?;
 
     let captures = captures::series(&captures, &arguments.input);

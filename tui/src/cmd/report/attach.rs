@@ -12,7 +12,7 @@ use super::provenance::sha256;
 use super::reading::Composed;
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::messages::note;
-use crate::cmd::output::{FileNaming, output};
+use crate::cmd::output::{NamePolicy, output};
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";
@@ -54,7 +54,7 @@ pub(super) fn attach(
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let embedded = match place {
         AttachPlace::File => {
-            let mut file = output(Some(&path), FileNaming::REPLACE, read)?;
+            let mut file = output(Some(&path), NamePolicy::REPLACE, read)?;
             file.write_all(&bytes).and_then(|()| file.finish())?;
             None
         }

@@ -18,7 +18,7 @@ use super::{attach, page};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::messages::{Refusal, complain, note};
-use crate::cmd::output::{FileNaming, ensure_not_read, files_read, output, write_result};
+use crate::cmd::output::{NamePolicy, ensure_not_read, files_read, output, write_result};
 use crate::exit_code::Exit;
 use crate::path_text;
 
@@ -122,7 +122,7 @@ impl PageFolder {
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let mut output =
-            output(Some(&path), FileNaming::REPLACE, &self.read).map_err(|error| (Exit::Usage, error))?;
+            output(Some(&path), NamePolicy::REPLACE, &self.read).map_err(|error| (Exit::Usage, error))?;
         let text = write_index(&index);
         let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish()));
         note(&format!("{}: {} and {INDEX}.html", path_text::shown(&self.folder), plural(pages, "report")));

@@ -7,7 +7,7 @@ use cobscope_decoder::report::{Report, html, markdown};
 
 use crate::cli::PageStyle;
 use crate::cmd::messages::Refusal;
-use crate::cmd::output::{FileNaming, output, write_result};
+use crate::cmd::output::{NamePolicy, output, write_result};
 use crate::exit_code::Exit;
 
 /// Writes a page to a file, which is none of the files `read`, else to stdout.
@@ -24,6 +24,6 @@ pub(super) fn write(
         PageStyle::Html => html::write(report),
         PageStyle::Md => markdown::write(report),
     };
-    let mut output = output(path, FileNaming::REPLACE, read).map_err(|error| (Exit::Usage, error))?;
+    let mut output = output(path, NamePolicy::REPLACE, read).map_err(|error| (Exit::Usage, error))?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
 }
