@@ -8,6 +8,7 @@ use super::candidates::PromptRow;
 use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
+use super::report_request::WriteReport;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace, NodeKey};
@@ -45,6 +46,10 @@ pub struct App {
     pub(super) reassign: Reassign,
     /// Node to which the open prompt assigns something.
     pub(super) assigning: Option<NodeKey>,
+    /// Starts writing report pages.
+    pub(super) write_report: WriteReport,
+    /// Finding that the open prompt reports on.
+    pub(super) reporting: Option<u64>,
     /// The user discarded the remembered view.
     pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
@@ -78,6 +83,7 @@ pub(super) enum PromptPurpose {
     Search,
     GoTo,
     Export,
+    Report,
     Assign,
     Columns,
 }
@@ -220,6 +226,7 @@ mod tests {
                 defaults: Preferences::default(),
                 keymap: Keymap::default(),
                 reassign: Box::new(|_, _| anyhow::bail!("not needed here")),
+                write_report: Box::new(|_, _| anyhow::bail!("not needed here")),
                 at: None,
                 filter: None,
                 all: false,

@@ -10,6 +10,7 @@ use super::application::{App, Mode};
 use super::candidates::PromptRow;
 use super::history::History;
 use super::preferences::Preferences;
+use super::report_request::WriteReport;
 use super::shell::quoted;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
@@ -32,6 +33,8 @@ pub struct Start {
     pub keymap: Keymap,
     /// Evaluates options that are added while the program runs.
     pub reassign: Reassign,
+    /// Starts writing report pages.
+    pub write_report: WriteReport,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -65,6 +68,8 @@ impl App {
             defaults: start.defaults,
             reassign: start.reassign,
             assigning: None,
+            write_report: start.write_report,
+            reporting: None,
             is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),

@@ -15,6 +15,7 @@ mod live;
 mod messages;
 mod objects;
 mod output;
+mod page_writer;
 mod print;
 mod profiles;
 mod reassign;

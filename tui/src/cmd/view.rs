@@ -10,6 +10,7 @@ use super::input::{
     captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
 };
 use super::messages::complain;
+use super::page_writer::page_writer;
 use super::reassign::reassign;
 use super::screen_settings::{ScreenSettings, remember};
 use crate::app::{App, Start, quoted};
@@ -72,7 +73,7 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
-    let start = start(arguments, &settings, command, named_buses(&arguments.input, &captures.session));
+    let start = start(arguments, &settings, command, (&captures, &news));
     let timeline = Timeline::open(captures, news)?;
     Ok((App::new(timeline, settings.theme, start), found))
 }
@@ -80,12 +81,11 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
 fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> anyhow::Result<()> {
     let (messages, inbox) = channel();
     let (news, found) = channel();
-    let named = named_buses(&arguments.input, &captures.session);
+    let command = command("view", std::env::args().skip(1));
+    let start = start(arguments, settings, command, (&captures, &news));
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
-    let command = command("view", std::env::args().skip(1));
-    let start = start(arguments, settings, command, named);
     let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;
     terminal::listen(messages, settings.may_answer)?;
@@ -121,7 +121,7 @@ fn start(
     arguments: &ViewArgs,
     settings: &ScreenSettings,
     command: String,
-    named: Vec<(String, &'static str)>,
+    (captures, news): (&Captures, &Sender<News>),
 ) -> Start {
     Start {
         command,
@@ -130,11 +130,12 @@ fn start(
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
         reassign: reassign(&arguments.input),
+        write_report: page_writer(&arguments.input, &captures.rules, news),
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,
         follows: false,
-        named,
+        named: named_buses(&arguments.input, &captures.session),
     }
 }
 

@@ -240,8 +240,13 @@ impl Core {
     pub fn export(&mut self, path: &str) {
         let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
         let matcher = self.matcher.clone();
-        self.exports += 1;
         self.timeline.export(Export { path: path.into(), first, last, matcher });
+        self.begin_export();
+    }
+
+    /// Counts a file that a thread writes; its result arrives as [`News::Exported`](crate::timeline::News::Exported).
+    pub fn begin_export(&mut self) {
+        self.exports += 1;
         self.notify("writing …");
     }
 

@@ -82,6 +82,9 @@ fn show(
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
         reassign: reassign(&arguments.input),
+        write_report: Box::new(|_, _| {
+            anyhow::bail!("a report needs a file; open the recorded capture with view")
+        }),
         at: None,
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,

@@ -1,6 +1,7 @@
 //! Writes a page in its format.
 
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::report::{Report, html, markdown};
@@ -20,10 +21,22 @@ pub(super) fn write(
     path: Option<&Path>,
     read: &[PathBuf],
 ) -> Result<Exit, Refusal> {
-    let text = match style {
-        PageStyle::Html => html::write(report),
-        PageStyle::Md => markdown::write(report),
-    };
+    let text = text(report, style);
     let mut output = output(path, read).map_err(|error| (Exit::Usage, error))?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.flush())))
+}
+
+/// Writes a page to a new file.
+///
+/// # Errors
+/// If the file exists, or cannot be written.
+pub(super) fn create(report: &Report, style: PageStyle, path: &Path) -> io::Result<()> {
+    File::options().write(true).create_new(true).open(path)?.write_all(text(report, style).as_bytes())
+}
+
+fn text(report: &Report, style: PageStyle) -> String {
+    match style {
+        PageStyle::Html => html::write(report),
+        PageStyle::Md => markdown::write(report),
+    }
 }

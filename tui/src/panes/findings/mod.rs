@@ -331,6 +331,7 @@ impl Pane for Findings {
             Action::FilterCell,
             Action::NextFinding,
             Action::PreviousFinding,
+            Action::Report,
             Action::Copy,
         ]
     }
@@ -343,6 +344,11 @@ impl Pane for Findings {
             Some(node) => Some(node_filter(node)),
             None => Some(format!("bus == {:?}", bus_name(core, facts.bus))),
         }
+    }
+
+    fn finding(&self, core: &Core) -> Option<u64> {
+        let survey = core.timeline.survey();
+        self.item(core, &survey).map(|item| item.id)
     }
 
     fn line(&self, core: &Core) -> Option<String> {
