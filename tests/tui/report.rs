@@ -26,19 +26,19 @@ fn report(arguments: &[&str]) -> Output {
 }
 
 /// An element with its attributes.
-struct Element {
+pub struct Element {
     name: String,
     attributes: Vec<(String, String)>,
 }
 
 impl Element {
-    fn value(&self, name: &str) -> Option<&str> {
+    pub fn value(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
 }
 
 /// Elements and text of a page, as a browser reads them.
-fn parsed(page: &str) -> (Vec<Element>, String) {
+pub fn parsed(page: &str) -> (Vec<Element>, String) {
     let mut emitter = DefaultEmitter::default();
     emitter.naively_switch_states(true);
     let owned = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
@@ -57,7 +57,7 @@ fn parsed(page: &str) -> (Vec<Element>, String) {
 }
 
 /// Checks that a page runs nothing, loads nothing and controls no terminal.
-fn assert_inert(page: &str) {
+pub fn assert_inert(page: &str) {
     let elements: BTreeSet<&str> = ELEMENTS.split_whitespace().collect();
     let attributes: BTreeSet<&str> = ATTRIBUTES.split_whitespace().collect();
     for element in parsed(page).0 {

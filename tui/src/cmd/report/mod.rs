@@ -20,6 +20,7 @@ use cobscope_decoder::session::SessionOptions;
 
 pub(super) use background::PageJob;
 pub(super) use folder::{FolderCapture, PageFolder, counts};
+pub(super) use provenance::provenance;
 pub(super) use reading::{ReportScope, compose};
 
 use super::captures::{self, SourceSeries};
