@@ -1,5 +1,6 @@
 //! The application: state, panes and input mode.
 
+use cobscope_decoder::comparison::DifferenceMarks;
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
@@ -104,6 +105,7 @@ impl App {
                 }
             }
             News::Exported(told) => self.core.exported(told),
+            News::Compared(result) => self.compared(result),
             News::Changed(text) | News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),
@@ -120,6 +122,15 @@ impl App {
             News::Indexed | News::Traced => {}
         }
         self.refresh_panes();
+    }
+
+    fn compared(&mut self, result: Result<Box<DifferenceMarks>, String>) {
+        if let Err(reason) = &result {
+            self.core.refuse(&format!("--against: {reason}"));
+        }
+        if let Some(against) = &mut self.core.against {
+            against.result = Some(result);
+        }
     }
 
     pub(super) fn refresh_panes(&mut self) {
@@ -164,6 +175,7 @@ impl App {
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
+            || self.core.is_comparing()
             || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
@@ -232,6 +244,7 @@ mod tests {
                 all: false,
                 follows: true,
                 named: Vec::new(),
+                against: None,
             };
             let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
             let mut app = App::new(timeline, theme, start);

@@ -15,7 +15,7 @@ use super::shell::quoted;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
-use crate::state::{Core, JumpPlace};
+use crate::state::{Against, Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
@@ -45,6 +45,8 @@ pub struct Start {
     pub follows: bool,
     /// Buses named by the user, with the option that names them; the captures may not contain them.
     pub named: Vec<(String, &'static str)>,
+    /// File name of the capture that is compared with these captures.
+    pub against: Option<String>,
 }
 
 impl App {
@@ -57,6 +59,7 @@ impl App {
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
         core.named = start.named;
+        core.against = start.against.as_deref().map(Against::new);
         core.columns = start.preferences.columns;
         let mut app = Self {
             core,

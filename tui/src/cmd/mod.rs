@@ -1,5 +1,6 @@
 //! The subcommands, one module each.
 
+mod against;
 mod captures;
 mod check;
 mod convert;

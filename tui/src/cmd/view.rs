@@ -1,11 +1,13 @@
 //! `cobscope view`: the terminal UI for captures.
 
 use std::io::IsTerminal as _;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
+use super::against;
 use super::input::{
     captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
 };
@@ -74,6 +76,7 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
     let start = start(arguments, &settings, command, (&captures, &news));
+    compare(arguments, &captures, &news)?;
     let timeline = Timeline::open(captures, news)?;
     Ok((App::new(timeline, settings.theme, start), found))
 }
@@ -83,6 +86,7 @@ fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> 
     let (news, found) = channel();
     let command = command("view", std::env::args().skip(1));
     let start = start(arguments, settings, command, (&captures, &news));
+    compare(arguments, &captures, &news)?;
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
@@ -92,6 +96,15 @@ fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> 
     terminal::run(&mut app, &mut screen, &inbox)?;
     drop(screen);
     remember(&app, &settings.preferences)
+}
+
+/// Starts the comparison with another capture, if one is requested.
+///
+/// # Errors
+/// If that capture is missing, or the captures of the view are several ones.
+fn compare(arguments: &ViewArgs, captures: &Captures, news: &Sender<News>) -> anyhow::Result<()> {
+    let Some(good) = &arguments.against else { return Ok(()) };
+    against::start(against::job(good, &arguments.input, &captures.session)?, news.clone())
 }
 
 /// Forwards results of the background threads to the application.
@@ -136,7 +149,12 @@ fn start(
         all: arguments.all,
         follows: false,
         named: named_buses(&arguments.input, &captures.session),
+        against: arguments.against.as_deref().map(file_name),
     }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// The command line without the options whose state the view adds itself.

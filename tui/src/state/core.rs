@@ -8,6 +8,7 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
+use super::against::Against;
 use super::place::Preview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
@@ -54,6 +55,8 @@ pub struct Core {
     pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
+    /// Comparison with another capture, if it was requested.
+    pub against: Option<Against>,
     pub(super) serial: u64,
     pub(super) preview: Option<Preview>,
     target: Target,
@@ -88,6 +91,7 @@ impl Core {
             width: 80,
             columns: BTreeMap::new(),
             named: Vec::new(),
+            against: None,
             serial: 0,
             preview: None,
             target: Target::Event(EventPosition::default()),

@@ -91,6 +91,7 @@ fn show(
         follows: true,
         // Buses can appear at any time.
         named: Vec::new(),
+        against: None,
     };
     let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;
