@@ -52,7 +52,7 @@ impl Node {
     }
 
     /// Whether the bus file states that the node was present before the first frame.
-    pub(crate) fn was_present(&self) -> bool {
+    pub fn was_present(&self) -> bool {
         self.was_present
     }
 

@@ -40,6 +40,8 @@ pub struct NmtStatus {
 pub struct Node {
     /// Present node-ID or address.
     pub(in crate::session) id: NodeId,
+    /// Node-ID before its last change; None if it never changed.
+    pub(in crate::session) previous_id: Option<NodeId>,
     /// Behaviour that can suggest a profile.
     pub(in crate::session) signs: Signs,
     /// Name from the user.
@@ -126,6 +128,7 @@ impl Node {
     pub(in crate::session) fn new(id: NodeId, name: Option<Arc<str>>) -> Self {
         Self {
             id,
+            previous_id: None,
             signs: Signs::default(),
             name,
             nmt: None,

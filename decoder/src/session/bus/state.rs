@@ -263,6 +263,13 @@ impl Bus {
         self.node_at(id.into().place())
     }
 
+    /// Node with this node-ID; if it has no frame, the node that had it before a change of its node-ID.
+    pub fn present_or_former(&self, id: NodeId) -> Option<&Node> {
+        let present = self.node(id);
+        let former = || self.nodes.iter().find(|node| node.previous_id == Some(id));
+        present.filter(|node| node.last_frame > 0).or_else(former).or(present)
+    }
+
     /// All nodes in ascending order, CANopen first.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
         NodeId::all().filter_map(|id| self.node(id))
