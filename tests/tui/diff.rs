@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::check::folder;
 use crate::cli::{Output, run};
+use crate::report::{assert_inert, parsed};
 use crate::support::workspace;
 
 fn diff<T: AsRef<str>>(arguments: &[T]) -> Output {
@@ -361,6 +362,88 @@ fn hostile_names_are_escaped() {
         assert_eq!(output.code, 1, "{}", output.stderr);
         assert!(!output.stdout.contains('\u{1B}'), "{:?}", output.stdout);
     }
+}
+
+/// Two captures of node 2 whose names try HTML, SVG and terminal injection: operational, and stopped.
+fn hostile_pair(path: &Path) -> [String; 3] {
+    let name = "<script>alert(1)</script></style></title><img src=x onerror=alert(2)>\\u001B[31m";
+    let names = write(path, "names.toml", &format!("[node.2]\nname = \"{name}\"\n"));
+    let bus = "\"><svg/onload=alert(3)>\u{1b}]0;x\u{7}";
+    let log = |state: &str| {
+        (0..30).fold(String::new(), |mut text, at| {
+            let _ = writeln!(text, "({at}.000000) {bus} 702#{}", if at == 0 { "00" } else { state });
+            text
+        })
+    };
+    [names, write(path, "<b>good&.log", &log("05")), write(path, "=bad'\u{1b}[2J.log", &log("04"))]
+}
+
+#[test]
+fn a_page_of_hostile_captures_is_inert() {
+    let path = folder("diff-page");
+    let [names, good, bad] = hostile_pair(&path);
+    let output = diff(&["-f", "html", "--bus", &names, &good, &bad]);
+    assert_eq!(output.code, 1, "{}", output.stderr);
+    assert_inert(&output.stdout);
+    let (elements, text) = parsed(&output.stdout);
+    for part in ["<script>alert(1)</script>", "<img src=x onerror=alert(2)>", "<b>good&.log", "stopped 28 s"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    // Each link leads to a heading.
+    let ids: Vec<_> = elements.iter().filter_map(|element| element.value("id")).collect();
+    let links: Vec<_> = elements.iter().filter_map(|element| element.value("href")).collect();
+    assert!(
+        !links.is_empty() && links.iter().all(|link| ids.contains(&link.trim_start_matches('#'))),
+        "{links:?}"
+    );
+}
+
+#[test]
+fn a_page_names_the_differences_the_files_and_the_command() {
+    let machine = &MACHINES[4];
+    let bad = "fixtures/stories/wandfluh-md2/brown-out.log".to_owned();
+    let path = folder("diff-output").join("diff.html");
+    let options = ["-f".to_owned(), "html".to_owned(), "-o".to_owned(), path.to_str().unwrap().to_owned()];
+    let output = diff(&[&options[..], &machine.options()[..], &[machine.clean(), bad]].concat());
+    assert_eq!((output.code, output.stdout.as_str()), (1, ""), "{}", output.stderr);
+    let page = fs::read_to_string(&path).unwrap();
+    assert_inert(&page);
+    let (_, text) = parsed(&page);
+    for part in ["unexpected boot-up", "NEW IN BAD", "every 100 ms", "EQUAL", "cobscope diff -f html -o"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    // SHA-256 of both captures, by sha256sum.
+    assert_eq!(page.matches("clean-run.log</td>").count(), 1);
+    assert_eq!(page.matches("brown-out.log</td>").count(), 1);
+    let equal = diff(&["-f", "html", &machine.clean(), &machine.clean()]);
+    assert_eq!(equal.code, 0);
+    assert!(equal.stdout.contains("<h1>No difference within the tolerances</h1>"), "{}", equal.stdout);
+    let input = diff(&["-f", "html", "-o", &machine.clean(), &machine.clean(), &machine.clean()]);
+    assert_eq!(input.code, 2);
+    assert!(input.stderr.contains("is also an input"), "{}", input.stderr);
+}
+
+#[test]
+fn parameters_are_those_at_the_end_of_the_range() {
+    let path = folder("diff-range");
+    // 2000:00 of node 5 is written at 1 s, and in the second capture again at 5 s.
+    let log = |last: &str| {
+        let mut text = String::new();
+        for (time, value) in [(1, "01"), (5, last)] {
+            let _ = writeln!(text, "({time}.000000) can0 605#2F002000{value}000000");
+            let _ = writeln!(text, "({time}.001000) can0 585#6000200000000000");
+        }
+        text + "(9.000000) can0 705#05\n"
+    };
+    let (good, bad) = (write(&path, "good.log", &log("01")), write(&path, "bad.log", &log("02")));
+    let compare = |range: &[&str]| diff(&[&["--only", "configuration"], range, &[&*good, &*bad]].concat());
+    assert_eq!(compare(&[]).code, 1);
+    assert_eq!(compare(&["--to", "3"]).code, 0);
+    assert_eq!(compare(&["--from", "2", "--to", "3.5"]).code, 0);
+    let late = compare(&["--from", "4.5"]);
+    assert_eq!(late.code, 1);
+    assert!(late.stdout.contains("2000:00   01 | 02  written at 4.0 s"), "{}", late.stdout);
 }
 
 #[test]

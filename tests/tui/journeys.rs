@@ -131,6 +131,46 @@ fn what_is_done_most_takes_few_keys() {
     }
 }
 
+#[test]
+fn a_report_of_the_selected_finding() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"));
+    let command = command.args(["view", "--layout", "one", "--node", "32=danfoss-pve-ci"]);
+    let command = command.arg(workspace().join("fixtures/devices/pve.log")).current_dir(folder.path());
+    let session = Session::start(command, 24, 80);
+    session.wait_verdict();
+    session.wait_text("#104/190");
+    // The finding of the first story, which is at the cursor.
+    session.send("R");
+    session.wait_text("report to pve-emcy-raised-1.html");
+    session.send("\r");
+    session.wait_text("pve-emcy-raised-1.html: report of 1 story");
+    let page = std::fs::read_to_string(folder.path().join("pve-emcy-raised-1.html")).unwrap();
+    assert!(page.contains("8305 spool position error") && page.contains("{104}"), "{page}");
+
+    // The file exists now; another suffix selects Markdown.
+    session.send("8R\r");
+    session.wait_text("pve-emcy-raised-1.html: file exists");
+    session.send("Rcase.txt\r");
+    session.wait_text(".html, .md");
+    session.send("\x1b");
+    session.wait_text("? help");
+    session.send("0Rcase.md\r");
+    session.wait_text("case.md: report of 1 story");
+    let page = std::fs::read_to_string(folder.path().join("case.md")).unwrap();
+    assert!(page.starts_with("# ") && page.contains("8305"), "{page}");
+
+    session.send("Rnone/case.html\r");
+    session.wait_text("none/case.html: cannot be written: No such file");
+    // At the first frame there is no finding.
+    session.send("2:0\r");
+    session.wait_text("#1/190");
+    session.send("R");
+    session.wait_text("no finding selected");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
 /// What a terminal sends for a key.
 fn terminal_bytes(code: KeyCode) -> String {
     match code {

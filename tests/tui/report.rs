@@ -26,19 +26,19 @@ fn report(arguments: &[&str]) -> Output {
 }
 
 /// An element with its attributes.
-struct Element {
+pub struct Element {
     name: String,
     attributes: Vec<(String, String)>,
 }
 
 impl Element {
-    fn value(&self, name: &str) -> Option<&str> {
+    pub fn value(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
 }
 
 /// Elements and text of a page, as a browser reads them.
-fn parsed(page: &str) -> (Vec<Element>, String) {
+pub fn parsed(page: &str) -> (Vec<Element>, String) {
     let mut emitter = DefaultEmitter::default();
     emitter.naively_switch_states(true);
     let owned = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
@@ -57,7 +57,7 @@ fn parsed(page: &str) -> (Vec<Element>, String) {
 }
 
 /// Checks that a page runs nothing, loads nothing and controls no terminal.
-fn assert_inert(page: &str) {
+pub fn assert_inert(page: &str) {
     let elements: BTreeSet<&str> = ELEMENTS.split_whitespace().collect();
     let attributes: BTreeSet<&str> = ATTRIBUTES.split_whitespace().collect();
     for element in parsed(page).0 {
@@ -263,7 +263,12 @@ fn the_cut_out_capture_has_the_frames_and_comments() {
     let decoded = run(&["decode", "--from", "#1", "--frames", "-f", "jsonl", text(&attached)], "").stdout;
     assert!(decoded.starts_with("{\"t\":1700000002."), "{decoded}");
     assert!(decoded.contains("\"kind\":\"emcy\""), "{decoded}");
-    assert!(fs::read_to_string(&page).unwrap().contains("case.pcapng, next to this page"));
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(html.contains("case.pcapng, next to this page<br>read with --bus case.bus.toml"), "{html}");
+    let state = fs::read_to_string(folder.join("case.bus.toml")).unwrap();
+    assert!(state.starts_with("# State before frame "), "{state}");
+    assert!(state.contains("device = \"danfoss-pve-ci:pvea\"\n"), "{state}");
+    assert!(state.contains("nmt = \"operational\"\n"), "{state}");
 
     let embedded = report(&[PVE, "--attach=embedded"]).stdout;
     assert_inert(&embedded);

@@ -343,3 +343,44 @@ fn a_named_node_without_frames_is_reported() {
     let text = screen.text();
     assert!(text.contains("sydfec.log: node 99/63 sent no frame; nodes present: 2/02"), "{text}");
 }
+
+#[test]
+fn a_comparison_needs_two_captures_that_can_be_read_twice() {
+    let clean = "fixtures/stories/danfoss-pve-ci/clean-run.log";
+    let error = |words: &str| {
+        std::env::set_current_dir(workspace()).unwrap();
+        let words = shell_words(&format!("view {words}"));
+        cobscope::open_view(&words).err().map(|error| format!("{error:#}")).unwrap_or_default()
+    };
+    let cases = [
+        ("--against none.log fixtures/devices/pve.log", "--against none.log: cannot be opened: No such file"),
+        ("--against CLEAN -", "--against reads a capture twice; stdin cannot be read again, open a file"),
+        (
+            "--against CLEAN fixtures/devices/pve.log fixtures/devices/md2.log",
+            "--against compares one capture; found 2",
+        ),
+    ];
+    for (words, expected) in cases {
+        let found = error(&words.replace("CLEAN", clean));
+        assert!(found.starts_with(expected), "{words}: {found}");
+    }
+}
+
+#[test]
+fn a_capture_that_cannot_be_compared_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().join("empty.log");
+    fs::write(&empty, "").unwrap();
+    let command = format!("cobscope view --against {} fixtures/devices/pve.log", empty.display());
+    let text = Screen::open(&command, 140, 24).text();
+    assert!(text.contains("AGAINST empty.log failed"), "{text}");
+    assert!(text.contains("--against: "), "{text}");
+}
+
+#[test]
+fn a_capture_equals_itself() {
+    let pve = "fixtures/devices/pve.log";
+    let command = format!("cobscope view --node 32=danfoss-pve-ci:pvea --against {pve} {pve}");
+    let text = Screen::open(&command, 140, 40).text();
+    assert!(text.contains("AGAINST pve.log equal") && !text.contains('≠'), "{text}");
+}

@@ -103,6 +103,8 @@ pub enum Action {
     Copy,
     /// Export the selection, or everything, to a file.
     Export,
+    /// Write a report page of the selected finding or story.
+    Report,
     /// Switch to the next theme.
     Theme,
     /// Discard the remembered view: layout, split, strip, theme.

@@ -126,6 +126,13 @@ const ACTIONS: &[Binding] = &[
     key(&["V"], Action::Select, "select", "start or clear the selection of frames to export", Group::Do),
     key(&["w", "f2"], Action::Export, "export", "write the selection, or everything, to a file", Group::Do),
     key(
+        &["R"],
+        Action::Report,
+        "report",
+        "write a report page of the selected finding or story (HTML, Markdown)",
+        Group::Do,
+    ),
+    key(
         &["tab"],
         Action::NextPane,
         "pane",

@@ -85,8 +85,9 @@ pub fn unheard(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Opt
     Some(format!("{capture}: {subject}{others} sent no frame; nodes present: {present}"))
 }
 
+/// Whether a node sent a frame, also under a later node-ID, or was present before the capture.
 fn has_sent(bus: &Bus, node: NodeId) -> bool {
-    bus.node(node).is_some_and(|node| node.last_seen().0 > 0)
+    bus.present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
 }
 
 fn list(nodes: impl Iterator<Item = NodeId>) -> String {

@@ -1,6 +1,6 @@
 //! Differences between two captures, in order of importance.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use strum::{IntoStaticStr, VariantArray};
 
@@ -145,6 +145,19 @@ pub struct Difference {
     pub weight: f64,
 }
 
+impl Difference {
+    /// A difference with the weight of its kind, without a note.
+    pub fn new(
+        (section, kind): (Section, Kind),
+        (subject, aspect): (impl Into<String>, impl Into<String>),
+        (good, bad): (Option<Observation>, Option<Observation>),
+    ) -> Self {
+        let weight = ranking().weight(kind.name());
+        let (subject, aspect) = (subject.into(), aspect.into());
+        Self { section, kind, subject, aspect, good, bad, note: String::new(), weight }
+    }
+}
+
 /// Something that one capture never showed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -177,6 +190,8 @@ pub struct Comparison {
     pub equal: BTreeMap<(Section, &'static str), u64>,
     /// Reasons why something was not compared.
     pub limits: Vec<String>,
+    /// Ids of findings of the second capture that the first one does not have.
+    pub(super) new_findings: BTreeSet<u64>,
 }
 
 impl Comparison {
@@ -200,22 +215,12 @@ impl Comparison {
     /// Adds a difference with the weight of its kind.
     pub(super) fn add(
         &mut self,
-        (section, kind): (Section, Kind),
-        (subject, aspect): (impl Into<String>, impl Into<String>),
+        place: (Section, Kind),
+        subject: (impl Into<String>, impl Into<String>),
         values: (Option<Observation>, Option<Observation>),
         note: impl Into<String>,
     ) {
-        let (good, bad) = values;
-        self.differences.push(Difference {
-            section,
-            kind,
-            subject: subject.into(),
-            aspect: aspect.into(),
-            good,
-            bad,
-            note: note.into(),
-            weight: ranking().weight(kind.name()),
-        });
+        self.differences.push(Difference { note: note.into(), ..Difference::new(place, subject, values) });
     }
 
     /// Adds something that one capture never showed.

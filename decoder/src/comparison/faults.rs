@@ -76,6 +76,7 @@ fn findings(scope: &Scope<'_>, out: &mut Comparison) {
     let ids = scope.good.findings.iter().map(|good| good.id);
     let ended = ids.filter(|id| !found.contains(id)).collect();
     one_sided(scope, Side::Bad, &new, out);
+    out.new_findings = new;
     one_sided(scope, Side::Good, &ended, out);
 }
 

@@ -15,6 +15,7 @@ mod faults;
 mod finish;
 mod following;
 mod load;
+mod marks;
 mod nodes;
 mod objects;
 mod points;
@@ -33,6 +34,7 @@ mod tolerance;
 pub use compare::compare;
 pub use difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
 pub use finish::Ending;
+pub use marks::DifferenceMarks;
 pub use record::{
     BusRecord, CaptureRecord, Code, CodeRecord, FindingRecord, MOST_STEPS, MOST_SUBJECTS, Mapping, Mark,
     MessageRecord, MessageRole, NodeRecord, Occurrences, Parameter, PointRecord, Sequence, SequenceStep,

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
 use super::record::{CaptureRecord, Mark};
-use super::times::seconds;
+pub(crate) use super::times::seconds;
 use crate::sink::escape;
 use crate::words::{grouped, plural};
 
@@ -141,7 +141,7 @@ fn evidence([good, bad]: [Mark; 2]) -> String {
 }
 
 /// Label of a difference.
-fn title(difference: &Difference) -> &'static str {
+pub(crate) fn title(difference: &Difference) -> &'static str {
     match (difference.section, &difference.good, &difference.bad) {
         (Section::Sequence, ..) => "SEQUENCE",
         (Section::Faults, None, _) => "NEW IN BAD",
@@ -174,7 +174,8 @@ fn closing(comparison: &Comparison, is_complete: bool) -> Vec<(&'static str, Str
     lines
 }
 
-const fn not_seen_by(side: Side) -> &'static str {
+/// Label of what one capture never showed.
+pub(crate) const fn not_seen_by(side: Side) -> &'static str {
     match side {
         Side::Good => "NOT SEEN IN GOOD",
         Side::Bad => "NOT SEEN IN BAD",

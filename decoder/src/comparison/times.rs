@@ -3,7 +3,7 @@
 use crate::statistics::span;
 
 /// A time from the first frame: `55.0 s`.
-pub(super) fn seconds(nanoseconds: i64) -> String {
+pub(crate) fn seconds(nanoseconds: i64) -> String {
     let tenths = nanoseconds.unsigned_abs().saturating_add(50_000_000) / 100_000_000;
     let sign = if nanoseconds < 0 && tenths > 0 { "-" } else { "" };
     format!("{sign}{}.{} s", tenths / 10, tenths % 10)

@@ -70,7 +70,8 @@ fn is_on_request(role: MessageRole) -> bool {
     }
 }
 
-fn subject(bus: &BusPair<'_>, message: &MessageRecord) -> String {
+/// Label of a message in output.
+pub(super) fn subject(bus: &BusPair<'_>, message: &MessageRecord) -> String {
     let remote = if message.is_remote { " R" } else { "" };
     let meaning = if message.meaning.is_empty() { String::new() } else { format!(" {}", message.meaning) };
     format!("{}{}{remote}{meaning}", bus.prefix, message.id)

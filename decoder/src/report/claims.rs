@@ -57,8 +57,11 @@ pub(super) fn who(buses: Buses<'_>, index: BusIndex, id: Option<NodeId>) -> Stri
 
 /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
 pub(super) fn node(bus: &Bus, id: NodeId) -> String {
-    let node = bus.node(id);
+    let node = bus.present_or_former(id);
     let mut text = id.words();
+    if let Some(now) = node.map(Node::id).filter(|now| *now != id) {
+        text = format!("{text}, later {}", now.label());
+    }
     if let Some(name) = node.and_then(Node::name) {
         text.push(' ');
         text.push_str(name);

@@ -259,7 +259,7 @@ impl Why {
             (None, Some(state)) if state.has_closed_gate() => vec![FaultKind::SetPoint],
             (None, _) => Vec::new(),
         };
-        let node = state.and_then(|state| find(buses, state.bus)?.node(state.node));
+        let node = state.and_then(|state| find(buses, state.bus)?.present_or_former(state.node));
         let device = node.filter(|node| node.assigned().is_some()).map(Node::device);
         let checks = check::checks(&FaultContext {
             kinds: &kinds,

@@ -10,7 +10,7 @@ use super::{Reaction, Report, Suggestion};
 use crate::diagnosis::{Label, stories};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
-use crate::session::{Bus, Buses, GateState, GateStatus};
+use crate::session::{Bus, Buses, GateState, GateStatus, Node};
 use crate::sink::text::{PdoLines, Text, TextOptions};
 use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
@@ -97,8 +97,11 @@ impl Page<'_> {
 
     /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
     fn node(&self, index: BusIndex, id: NodeId) -> String {
-        let node = self.bus(index).and_then(|bus| bus.node(id));
+        let node = self.bus(index).and_then(|bus| bus.present_or_former(id));
         let mut text = id.words();
+        if let Some(now) = node.map(Node::id).filter(|now| *now != id) {
+            let _ = write!(text, ", later {}", now.label());
+        }
         if let Some(name) = node.and_then(|node| node.name()) {
             let _ = write!(text, " {name}");
         }
@@ -267,7 +270,8 @@ impl Page<'_> {
                 if is_of_fault { String::new() } else { format!(", {}", self.node(state.bus, state.node)) };
             self.line(0, &format!("set points and gates {when}{of}"));
             self.line(1, &standing(state));
-            let has_profile = self.bus(state.bus).and_then(|bus| bus.node(state.node)?.assigned()).is_some();
+            let node = self.bus(state.bus).and_then(|bus| bus.present_or_former(state.node));
+            let has_profile = node.is_some_and(|node| node.assigned().is_some());
             if !has_profile {
                 self.line(1, "set points unknown: no profile assigned (--node ID=PROFILE)");
             } else if state.set_points.is_empty() {

@@ -1,5 +1,6 @@
 //! The application: state, panes and input mode.
 
+use cobscope_decoder::comparison::DifferenceMarks;
 use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::Rect;
 
@@ -8,6 +9,7 @@ use super::candidates::PromptRow;
 use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
+use super::report_request::WriteReport;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace, NodeKey};
@@ -45,6 +47,10 @@ pub struct App {
     pub(super) reassign: Reassign,
     /// Node to which the open prompt assigns something.
     pub(super) assigning: Option<NodeKey>,
+    /// Starts writing report pages.
+    pub(super) write_report: WriteReport,
+    /// Finding that the open prompt reports on.
+    pub(super) reporting: Option<u64>,
     /// The user discarded the remembered view.
     pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
@@ -78,6 +84,7 @@ pub(super) enum PromptPurpose {
     Search,
     GoTo,
     Export,
+    Report,
     Assign,
     Columns,
 }
@@ -98,6 +105,7 @@ impl App {
                 }
             }
             News::Exported(told) => self.core.exported(told),
+            News::Compared(result) => self.compared(result),
             News::Changed(text) | News::Failed(text) => self.core.refuse(&text),
             News::Filtered => self.core.refresh(),
             News::Grew => self.core.timeline.see_growth(),
@@ -114,6 +122,15 @@ impl App {
             News::Indexed | News::Traced => {}
         }
         self.refresh_panes();
+    }
+
+    fn compared(&mut self, result: Result<Box<DifferenceMarks>, String>) {
+        if let Err(reason) = &result {
+            self.core.refuse(&format!("--against: {reason}"));
+        }
+        if let Some(against) = &mut self.core.against {
+            against.result = Some(result);
+        }
     }
 
     pub(super) fn refresh_panes(&mut self) {
@@ -158,6 +175,7 @@ impl App {
         let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
+            || self.core.is_comparing()
             || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
@@ -220,11 +238,13 @@ mod tests {
                 defaults: Preferences::default(),
                 keymap: Keymap::default(),
                 reassign: Box::new(|_, _| anyhow::bail!("not needed here")),
+                write_report: Box::new(|_, _| anyhow::bail!("not needed here")),
                 at: None,
                 filter: None,
                 all: false,
                 follows: true,
                 named: Vec::new(),
+                against: None,
             };
             let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
             let mut app = App::new(timeline, theme, start);

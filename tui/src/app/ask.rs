@@ -3,6 +3,7 @@
 use cobscope_decoder::query::Filter;
 
 use super::application::{App, Mode, PromptPurpose};
+use super::report::has_format as has_report_format;
 use crate::select::Bound;
 use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay, pattern};
 use crate::timeline::{Export, Matcher};
@@ -25,13 +26,18 @@ impl App {
 
     /// Default file name of an export, in the current folder.
     pub(super) fn export_name(&self) -> String {
-        let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
-        let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
-        let stem = stem.filter(|stem| *stem != "-").unwrap_or("capture");
+        let stem = self.capture_stem();
         match self.core.selected_frames() {
             Some((first, last)) => format!("{stem}-{first}-{last}.log"),
             None => format!("{stem}-export.log"),
         }
+    }
+
+    /// Name of the first capture without folder and suffix.
+    pub(super) fn capture_stem(&self) -> String {
+        let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
+        let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
+        stem.filter(|stem| *stem != "-").unwrap_or("capture").to_owned()
     }
 
     /// Opens the prompt for a profile, device file or database of the selected node.
@@ -140,6 +146,7 @@ impl App {
                 None => {}
             },
             PromptPurpose::Export => self.core.export(text),
+            PromptPurpose::Report => self.report(text),
             // Done while the prompt could still show an error.
             PromptPurpose::Assign | PromptPurpose::Columns => {}
         }
@@ -210,6 +217,10 @@ pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, Str
             let known: Vec<_> =
                 Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
             if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
+        }
+        PromptPurpose::Report => {
+            let expected = ".html, .md".to_owned();
+            if has_report_format(text.as_ref()) { Ok(()) } else { Err((text.len(), expected)) }
         }
         PromptPurpose::GoTo => {
             let expected = "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, or a date and time";

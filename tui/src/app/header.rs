@@ -9,7 +9,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use crate::source::live::Live;
-use crate::state::Core;
+use crate::state::{Core, DIFFERS};
 use crate::theme::Role;
 use crate::widgets::draw;
 
@@ -70,6 +70,7 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
         let so_far = if survey.is_complete { "" } else { " …" };
         parts.push((format!("FINDINGS {errors} err {warnings} warn{so_far}"), role));
     }
+    parts.extend(against(core));
     parts.push((format!("errframes {}", counts.errors), wrong(counts.errors)));
     parts.push((format!("lost {}", counts.lost), wrong(counts.lost)));
     if counts.unreadable > 0 {
@@ -87,6 +88,18 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
         parts.push((format!("timestamps ±{}", step(granularity)), Role::Header));
     }
     parts
+}
+
+/// Number of differences from the other capture.
+fn against(core: &Core) -> Option<(String, Role)> {
+    let against = core.against.as_ref()?;
+    let name = &against.name;
+    Some(match &against.result {
+        None => (format!("AGAINST {name} …"), Role::Header),
+        Some(Err(_)) => (format!("AGAINST {name} failed"), Role::Bad),
+        Some(Ok(marks)) if marks.count() == 0 => (format!("AGAINST {name} equal"), Role::Header),
+        Some(Ok(marks)) => (format!("AGAINST {name} {DIFFERS}{}", marks.count()), Role::Caution),
+    })
 }
 
 /// Defects of live buses.

@@ -32,6 +32,7 @@ pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
         PromptPurpose::Search => ["emcy", "tpdo[12]", "fault|lost"],
         PromptPurpose::GoTo => ["12.5", "#1234", "-0.05"],
         PromptPurpose::Export => ["part.log", "part.pcapng", "events.csv"],
+        PromptPurpose::Report => ["case.html", "case-7.html", "case.md"],
         PromptPurpose::Assign => ["rexroth-sydfec", "pump.eds", "vehicle.dbc"],
         PromptPurpose::Columns => ["Time, Node, Event", "No, Time, ID, Data", "Node, Kind"],
     }

@@ -10,11 +10,12 @@ use super::application::{App, Mode};
 use super::candidates::PromptRow;
 use super::history::History;
 use super::preferences::Preferences;
+use super::report_request::WriteReport;
 use super::shell::quoted;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::select::Bound;
-use crate::state::{Core, JumpPlace};
+use crate::state::{Against, Core, JumpPlace};
 use crate::theme::Theme;
 use crate::timeline::{Matcher, Timeline};
 
@@ -32,6 +33,8 @@ pub struct Start {
     pub keymap: Keymap,
     /// Evaluates options that are added while the program runs.
     pub reassign: Reassign,
+    /// Starts writing report pages.
+    pub write_report: WriteReport,
     /// Initial position of the cursor.
     pub at: Option<Bound>,
     /// Filter as text and parsed.
@@ -42,6 +45,8 @@ pub struct Start {
     pub follows: bool,
     /// Buses named by the user, with the option that names them; the captures may not contain them.
     pub named: Vec<(String, &'static str)>,
+    /// File name of the capture that is compared with these captures.
+    pub against: Option<String>,
 }
 
 impl App {
@@ -54,6 +59,7 @@ impl App {
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
         core.named = start.named;
+        core.against = start.against.as_deref().map(Against::new);
         core.columns = start.preferences.columns;
         let mut app = Self {
             core,
@@ -65,6 +71,8 @@ impl App {
             defaults: start.defaults,
             reassign: start.reassign,
             assigning: None,
+            write_report: start.write_report,
+            reporting: None,
             is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),

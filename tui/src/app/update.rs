@@ -161,6 +161,7 @@ impl App {
             Action::Search => self.ask(PromptPurpose::Search, "search"),
             Action::GoTo => self.ask(PromptPurpose::GoTo, "go to"),
             Action::Export => self.ask(PromptPurpose::Export, "write to"),
+            Action::Report => self.ask_report(),
             Action::Select => self.select(),
             Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),

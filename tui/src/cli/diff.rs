@@ -1,11 +1,13 @@
 //! `cobscope diff`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use cobscope_decoder::comparison::Section;
 use cobscope_decoder::query::Filter;
 
-use super::{InputArgs, ReportFormat};
+use super::{DiffFormat, InputArgs};
 use crate::select::Bound;
 
 /// `cobscope diff`.
@@ -23,9 +25,11 @@ pub struct DiffArgs {
     #[arg(long, value_name = "EXPR")]
     pub at_event: Option<Filter>,
     /// Compare both captures from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or both
+    ///
+    /// Parameters and identities are those in force at the end of the range, also if they were written or read before it.
     #[arg(long, value_name = "WHEN")]
     pub from: Option<Bound>,
-    /// Compare both captures up to WHEN, in the form of --from
+    /// Compare both captures up to the first frame after WHEN, in the form of --from
     #[arg(long, value_name = "WHEN")]
     pub to: Option<Bound>,
     /// Print all differences, and everything that one capture never showed
@@ -33,7 +37,10 @@ pub struct DiffArgs {
     pub verbose: bool,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
-    pub format: ReportFormat,
+    pub format: DiffFormat,
+    /// Write to FILE instead of stdout
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
 }
 
 fn sections() -> impl TypedValueParser<Value = Section> {

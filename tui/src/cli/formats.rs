@@ -11,6 +11,17 @@ pub enum ReportFormat {
     Json,
 }
 
+/// Formats of `diff`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DiffFormat {
+    /// Text with tables
+    Text,
+    /// One JSON object per line
+    Json,
+    /// One HTML page without scripts, for screen and A4
+    Html,
+}
+
 /// Use of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Color {

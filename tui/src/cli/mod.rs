@@ -26,7 +26,7 @@ pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
 pub use diff::DiffArgs;
-pub use formats::{Color, ReportFormat};
+pub use formats::{Color, DiffFormat, ReportFormat};
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;

@@ -1,5 +1,7 @@
 //! `cobscope view`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use cobscope_decoder::query::Filter;
 
@@ -23,6 +25,11 @@ pub struct ViewArgs {
     /// Also show repeated events, not only new information
     #[arg(long)]
     pub all: bool,
+    /// Mark nodes, objects and findings that differ from GOOD, a capture or a folder with its parts
+    ///
+    /// The captures are compared as by diff GOOD CAPTURE, in the background.
+    #[arg(long, value_name = "GOOD")]
+    pub against: Option<PathBuf>,
     /// Align the start of captures that have unrelated clocks
     #[arg(long)]
     pub align: bool,

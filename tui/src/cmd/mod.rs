@@ -1,8 +1,10 @@
 //! The subcommands, one module each.
 
+mod against;
 mod captures;
 mod check;
 mod convert;
+mod cut;
 mod decode;
 mod decoding;
 mod describe;
@@ -14,6 +16,7 @@ mod live;
 mod messages;
 mod objects;
 mod output;
+mod page_writer;
 mod print;
 mod profiles;
 mod reassign;

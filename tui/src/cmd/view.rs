@@ -1,15 +1,18 @@
 //! `cobscope view`: the terminal UI for captures.
 
 use std::io::IsTerminal as _;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use anyhow::{Context as _, ensure};
 
+use super::against;
 use super::input::{
     captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
 };
 use super::messages::complain;
+use super::page_writer::page_writer;
 use super::reassign::reassign;
 use super::screen_settings::{ScreenSettings, remember};
 use crate::app::{App, Start, quoted};
@@ -72,7 +75,8 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
-    let start = start(arguments, &settings, command, named_buses(&arguments.input, &captures.session));
+    let start = start(arguments, &settings, command, (&captures, &news));
+    compare(arguments, &captures, &news)?;
     let timeline = Timeline::open(captures, news)?;
     Ok((App::new(timeline, settings.theme, start), found))
 }
@@ -80,18 +84,27 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
 fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> anyhow::Result<()> {
     let (messages, inbox) = channel();
     let (news, found) = channel();
-    let named = named_buses(&arguments.input, &captures.session);
+    let command = command("view", std::env::args().skip(1));
+    let start = start(arguments, settings, command, (&captures, &news));
+    compare(arguments, &captures, &news)?;
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
-    let command = command("view", std::env::args().skip(1));
-    let start = start(arguments, settings, command, named);
     let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;
     terminal::listen(messages, settings.may_answer)?;
     terminal::run(&mut app, &mut screen, &inbox)?;
     drop(screen);
     remember(&app, &settings.preferences)
+}
+
+/// Starts the comparison with another capture, if one is requested.
+///
+/// # Errors
+/// If that capture is missing, or the captures of the view are several ones.
+fn compare(arguments: &ViewArgs, captures: &Captures, news: &Sender<News>) -> anyhow::Result<()> {
+    let Some(good) = &arguments.against else { return Ok(()) };
+    against::start(against::job(good, &arguments.input, &captures.session)?, news.clone())
 }
 
 /// Forwards results of the background threads to the application.
@@ -121,7 +134,7 @@ fn start(
     arguments: &ViewArgs,
     settings: &ScreenSettings,
     command: String,
-    named: Vec<(String, &'static str)>,
+    (captures, news): (&Captures, &Sender<News>),
 ) -> Start {
     Start {
         command,
@@ -130,12 +143,18 @@ fn start(
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
         reassign: reassign(&arguments.input),
+        write_report: page_writer(&arguments.input, &captures.rules, news),
         at: arguments.at,
         filter: arguments.filter.clone().map(|filter| (filter.to_string(), filter)),
         all: arguments.all,
         follows: false,
-        named,
+        named: named_buses(&arguments.input, &captures.session),
+        against: arguments.against.as_deref().map(file_name),
     }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// The command line without the options whose state the view adds itself.

@@ -51,6 +51,8 @@ pub const COMMON: &[LegendEntry] = &[
     entry("load 34 %", "bus load in the second before the cursor"),
     entry("80/s", "frames in the second before the cursor"),
     entry("FINDINGS", "errors and warnings found by the rules; … while they run"),
+    entry("AGAINST", "number of differences from the capture of --against"),
+    look("≠", Role::Caution, "differs from the capture of --against"),
     entry("errframes", "error frames in the capture"),
     entry("lost", "frames that the recorder lost"),
     entry("bad lines", "unreadable lines or records of the capture"),

@@ -69,6 +69,11 @@ pub trait Pane {
         None
     }
 
+    /// Id of the finding of the selected row, or of the first finding of its story.
+    fn finding(&self, _core: &Core) -> Option<u64> {
+        None
+    }
+
     /// The selected line as text.
     fn line(&self, core: &Core) -> Option<String>;
 }

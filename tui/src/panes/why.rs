@@ -255,7 +255,21 @@ impl Pane for Why {
     }
 
     fn actions(&self) -> &'static [Action] {
-        &[Action::Open, Action::Down, Action::NextFinding, Action::NextError, Action::Copy, Action::Back]
+        &[
+            Action::Open,
+            Action::Down,
+            Action::NextFinding,
+            Action::NextError,
+            Action::Report,
+            Action::Copy,
+            Action::Back,
+        ]
+    }
+
+    fn finding(&self, core: &Core) -> Option<u64> {
+        let survey = core.timeline.survey();
+        let lines = lines(&survey);
+        lines.get(self.at(&lines)).map(|line| line.key.story).filter(|id| *id > 0)
     }
 
     fn line(&self, core: &Core) -> Option<String> {

@@ -201,6 +201,11 @@ impl Selection {
         is_late_enough && !self.to.is_some_and(|to| to.is_before(frame, self.first))
     }
 
+    /// Whether a frame is after the end of the range.
+    pub fn is_over(&self, frame: &Frame) -> bool {
+        self.to.is_some_and(|to| to.is_before(frame, self.first))
+    }
+
     /// Starts a frame whose own message decides, together with its node, whether it is selected.
     pub fn begin_frame(&mut self, frame: &Frame) {
         self.own = Some((*frame, None));

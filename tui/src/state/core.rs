@@ -8,6 +8,7 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
+use super::against::Against;
 use super::place::Preview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
@@ -54,6 +55,8 @@ pub struct Core {
     pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
+    /// Comparison with another capture, if it was requested.
+    pub against: Option<Against>,
     pub(super) serial: u64,
     pub(super) preview: Option<Preview>,
     target: Target,
@@ -88,6 +91,7 @@ impl Core {
             width: 80,
             columns: BTreeMap::new(),
             named: Vec::new(),
+            against: None,
             serial: 0,
             preview: None,
             target: Target::Event(EventPosition::default()),
@@ -240,8 +244,13 @@ impl Core {
     pub fn export(&mut self, path: &str) {
         let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
         let matcher = self.matcher.clone();
-        self.exports += 1;
         self.timeline.export(Export { path: path.into(), first, last, matcher });
+        self.begin_export();
+    }
+
+    /// Counts a file that a thread writes; its result arrives as [`News::Exported`](crate::timeline::News::Exported).
+    pub fn begin_export(&mut self) {
+        self.exports += 1;
         self.notify("writing …");
     }
 

@@ -1,11 +1,14 @@
 //! State changed by the application and drawn by the panes: captures, cursor, filter, marks, theme.
 
+mod against;
 mod clock;
 mod core;
+mod differences;
 mod place;
 mod positions;
 mod search;
 
+pub use against::{Against, DIFFERS, both_values, other_value};
 pub use clock::TimeDisplay;
 pub use core::Core;
 pub use place::{JumpPlace, NodeKey};

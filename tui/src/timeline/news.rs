@@ -1,5 +1,7 @@
 //! Messages of the background threads to the application.
 
+use cobscope_decoder::comparison::DifferenceMarks;
+
 use super::order::Window;
 
 /// A message about a change.
@@ -20,6 +22,8 @@ pub enum News {
     Changed(String),
     /// Result of an export: summary or error.
     Exported(Result<String, String>),
+    /// Result of the comparison with another capture.
+    Compared(Result<Box<DifferenceMarks>, String>),
     /// A request failed; the text is the reason.
     Failed(String),
 }

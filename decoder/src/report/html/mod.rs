@@ -3,12 +3,14 @@
 //! The templates escape every text; control characters are shown as `\u{1b}`.
 
 mod claim;
+mod comparison;
 mod document;
 mod index;
 mod parts;
 mod plot;
 mod sections;
 
+pub use comparison::{ComparisonPage, write_comparison};
 pub use document::STYLE;
 pub use index::{IndexPage, IndexRow, RuleCount, write_index};
 

@@ -40,6 +40,8 @@ pub struct NmtStatus {
 pub struct Node {
     /// Present node-ID or address.
     pub(in crate::session) id: NodeId,
+    /// Node-ID before its last change; None if it never changed.
+    pub(in crate::session) previous_id: Option<NodeId>,
     /// Behaviour that can suggest a profile.
     pub(in crate::session) signs: Signs,
     /// Name from the user.
@@ -54,6 +56,8 @@ pub struct Node {
     pub(in crate::session) last_frame: u64,
     /// First frame of the node; 0 for none.
     pub(in crate::session) first_frame: u64,
+    /// The bus file states that the node was present before the first frame.
+    pub(in crate::session) was_present: bool,
     /// The node was already identified with one under another node-ID.
     pub(in crate::session) is_joined: bool,
     pub(in crate::session) last_seen: Option<Timestamp>,
@@ -106,6 +110,14 @@ pub struct Node {
 pub(in crate::session) struct DetectedByteOrder(pub(in crate::session) ByteOrder);
 
 impl NmtStatus {
+    /// Whether the node reported the state by heartbeat or guarding.
+    pub(in crate::session) fn is_reported(&self) -> bool {
+        matches!(
+            self.cause,
+            StateCause::Heartbeat | StateCause::GuardReply | StateCause::BusFile { is_reported: true }
+        )
+    }
+
     /// Monotonic time of the frame that changed the state, in ns, as in [`super::Bus::now`].
     pub fn since(&self) -> i64 {
         self.since
@@ -116,6 +128,7 @@ impl Node {
     pub(in crate::session) fn new(id: NodeId, name: Option<Arc<str>>) -> Self {
         Self {
             id,
+            previous_id: None,
             signs: Signs::default(),
             name,
             nmt: None,
@@ -123,6 +136,7 @@ impl Node {
             lost: false,
             last_frame: 0,
             first_frame: 0,
+            was_present: false,
             is_joined: false,
             last_seen: None,
             last_heard: 0,

@@ -62,6 +62,8 @@ pub struct Bus {
     pub(in crate::session) last_sync: Option<CanId>,
     /// At least one UDS request received a response.
     pub(in crate::session) is_uds: bool,
+    /// States of nodes in the bus file are not reported yet.
+    pub(in crate::session) has_given_states: bool,
     /// A group of NMEA 2000 was received.
     pub(in crate::session) is_nmea2000: bool,
     /// Index of the identifier whose PDO or message is being sent to the observer.
@@ -107,6 +109,7 @@ impl Bus {
             is_time_rejected: false,
             last_sync: None,
             is_uds: false,
+            has_given_states: false,
             is_nmea2000: false,
             current_identifier: None,
             unnamed: UdsSuspects::default(),
@@ -258,6 +261,13 @@ impl Bus {
     /// Node with this node-ID or address; a plain number is a CANopen node-ID.
     pub fn node(&self, id: impl Into<NodeId>) -> Option<&Node> {
         self.node_at(id.into().place())
+    }
+
+    /// Node with this node-ID; if it has no frame, the node that had it before a change of its node-ID.
+    pub fn present_or_former(&self, id: NodeId) -> Option<&Node> {
+        let present = self.node(id);
+        let former = || self.nodes.iter().find(|node| node.previous_id == Some(id));
+        present.filter(|node| node.last_frame > 0).or_else(former).or(present)
     }
 
     /// All nodes in ascending order, CANopen first.

@@ -94,6 +94,9 @@ pub(in crate::session) fn change_node_id(
     if let Some(from) = from {
         let staying = retained_pdo_ids(&cx.bus, from);
         move_node(from, to, cx);
+        if let Some(node) = cx.bus.node_mut(to) {
+            node.previous_id = Some(from);
+        }
         move_delivered(&mut cx.bus, to);
         for (name, id) in staying {
             cx.bus.routes.learn(id, Service::Pdo(name, to));

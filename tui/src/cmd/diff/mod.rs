@@ -2,24 +2,32 @@
 
 mod json;
 mod pair;
+mod quiet;
 
+pub(super) use pair::one;
+pub(super) use quiet::ComparisonJob;
+
+use std::io::Write as _;
 use std::sync::Arc;
 
 use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::comparison::{self, CaptureRecord, Ending, Recorder};
+use cobscope_decoder::comparison::{self, CaptureRecord, Comparison, Ending, Recorder};
 use cobscope_decoder::diagnosis::{self, Diagnosis};
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Findings, Group};
 use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::report::html::{self, ComparisonPage};
+use cobscope_decoder::report::{HashedFile, Provenance};
 use cobscope_decoder::rules::{Engine, Judge};
 use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 
-use super::decoding::{CaptureObserver, decode_capture};
+use super::decoding::{CaptureObserver, decode_capture, decode_quietly};
 use super::input::{session_options, setup};
 use super::messages::{complain, warn};
 use super::output;
+use super::report::provenance;
 use super::selected_findings::SelectedFindings;
-use crate::cli::{DiffArgs, ReportFormat};
+use crate::cli::{DiffArgs, DiffFormat};
 use crate::exit_code::Exit;
 use crate::select::{Selection, Span};
 use crate::source::Series;
@@ -47,13 +55,13 @@ pub fn run(arguments: &DiffArgs) -> Exit {
     let mut exit = Exit::Clean;
     let mut records = Vec::new();
     for series in [good, bad] {
-        match record(&series, arguments, &options) {
-            Ok((record, failure)) => {
+        match record(&series, arguments, &options, false) {
+            Ok((recorded, failure)) => {
                 if let Some(error) = failure {
                     complain(&error);
                     exit = Exit::Capture;
                 }
-                records.push(record);
+                records.push(recorded);
             }
             Err(error) => {
                 complain(&error);
@@ -62,19 +70,63 @@ pub fn run(arguments: &DiffArgs) -> Exit {
         }
     }
     let [good, bad] = records.as_slice() else { return Exit::Capture };
-    let mut compared = comparison::compare(good, bad, &options.bus_file.diff);
+    let mut compared = comparison::compare(&good.record, &bad.record, &options.bus_file.diff);
     if !arguments.only.is_empty() {
         compared.keep(&arguments.only);
     }
-    let mut text = String::new();
-    match arguments.format {
-        ReportFormat::Text => comparison::text::write(&compared, (good, bad), arguments.verbose, &mut text),
-        ReportFormat::Json => json::write(&compared, (good, bad), &options.bus_file.diff, &mut text),
-    }
+    let text = text_of(&compared, (good, bad), arguments, &options);
     if !compared.is_equal() {
         exit = exit.max(Exit::Findings);
     }
-    exit.max(output::print(text.as_bytes()))
+    let read = output::files_read(&arguments.input);
+    match output::output(arguments.output.as_deref(), output::NamePolicy::REPLACE, &read) {
+        Ok(mut output) => {
+            exit.max(output::write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
+        }
+        Err(error) => {
+            complain(&error);
+            Exit::Usage
+        }
+    }
+}
+
+/// The comparison in its format.
+fn text_of(
+    compared: &Comparison,
+    (good, bad): (&RecordedCapture, &RecordedCapture),
+    arguments: &DiffArgs,
+    options: &SessionOptions,
+) -> String {
+    let (records, tolerances) = ((&good.record, &bad.record), &options.bus_file.diff);
+    let mut text = String::new();
+    match arguments.format {
+        DiffFormat::Text => comparison::text::write(compared, records, arguments.verbose, &mut text),
+        DiffFormat::Json => json::write(compared, records, tolerances, &mut text),
+        DiffFormat::Html => {
+            let provenance = joined(&good.provenance, &bad.provenance);
+            let (good, bad) = records;
+            let page =
+                ComparisonPage { comparison: compared, good, bad, tolerances, provenance: &provenance };
+            text = html::write_comparison(&page);
+        }
+    }
+    text
+}
+
+/// Files of both captures, each once.
+fn joined(good: &Provenance, bad: &Provenance) -> Provenance {
+    let mut all = good.clone();
+    let is_new = |file: &&HashedFile| {
+        !good.files.iter().any(|known| (known.role, &known.name) == (file.role, &file.name))
+    };
+    all.files.extend(bad.files.iter().filter(is_new).cloned());
+    all
+}
+
+/// What a comparison needs of a capture.
+struct RecordedCapture {
+    record: CaptureRecord,
+    provenance: Provenance,
 }
 
 fn selection(arguments: &DiffArgs) -> anyhow::Result<Selection> {
@@ -86,7 +138,8 @@ fn record(
     series: &Series,
     arguments: &DiffArgs,
     options: &SessionOptions,
-) -> anyhow::Result<(CaptureRecord, Option<anyhow::Error>)> {
+    is_quiet: bool,
+) -> anyhow::Result<(RecordedCapture, Option<anyhow::Error>)> {
     let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
     let mut watch = Watch {
         engine: Engine::new(setup),
@@ -97,22 +150,34 @@ fn record(
             findings: SelectedFindings::new(selection(arguments)?),
         },
         first: None,
+        is_quiet,
     };
-    let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
     let name = series.name();
-    decoded.report_unreadable(&name);
+    let decoded = if is_quiet {
+        decode_quietly(series, &arguments.input, options, &mut watch)?
+    } else {
+        let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
+        decoded.report_unreadable(&name);
+        decoded
+    };
     let buses = decoded.decoder.buses();
-    let Watch { engine, mut facts, first } = watch;
+    let Watch { engine, mut facts, first, .. } = watch;
     let mut findings = engine.finish(buses, &mut facts);
     let Facts { recorder, selection, findings: selected, .. } = facts;
-    if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+    let missed = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time());
+    if let Some(missed) = missed.filter(|_| !is_quiet) {
         warn(&format!("{name}: {missed}"));
     }
     let numbers = selected.numbers(&findings.groups);
     findings.groups.retain(|group| numbers.contains(&group.id));
     let diagnosis = diagnosis_of(&findings, first);
     let ending = Ending { name: &name, buses, findings: &findings, diagnosis: &diagnosis };
-    Ok((recorder.finish(&ending), decoded.failure))
+    // Hashes read the files again; only the page contains them.
+    let provenance = match arguments.format {
+        DiffFormat::Html => provenance(series, &arguments.input, (&options.catalogue, buses)),
+        DiffFormat::Text | DiffFormat::Json => Provenance::default(),
+    };
+    Ok((RecordedCapture { record: recorder.finish(&ending), provenance }, decoded.failure))
 }
 
 fn diagnosis_of(findings: &Findings, zero: Option<Timestamp>) -> Diagnosis {
@@ -152,6 +217,8 @@ struct Watch {
     engine: Engine,
     facts: Facts,
     first: Option<Timestamp>,
+    /// Whether stderr belongs to the terminal UI.
+    is_quiet: bool,
 }
 
 impl Observer for Watch {
@@ -169,6 +236,10 @@ impl Observer for Watch {
 }
 
 impl CaptureObserver for Watch {
+    fn is_on_terminal(&self) -> bool {
+        self.is_quiet
+    }
+
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
         self.facts.recorder.set_zero(first.time);
@@ -182,6 +253,10 @@ impl CaptureObserver for Watch {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
+        // The parameters are those at the end of the range.
+        if self.facts.selection.is_over(frame) {
+            return false;
+        }
         self.engine.frame(frame);
         if !self.facts.is_limited || self.facts.selection.admits_frame(frame) {
             self.facts.recorder.frame(frame);

@@ -31,7 +31,10 @@ pub(super) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
 }
 
 /// A file, or the parts of one capture in a folder.
-fn one(path: &Path, input: &InputArgs) -> anyhow::Result<Series> {
+///
+/// # Errors
+/// If the folder cannot be read, or contains several captures.
+pub(in crate::cmd) fn one(path: &Path, input: &InputArgs) -> anyhow::Result<Series> {
     if !path.is_dir() {
         return Ok(Series { parts: vec![path.to_owned()], first_frames: Vec::new(), shifts: Vec::new() });
     }

@@ -82,12 +82,16 @@ fn show(
         defaults: settings.defaults.clone(),
         keymap: settings.keymap.clone(),
         reassign: reassign(&arguments.input),
+        write_report: Box::new(|_, _| {
+            anyhow::bail!("a report needs a file; open the recorded capture with view")
+        }),
         at: None,
         filter: filter.map(|filter| (filter.to_string(), filter)),
         all: arguments.lines.all,
         follows: true,
         // Buses can appear at any time.
         named: Vec::new(),
+        against: None,
     };
     let mut app = App::new(timeline, settings.theme, start);
     let mut screen = Screen::take()?;

@@ -6,6 +6,7 @@
 //! ```
 
 mod attach;
+mod background;
 mod folder;
 mod page;
 mod provenance;
@@ -17,7 +18,9 @@ use std::sync::Arc;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
+pub(super) use background::PageJob;
 pub(super) use folder::{FolderCapture, PageFolder, counts};
+pub(super) use provenance::provenance;
 pub(super) use reading::{ReportScope, compose};
 
 use super::captures::{self, SourceSeries};

@@ -1,6 +1,6 @@
 //! Writes a page in its format.
 
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::report::{Report, html, markdown};
@@ -9,6 +9,7 @@ use crate::cli::PageStyle;
 use crate::cmd::messages::Refusal;
 use crate::cmd::output::{NamePolicy, output, write_result};
 use crate::exit_code::Exit;
+use crate::output_file::{self, Existing};
 
 /// Writes a page to a file, which is none of the files `read`, else to stdout.
 ///
@@ -20,10 +21,22 @@ pub(super) fn write(
     path: Option<&Path>,
     read: &[PathBuf],
 ) -> Result<Exit, Refusal> {
-    let text = match style {
-        PageStyle::Html => html::write(report),
-        PageStyle::Md => markdown::write(report),
-    };
+    let text = text(report, style);
     let mut output = output(path, NamePolicy::REPLACE, read).map_err(|error| (Exit::Usage, error))?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
+}
+
+/// Writes a page to a new file.
+///
+/// # Errors
+/// If the file exists, or cannot be written.
+pub(super) fn create(report: &Report, style: PageStyle, path: &Path) -> io::Result<()> {
+    output_file::write(path, Existing::Keep, text(report, style).as_bytes())
+}
+
+fn text(report: &Report, style: PageStyle) -> String {
+    match style {
+        PageStyle::Html => html::write(report),
+        PageStyle::Md => markdown::write(report),
+    }
 }

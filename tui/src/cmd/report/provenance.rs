@@ -18,7 +18,7 @@ use crate::source::Series;
 const BLOCK: usize = 256 * 1024;
 
 /// Command, version and hashes of all files that a report is made from.
-pub(super) fn provenance(
+pub(in crate::cmd) fn provenance(
     series: &Series,
     input: &InputArgs,
     (catalogue, buses): (&Catalogue, Buses<'_>),

@@ -20,7 +20,7 @@ use ratatui::text::{Line, Span};
 use super::chosen::FilterResult;
 use super::rows::Facts;
 use crate::panes::common::{LabelledLines, severity_role, time};
-use crate::state::Core;
+use crate::state::{Core, DIFFERS};
 use crate::theme::Role;
 use crate::timeline::Survey;
 
@@ -66,6 +66,9 @@ pub(super) fn lines(core: &Core, findings: &Findings, group: &Group) -> Labelled
     let mut lines = vec![("", first)];
     if let Some(reason) = &group.suppressed {
         lines.push(labelled("  suppressed", reason));
+    }
+    if let Some(name) = core.compared_name().filter(|_| core.is_new_finding(group.id)) {
+        lines.push(labelled("  against", &format!("{DIFFERS} not in {name}")));
     }
     lines.extend(phrase::notes(group, core.zero()).into_iter().map(|note| ("", plain(format!("  {note}")))));
     if let Some(cause) = cause(findings, group) {

@@ -34,7 +34,7 @@ use super::common::{
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
-use crate::state::{Core, JumpPlace};
+use crate::state::{Core, DIFFERS, JumpPlace};
 use crate::theme::Role;
 use crate::timeline::Survey;
 use crate::widgets::draw;
@@ -331,6 +331,7 @@ impl Pane for Findings {
             Action::FilterCell,
             Action::NextFinding,
             Action::PreviousFinding,
+            Action::Report,
             Action::Copy,
         ]
     }
@@ -343,6 +344,11 @@ impl Pane for Findings {
             Some(node) => Some(node_filter(node)),
             None => Some(format!("bus == {:?}", bus_name(core, facts.bus))),
         }
+    }
+
+    fn finding(&self, core: &Core) -> Option<u64> {
+        let survey = core.timeline.survey();
+        self.item(core, &survey).map(|item| item.id)
     }
 
     fn line(&self, core: &Core) -> Option<String> {
@@ -370,6 +376,11 @@ fn empty(survey: &Survey, chosen: Option<&FilterResult>) -> String {
     format!("no findings: {} exercised, {} not exercised", plural(judged.len(), "rule"), none.len())
 }
 
+/// The text of a finding, with a mark if the other capture lacks it.
+fn marked(core: &Core, item: &Item, text: &str) -> String {
+    if core.is_new_finding(item.id) { format!("{DIFFERS} {text}") } else { text.to_owned() }
+}
+
 fn row(core: &Core, item: &Item, facts: &Facts, bus: u16) -> Row<'static> {
     let theme = &core.theme;
     let (quiet, judged) = (theme.style(Role::Quiet), theme.style(severity_role(facts.severity)));
@@ -386,7 +397,7 @@ fn row(core: &Core, item: &Item, facts: &Facts, bus: u16) -> Row<'static> {
         Cell::new(ahead, quiet),
         Cell::new(facts.rule.clone(), quiet),
         Cell::from(facts.about.clone()),
-        Cell::new(facts.text.clone(), judged),
+        Cell::new(marked(core, item, &facts.text), judged),
     ];
     if facts.is_suppressed {
         for cell in &mut cells {

@@ -17,12 +17,16 @@ use ratatui::text::{Line as Text, Span};
 
 use super::line::{Key, age, period};
 use super::node::Subject;
-use crate::state::Core;
+use crate::state::{Core, DIFFERS, both_values};
 use crate::theme::Role;
 
-/// Lines about a node: identity, errors, closed gates, boots, identifiers.
+/// Maximum number of differences from the other capture.
+const MOST_DIFFERENCES: usize = 4;
+
+/// Lines about a node: identity, differences, errors, closed gates, boots, identifiers.
 pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<Text<'static>> {
     let mut lines = vec![(identity(subject), Role::Text)];
+    lines.extend(differences(core, subject).into_iter().map(|text| (text, Role::Caution)));
     lines.extend(errors(subject).into_iter().map(|text| (text, Role::Bad)));
     lines.extend(way_out(subject, channel).map(|text| (text, Role::Caution)));
     lines.extend(not_acting(subject, channel).map(|text| (text, Role::Caution)));
@@ -33,6 +37,19 @@ pub fn of_node(core: &Core, subject: &Subject<'_>, channel: Option<u8>) -> Vec<T
         Text::from(Span::styled(text, core.theme.style(role)))
     };
     lines.into_iter().map(styled).collect()
+}
+
+/// Differences from the other capture: `≠ NMT: pre-operational 11.8 s, good.log operational 4.2 s`.
+fn differences(core: &Core, subject: &Subject<'_>) -> Vec<String> {
+    let all = core.differences_of((subject.bus.index(), subject.node.id()));
+    let name = core.compared_name().unwrap_or_default();
+    let shown = all.iter().take(MOST_DIFFERENCES);
+    let mut lines: Vec<_> =
+        shown.map(|difference| format!("{DIFFERS} {}", both_values(difference, name))).collect();
+    if let Some(more) = all.len().checked_sub(MOST_DIFFERENCES).filter(|more| *more > 0) {
+        lines.push(format!("{DIFFERS} and {} (cobscope diff)", plural(more, "further difference")));
+    }
+    lines
 }
 
 /// Lines about the master or an orphan identifier.
@@ -192,6 +209,7 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
             StateCause::Pdo => "by PDO",
             StateCause::LifeGuard => "by life guarding",
             StateCause::Emcy => "by EMCY",
+            StateCause::BusFile { .. } => "by the bus file",
         };
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }

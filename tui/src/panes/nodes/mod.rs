@@ -36,7 +36,7 @@ use super::common::chosen;
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
-use crate::state::{Core, NodeKey};
+use crate::state::{Core, DIFFERS, NodeKey};
 use crate::theme::{Glyph, Role};
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState};
@@ -195,7 +195,7 @@ impl Nodes {
         let style = if is_remark { quiet } else { Style::new() };
         Row::new([
             line.id.clone().into(),
-            line.name.clone().into(),
+            marked_name(core, line),
             Cell::new(line.device.clone(), if line.key.node().is_none() { quiet } else { Style::new() }),
             cell(&line.nmt),
             cell(&line.state),
@@ -356,6 +356,16 @@ impl Pane for Nodes {
             &line.errors.text,
         ];
         Some(cells.join("  "))
+    }
+}
+
+/// The name of a row, with a mark if the node differs from the other capture.
+fn marked_name(core: &Core, line: &Line) -> Cell<'static> {
+    match line.key.node() {
+        Some(node) if !core.differences_of(node).is_empty() => {
+            Cell::new(format!("{DIFFERS} {}", line.name), core.theme.style(Role::Caution))
+        }
+        _ => line.name.clone().into(),
     }
 }
 

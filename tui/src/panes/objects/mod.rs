@@ -23,7 +23,7 @@ use super::common::{chosen, move_in};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
-use crate::state::{Core, JumpPlace, NodeKey};
+use crate::state::{Core, DIFFERS, JumpPlace, NodeKey};
 use crate::theme::Role;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
@@ -122,7 +122,12 @@ impl Objects {
         let time = core.time_words(core.time(), 3).map_or(String::new(), |time| format!(" at {time}"));
         let others = rows::nodes(core).len().saturating_sub(1);
         let more = if others > 0 { format!("  (x: next of {} nodes)", others + 1) } else { String::new() };
-        let text = format!("{}: {found}{time}{more}", subject.label());
+        let other = core.compared_name().unwrap_or_default();
+        let differ = match subject.differences(core) {
+            0 => String::new(),
+            count => format!(", {count} {DIFFERS} {other}"),
+        };
+        let text = format!("{}: {found}{differ}{time}{more}", subject.label());
         Line::styled(cobscope_decoder::sink::escape(&text).into_owned(), core.theme.style(Role::Title))
     }
 }
@@ -140,8 +145,9 @@ impl Pane for Objects {
         draw::line(buf, head, &self.head(core, &subject, rows.len()), draw::Align::Left, &core.theme);
         let row = |index: usize| -> Row<'_> {
             rows.get(index).map_or_else(Row::default, |known| {
-                let style =
-                    |column| Subject::role(known, column).map_or(Style::new(), |role| core.theme.style(role));
+                let style = |column| {
+                    subject.role(core, known, column).map_or(Style::new(), |role| core.theme.style(role))
+                };
                 let cells = (0..columns().len())
                     .map(|column| Cell::new(subject.cell(core, known, column), style(column)));
                 Row::new(cells)

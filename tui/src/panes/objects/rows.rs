@@ -6,6 +6,7 @@
 
 use std::cmp::Ordering;
 
+use cobscope_decoder::comparison::Difference;
 use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
@@ -13,7 +14,7 @@ use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 
 use crate::panes::meaning;
-use crate::state::{Core, NodeKey};
+use crate::state::{Core, DIFFERS, NodeKey, other_value};
 use crate::theme::Role;
 
 /// Maximum number of bytes in the column `Raw`.
@@ -85,6 +86,16 @@ impl<'a> Subject<'a> {
         format!("{}{name} on {}{device}", self.node.id().words(), self.bus.name())
     }
 
+    /// Difference of an object from the other capture.
+    fn difference<'c>(&self, core: &'c Core, known: &KnownObject<'_>) -> Option<&'c Difference> {
+        core.difference_of(self.bus.name(), self.node.id(), known.address)
+    }
+
+    /// Number of objects that differ from the other capture.
+    pub(super) fn differences(&self, core: &Core) -> usize {
+        core.objects_that_differ(self.bus.name(), self.node.id())
+    }
+
     /// Objects by address; with a search only the matching ones.
     pub(super) fn rows(&self, search: &str) -> Vec<KnownObject<'a>> {
         let store = self.node.store();
@@ -108,7 +119,10 @@ impl<'a> Subject<'a> {
         let text = match column {
             0 => known.address.to_string(),
             1 => known.meaning.as_ref().map_or(String::new(), |meaning| meaning.name.clone()),
-            2 => self.value(known),
+            2 => match self.difference(core, known) {
+                Some(difference) => format!("{} {DIFFERS} {}", self.value(known), other_value(difference)),
+                None => self.value(known),
+            },
             3 => known.entry.map_or(String::new(), raw),
             4 => match known.entry {
                 Some(entry) if entry.origin.frame > 0 => {
@@ -126,12 +140,13 @@ impl<'a> Subject<'a> {
     }
 
     /// Role of a cell; None for normal text.
-    pub(super) fn role(known: &KnownObject<'_>, column: usize) -> Option<Role> {
+    pub(super) fn role(&self, core: &Core, known: &KnownObject<'_>, column: usize) -> Option<Role> {
         let is_outside = known.meaning.as_ref().is_some_and(|meaning| {
             known.entry.is_some_and(|entry| meaning.is_outside(&meaning.decode(&entry.value)))
         });
         match (known.entry, column) {
             (_, 2) if is_outside => Some(Role::Bad),
+            (_, 2) if self.difference(core, known).is_some() => Some(Role::Caution),
             (_, 7) => Some(Role::Caution),
             (None, _) | (Some(_), 3..=6) => Some(Role::Quiet),
             _ => None,
@@ -147,6 +162,7 @@ impl<'a> Subject<'a> {
             format!(", {}{stale}", meaning::origin(core, entry))
         });
         let mut lines = vec![format!("{} {name} = {}{origin}", known.address, self.value(known))];
+        lines.extend(self.difference(core, known).map(|difference| against_line(core, difference)));
         if let Some(entry) = known.entry {
             let data = entry.value.iter().take(LONGEST).map(|byte| format!("{byte:02X}"));
             let more = if entry.size > LONGEST as u64 { " …" } else { "" };
@@ -219,6 +235,15 @@ impl<'a> Subject<'a> {
         };
         format!("{value} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
     }
+}
+
+/// `≠ good.log: 500 ms, frame 4`: value of the other capture.
+fn against_line(core: &Core, difference: &Difference) -> String {
+    let name = core.compared_name().unwrap_or_default();
+    let frame = difference.good.as_ref().map_or(0, |value| value.mark.frame);
+    let frame = if frame == 0 { String::new() } else { format!(", frame {frame}") };
+    let note = if difference.note.is_empty() { String::new() } else { format!(" ({})", difference.note) };
+    format!("{DIFFERS} {name}: {}{frame}{note}", other_value(difference))
 }
 
 /// Origin of a value that no frame carried.

@@ -1,0 +1,276 @@
+//! The differences between two captures as a page of the same layout as a report.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::document::page;
+use super::sections::made;
+use crate::bus_file::DiffTolerances;
+use crate::comparison::{
+    CaptureRecord, Comparison, Difference, Kind, Mark, Observation, Section, Side, UnobservedSubject, text,
+};
+use crate::report::model::Provenance;
+use crate::words::{grouped, plural};
+
+/// Contents of the page.
+#[derive(Debug, Clone, Copy)]
+pub struct ComparisonPage<'a> {
+    /// Differences, what was not seen, and what is equal.
+    pub comparison: &'a Comparison,
+    /// The first capture.
+    pub good: &'a CaptureRecord,
+    /// The second capture.
+    pub bad: &'a CaptureRecord,
+    /// Tolerances of the comparison.
+    pub tolerances: &'a DiffTolerances,
+    /// How the page was made.
+    pub provenance: &'a Provenance,
+}
+
+/// Differences with the same label.
+struct Group<'a> {
+    title: &'static str,
+    rows: Vec<&'a Difference>,
+}
+
+/// The page.
+pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
+    let ComparisonPage { comparison, good, bad, .. } = *contents;
+    let title = match comparison.differences.len() {
+        0 => "No difference within the tolerances".to_owned(),
+        count => plural(count, "difference"),
+    };
+    let groups = groups(comparison);
+    let body = html! {
+        header {
+            p.quiet { "cobscope diff" }
+            h1 { (title) }
+            dl.summary {
+                dt { "Good" } dd { (extent(good)) }
+                dt { "Bad" } dd { (extent(bad)) }
+                @if let Some(first) = comparison.differences.first() {
+                    dt { "First" } dd { strong { (summary(first)) } }
+                }
+                @if !groups.is_empty() {
+                    dt { "Sections" }
+                    dd {
+                        @for (place, group) in groups.iter().enumerate() {
+                            @if place > 0 { ", " }
+                            a href=(format!("#{}", id_of(group.title))) { (group.title) }
+                            " " (group.rows.len())
+                        }
+                    }
+                }
+            }
+        }
+        main {
+            @for group in &groups { (section(group)) }
+            (not_seen(comparison, Side::Good))
+            (not_seen(comparison, Side::Bad))
+            (equal(comparison))
+            (limits(comparison))
+            (tolerances(contents.tolerances))
+            (made(contents.provenance, "How this comparison was made", None))
+            (marks())
+        }
+    };
+    page(&format!("{title} – {} and {}", good.name, bad.name), "report", &body)
+}
+
+/// `good.log: 612.0 s, 1,204 frames, 3 error frames`.
+fn extent(record: &CaptureRecord) -> String {
+    let duration = record.duration.map_or("without timestamps".to_owned(), text::seconds);
+    let errors = match record.error_frames {
+        0 => String::new(),
+        count => format!(", {}", plural(count, "error frame")),
+    };
+    let frames = if record.frames == 1 { "frame" } else { "frames" };
+    format!("{}: {duration}, {} {frames}{errors}", record.name, grouped(record.frames))
+}
+
+/// A difference in one line.
+fn summary(it: &Difference) -> String {
+    let value = |value: &Option<Observation>| match value {
+        Some(value) => value.text.clone(),
+        None => "not seen".to_owned(),
+    };
+    let values = match (it.section, &it.good, &it.bad) {
+        (Section::Faults, Some(only), None) | (Section::Faults, None, Some(only)) => only.text.clone(),
+        _ => format!("{} | {}", value(&it.good), value(&it.bad)),
+    };
+    let aspect = if is_finding(it) { "" } else { it.aspect.as_str() };
+    let subject = if values.starts_with(it.subject.as_str()) { "" } else { it.subject.as_str() };
+    let parts = [subject, aspect, values.as_str()];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("  ")
+}
+
+/// Differences by label, in the order of their first one.
+fn groups(comparison: &Comparison) -> Vec<Group<'_>> {
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    for it in &comparison.differences {
+        let title = text::title(it);
+        match groups.iter_mut().find(|group| group.title == title) {
+            Some(group) => group.rows.push(it),
+            None => groups.push(Group { title, rows: vec![it] }),
+        }
+    }
+    groups
+}
+
+/// Id of the heading of a group.
+fn id_of(title: &str) -> String {
+    title.to_ascii_lowercase().replace(' ', "-")
+}
+
+fn section(group: &Group<'_>) -> Markup {
+    let id = id_of(group.title);
+    let what = if group.rows.iter().all(|it| is_finding(it)) { "Rule" } else { "What" };
+    html! {
+        section aria-labelledby=(id) {
+            h2 id=(id) { (group.title) }
+            div.scroll {
+                table.compared {
+                    thead {
+                        tr {
+                            th scope="col" { "Subject" } th scope="col" { (what) }
+                            th scope="col" { "Good" } th scope="col" { "Bad" } th scope="col" { "Note" }
+                        }
+                    }
+                    tbody {
+                        @for it in &group.rows {
+                            tr {
+                                td { (it.subject) } td { (it.aspect) }
+                                td { (value(it.good.as_ref())) } td { (value(it.bad.as_ref())) }
+                                td { (it.note) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn is_finding(it: &Difference) -> bool {
+    matches!(it.kind, Kind::Finding | Kind::StoryEnded | Kind::FindingEnded)
+}
+
+/// A value with its time and frame.
+fn value(value: Option<&Observation>) -> Markup {
+    html! {
+        @match value {
+            // The text of a finding names its frames itself.
+            Some(value) => {
+                (value.text)
+                (place(if value.text.contains('{') { Mark { frame: 0, ..value.mark } } else { value.mark }))
+            },
+            None => span.quiet { "not seen" },
+        }
+    }
+}
+
+fn place(mark: Mark) -> Markup {
+    html! {
+        @if mark.frame > 0 || mark.time.is_some() {
+            br;
+            span.quiet {
+                @if let Some(time) = mark.time { (text::seconds(time)) " " }
+                @if mark.frame > 0 { "{" (mark.frame) "}" }
+            }
+        }
+    }
+}
+
+/// What one capture never showed: most important first.
+fn not_seen(comparison: &Comparison, side: Side) -> Markup {
+    let own: Vec<&UnobservedSubject> = comparison.not_seen.iter().filter(|it| it.by == side).collect();
+    let title = text::not_seen_by(side);
+    let id = id_of(title);
+    html! {
+        @if !own.is_empty() {
+            section aria-labelledby=(id) {
+                h2 id=(id) { (title) }
+                p.quiet { "Not a difference: the capture had no opportunity to show it, or is too short." }
+                div.scroll {
+                    table {
+                        thead {
+                            tr { th scope="col" { "Kind" } th scope="col" { "Subject" } th scope="col" { "What" } }
+                        }
+                        tbody {
+                            @for it in own {
+                                tr {
+                                    td.short { (it.noun) } td.short { (it.subject) }
+                                    td { (it.aspect) (place(it.mark)) }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn equal(comparison: &Comparison) -> Markup {
+    let mut sections: BTreeMap<Section, Vec<String>> = BTreeMap::new();
+    for ((section, noun), count) in &comparison.equal {
+        sections.entry(*section).or_default().push(plural(*count, noun));
+    }
+    html! {
+        @if !sections.is_empty() {
+            section aria-labelledby="equal" {
+                h2 id="equal" { "EQUAL" }
+                dl { @for (section, counts) in &sections { dt { (section.name()) } dd { (counts.join(", ")) } } }
+            }
+        }
+    }
+}
+
+fn limits(comparison: &Comparison) -> Markup {
+    html! {
+        @if !comparison.limits.is_empty() {
+            section aria-labelledby="limits" {
+                h2 id="limits" { "NOT COMPARED" }
+                ul { @for limit in &comparison.limits { li { (limit) } } }
+            }
+        }
+    }
+}
+
+fn tolerances(tolerances: &DiffTolerances) -> Markup {
+    let all = [
+        ("period-percent", tolerances.period),
+        ("gap-percent", tolerances.gap),
+        ("longest-gap-percent", tolerances.longest_gap),
+        ("latency-percent", tolerances.latency),
+        ("count-percent", tolerances.count),
+        ("load-percent", tolerances.load),
+        ("set-point-percent", tolerances.set_point),
+        ("time-ms", tolerances.time_ms),
+    ];
+    html! {
+        section aria-labelledby="tolerances" {
+            h2 id="tolerances" { "Tolerances" }
+            p {
+                @for (place, (key, value)) in all.iter().enumerate() {
+                    @if place > 0 { ", " }
+                    span.data { (key) " = " (value) }
+                }
+                " (table [diff] of the bus file)"
+            }
+        }
+    }
+}
+
+fn marks() -> Markup {
+    html! {
+        section aria-labelledby="glossary" {
+            h2 id="glossary" { "Marks" }
+            dl {
+                dt { "55.0 s {96}" } dd { "time from the first frame of the capture, and number of the frame" }
+                dt { "?" } dd { "assumed: not confirmed by a message" }
+            }
+        }
+    }
+}

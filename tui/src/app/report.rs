@@ -1,0 +1,84 @@
+//! Report pages of findings and stories.
+
+use std::path::Path;
+
+use super::application::{App, Mode, PromptPurpose};
+use super::report_request::ReportRequest;
+
+/// Suffixes of the page, which select its format.
+const SUFFIXES: [&str; 2] = ["html", "md"];
+
+/// Maximum length of the rule in a proposed file name, in characters.
+const LONGEST_RULE: usize = 40;
+
+/// Whether the suffix of a file selects the format of a page.
+pub(super) fn has_format(path: &Path) -> bool {
+    path.extension().is_some_and(|suffix| SUFFIXES.iter().any(|known| suffix.eq_ignore_ascii_case(known)))
+}
+
+impl App {
+    /// Opens the prompt for the file of the page of the selected finding or story.
+    pub(super) fn ask_report(&mut self) {
+        if self.core.timeline.live().is_some() {
+            return self.core.refuse("a report needs a file; open the recorded capture with view");
+        }
+        let Some(finding) = self.chosen_finding() else {
+            return self
+                .core
+                .refuse("no finding selected: select one in Findings or Why, or go to one with ]");
+        };
+        self.reporting = Some(finding);
+        let name = self.report_name(finding);
+        self.ask(PromptPurpose::Report, "report to");
+        if let Mode::Prompt(_, prompt) = &mut self.mode {
+            prompt.propose(&name);
+        }
+        self.refresh_prompt_row();
+    }
+
+    /// Finding of the selected row, else the one at the cursor.
+    fn chosen_finding(&self) -> Option<u64> {
+        let of_row = self.panes.get(self.pane).and_then(|pane| pane.finding(&self.core));
+        of_row.or_else(|| {
+            let frame = self.core.cursor.frame;
+            let survey = self.core.timeline.survey();
+            survey.places.iter().find(|place| place.frame == frame).map(|place| place.id)
+        })
+    }
+
+    /// Proposed name: capture, rule and number of the finding.
+    fn report_name(&self, finding: u64) -> String {
+        let survey = self.core.timeline.survey();
+        let rule = survey.news.iter().find(|opened| opened.news.id == finding);
+        let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '-' | '_');
+        let rule: String = rule.map_or(String::new(), |opened| {
+            let letters = opened.news.rule.chars().map(|it| if is_plain(it) { it } else { '-' });
+            format!("-{}", letters.take(LONGEST_RULE).collect::<String>())
+        });
+        format!("{}{rule}-{finding}.html", self.capture_stem())
+    }
+
+    /// Starts writing the page.
+    pub(super) fn report(&mut self, path: &str) {
+        let Some(finding) = self.reporting.take() else { return };
+        let request = ReportRequest { finding, path: path.into() };
+        match (self.write_report)(request, self.core.timeline.options()) {
+            Ok(()) => self.core.begin_export(),
+            Err(error) => self.core.refuse(&format!("{error:#}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_suffix_selects_the_format_of_the_page() {
+        for (name, expected) in
+            [("case.html", true), ("a b/case.MD", true), ("case", false), ("case.pdf", false), ("", false)]
+        {
+            assert_eq!(has_format(name.as_ref()), expected, "{name}");
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! Requests for report pages.
+
+use std::path::PathBuf;
+
+use cobscope_decoder::session::SessionOptions;
+
+/// A report page that the user requested.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportRequest {
+    /// Id of a finding of the story.
+    pub finding: u64,
+    /// File of the page; its suffix selects HTML or Markdown.
+    pub path: PathBuf,
+}
+
+/// Starts writing a report page with the present options of the decoder. The result arrives as
+/// [`News::Exported`](crate::timeline::News::Exported).
+pub type WriteReport = Box<dyn FnMut(ReportRequest, &SessionOptions) -> anyhow::Result<()>>;

@@ -1,0 +1,62 @@
+//! Report pages requested in the terminal UI: written by a thread of their own.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::why::Question;
+use cobscope_decoder::words::plural;
+
+use super::page;
+use super::reading::{ReportScope, compose};
+use crate::cli::{FindingArg, InputArgs, PageStyle, SelectArgs};
+use crate::source::Series;
+
+/// A page to write.
+pub(in crate::cmd) struct PageJob {
+    /// The capture.
+    pub(in crate::cmd) series: Series,
+    /// Options with the files that the page names.
+    pub(in crate::cmd) input: InputArgs,
+    /// Options of the decoder.
+    pub(in crate::cmd) options: SessionOptions,
+    /// Selection and tolerances of the rules.
+    pub(in crate::cmd) rules: Arc<Setup>,
+    /// Finding whose story is reported.
+    pub(in crate::cmd) finding: u64,
+    /// File of the page.
+    pub(in crate::cmd) path: PathBuf,
+}
+
+impl PageJob {
+    /// Writes the page; returns a summary.
+    ///
+    /// # Errors
+    /// If the capture cannot be read, has no story with the finding, or the file exists or cannot be written.
+    pub(in crate::cmd) fn write(&self) -> anyhow::Result<String> {
+        let shown = escape(&self.path.display().to_string()).into_owned();
+        ensure!(self.path.symlink_metadata().is_err(), "{shown}: file exists; choose another name");
+        let finding = FindingArg::Id(self.finding);
+        let scope = ReportScope {
+            input: &self.input,
+            select: &SelectArgs::default(),
+            question: Question::default(),
+            finding: Some(&finding),
+            kept: None,
+            is_cut: false,
+            is_quiet: true,
+        };
+        let composed = compose(&self.series, &scope, &self.options, &self.rules)?;
+        page::create(&composed.report, style(&self.path), &self.path)
+            .with_context(|| format!("{shown}: cannot be written"))?;
+        Ok(format!("{shown}: report of {}", plural(composed.report.claims.len(), "story")))
+    }
+}
+
+fn style(path: &Path) -> PageStyle {
+    let is_markdown = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("md"));
+    if is_markdown { PageStyle::Md } else { PageStyle::Html }
+}
