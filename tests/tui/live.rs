@@ -161,6 +161,32 @@ fn a_record_holds_what_came() {
     }
 }
 
+/// A file that may not grow beyond 4 or 8 KiB: the frames behind are missing, and the exit status says so.
+#[test]
+fn frames_missing_in_a_record_are_an_error() {
+    let folder = folder("limited");
+    let path = folder.join("run.log");
+    let frames: String = (0..1_000).map(|n| format!("(1700000000.{n:06}) can0 123#{n:08X}\n")).collect();
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" live - --print -f none --record \"$1\"";
+    let mut command = Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_cobscope"), path.to_str().unwrap()]);
+    let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(frames.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.ends_with('\n') && frames.starts_with(&text), "complete lines");
+    let missing = 1_000 - text.lines().count();
+    assert!((700..900).contains(&missing), "{missing}");
+    let (path, missing) = (path.display(), format!("{missing} frames"));
+    assert!(
+        said.contains(&format!("{path}: File too large (os error 27): {missing} not written\n")),
+        "{said}"
+    );
+    assert!(said.contains(&format!("; {missing} missing\n")), "{said}");
+}
+
 /// Ctrl-C ends the program after everything is printed and written.
 #[test]
 fn an_interrupt_ends_it_well() {

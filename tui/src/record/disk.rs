@@ -11,6 +11,9 @@ pub(super) trait Disk: Send {
 
     /// Removes a file.
     fn remove(&mut self, path: &Path) -> io::Result<()>;
+
+    /// Renames a file; replaces the file `to`.
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()>;
 }
 
 /// A file of the capture. Written bytes go to the system at once.
@@ -28,16 +31,26 @@ pub(super) struct Files;
 impl Disk for Files {
     fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         let file = File::options().write(true).create_new(true).open(path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // The name of a file is safe only after a sync of its folder. Where folders cannot be opened, the
-        // system does it.
-        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        sync_folder_of(path);
         Ok(Box::new(file))
     }
 
     fn remove(&mut self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
     }
+
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)?;
+        sync_folder_of(to);
+        Ok(())
+    }
+}
+
+/// The name of a file is safe only after a sync of its folder. Where folders cannot be opened, the system does
+/// it.
+fn sync_folder_of(path: &Path) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
 }
 
 impl RecordFile for File {

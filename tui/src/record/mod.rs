@@ -8,6 +8,8 @@
 //! After it is opened, errors do not stop it. Frames that cannot be written are counted, also in the capture
 //! if its format can store the count.
 
+mod backend;
+mod cuts;
 mod disk;
 pub mod format;
 mod item;
@@ -17,6 +19,7 @@ mod parts;
 mod status;
 #[cfg(test)]
 mod tests;
+mod trigger;
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -30,11 +33,15 @@ use cobscope_decoder::capture::Notice;
 use cobscope_decoder::frame::Frame;
 use jiff::civil::DateTime;
 
+use backend::Backend;
+use cuts::CutWriter;
+pub use cuts::{CompleteCut, CutEnd, CutNews, CutOptions, RefusalReason};
 use disk::{Disk, Files};
 use item::{Gap, Item, RecordItem};
 pub use names::Names;
 use parts::{Limits, Parts};
 pub use status::{RecordFailure, RecordStatus};
+pub use trigger::Trigger;
 
 /// Maximum memory of the queue in bytes: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;
@@ -90,6 +97,7 @@ pub struct Recorder {
     /// Items lost while the queue was full.
     gap: Gap,
     too_fast: u64,
+    lost_triggers: u64,
     /// Number of frames lost because the thread has ended.
     stranded: u64,
     now: Option<Instant>,
@@ -120,14 +128,27 @@ impl Recorder {
             time: options.max_time.unwrap_or(Duration::MAX),
             files: options.files.map_or(usize::MAX, |files| files as usize),
         };
-        let parts = Parts::open(disk, names, format, limits)?;
-        let status = Arc::new(Mutex::new(parts.status().clone()));
+        Self::start(Parts::open(disk, names, format, limits)?, most_queued)
+    }
+
+    /// Writes a capture per trigger instead of all frames. News of the captures arrive through the receiver.
+    ///
+    /// # Errors
+    /// The folder cannot be created, or the files of a ring on disk cannot.
+    pub fn on_triggers(options: CutOptions, now: DateTime) -> anyhow::Result<(Self, Receiver<CutNews>)> {
+        let (news, inbox) = channel();
+        let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, news, now)?;
+        Ok((Self::start(writer, QUEUE)?, inbox))
+    }
+
+    fn start(backend: impl Backend + 'static, most_queued: usize) -> anyhow::Result<Self> {
+        let status = Arc::new(Mutex::new(backend.status().clone()));
         let queued = Arc::new(AtomicUsize::new(0));
         let (work, inbox) = channel();
         let (told, taken) = (Arc::clone(&status), Arc::clone(&queued));
         let thread = std::thread::Builder::new().name("record".into());
         let thread =
-            thread.spawn(move || run(parts, &inbox, &told, &taken)).context("cannot start a thread")?;
+            thread.spawn(move || run(backend, &inbox, &told, &taken)).context("cannot start a thread")?;
         Ok(Self {
             items: Vec::with_capacity(BATCH),
             buses: Arc::default(),
@@ -138,6 +159,7 @@ impl Recorder {
             status,
             gap: Gap::default(),
             too_fast: 0,
+            lost_triggers: 0,
             stranded: 0,
             now: None,
             handed_over: None,
@@ -156,6 +178,12 @@ impl Recorder {
     pub fn notice(&mut self, notice: &Notice, bus: &str) {
         let bus = self.bus(bus);
         self.add(Item { bus, what: RecordItem::Notice(notice.clone()) });
+    }
+
+    /// The next item triggers a capture. Only for a recorder of triggers.
+    pub fn trigger(&mut self, trigger: Trigger) {
+        let bus = self.bus(&trigger.bus);
+        self.add(Item { bus, what: RecordItem::Trigger(Box::new(trigger)) });
     }
 
     /// Advances the time; called every 100 ms or more often. Items are passed to the system within 200 ms,
@@ -179,6 +207,7 @@ impl Recorder {
     pub fn status(&self) -> RecordStatus {
         let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner).clone();
         status.too_fast = self.too_fast;
+        status.lost_triggers = self.lost_triggers;
         status.missing = status.missing.saturating_add(self.too_fast).saturating_add(self.stranded);
         if self.stranded > 0 {
             let reason = "the writer thread has ended; start a new capture".to_owned();
@@ -190,6 +219,11 @@ impl Recorder {
 
     /// Writes the rest, waits until all is on the disk and returns the status.
     pub fn finish(mut self) -> RecordStatus {
+        self.stop()
+    }
+
+    /// As `finish`; further items are only counted as missing.
+    pub fn stop(&mut self) -> RecordStatus {
         self.close();
         self.status()
     }
@@ -220,6 +254,7 @@ impl Recorder {
         let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
         if queued > most {
             self.too_fast += u64::from(item.is_frame());
+            self.lost_triggers += u64::from(matches!(item.what, RecordItem::Trigger(_)));
             self.gap.miss(item);
             return;
         }
@@ -254,19 +289,26 @@ impl Drop for Recorder {
     }
 }
 
-fn run(mut parts: Parts, inbox: &Receiver<RecordThread>, status: &Mutex<RecordStatus>, queued: &AtomicUsize) {
-    let tell = |parts: &Parts| {
-        status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(parts.status());
+fn run(
+    mut backend: impl Backend,
+    inbox: &Receiver<RecordThread>,
+    status: &Mutex<RecordStatus>,
+    queued: &AtomicUsize,
+) {
+    let tell = |backend: &dyn Backend| {
+        status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(backend.status());
     };
+    let mut known = Arc::default();
     for RecordThread { items, buses, now, sync } in inbox {
         let taken = size(items.len());
-        parts.take(items, &buses, now);
+        backend.take(items, &buses, now);
         if sync {
-            parts.sync();
+            backend.sync();
         }
-        tell(&parts);
+        tell(&backend);
         queued.fetch_sub(taken, Ordering::AcqRel);
+        known = buses;
     }
-    parts.finish();
-    tell(&parts);
+    backend.finish(&known);
+    tell(&backend);
 }

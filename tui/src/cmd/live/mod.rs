@@ -1,9 +1,14 @@
 //! `cobscope live`: live buses.
 
+mod cut_lines;
+mod cuts;
 mod lines;
+mod program;
 mod pump;
 mod screen;
 mod sources;
+mod triggers;
+mod viewer;
 
 use std::io::{IsTerminal as _, Write as _};
 
@@ -19,7 +24,7 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     if arguments.input.captures.is_empty() {
         return list();
     }
-    let wants_lines = arguments.print || arguments.check;
+    let wants_lines = arguments.print || arguments.check || arguments.triggers.is_any();
     if !wants_lines && !std::io::stdout().is_terminal() {
         complain(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
         return Exit::Usage;

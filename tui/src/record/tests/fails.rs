@@ -217,6 +217,10 @@ impl Disk for Full {
     fn remove(&mut self, _path: &Path) -> io::Result<()> {
         Ok(())
     }
+
+    fn rename(&mut self, _from: &Path, _to: &Path) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 #[cfg(target_os = "linux")]

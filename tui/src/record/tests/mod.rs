@@ -108,6 +108,14 @@ impl Disk for Memory {
         }
         Ok(())
     }
+
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+        let mut inner = self.lock();
+        let bytes = inner.files.remove(from).ok_or(ErrorKind::NotFound)?;
+        let replaced = inner.files.insert(to.to_owned(), bytes);
+        inner.room += replaced.map_or(0, |bytes| bytes.len());
+        Ok(())
+    }
 }
 
 impl Write for MemoryFile {
