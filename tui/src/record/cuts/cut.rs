@@ -15,6 +15,13 @@ pub(super) const BATCH: usize = 1_024;
 /// Comments of frames by sequence number.
 pub(super) type Comments = BTreeMap<u64, String>;
 
+/// Start of a capture, and the next item to consider.
+pub(super) struct CutStart {
+    begin: i64,
+    first: u64,
+    next: u64,
+}
+
 /// A capture with an open window.
 pub(super) struct Cut {
     /// The file; None until it can be created.
@@ -62,12 +69,20 @@ impl Cut {
         }
     }
 
-    /// Starts again with another file, with items of the ring from `next` on.
-    pub(super) fn restart(&mut self, next: u64, title: String) {
-        self.held.clear();
+    /// Starts again with another file, with a window from `begin` and items of the ring from `next` on. Returns the
+    /// present start for `resume`.
+    pub(super) fn restart(&mut self, begin: i64, next: u64, title: String) -> CutStart {
+        let start = CutStart { begin: self.begin, first: self.first, next: self.next };
         self.title = Some(title);
-        self.next = next;
-        self.first = next;
+        (self.begin, self.first, self.next) = (begin, next, next);
+        start
+    }
+
+    /// Continues the file before `restart`.
+    pub(super) fn resume(&mut self, CutStart { begin, first, next }: CutStart) {
+        self.held.clear();
+        self.title = None;
+        (self.begin, self.first, self.next) = (begin, first, next);
     }
 
     /// Takes items of the window from the ring, at most one batch; `false` if it has no further ones. Items after

@@ -138,8 +138,8 @@ impl Ring {
 mod tests {
     use cobscope_decoder::frame::Frame;
 
-    use super::super::item::RecordItem;
     use super::*;
+    use crate::record::item::RecordItem;
 
     const SECOND: i64 = 1_000_000_000;
 
@@ -172,8 +172,8 @@ mod tests {
         let kept = numbers(ring.items_from(0));
         assert!(kept.len() >= 101 && kept.len() <= 111, "{}", kept.len());
         assert_eq!([evicted, kept].concat(), (1..=601).collect::<Vec<_>>());
-        assert_eq!(ring.first_time(), Some(49 * SECOND));
-        assert_eq!(ring.first_sequence(), 490);
+        assert_eq!(ring.first_time(), Some(50 * SECOND));
+        assert_eq!(ring.first_sequence(), 500);
     }
 
     #[test]

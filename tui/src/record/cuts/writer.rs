@@ -1,6 +1,7 @@
 //! Writes a capture per trigger.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
@@ -178,7 +179,7 @@ impl CutWriter {
         }
     }
 
-    fn failed(&mut self, path: &std::path::Path, error: &std::io::Error) {
+    fn failed(&mut self, path: &Path, error: &std::io::Error) {
         let (path, reason) = (path.to_owned(), error.to_string());
         self.done.failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
     }
@@ -193,7 +194,7 @@ impl CutWriter {
         }
         let path = cut.path.clone();
         self.cut = Some(cut);
-        self.report(CutNews::Triggered { trigger, path, late: late.max(self.lacking(begin).min(late)) });
+        self.report(CutNews::Triggered { trigger, path, late });
     }
 
     /// Lets a capture start earlier, which needs another file; `false` if the ring or the disk does not allow it.
@@ -205,33 +206,24 @@ impl CutWriter {
         if self.ring.first_sequence() > cut.first || !is_whole || cut.replaced >= MOST_REPLACED {
             return false;
         }
-        let Ok((path, parts)) = self.files.create(&replacing(&cut.path)) else { return false };
+        let Ok((_, parts)) = self.files.create(&replacing(&cut.path)) else { return false };
+        cut.write(buses, self.now);
         let earlier = cut.parts.replace(parts);
-        let (begun, first) = (std::mem::replace(&mut cut.begin, begin), cut.first);
-        cut.restart(self.ring.first_sequence(), trigger.comment());
+        let start = cut.restart(begin, self.ring.first_sequence(), trigger.comment());
         while cut.take(&self.ring, &self.comments, false) {
             cut.write(buses, self.now);
         }
         cut.write(buses, self.now);
-        let target = cut.path.clone();
-        let renamed = cut.parts.as_mut().map(|parts| {
-            if let Some(failure) = parts.status().failure.clone() {
-                return Err(std::io::Error::other(failure.reason));
-            }
-            parts.sync();
-            parts.rename(target)
-        });
-        if !matches!(renamed, Some(Ok(()))) {
-            // The file so far stays; only frames after it are added.
-            if let Some(mut failed) = std::mem::replace(&mut cut.parts, earlier) {
-                failed.remove_all();
-            }
-            let _ = path;
-            (cut.begin, cut.first) = (begun, first);
-            return false;
+        if cut.parts.as_mut().is_some_and(|parts| is_renamed(parts, &cut.path)) {
+            cut.replaced = cut.replaced.saturating_add(1);
+            return true;
         }
-        cut.replaced = cut.replaced.saturating_add(1);
-        true
+        // The file so far stays, and later frames are added to it.
+        if let Some(mut failed) = std::mem::replace(&mut cut.parts, earlier) {
+            failed.remove_all();
+        }
+        cut.resume(start);
+        false
     }
 
     /// Writes further items of the open capture, and completes it if no later window can overlap with it.
@@ -358,6 +350,12 @@ impl Backend for CutWriter {
     fn status(&self) -> &RecordStatus {
         &self.status
     }
+}
+
+/// Renames a complete file; `false` if it is not complete or cannot be renamed.
+fn is_renamed(parts: &mut Parts, path: &Path) -> bool {
+    parts.sync();
+    parts.status().failure.is_none() && parts.rename(path.to_owned()).is_ok()
 }
 
 fn nanoseconds(time: Duration) -> i64 {
