@@ -16,28 +16,28 @@ use crate::support::workspace;
 use crate::terminal::Session;
 
 /// Time limit for an expected condition on a busy machine.
-const LIMIT: Duration = Duration::from_mins(1);
+pub const LIMIT: Duration = Duration::from_mins(1);
 
 /// A fresh folder of this test.
-fn folder(name: &str) -> PathBuf {
+pub fn folder(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live").join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).unwrap();
     path
 }
 
-fn fixture(name: &str) -> String {
+pub fn fixture(name: &str) -> String {
     fs::read_to_string(workspace().join("fixtures").join(name)).unwrap()
 }
 
 /// The running program with its lines so far.
-struct Running {
-    child: Child,
+pub struct Running {
+    pub child: Child,
     lines: Receiver<String>,
 }
 
 impl Running {
-    fn start(arguments: &[&str]) -> Self {
+    pub fn start(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
             .arg("live")
             .args(arguments)
@@ -55,11 +55,11 @@ impl Running {
         Self { child, lines }
     }
 
-    fn input(&mut self) -> &mut ChildStdin {
+    pub fn input(&mut self) -> &mut ChildStdin {
         self.child.stdin.as_mut().unwrap()
     }
 
-    fn line_with(&self, text: &str) -> String {
+    pub fn line_with(&self, text: &str) -> String {
         let mut before = Vec::new();
         loop {
             let line = self.lines.recv_timeout(LIMIT);
@@ -73,7 +73,7 @@ impl Running {
     }
 
     /// Exit status, and the text on standard error.
-    fn end(mut self) -> (Option<i32>, String) {
+    pub fn end(mut self) -> (Option<i32>, String) {
         drop(self.child.stdin.take());
         let output = self.child.wait_with_output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())

@@ -34,5 +34,6 @@ mod support;
 mod terminal;
 mod tidy;
 mod traces;
+mod triggers;
 mod verdicts;
 mod why;

@@ -22,6 +22,9 @@ the first frame of the event or finding, or of the finding that caused it. Overl
 name contains time, node and cause of its first trigger; comments name each trigger at its frame. A bus file beside it \
 (.toml) contains the state at its first frame: decode --bus NAME.toml NAME.pcapng prints the values of the live bus.
 
+A line is printed per trigger and per complete capture, with -f jsonl as JSON. --print adds events, --check findings and \
+their report. No terminal UI is opened.
+
 Frames wait in a ring in memory. It keeps one minute more than --before, up to --ring-size. A crash or power cut loses \
 the ring, and at most the last second of a capture whose window is open. With --ring-files the ring is also written to \
 files, so that at most the last second of all frames is lost. This writes about 60 bytes per frame: 60 kB/s at 1,000 \

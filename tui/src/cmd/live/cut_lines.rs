@@ -143,7 +143,8 @@ fn end(end: CutEnd) -> &'static str {
     }
 }
 
-fn limit(reason: RefusalReason) -> &'static str {
+/// The limit that was reached.
+pub(super) fn limit(reason: RefusalReason) -> &'static str {
     match reason {
         RefusalReason::Files => "limit of --trigger-files",
         RefusalReason::Bytes => "limit of --trigger-size",

@@ -9,14 +9,15 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
 use cobscope_decoder::sink::escape;
 
-use super::cut_lines::{CutLine, LineStyle};
+use super::cut_lines::{CutLine, LineStyle, limit};
 use super::program::ProgramRunner;
 use super::triggers::Triggers;
 use crate::cli::LiveArgs;
 use crate::cmd::messages::note;
 use crate::cmd::output::print;
 use crate::exit_code::Exit;
-use crate::record::{CutEnd, CutNews, CutOptions, RecordStatus, Recorder, RefusalReason};
+use crate::figures::bytes;
+use crate::record::{CutNews, CutOptions, RecordStatus, Recorder};
 
 /// Time in addition to `--after` after which a stopped session no longer waits for frames.
 const LATEST: Duration = Duration::from_secs(1);
@@ -27,6 +28,8 @@ pub(super) struct Cuts {
     news: Receiver<CutNews>,
     runner: Option<ProgramRunner>,
     style: LineStyle,
+    /// Place and size of the ring.
+    ring: String,
     after: Duration,
     /// Time of the first frame.
     first: Option<Timestamp>,
@@ -58,6 +61,8 @@ impl Cuts {
             files: own.trigger_files,
             bytes: own.trigger_size,
         };
+        let place = if own.ring_files { "memory and in files" } else { "memory" };
+        let ring = format!("ring of up to {} in {place}", bytes(own.ring_size));
         let runner = own.on_trigger.as_deref().map(ProgramRunner::start).transpose()?;
         let (recorder, news) = Recorder::on_triggers(options, jiff::Zoned::now().datetime())?;
         Ok(Some(Self {
@@ -65,6 +70,7 @@ impl Cuts {
             news,
             runner,
             style: LineStyle::of(&arguments.lines),
+            ring,
             after: own.after,
             first: None,
             now: None,
@@ -73,6 +79,12 @@ impl Cuts {
             has_refused: false,
             exit: Exit::Clean,
         }))
+    }
+
+    /// Prints the folder and the ring.
+    pub(super) fn greet(&self) {
+        let folder = self.recorder.status().path;
+        note(&format!("recording around triggers to {}; {}", folder.display(), self.ring));
     }
 
     /// Adds a frame with its triggers.
@@ -147,22 +159,13 @@ impl Cuts {
         }
     }
 
-    /// Prints a note on news that the user must know.
+    /// Prints a note on the first trigger that is not recorded.
     fn remark(&mut self, news: &CutNews) {
-        match news {
-            CutNews::Refused { reason, .. } if !self.has_refused => {
-                self.has_refused = true;
-                let option = match reason {
-                    RefusalReason::Files => "--trigger-files",
-                    RefusalReason::Bytes => "--trigger-size",
-                };
-                note(&format!("live: limit of {option} reached; later triggers are not recorded"));
-            }
-            CutNews::Complete(cut) if cut.end == CutEnd::Stopped => {
-                let path = cut.paths.first().map(|path| path.display().to_string()).unwrap_or_default();
-                note(&format!("{path}: stopped before the end of its window"));
-            }
-            _ => (),
+        if let CutNews::Refused { reason, .. } = news
+            && !self.has_refused
+        {
+            self.has_refused = true;
+            note(&format!("live: {} reached; later triggers are not recorded", limit(*reason)));
         }
     }
 }

@@ -62,6 +62,9 @@ pub(super) fn watch(
     let (pump, inbox) =
         Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
+    if let Some(cuts) = &cuts {
+        cuts.greet();
+    }
     let mut watch = Watch {
         decoder: Decoder::new(options.clone()),
         options,

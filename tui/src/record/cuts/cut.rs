@@ -46,6 +46,8 @@ pub(super) struct Cut {
     title: Option<String>,
     /// Sequence number of the next item to consider.
     next: u64,
+    /// Earliest and latest time of the frames taken.
+    span: Option<(i64, i64)>,
     /// Items to be written.
     held: Vec<Item>,
 }
@@ -65,6 +67,7 @@ impl Cut {
             missing: 0,
             title: Some(title),
             next,
+            span: None,
             held: Vec::new(),
         }
     }
@@ -98,6 +101,10 @@ impl Cut {
             }
             self.next = one.sequence.saturating_add(1);
             if self.has(one.time) {
+                if one.item.is_frame() {
+                    let (first, last) = self.span.unwrap_or((one.time, one.time));
+                    self.span = Some((first.min(one.time), last.max(one.time)));
+                }
                 let item = self.commented(one, comments);
                 self.held.push(item);
             }
@@ -147,7 +154,7 @@ impl Cut {
             missing: status.missing.saturating_add(self.missing),
             bytes: status.bytes,
             triggers: self.triggers,
-            duration: self.end.saturating_sub(self.begin),
+            duration: self.span.map_or(0, |(first, last)| last.saturating_sub(first)),
             end,
         };
         (complete, parts)

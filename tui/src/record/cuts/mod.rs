@@ -101,7 +101,7 @@ pub struct CompleteCut {
     pub bytes: u64,
     /// Number of triggers.
     pub triggers: u64,
-    /// Duration of the window in ns.
+    /// Time from the first to the last frame in ns.
     pub duration: i64,
     /// Why it ends.
     pub end: CutEnd,

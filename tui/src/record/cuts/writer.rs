@@ -263,9 +263,6 @@ impl CutWriter {
     /// Writes the rest of the open capture and ends it.
     fn complete(&mut self, end: CutEnd, buses: &[String]) {
         let Some(mut cut) = self.cut.take() else { return };
-        if end == CutEnd::Stopped {
-            cut.end = cut.end.min(self.clock.now());
-        }
         while end != CutEnd::Bytes && cut.take(&self.ring, &self.comments, true) {
             cut.write(buses, self.now);
         }
