@@ -170,8 +170,8 @@ fn a_full_disk_is_an_error_with_the_number_of_missing_frames() {
     let text = ended.err.join("\n");
     assert_eq!(ended.status.code(), Some(3), "{text}");
     let path = paths[0].display().to_string();
-    let line = ended.err.iter().find(|line| line.contains(&path) && line.ends_with(" frames not written"));
-    let missing = line.unwrap().strip_suffix(" frames not written").unwrap().rsplit(' ').next().unwrap();
+    let message = ended.err.iter().find(|line| line.contains(&path) && line.ends_with(" frames not written"));
+    let missing = message.unwrap().strip_suffix(" frames not written").unwrap().rsplit(' ').next().unwrap();
     let missing: usize = missing.parse().unwrap();
     // The trigger, 4,000 frames and a few greetings.
     assert!((4_002..4_100).contains(&(written + missing)), "{written} + {missing}\n{text}");

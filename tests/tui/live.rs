@@ -166,7 +166,8 @@ fn a_record_holds_what_came() {
 fn frames_missing_in_a_record_are_an_error() {
     let folder = folder("limited");
     let path = folder.join("run.log");
-    let frames: String = (0..1_000).map(|n| format!("(1700000000.{n:06}) can0 123#{n:08X}\n")).collect();
+    let frames: Vec<_> = (0..1_000).map(|n| format!("(1700000000.{n:06}) can0 123#{n:08X}\n")).collect();
+    let frames = frames.concat();
     let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" live - --print -f none --record \"$1\"";
     let mut command = Command::new("sh");
     command.args(["-c", script, env!("CARGO_BIN_EXE_cobscope"), path.to_str().unwrap()]);

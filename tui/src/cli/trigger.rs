@@ -19,7 +19,7 @@ Record the frames around each event that matches EXPR, into the folder of --reco
 EXPR is an expression of decode --filter. Each trigger writes one capture in pcapng with the frames from --before \
 until --after, to the frame: both bounds are inclusive, and the timestamps of the frames decide. --before counts from \
 the first frame of the event or finding, or of the finding that caused it. Overlapping windows become one capture. Its \
-name contains time, node and cause of its first trigger; comments name each trigger at its frame. A bus file beside it \
+name contains time, node and cause of its first trigger; comments name each trigger at its frame. A bus file next to it \
 (.toml) contains the state at its first frame: decode --bus NAME.toml NAME.pcapng prints the values of the live bus.
 
 A line is printed per trigger and per complete capture, with -f jsonl as JSON. --print adds events, --check findings and \

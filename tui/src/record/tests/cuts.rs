@@ -283,7 +283,7 @@ fn the_size_of_all_files_is_limited() {
     assert_eq!(complete[0].end, CutEnd::Bytes);
     // Frames arrive one by one here, so that it is exceeded by one frame at most.
     assert!(complete[0].bytes >= limit && complete[0].bytes < limit + 100, "{}", complete[0].bytes);
-    assert_eq!(complete[0].bytes as usize, bench.memory.bytes(&bench.memory.names()[0]).len());
+    assert_eq!(complete[0].bytes, bench.memory.bytes(&bench.memory.names()[0]).len() as u64);
     bench.fault(1_000);
     let refused = |news: &CutNews| matches!(news, CutNews::Refused { reason: RefusalReason::Bytes, .. });
     assert!(bench.news.try_iter().any(|news| refused(&news)));
@@ -379,10 +379,10 @@ fn a_ring_on_disk_is_limited_and_removed_at_the_end() {
 }
 
 /// A frame: time since the one before in ms, and for a trigger how many frames earlier its first frame is.
-type Step = (i64, Option<u32>);
+type FrameStep = (i64, Option<u32>);
 
 /// Frames of each capture by a filter of all frames.
-fn expected_files(steps: &[Step], before: i64, after: i64) -> Vec<Vec<u32>> {
+fn expected_files(steps: &[FrameStep], before: i64, after: i64) -> Vec<Vec<u32>> {
     let times: Vec<i64> = steps
         .iter()
         .scan(0, |time, (step, _)| {
@@ -414,7 +414,7 @@ fn expected_files(steps: &[Step], before: i64, after: i64) -> Vec<Vec<u32>> {
 }
 
 /// Frames of each capture as written, in order of the captures.
-fn written_files(steps: &[Step], options: CutOptions) -> Vec<Vec<u32>> {
+fn written_files(steps: &[FrameStep], options: CutOptions) -> Vec<Vec<u32>> {
     let mut bench = Bench::new(options);
     let mut time = 0;
     for (step, trigger) in steps {
@@ -430,7 +430,7 @@ fn written_files(steps: &[Step], options: CutOptions) -> Vec<Vec<u32>> {
     complete.iter().map(|cut| bench.file(cut.paths[0].to_str().unwrap())).collect()
 }
 
-fn steps(longest: i64, most: usize) -> impl Strategy<Value = Vec<Step>> {
+fn steps(longest: i64, most: usize) -> impl Strategy<Value = Vec<FrameStep>> {
     let trigger = prop_oneof![8 => Just(None), 1 => Just(Some(0)), 1 => (0_u32..20).prop_map(Some)];
     prop::collection::vec((0..longest, trigger), 1..most)
 }
@@ -443,7 +443,7 @@ proptest! {
     fn captures_are_a_filter_of_all_frames(
         steps in steps(300, 150), before in 0_u64..3_000, after in 0_u64..3_000,
     ) {
-        let expected = expected_files(&steps, before as i64, after as i64);
+        let expected = expected_files(&steps, before.cast_signed(), after.cast_signed());
         prop_assert_eq!(written_files(&steps, options(before, after)), expected);
     }
 
@@ -452,8 +452,8 @@ proptest! {
     fn captures_of_long_runs_are_a_filter_of_all_frames(
         steps in steps(100_000, 150), before in 0_u64..100_000, after in 0_u64..100_000,
     ) {
-        let own: Vec<Step> = steps.iter().map(|(step, trigger)| (*step, trigger.map(|_| 0))).collect();
-        let expected = expected_files(&own, before as i64, after as i64);
+        let own: Vec<FrameStep> = steps.iter().map(|(step, trigger)| (*step, trigger.map(|_| 0))).collect();
+        let expected = expected_files(&own, before.cast_signed(), after.cast_signed());
         prop_assert_eq!(written_files(&own, options(before, after)), expected);
     }
 }
