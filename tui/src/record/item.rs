@@ -37,6 +37,13 @@ impl Item {
         }
     }
 
+    /// Memory in bytes.
+    pub(super) fn memory(&self) -> usize {
+        let RecordItem::Trigger(trigger) = &self.what else { return size_of::<Self>() };
+        let texts = [&trigger.bus, &trigger.cause, &trigger.text].map(String::len);
+        size_of::<Self>() + size_of::<Trigger>() + texts.iter().sum::<usize>()
+    }
+
     pub(super) fn is_frame(&self) -> bool {
         self.frame().is_some()
     }

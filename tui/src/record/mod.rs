@@ -73,19 +73,18 @@ pub struct RecordOptions {
 /// A batch for the writer thread.
 struct RecordThread {
     items: Vec<Item>,
+    /// Memory of the items in bytes.
+    memory: usize,
     buses: Arc<Vec<String>>,
     now: Option<Instant>,
     sync: bool,
 }
 
-/// Bytes that `items` items need.
-fn size(items: usize) -> usize {
-    items.saturating_mul(size_of::<Item>())
-}
-
 /// A capture being written.
 pub struct Recorder {
     items: Vec<Item>,
+    /// Memory of `items` in bytes.
+    memory: usize,
     buses: Arc<Vec<String>>,
     /// None after the end.
     work: Option<Sender<RecordThread>>,
@@ -151,6 +150,7 @@ impl Recorder {
             thread.spawn(move || run(backend, &inbox, &told, &taken)).context("cannot start a thread")?;
         Ok(Self {
             items: Vec::with_capacity(BATCH),
+            memory: 0,
             buses: Arc::default(),
             work: Some(work),
             thread: Some(thread),
@@ -249,7 +249,8 @@ impl Recorder {
     }
 
     fn add(&mut self, item: Item) {
-        let queued = self.queued.load(Ordering::Acquire).saturating_add(size(self.items.len() + 1));
+        let own = item.memory();
+        let queued = self.queued.load(Ordering::Acquire).saturating_add(self.memory).saturating_add(own);
         // After a gap half of the queue must be free, so that there are few gaps.
         let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
         if queued > most {
@@ -261,6 +262,7 @@ impl Recorder {
         if !self.gap.is_empty() {
             self.items.extend(self.gap.take());
         }
+        self.memory = self.memory.saturating_add(own);
         self.items.push(item);
         if self.items.len() >= BATCH {
             self.hand_over(false);
@@ -269,14 +271,15 @@ impl Recorder {
 
     fn hand_over(&mut self, sync: bool) {
         let items = std::mem::replace(&mut self.items, Vec::with_capacity(BATCH));
-        self.queued.fetch_add(size(items.len()), Ordering::AcqRel);
+        let memory = std::mem::take(&mut self.memory);
+        self.queued.fetch_add(memory, Ordering::AcqRel);
         self.is_synced = false;
-        let work = RecordThread { items, buses: Arc::clone(&self.buses), now: self.now, sync };
+        let work = RecordThread { items, memory, buses: Arc::clone(&self.buses), now: self.now, sync };
         if let Some(thread) = &self.work
             && let Err(unsent) = thread.send(work)
         {
             let items = unsent.0.items;
-            self.queued.fetch_sub(size(items.len()), Ordering::AcqRel);
+            self.queued.fetch_sub(memory, Ordering::AcqRel);
             self.stranded += items.iter().filter(|item| item.is_frame()).count() as u64;
         }
     }
@@ -299,14 +302,13 @@ fn run(
         status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(backend.status());
     };
     let mut known = Arc::default();
-    for RecordThread { items, buses, now, sync } in inbox {
-        let taken = size(items.len());
+    for RecordThread { items, memory, buses, now, sync } in inbox {
         backend.take(items, &buses, now);
         if sync {
             backend.sync();
         }
         tell(&backend);
-        queued.fetch_sub(taken, Ordering::AcqRel);
+        queued.fetch_sub(memory, Ordering::AcqRel);
         known = buses;
     }
     backend.finish(&known);

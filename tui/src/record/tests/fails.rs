@@ -158,7 +158,8 @@ fn a_slow_disk_holds_nobody_up() {
     let memory = Memory::new(usize::MAX);
     let room = 3_000;
     let path = options(Path::new("run.pcapng"));
-    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(room)).unwrap();
+    let mut recorder =
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), room * size_of::<Item>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     for number in 0..5_000 {
         recorder.frame(&frame(number), "can0");
@@ -194,7 +195,8 @@ fn a_slow_disk_holds_nobody_up() {
 fn losses_at_the_end_are_reported() {
     let memory = Memory::new(usize::MAX);
     let path = options(Path::new("run.pcapng"));
-    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(10)).unwrap();
+    let mut recorder =
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), 10 * size_of::<Item>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     (0..15).for_each(|number| recorder.frame(&frame(number), "can0"));
     memory.set(|inner| inner.is_stuck = false);
