@@ -7,6 +7,7 @@ mod corpus;
 mod corpus_conformance;
 mod corpus_j1939;
 mod coverage;
+mod cuts;
 mod damaged;
 mod dbc;
 mod device_files;

@@ -38,6 +38,8 @@ pub struct Annotated {
     pub frames: String,
     /// Options and bus file of the session.
     pub options: SessionOptions,
+    /// Text of the bus file.
+    pub bus_text: String,
     /// Setup of the rules.
     pub setup: Setup,
     /// For each mark: number of the frame above, whether the finding closes, rule, keys.
@@ -94,7 +96,7 @@ pub fn parse(name: &str, text: &str) -> Annotated {
     options.catalogue = Arc::new(catalogue);
     let setup = Setup::new(&options.bus_file, &bus_file, Some("2026-06-01".into()));
     let setup = setup.unwrap_or_else(|error| panic!("{name}: {error}"));
-    Annotated { name, frames, options, setup, marks }
+    Annotated { name, frames, options, bus_text: bus_file, setup, marks }
 }
 
 fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {

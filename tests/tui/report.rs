@@ -263,7 +263,12 @@ fn the_cut_out_capture_has_the_frames_and_comments() {
     let decoded = run(&["decode", "--from", "#1", "--frames", "-f", "jsonl", text(&attached)], "").stdout;
     assert!(decoded.starts_with("{\"t\":1700000002."), "{decoded}");
     assert!(decoded.contains("\"kind\":\"emcy\""), "{decoded}");
-    assert!(fs::read_to_string(&page).unwrap().contains("case.pcapng, next to this page"));
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(html.contains("case.pcapng, next to this page<br>read with --bus case.bus.toml"), "{html}");
+    let state = fs::read_to_string(folder.join("case.bus.toml")).unwrap();
+    assert!(state.starts_with("# State before frame "), "{state}");
+    assert!(state.contains("device = \"danfoss-pve-ci:pvea\"\n"), "{state}");
+    assert!(state.contains("nmt = \"operational\"\n"), "{state}");
 
     let embedded = report(&[PVE, "--attach=embedded"]).stdout;
     assert_inert(&embedded);

@@ -14,20 +14,24 @@
 
 mod diff;
 mod expectation;
+mod initial;
 mod judgement;
 mod model;
 mod settings;
 mod uds;
 mod value;
+mod write;
 mod written;
 
 pub use diff::DiffTolerances;
 pub use expectation::{Demand, Expectation};
 
+pub use initial::{InitialNmtState, InitialState, InitialValue, PendingReset, ValueOrigin, ValueRole};
 pub use judgement::{Judgement, RuleSettings, Suppression};
-pub use settings::{AreaEntry, ObjectValue, ProtocolChoice, Settings};
+pub use settings::{AreaEntry, ProtocolChoice, Settings};
 pub use uds::UdsPair;
-pub use value::encode;
+pub use value::{ObjectValue, encode};
+pub use write::{BaseFile, write};
 pub use written::SpannedText;
 
 use crate::frame::CanId;
@@ -105,11 +109,13 @@ impl BusFile {
     }
 
     /// Values of objects; if an object is listed twice, the last entry wins.
-    pub fn objects<'a>(
-        &'a self,
-        bus: &'a str,
-    ) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, ObjectValue)> {
+    pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a InitialValue> {
         self.of(bus).rev().flat_map(|settings| &settings.objects)
+    }
+
+    /// States of nodes before the first frame; if a node is listed twice, the last entry wins.
+    pub fn states<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, InitialState)> {
+        self.of(bus).rev().flat_map(|settings| &settings.states)
     }
 
     /// Units of objects, as selected in the manufacturer's tool.
@@ -234,11 +240,11 @@ mod tests {
         assert_eq!(owners[2], (CanId::extended(0x80), Owner::Sync));
         assert_eq!(owners[3], (CanId::standard(0x7E5), Owner::Unclassified));
         let objects: Vec<_> = file.objects("can0").collect();
-        assert_eq!(
-            *objects[0],
-            (NODE, ObjectAddress::new(0x1A00, 1), ObjectValue::Bytes(vec![0x10, 0, 0x41, 0x60]))
-        );
-        assert_eq!(*objects[1], (NODE, ObjectAddress::new(0x2000, 1), ObjectValue::Bytes(vec![1, 2, 3])));
+        let given = |index, bytes: &[u8]| {
+            InitialValue::new(NODE, ObjectAddress::new(index, 1), ObjectValue::Bytes(bytes.to_vec()))
+        };
+        assert_eq!(*objects[0], given(0x1A00, &[0x10, 0, 0x41, 0x60]));
+        assert_eq!(*objects[1], given(0x2000, &[1, 2, 3]));
     }
 
     #[test]
@@ -293,7 +299,7 @@ mod tests {
     #[test]
     fn errors_have_a_place_and_a_caret() {
         let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
-        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`\n  2 | nmae = \"pump\"\n    | ^^^^";
+        let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`, `state`\n  2 | nmae = \"pump\"\n    | ^^^^";
         assert_eq!(error.show("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
         let shown = error.show("b.toml");
@@ -330,7 +336,7 @@ mod tests {
     fn values_must_fit_their_objects() {
         let object = |rest: &str| format!("[[node.5.object]]\nobject = \"1017:00\"\n{rest}");
         let value =
-            |rest: &str| BusFile::parse(&object(rest)).map(|file| file.everywhere.objects[0].2.clone());
+            |rest: &str| BusFile::parse(&object(rest)).map(|file| file.everywhere.objects[0].value.clone());
         assert_eq!(value("value = 1000"), Ok(ObjectValue::Bytes(vec![0xE8, 3])));
         fails(&object("value = 65536"), "3:9: 65536 does not fit UNSIGNED16; expected 0 to 65535");
         fails(&object("value = -1"), "does not fit");

@@ -7,15 +7,14 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::diff::DiffTolerances;
+use super::initial::{AuthoredObject, AuthoredState};
 use super::judgement::Judgement;
-use super::settings::{AreaEntry, BIT_RATES, ObjectValue, ProtocolChoice, Settings};
-use super::value::{Value, bytes};
-use super::written::{NO_IDENTIFIER, Number, TextProblem};
+use super::settings::{AreaEntry, BIT_RATES, ProtocolChoice, Settings};
+use super::written::{NO_IDENTIFIER, Number, TextProblem, address};
 use super::{diff, expectation, judgement, uds};
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoName};
 use crate::wire::NodeId;
-use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 use crate::wire::j1939::SpnConversion;
 
@@ -99,7 +98,7 @@ struct Node {
     #[serde(default)]
     name: Option<String>,
     #[serde(default)]
-    object: Vec<Object>,
+    object: Vec<AuthoredObject>,
     #[serde(default)]
     device: Option<Spanned<String>>,
     #[serde(default, alias = "dcf")]
@@ -112,17 +111,8 @@ struct Node {
     rx_area: Vec<Spanned<String>>,
     #[serde(default)]
     spn_conversion: Option<Spanned<u8>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Object {
-    #[serde(rename = "object")]
-    address: Spanned<String>,
     #[serde(default)]
-    value: Option<Spanned<Value>>,
-    #[serde(default)]
-    data: Option<Spanned<String>>,
+    state: Option<Spanned<AuthoredState>>,
 }
 
 #[derive(Deserialize)]
@@ -203,8 +193,10 @@ fn settings(
             settings.conversions.push((id, conversion(id, &version)?));
         }
         for object in node.object {
-            let (address, value) = object.check()?;
-            settings.objects.push((id, address, value));
+            settings.objects.push(object.check(id)?);
+        }
+        if let Some(state) = node.state {
+            settings.states.push((id, AuthoredState::check(state, id)?));
         }
     }
     for id in ids {
@@ -216,10 +208,6 @@ fn settings(
         settings.owners.push((can_id, owner));
     }
     Ok(settings)
-}
-
-fn address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {
-    text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
 }
 
 fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextProblem> {
@@ -234,41 +222,6 @@ fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextPr
 
 fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, TextProblem> {
     text.get_ref().parse().map_err(|message: &str| (text.span(), message.to_owned()))
-}
-
-impl Object {
-    fn check(self) -> Result<(ObjectAddress, ObjectValue), TextProblem> {
-        let span = self.address.span();
-        let address = address(&self.address)?;
-        let value = match (self.value, self.data) {
-            (Some(value), None) => {
-                let span = value.span();
-                bytes(address, value.into_inner()).map_err(|message| (span, message))?
-            }
-            (None, Some(data)) => hex(data.get_ref()).map(ObjectValue::Bytes).ok_or_else(|| {
-                (
-                    data.span(),
-                    "invalid data; expected pairs of hex digits, such as \"10 00 41 60\"".to_owned(),
-                )
-            })?,
-            (Some(_), Some(data)) => {
-                return Err((data.span(), "value and data are both present; remove one".into()));
-            }
-            (None, None) => return Err((span, "value and data are missing; expected one".into())),
-        };
-        Ok((address, value))
-    }
-}
-
-fn hex(text: &str) -> Option<Vec<u8>> {
-    let digits: Vec<u8> = text.bytes().filter(|byte| *byte != b' ').collect();
-    let pair = |pair: &[u8]| match pair {
-        [high, low] if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
-            u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()
-        }
-        _ => None,
-    };
-    digits.chunks(2).map(pair).collect()
 }
 
 impl Id {

@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use super::initial::{InitialState, InitialValue};
 use super::uds::UdsPair;
 use super::written::SpannedText;
 use crate::frame::CanId;
@@ -43,8 +44,10 @@ pub struct Settings {
     pub names: Vec<(NodeId, String)>,
     /// Services of CAN identifiers.
     pub owners: Vec<(CanId, Owner)>,
-    /// Values of objects by node.
-    pub objects: Vec<(NodeId, ObjectAddress, ObjectValue)>,
+    /// Values of objects.
+    pub objects: Vec<InitialValue>,
+    /// States of nodes before the first frame.
+    pub states: Vec<(NodeId, InitialState)>,
     /// Profiles by node.
     pub devices: Vec<(NodeId, SpannedText)>,
     /// EDS, DCF or XDD files by node, relative to the bus file.
@@ -59,15 +62,6 @@ pub struct Settings {
     pub conversions: Vec<(NodeId, SpnConversion)>,
     /// Identifiers of UDS servers.
     pub uds: Vec<UdsPair>,
-}
-
-/// Value of an object.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ObjectValue {
-    /// Bytes as transmitted.
-    Bytes(Vec<u8>),
-    /// Number, encoded with the data type from the node's profile.
-    Number(i64),
 }
 
 /// One entry of an area that is configured in the manufacturer's tool.

@@ -4,9 +4,17 @@ use std::ops::RangeInclusive;
 
 use serde::Deserialize;
 
-use super::settings::ObjectValue;
 use crate::profile::{DataType, plain_device};
 use crate::wire::canopen::ObjectAddress;
+
+/// Value of an object.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ObjectValue {
+    /// Bytes as transmitted.
+    Bytes(Vec<u8>),
+    /// Number, encoded with the data type from the node's profile.
+    Number(i64),
+}
 
 /// Value as written in the file.
 #[derive(Deserialize)]

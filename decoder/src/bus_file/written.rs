@@ -7,6 +7,7 @@ use toml::Spanned;
 
 use crate::frame::CanId;
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 /// Position in the text, in bytes, and the message.
 pub(super) type TextProblem = (Range<usize>, String);
@@ -70,4 +71,9 @@ pub(super) fn node_id(number: &Spanned<NodeNumber>) -> Result<NodeId, TextProble
         NodeNumber::Text(text) => text.parse(),
     };
     parsed.map_err(|message: &str| (number.span(), message.to_owned()))
+}
+
+/// Parses the address of an object.
+pub(super) fn address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {
+    text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
 }

@@ -21,6 +21,11 @@ pub enum StateCause {
     LifeGuard,
     /// Another EMCY, according to the profile of the device.
     Emcy,
+    /// Stated in the bus file, as the state before the first frame.
+    BusFile {
+        /// The node had reported it by heartbeat or guarding.
+        is_reported: bool,
+    },
 }
 
 impl StateCause {
@@ -34,6 +39,7 @@ impl StateCause {
             Self::Pdo => "pdo",
             Self::LifeGuard => "life-guard",
             Self::Emcy => "emcy",
+            Self::BusFile { .. } => "bus-file",
         }
     }
 }

@@ -31,6 +31,11 @@ impl Excerpt {
         self.frames.len()
     }
 
+    /// Number of the first frame in the capture.
+    pub fn first(&self) -> Option<u64> {
+        self.frames.first().map(|frame| frame.number)
+    }
+
     /// Whether there is no frame.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()

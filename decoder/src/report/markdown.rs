@@ -122,7 +122,9 @@ impl Page {
         if let Some(own) = &report.attachment {
             let frames = plural(own.frames, "frame");
             let timed = if own.is_timed { "" } else { ", timestamps 0: the capture has none" };
-            lines.push(format!("{}  cut-out capture of {frames}{timed}  {}", own.sha256, own.name));
+            let with =
+                own.bus_file.as_ref().map_or_else(String::new, |name| format!(", read with --bus {name}"));
+            lines.push(format!("{}  cut-out capture of {frames}{timed}  {}{with}", own.sha256, own.name));
         }
         self.heading(2, "How this report was made");
         self.block(&lines);

@@ -244,4 +244,6 @@ pub struct Attachment {
     pub sha256: String,
     /// Contents in base64, if embedded; else the file is next to the page.
     pub embedded: Option<String>,
+    /// Name of the bus file with the state before the first frame, next to the page.
+    pub bus_file: Option<String>,
 }

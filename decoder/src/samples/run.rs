@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use crate::bus_file::{BusFile, ObjectValue, Settings};
+use crate::bus_file::{BusFile, InitialValue, ObjectValue, Settings};
 use crate::capture::{Batch, Item, Notice, ReadOptions, Reader};
 use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
@@ -91,10 +91,10 @@ fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, Stri
                 return Err(format!("given: {object}: value has decimals; expected the raw integer"));
             }
         };
-        settings.objects.push((sample.node, address, value));
+        settings.objects.push(InitialValue::new(sample.node, address, value));
     }
     // A mapping takes effect when sub-index 0 is written (CiA 301 §7.5.2.36), so sub-index 0 is set last.
-    settings.objects.sort_by_key(|(_, object, _)| object.sub == 0);
+    settings.objects.sort_by_key(|object| object.address.sub == 0);
     for (name, entries) in &sample.areas {
         let entries = entries.iter().map(|entry| entry.parse().map_err(|error| format!("{name}: {error}")));
         settings.areas.push((sample.node, name.clone(), entries.collect::<Result<_, String>>()?));

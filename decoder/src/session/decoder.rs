@@ -6,7 +6,7 @@ use super::bus::{AmbiguousGap, Bus, RouteOrigin, Service};
 use super::canopen::{ConformanceMarks, Emcy, ErrorControl, Lss, Nmt, Pdo, Sdo, Sync, TimeStamps};
 use super::context::Shared;
 use super::device::Devices;
-use super::given::apply_given;
+use super::given::{apply_given, emit_given_states};
 use super::j1939::{
     Claims, FastPackets, Messages, Payload, Requests, Transports, TroubleCodes, is_followed,
     mark_sender_alive,
@@ -108,6 +108,9 @@ impl BusDecoder {
             self.advance_clock(stamp, frame.number, out);
         }
         (self.shared.bus.last_frame, self.shared.bus.last_time) = (frame.number, frame.time);
+        if self.shared.bus.has_given_states {
+            emit_given_states(frame, &mut self.shared.lend(out));
+        }
         if frame.flags.contains(FrameFlags::ERROR) {
             let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
             return self.shared.lend(out).emit_can(frame, kind);

@@ -2,17 +2,21 @@
 
 use std::sync::Arc;
 
-use crate::bus_file::{AreaEntry, ObjectValue, encode};
-use crate::frame::CanId;
+use crate::bus_file::{
+    AreaEntry, InitialState, InitialValue, ObjectValue, PendingReset, ValueOrigin, ValueRole, encode,
+};
+use crate::event::{Certainty, EventKind, StateCause, StateChange};
+use crate::frame::{CanId, Frame};
 use crate::profile::device::PdoField;
-use crate::profile::{Owner, Reference};
-use crate::session::bus::{Bus, Origin, OriginKind, Pairs, Service};
+use crate::profile::{Effect, Owner, Reference, little_endian};
+use crate::session::bus::{
+    Bus, MachineState, NmtStatus, Origin, OriginKind, Pairs, PendingValue, Restart, Service,
+};
 use crate::session::context::Context;
-use crate::session::identity::{assign, given_devices};
+use crate::session::identity::{assign, given_devices, introduce};
 use crate::session::objects::apply_object;
 use crate::session::options::{ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
-use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::Side;
 
 /// Number of the SDO channel in the bus file, in addition to those of objects 1200 and up.
@@ -45,8 +49,16 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
     for (node, device, by) in given_devices(&options.assignments, &name) {
         assign(node, &device, by, cx);
     }
-    for (id, address, value) in options.bus_file.objects(&name) {
-        give_object(&mut cx.bus, *id, *address, value);
+    for object in options.bus_file.objects(&name) {
+        give_object(&mut cx.bus, object);
+    }
+    for object in options.bus_file.objects(&name).filter(|object| object.origin.is_some()) {
+        // The observer never receives the event: the earlier capture contained it.
+        introduce(object.node, object.address, &Frame::EMPTY, cx);
+    }
+    for (id, state) in options.bus_file.states(&name) {
+        give_state(&mut cx.bus, *id, state);
+        cx.bus.has_given_states |= state.nmt.is_some();
     }
     give_areas(&mut cx.bus, &options, &name);
     for (id, conversion) in options.bus_file.conversions(&name) {
@@ -85,23 +97,105 @@ fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
 }
 
 /// Stores an object value from the bus file; a number has the size of its object.
-fn give_object(bus: &mut Bus, id: NodeId, address: ObjectAddress, value: &ObjectValue) {
-    const ORIGIN: Origin = Origin { kind: OriginKind::BusFile, frame: 0, time: None };
+fn give_object(bus: &mut Bus, object: &InitialValue) {
+    let (id, address) = (object.node, object.address);
     let Some(node) = bus.node_mut(id) else { return };
-    let bytes = match value {
+    let entry = node.device.dictionary.find(address).and_then(|found| found.entry);
+    let bytes = match &object.value {
         ObjectValue::Bytes(bytes) => bytes.clone(),
         ObjectValue::Number(number) => {
-            let data_type = node.device.dictionary.data_type(address);
+            let data_type = entry.and_then(|entry| entry.data_type);
             match encode(*number, data_type).or_else(|_| encode(*number, None)) {
                 Ok(bytes) => bytes,
                 Err(_) => return,
             }
         }
     };
-    // If the store is full, the value is ignored: no real file lists that many objects.
-    if Arc::make_mut(&mut node.store).set(address, &bytes, ORIGIN).is_ok() {
-        apply_object(bus, id, address);
+    let kind = match object.origin {
+        None => OriginKind::BusFile,
+        Some(ValueOrigin::Download) => OriginKind::Download,
+        Some(ValueOrigin::Upload) => OriginKind::Upload,
+        Some(ValueOrigin::Pdo) => OriginKind::Pdo,
+    };
+    // Frames of the earlier capture have no number in this one.
+    let origin = Origin { kind, frame: 0, time: None };
+    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
+    let store = Arc::make_mut(&mut node.store);
+    match object.role {
+        ValueRole::Pending => store.wait(address, PendingValue { value: bytes, effect, origin }),
+        ValueRole::Stored => store.set_kept(address, bytes),
+        ValueRole::Process if bytes.len() <= 8 => {
+            node.behaviour.note(address, little_endian(&bytes));
+        }
+        ValueRole::Process => {}
+        ValueRole::Effective => {
+            // If the store is full, the value is ignored: no real file lists that many objects.
+            if store.set(address, &bytes, origin).is_ok() {
+                if object.is_assumed {
+                    store.doubt(address);
+                }
+                apply_object(bus, id, address);
+            }
+        }
     }
+}
+
+/// Emits the states in the bus file at the first frame, so that observers know them.
+#[cold]
+pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut Context<'_>) {
+    cx.bus.has_given_states = false;
+    let now = cx.bus.clock.now();
+    let given = cx.bus.nodes.iter_mut().filter_map(|node| {
+        let nmt = node.nmt.as_mut().filter(|nmt| matches!(nmt.cause, StateCause::BusFile { .. }))?;
+        nmt.since = now;
+        Some((node.id, *nmt))
+    });
+    for (id, nmt) in given.collect::<Vec<_>>() {
+        let change = StateChange {
+            from: None,
+            to: nmt.state,
+            cause: nmt.cause,
+            cause_frame: frame.number,
+            after: None,
+            certainty: nmt.certainty,
+        };
+        cx.emit(frame, id, true, EventKind::NmtState(change));
+    }
+}
+
+/// Sets the state of a node before its first frame.
+fn give_state(bus: &mut Bus, id: NodeId, state: &InitialState) {
+    let since = bus.clock.now();
+    let Some(node) = bus.node_mut(id) else { return };
+    node.nmt = state.nmt.map(|nmt| NmtStatus {
+        state: nmt.state,
+        certainty: if nmt.is_assumed { Certainty::Presumed } else { Certainty::Confirmed },
+        cause: StateCause::BusFile { is_reported: nmt.is_reported },
+        frame: 0,
+        since,
+    });
+    if let Some(name) = state.name {
+        node.j1939_state().name = Some(name);
+    }
+    node.reset_frame = state.reset.map(|reset| match reset {
+        PendingReset::Communication => (0, Restart::Communication),
+        PendingReset::Node => (0, Restart::Node),
+    });
+    node.was_present = true;
+    node.lost = state.is_lost;
+    node.saved = state.is_saved;
+    for code in &state.errors {
+        node.raise(*code);
+    }
+    node.refresh_attention();
+    let device = Arc::clone(&node.device);
+    let known = device.machines.iter().zip(&state.device).map(|(machine, name)| {
+        let place = machine.states.iter().position(|state| state.name == *name);
+        let state = place.and_then(|place| u8::try_from(place).ok());
+        let control = node.behaviour.word(machine.control.object.object);
+        MachineState { state, since, control, control_since: since, ..MachineState::default() }
+    });
+    node.behaviour.machines = known.collect();
 }
 
 /// SDO channel of a node with the identifiers in the bus file; a missing identifier has its default value.
@@ -144,7 +238,7 @@ fn slices(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
 mod tests {
     use super::*;
     use crate::bus_file::BusFile;
-    use crate::event::{Event, EventKind};
+    use crate::event::Event;
     use crate::frame::{BusIndex, Frame, Timestamp};
     use crate::profile::{PdoDirection, PdoName};
     use crate::session::BusDecoder;

@@ -27,6 +27,7 @@ mod observer;
 mod options;
 mod presence;
 mod short_path;
+mod snapshot;
 mod timers;
 mod uds;
 
@@ -46,3 +47,4 @@ pub use limits::{
 pub(crate) use limits::CLOCK_SET;
 pub use observer::{Observer, Preview};
 pub use options::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
+pub use snapshot::BusSnapshot;

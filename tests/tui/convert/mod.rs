@@ -1,6 +1,7 @@
 //! `cobscope convert`: the output contains the data of the input, as far as its format can store it.
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
+mod bus_file;
 mod choice;
 mod every_format;
 mod files;

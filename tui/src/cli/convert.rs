@@ -48,6 +48,12 @@ pub struct ConvertArgs {
     /// (repeatable)
     #[arg(long, value_name = "[BUS:]ID")]
     pub only_node: Vec<NodeArg>,
+    /// Write a bus file with the state before the first frame of --from: mappings, values of objects, NMT states
+    ///
+    /// decode --bus FILE then decodes the part as within the whole capture. FILE contains the settings of --bus, --node,
+    /// --eds and --dbc.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["split_size", "split_at"])]
+    pub bus_file: Option<PathBuf>,
     /// Add the meaning of each frame as a comment (pcapng, ASC, TRC, CSV)
     #[arg(long)]
     pub comments: bool,

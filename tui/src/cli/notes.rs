@@ -37,7 +37,7 @@ examples! {
         "cobscope decode -f csv -o values.csv --node 2=rexroth-sydfec customer.log";
     CONVERT:
         "cobscope convert customer.blf customer.log",
-        "cobscope convert --from 120 --to 180 --only-node 5 run.log part.asc",
+        "cobscope convert --from 120 --to 180 --bus-file part.bus.toml run.log part.pcapng",
         "cobscope convert --split-size 100M a.trc b.trc all.pcapng";
     STATS:
         "cobscope stats customer.log",

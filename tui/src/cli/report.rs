@@ -26,7 +26,8 @@ pub struct ReportArgs {
     /// Report only stories with a finding: the name of its rule, or its id as printed by check -f jsonl
     #[arg(long, value_name = "RULE|ID", conflicts_with = "story")]
     pub finding: Option<FindingArg>,
-    /// Add the frames around the claims as pcapng with comments: next to the page, or embedded in it
+    /// Add the frames around the claims as pcapng with comments: next to the page, with a bus file of the state before
+    /// them, or embedded in the page
     #[arg(
         long,
         value_name = "WHERE",

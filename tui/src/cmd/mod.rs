@@ -3,6 +3,7 @@
 mod captures;
 mod check;
 mod convert;
+mod cut;
 mod decode;
 mod decoding;
 mod describe;

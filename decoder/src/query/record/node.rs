@@ -48,7 +48,9 @@ pub(super) fn boot_up(cause: BootCause, lost: u32, fields: &mut dyn Fields) {
     match cause {
         BootCause::Commanded { frame } => {
             fields.field("cause", FieldValue::Text("commanded"));
-            fields.field("cause_frame", FieldValue::Unsigned(frame));
+            if frame > 0 {
+                fields.field("cause_frame", FieldValue::Unsigned(frame));
+            }
         }
         BootCause::PresumedPowerOn { sign } => {
             fields.field("cause", FieldValue::Text("presumed-power-on"));

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::report::glossary::marks;
-use crate::report::model::{Attachment, Coverage, Report};
+use crate::report::model::{Attachment, Coverage, Provenance, Report};
 use crate::words::{grouped, plural};
 
 /// A heading with a list; nothing without texts.
@@ -95,12 +95,16 @@ pub(super) fn clock(report: &Report) -> Markup {
     list("Timestamps", "clock", &report.clock)
 }
 
-/// Command, version and hashes.
+/// Command, version and hashes of a report.
 pub(super) fn provenance(report: &Report) -> Markup {
-    let made = &report.provenance;
+    made(&report.provenance, "How this report was made", report.attachment.as_ref())
+}
+
+/// Command, version and hashes.
+pub(super) fn made(made: &Provenance, title: &str, own: Option<&Attachment>) -> Markup {
     html! {
         section aria-labelledby="made" {
-            h2 id="made" { "How this report was made" }
+            h2 id="made" { (title) }
             dl {
                 dt { "Command" }
                 dd { code { (made.command) } }
@@ -124,7 +128,7 @@ pub(super) fn provenance(report: &Report) -> Markup {
                                 td.data.hash { (file.sha256) }
                             }
                         }
-                        @if let Some(own) = &report.attachment { (attachment(own)) }
+                        @if let Some(own) = own { (attachment(own)) }
                     }
                 }
             }
@@ -150,6 +154,9 @@ fn attachment(own: &Attachment) -> Markup {
                         ", embedded"
                     }
                     None => { (own.name) ", next to this page" },
+                }
+                @if let Some(bus_file) = &own.bus_file {
+                    br; "read with --bus " (bus_file)
                 }
             }
             td.number { (grouped(own.size as u64)) }

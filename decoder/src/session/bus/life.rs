@@ -51,6 +51,11 @@ impl Node {
         self.behaviour.boot.map(|boot| (boot.frame, boot.time))
     }
 
+    /// Whether the bus file states that the node was present before the first frame.
+    pub(crate) fn was_present(&self) -> bool {
+        self.was_present
+    }
+
     /// First frame of the node; 0 for none.
     pub fn first_seen(&self) -> u64 {
         self.first_frame

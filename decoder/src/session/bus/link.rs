@@ -109,6 +109,11 @@ impl Pairs {
         links
     }
 
+    /// All pairs: those of the bus file, then those that the traffic revealed.
+    pub(in crate::session) fn list(&self) -> &[UdsPair] {
+        &self.list
+    }
+
     fn pair(&self, pair: u16) -> Option<&UdsPair> {
         self.list.get(usize::from(pair))
     }

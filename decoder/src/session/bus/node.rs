@@ -54,6 +54,8 @@ pub struct Node {
     pub(in crate::session) last_frame: u64,
     /// First frame of the node; 0 for none.
     pub(in crate::session) first_frame: u64,
+    /// The bus file states that the node was present before the first frame.
+    pub(in crate::session) was_present: bool,
     /// The node was already identified with one under another node-ID.
     pub(in crate::session) is_joined: bool,
     pub(in crate::session) last_seen: Option<Timestamp>,
@@ -106,6 +108,14 @@ pub struct Node {
 pub(in crate::session) struct DetectedByteOrder(pub(in crate::session) ByteOrder);
 
 impl NmtStatus {
+    /// Whether the node reported the state by heartbeat or guarding.
+    pub(in crate::session) fn is_reported(&self) -> bool {
+        matches!(
+            self.cause,
+            StateCause::Heartbeat | StateCause::GuardReply | StateCause::BusFile { is_reported: true }
+        )
+    }
+
     /// Monotonic time of the frame that changed the state, in ns, as in [`super::Bus::now`].
     pub fn since(&self) -> i64 {
         self.since
@@ -123,6 +133,7 @@ impl Node {
             lost: false,
             last_frame: 0,
             first_frame: 0,
+            was_present: false,
             is_joined: false,
             last_seen: None,
             last_heard: 0,

@@ -248,6 +248,11 @@ impl Routes {
         Some(index)
     }
 
+    /// Whether a 29-bit identifier occurred.
+    pub(in crate::session) fn has_extended(&self) -> bool {
+        !self.extended.is_empty()
+    }
+
     /// Sets the learnt service of `id`.
     pub(in crate::session) fn learn(&mut self, id: CanId, service: Service) {
         if self.learnt.get(&id) == Some(&service) {

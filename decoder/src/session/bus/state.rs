@@ -62,6 +62,8 @@ pub struct Bus {
     pub(in crate::session) last_sync: Option<CanId>,
     /// At least one UDS request received a response.
     pub(in crate::session) is_uds: bool,
+    /// States of nodes in the bus file are not reported yet.
+    pub(in crate::session) has_given_states: bool,
     /// A group of NMEA 2000 was received.
     pub(in crate::session) is_nmea2000: bool,
     /// Index of the identifier whose PDO or message is being sent to the observer.
@@ -107,6 +109,7 @@ impl Bus {
             is_time_rejected: false,
             last_sync: None,
             is_uds: false,
+            has_given_states: false,
             is_nmea2000: false,
             current_identifier: None,
             unnamed: UdsSuspects::default(),

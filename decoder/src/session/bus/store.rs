@@ -153,6 +153,19 @@ impl Store {
         self.kept.get(&address).map(Vec::as_slice)
     }
 
+    /// All values in non-volatile memory.
+    pub(in crate::session) fn all_kept(&self) -> impl Iterator<Item = (ObjectAddress, &[u8])> {
+        self.kept.iter().map(|(address, value)| (*address, value.as_slice()))
+    }
+
+    /// Sets the value of an object in non-volatile memory; long values are not stored.
+    pub(in crate::session) fn set_kept(&mut self, address: ObjectAddress, value: Vec<u8>) {
+        let fits = self.kept.len() < OBJECT_LIMIT || self.kept.contains_key(&address);
+        if fits && value.len() <= OBJECT_VALUE_LIMIT / 16 {
+            self.kept.insert(address, value);
+        }
+    }
+
     /// Marks all objects selected by `picks` as stored in non-volatile memory.
     pub(in crate::session) fn keep(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
         for (address, entry) in &self.entries {

@@ -157,7 +157,8 @@ pub(in crate::session) fn confirm_state(
     };
     let age = now.saturating_sub(old.since);
     // A boot-up message after a reset is never an old one from a queue.
-    let may_be_queued = runs && age < QUEUED && cause != StateCause::BootUp;
+    let is_earlier = matches!(old.cause, StateCause::BusFile { .. });
+    let may_be_queued = runs && age < QUEUED && cause != StateCause::BootUp && !is_earlier;
     if old.state != to && old.certainty == Certainty::Presumed && may_be_queued {
         return;
     }
@@ -167,7 +168,9 @@ pub(in crate::session) fn confirm_state(
     node.refresh_attention();
     if is_news {
         let confirms = old.state == to && old.certainty == Certainty::Presumed;
-        emit_state_change(Some(old), status, frame, confirms.then_some(age).filter(|_| runs), id, cx);
+        // The time of a command before the capture is unknown.
+        let is_timed = runs && !is_earlier;
+        emit_state_change(Some(old), status, frame, confirms.then_some(age).filter(|_| is_timed), id, cx);
         reassess_set_points(id, frame, cx);
     }
 }
@@ -181,7 +184,7 @@ fn emit_state_change(
     cx: &mut Context<'_>,
 ) {
     let cause_frame = match before {
-        Some(before) if before.state == now.state => before.frame,
+        Some(before) if before.state == now.state && before.frame > 0 => before.frame,
         _ => frame.number,
     };
     let change = StateChange {
@@ -205,8 +208,7 @@ fn emit_state_change(
 pub(in crate::session) fn confirm_operational_by_pdo(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let contradicts_words = cx.bus.node(id).and_then(|node| node.nmt).is_some_and(|nmt| {
         // A state reported by the node has precedence over a PDO on its identifier.
-        nmt.state != NmtState::Operational
-            && matches!(nmt.cause, StateCause::Heartbeat | StateCause::GuardReply)
+        nmt.state != NmtState::Operational && nmt.is_reported()
     });
     if !contradicts_words {
         confirm_state(id, NmtState::Operational, StateCause::Pdo, frame, cx);

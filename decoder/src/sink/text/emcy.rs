@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use super::Tone;
+use super::node::evidence;
 use super::parts::push_bytes;
 use crate::ascii::{push_code, push_decimal};
 use crate::event::{BootCause, EmcyAction, Emergency};
@@ -15,7 +16,7 @@ pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u
         match emergency.boot {
             Some(BootCause::Commanded { frame }) => {
                 // Writing to a vector cannot fail.
-                let _ = write!(out, ", after NMT reset {{{frame}}}");
+                let _ = write!(out, ", after NMT reset{}", evidence(frame));
             }
             Some(BootCause::PresumedPowerOn { .. }) => {
                 out.extend_from_slice(", no NMT reset before → power cycle or self-reset".as_bytes());

@@ -64,6 +64,11 @@ pub(super) fn boot_up(cause: BootCause, lost: u32) -> LineContent {
     ("BOOT", boot_cause(cause, lost), if is_expected { Tone::Good } else { Tone::Caution })
 }
 
+/// ` {12}`; nothing for a frame before the capture.
+pub(super) fn evidence(frame: u64) -> String {
+    if frame == 0 { String::new() } else { format!(" {{{frame}}}") }
+}
+
 fn boot_cause(cause: BootCause, lost: u32) -> String {
     let settings = match lost {
         0 => String::new(),
@@ -72,7 +77,7 @@ fn boot_cause(cause: BootCause, lost: u32) -> String {
     };
     let sign = match cause {
         BootCause::Commanded { frame } => {
-            return format!("boot-up after NMT reset {{{frame}}}{settings}");
+            return format!("boot-up after NMT reset{}{settings}", evidence(frame));
         }
         BootCause::PresumedPowerOn { sign } => sign,
     };
@@ -98,6 +103,7 @@ fn state(change: &StateChange) -> String {
         StateCause::Pdo => "PDO",
         StateCause::LifeGuard => "life guarding",
         StateCause::Emcy => "EMCY",
+        StateCause::BusFile { .. } => "bus file",
     };
     match (change.certainty, change.from, change.after) {
         (Certainty::Presumed, from, _) => {

@@ -40,6 +40,8 @@ pub(super) fn write(
             question: Question::default(),
             finding: None,
             kept: Some(&kept),
+            is_cut: false,
+            is_quiet: false,
         };
         let is_reported = outcome == Outcome::Failed || (outcome == Outcome::Unreadable && judged.frames > 0);
         let composed = is_reported.then(|| compose(&source.series, &scope, options, setup));

@@ -5,7 +5,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind, FrameRange, Undecoded};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::{Filter, KindSet};
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::session::{Bus, BusSnapshot, Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::Line;
 
@@ -30,6 +30,15 @@ pub(super) struct Choice {
     is_over: bool,
     /// `None` if frames need not be decoded.
     reading: Option<Reading>,
+    /// State before the first frame of the range.
+    start: StartState,
+}
+
+/// State before the first frame of the range.
+enum StartState {
+    NotNeeded,
+    Pending,
+    Known(Box<BusSnapshot>),
 }
 
 struct Reading {
@@ -44,8 +53,13 @@ struct Reading {
 
 impl Choice {
     pub(super) fn new(arguments: &ConvertArgs, options: SessionOptions) -> Self {
-        let ConvertArgs { filter, only_node, split_at, comments, from, to, .. } = arguments;
-        let understands = filter.is_some() || !only_node.is_empty() || split_at.is_some() || *comments;
+        let ConvertArgs { filter, only_node, split_at, comments, from, to, bus_file, .. } = arguments;
+        let start = if bus_file.is_some() { StartState::Pending } else { StartState::NotNeeded };
+        let understands = filter.is_some()
+            || !only_node.is_empty()
+            || split_at.is_some()
+            || *comments
+            || bus_file.is_some();
         let reading = understands.then(|| Reading {
             decoder: Decoder::new(options),
             filter: filter.clone(),
@@ -54,7 +68,7 @@ impl Choice {
             own_kinds: KindSet::of_frames(),
             comment: comments.then(String::new),
         });
-        Self { from: *from, to: *to, first: None, is_over: false, reading }
+        Self { from: *from, to: *to, first: None, is_over: false, reading, start }
     }
 
     /// Called with the first frame of all captures.
@@ -78,6 +92,14 @@ impl Choice {
         self.reading.as_ref().and_then(|reading| reading.comment.as_deref()).unwrap_or_default()
     }
 
+    /// State before the first frame of the range; `None` before that frame, or if it was not requested.
+    pub(super) fn take_start(&mut self) -> Option<BusSnapshot> {
+        match std::mem::replace(&mut self.start, StartState::NotNeeded) {
+            StartState::Known(state) => Some(*state),
+            StartState::NotNeeded | StartState::Pending => None,
+        }
+    }
+
     pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
         if let Some(reading) = &mut self.reading {
             reading.decoder.notice(notice, names, &mut NoObserver);
@@ -86,6 +108,11 @@ impl Choice {
 
     #[inline]
     pub(super) fn judge(&mut self, frame: &Frame, names: &BusNames) -> Verdict {
+        let is_early = self.from.is_some_and(|from| from.is_behind(frame, self.first));
+        if matches!(self.start, StartState::Pending) && !is_early {
+            let buses = self.reading.as_ref().map(|reading| reading.decoder.buses());
+            self.start = StartState::Known(Box::new(BusSnapshot::of(buses.unwrap_or_default())));
+        }
         let read = self
             .reading
             .as_mut()
@@ -93,7 +120,6 @@ impl Choice {
         if self.from.is_none() && self.to.is_none() {
             return read;
         }
-        let is_early = self.from.is_some_and(|from| from.is_behind(frame, self.first));
         let is_late = self.to.is_some_and(|to| to.is_before(frame, self.first));
         self.is_over = is_late && matches!(self.to, Some(Bound::Frame(_)));
         Verdict { takes: read.takes && !is_early && !is_late, ..read }

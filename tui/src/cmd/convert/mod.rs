@@ -21,8 +21,10 @@ use cobscope_decoder::query::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
+use super::cut;
 use super::input::{read_options, session_options, unknown_buses};
 use super::messages::{complain, note};
+use super::output::{ensure_not_read, files_known};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::record::format;
@@ -55,7 +57,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         Ok(input) => input,
         Err(error) => return refuse(&error, Exit::Capture),
     };
-    let output = match Output::open(captures, out, format, arguments) {
+    let output = match open_outputs(captures, out, format, arguments) {
         Ok(output) => output,
         Err(error) => return refuse(&error, Exit::Usage),
     };
@@ -73,6 +75,26 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         exit: Exit::Clean,
     }
     .run(input)
+}
+
+/// # Errors
+/// If one of the output files cannot be written.
+fn open_outputs(
+    captures: &[PathBuf],
+    out: &Path,
+    format: &'static WritableFormat,
+    arguments: &ConvertArgs,
+) -> anyhow::Result<Output> {
+    if let Some(path) = &arguments.bus_file {
+        let shown = path.display().to_string();
+        let shown = escape(&shown);
+        ensure!(path.as_path() != out, "--bus-file {shown}: is also the output; choose another file");
+        let read: Vec<PathBuf> = captures.iter().cloned().chain(files_known(&arguments.input)).collect();
+        ensure_not_read(path, &read)?;
+        let is_free = arguments.force || path.symlink_metadata().is_err();
+        ensure!(is_free, "{shown}: file exists; use --force to overwrite it");
+    }
+    Output::open(captures, out, format, arguments)
 }
 
 fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
@@ -184,11 +206,24 @@ impl Conversion<'_> {
             complain(&anyhow::anyhow!("{}: contains no frames", input.called()));
             self.exit = Exit::Capture;
         }
+        if let Err(error) = self.write_bus_file(&input) {
+            return end(&error);
+        }
         match self.output.finish(input.buses(), has_frames) {
             Ok(notes) => notes.iter().for_each(|text| note(text)),
             Err(error) => return end(&error),
         }
         self.exit
+    }
+
+    /// Writes the bus file with the state before the first frame of the range.
+    fn write_bus_file(&mut self, input: &Input) -> anyhow::Result<()> {
+        let Some(path) = &self.arguments.bus_file else { return Ok(()) };
+        // Without a frame in the range there is no capture that it could belong to.
+        let Some(state) = self.choice.take_start() else { return Ok(()) };
+        let title = format!("State before the first frame of a part of {}", escape(&input.called()));
+        let text = cut::text(state, &self.arguments.input, path, &title)?;
+        std::fs::write(path, text).with_context(|| format!("{}: cannot be written", path.display()))
     }
 
     /// After an incomplete read not all buses are known.

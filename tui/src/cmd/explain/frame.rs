@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cobscope_decoder::bus_file::ObjectValue;
+use cobscope_decoder::bus_file::{InitialValue, ObjectValue};
 use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
@@ -115,7 +115,11 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &LookupScope) -> Option<Strin
         for value in values {
             let object = when.object.object;
             let mut options = options(frame.id, asked);
-            options.bus_file.everywhere.objects.push((node.into(), object, ObjectValue::Number(*value)));
+            options.bus_file.everywhere.objects.push(InitialValue::new(
+                node.into(),
+                object,
+                ObjectValue::Number(*value),
+            ));
             let heading = equals(device, object, &Numbers::One(*value), "=");
             let lines = decoded(frame, names, options, false, |_| {});
             let _ = write!(text, "if {}:\n{lines}", heading.replace(FIRM, " "));

@@ -138,7 +138,11 @@ pub(super) fn files_named(path: &Path) -> Vec<PathBuf> {
     devices.chain(all.flat_map(|settings| &settings.databases).map(|name| folder.join(name))).collect()
 }
 
-fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
+/// Name and text of a bus file.
+///
+/// # Errors
+/// If the file cannot be read.
+pub(super) fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
     let name = path.display().to_string();
     let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
     Ok((name, text))

@@ -9,13 +9,17 @@ use base64::engine::general_purpose::STANDARD;
 use cobscope_decoder::report::Attachment;
 
 use super::provenance::sha256;
-use super::reading::Composed;
+use super::reading::{Composed, CutStart};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
+use crate::cmd::cut;
 use crate::cmd::messages::note;
 use crate::cmd::output::output;
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";
+
+/// Suffix of its bus file.
+const BUS_FILE_SUFFIX: &str = "bus.toml";
 
 /// Checks the place of the cut-out capture.
 ///
@@ -60,6 +64,7 @@ pub(super) fn attach(
         }
         AttachPlace::Embedded => Some(STANDARD.encode(&bytes)),
     };
+    let bus_file = write_bus_file(composed.start.take(), &path, read)?;
     composed.report.attachment = Some(Attachment {
         name,
         frames: composed.excerpt.len(),
@@ -68,6 +73,24 @@ pub(super) fn attach(
         is_timed: composed.report.capture.duration.is_some(),
         sha256: sha256(&bytes),
         embedded,
+        bus_file,
     });
     Ok(())
+}
+
+/// Writes the bus file of the cut-out capture next to it; returns its name.
+///
+/// # Errors
+/// If the file cannot be written, or is one of the files `read`.
+fn write_bus_file(
+    start: Option<CutStart>,
+    capture: &Path,
+    read: &[PathBuf],
+) -> anyhow::Result<Option<String>> {
+    let Some(CutStart { state, input, title }) = start else { return Ok(None) };
+    let path = capture.with_extension(BUS_FILE_SUFFIX);
+    let text = cut::text(state, &input, &path, &title)?;
+    let mut file = output(Some(&path), read)?;
+    file.write_all(text.as_bytes()).and_then(|()| file.flush())?;
+    Ok(path.file_name().map(|name| name.to_string_lossy().into_owned()))
 }

@@ -10,13 +10,14 @@ use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::report::{Draft, Excerpt, Ground, Report};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::session::{Bus, BusSnapshot, Observer, Preview, SessionOptions};
+use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::Statistics;
 use cobscope_decoder::why::Question;
 
 use super::provenance::provenance;
-use crate::cli::{FindingArg, InputArgs, ReportArgs, SelectArgs};
-use crate::cmd::decoding::{CaptureObserver, decode_capture, decode_quietly};
+use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
+use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_capture, decode_quietly};
 use crate::cmd::facts::{Facts, diagnosis, question};
 use crate::select::Span;
 use crate::source::Series;
@@ -33,6 +34,10 @@ pub(in crate::cmd) struct ReportScope<'a> {
     pub(in crate::cmd) finding: Option<&'a FindingArg>,
     /// Only stories with one of these findings; `None` for all.
     pub(in crate::cmd) kept: Option<&'a BTreeSet<u64>>,
+    /// Whether the cut-out capture is written next to the page, with its bus file.
+    pub(in crate::cmd) is_cut: bool,
+    /// Whether stderr belongs to the terminal UI: nothing is printed.
+    pub(in crate::cmd) is_quiet: bool,
 }
 
 impl<'a> ReportScope<'a> {
@@ -44,6 +49,8 @@ impl<'a> ReportScope<'a> {
             question: question(&arguments.input, &arguments.select, arguments.story),
             finding: arguments.finding.as_ref(),
             kept: None,
+            is_cut: arguments.attach == Some(AttachPlace::File),
+            is_quiet: false,
         }
     }
 }
@@ -58,6 +65,18 @@ pub(in crate::cmd) struct Composed {
     pub(in crate::cmd) findings: Findings,
     /// Error that ended reading early.
     pub(in crate::cmd) failure: Option<anyhow::Error>,
+    /// State before the frames around the claims, for a file next to the page.
+    pub(in crate::cmd) start: Option<CutStart>,
+}
+
+/// State before a cut-out capture.
+pub(in crate::cmd) struct CutStart {
+    /// State of all buses.
+    pub(super) state: BusSnapshot,
+    /// Options with the files of the user.
+    pub(super) input: InputArgs,
+    /// First line of the bus file.
+    pub(super) title: String,
 }
 
 /// Reads a capture twice.
@@ -76,14 +95,15 @@ pub(in crate::cmd) fn compose(
         facts: Facts::new(scope.question.clone(), scope.select)?,
         statistics: Statistics::default(),
         first: None,
+        is_quiet: scope.is_quiet,
     };
-    let decoded = decode_capture(series, scope.input, options, &mut reading)?;
-    decoded.report_unreadable(&name);
+    let decoded = first_reading(series, scope, options, &mut reading)?;
     let buses = decoded.decoder.buses();
-    let FirstReading { engine, mut facts, mut statistics, first } = reading;
+    let FirstReading { engine, mut facts, mut statistics, first, .. } = reading;
     statistics.withdraw(buses);
     let findings = engine.finish(buses, &mut facts);
-    if let Some(missed) = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+    let missed = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time());
+    if let Some(missed) = missed.filter(|_| !scope.is_quiet) {
         crate::cmd::messages::note(&format!("{name}: {missed}"));
     }
     let (why, selected) = facts.results(&findings);
@@ -118,11 +138,71 @@ pub(in crate::cmd) fn compose(
         format: decoded.format,
         failure: failure.as_deref(),
     });
-    let mut second = SecondReading { draft };
+    let mut second = SecondReading { draft, is_quiet: scope.is_quiet };
     let again = decode_quietly(series, scope.input, options, &mut second)?;
     let made = provenance(series, scope.input, (&options.catalogue, again.decoder.buses()));
     let (report, excerpt) = second.draft.finish(again.decoder.buses(), made);
-    Ok(Composed { report, excerpt, findings, failure: decoded.failure })
+    let first = excerpt.first().filter(|_| scope.is_cut);
+    let start = first.map(|first| start_of_cut(series, scope.input, options, first)).transpose()?;
+    Ok(Composed { report, excerpt, findings, failure: decoded.failure, start })
+}
+
+/// Decodes the capture for the findings; prints warnings, unless stderr belongs to the terminal UI.
+///
+/// # Errors
+/// If the capture cannot be opened or recognised, or contains no frames.
+fn first_reading(
+    series: &Series,
+    scope: &ReportScope<'_>,
+    options: &SessionOptions,
+    reading: &mut FirstReading,
+) -> anyhow::Result<DecodedCapture> {
+    if scope.is_quiet {
+        return decode_quietly(series, scope.input, options, reading);
+    }
+    let decoded = decode_capture(series, scope.input, options, reading)?;
+    decoded.report_unreadable(&series.name());
+    Ok(decoded)
+}
+
+/// Reads the capture up to the first frame of the cut-out capture.
+///
+/// # Errors
+/// If the capture can no longer be read.
+fn start_of_cut(
+    series: &Series,
+    input: &InputArgs,
+    options: &SessionOptions,
+    first: u64,
+) -> anyhow::Result<CutStart> {
+    let decoded = decode_quietly(series, input, options, &mut UntilFrame(first))?;
+    let title = format!("State before frame {first} of {}", escape(&series.name()));
+    Ok(CutStart { state: BusSnapshot::of(decoded.decoder.buses()), input: input.clone(), title })
+}
+
+/// Observer that ends decoding before a frame.
+struct UntilFrame(u64);
+
+impl Observer for UntilFrame {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
+    }
+
+    fn skip(&mut self, _preview: &Preview, _bus: &Bus) -> bool {
+        true
+    }
+}
+
+impl CaptureObserver for UntilFrame {
+    fn wants_frames(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
+        frame.number < self.0
+    }
 }
 
 /// Findings of the stories to report; `None` for all.
@@ -144,6 +224,7 @@ struct FirstReading {
     facts: Facts,
     statistics: Statistics,
     first: Option<Timestamp>,
+    is_quiet: bool,
 }
 
 impl Observer for FirstReading {
@@ -166,6 +247,10 @@ impl Observer for FirstReading {
 }
 
 impl CaptureObserver for FirstReading {
+    fn is_on_terminal(&self) -> bool {
+        self.is_quiet
+    }
+
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
         self.facts.begin(first, span)
@@ -185,6 +270,7 @@ impl CaptureObserver for FirstReading {
 /// Observer of the evidence.
 struct SecondReading {
     draft: Draft,
+    is_quiet: bool,
 }
 
 impl Observer for SecondReading {
@@ -198,6 +284,10 @@ impl Observer for SecondReading {
 }
 
 impl CaptureObserver for SecondReading {
+    fn is_on_terminal(&self) -> bool {
+        self.is_quiet
+    }
+
     fn wants_frames(&self) -> bool {
         true
     }

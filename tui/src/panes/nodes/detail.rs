@@ -192,6 +192,7 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
             StateCause::Pdo => "by PDO",
             StateCause::LifeGuard => "by life guarding",
             StateCause::Emcy => "by EMCY",
+            StateCause::BusFile { .. } => "by the bus file",
         };
         let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
     }

@@ -4,6 +4,7 @@ use crate::event::{BootCause, Certainty, Event, EventKind};
 use crate::finding::Severity;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
+use crate::session::Node;
 use crate::wire::NodeSet;
 use crate::wire::canopen::NmtState;
 
@@ -60,7 +61,7 @@ pub(in crate::rules::general) fn boot_cause(event: &Event) -> Option<BootCause> 
 
 /// Whether the event is the first frame of its node.
 pub(super) fn is_first_frame(event: &Event, context: &Context<'_>) -> bool {
-    context.node(event).is_some_and(|node| node.first_seen() == event.frames.first)
+    context.node(event).is_some_and(|node| node.first_seen() == event.frames.first && !node.was_present())
 }
 
 impl Rule for UnexpectedBoot {
@@ -78,7 +79,8 @@ impl Rule for UnexpectedBoot {
         let Some(cause) = boot_cause(event) else { return };
         let is_first = self.seen.insert(node);
         let BootCause::PresumedPowerOn { sign } = cause else { return context.pass() };
-        let is_graced = is_first && context.now.saturating_sub(self.began) < self.grace;
+        let was_present = context.node(event).is_some_and(Node::was_present);
+        let is_graced = is_first && !was_present && context.now.saturating_sub(self.began) < self.grace;
         if is_graced || is_first_frame(event, context) {
             return context.pass();
         }

@@ -1,0 +1,200 @@
+//! Present state of buses as settings of a bus file, with which a later part of a capture is decoded as within the
+//! whole capture.
+
+use super::bus::{Bus, Node, Origin, OriginKind, Restart};
+use super::buses::Buses;
+use super::options::AssignedBy;
+use crate::bus_file::{
+    BaseFile, InitialNmtState, InitialState, InitialValue, ObjectValue, PendingReset, ProtocolChoice,
+    Settings, SpannedText, ValueOrigin, ValueRole, write,
+};
+use crate::event::Certainty;
+use crate::profile::{DataType, TextError};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+
+/// Max size of a value in the bus file, in bytes.
+const VALUE_LIMIT: usize = 256;
+
+/// Number of omitted values listed in the comments of the file.
+const LISTED: usize = 20;
+
+/// State of all buses of a capture after a frame.
+#[derive(Debug, Clone, Default)]
+pub struct BusSnapshot {
+    /// Settings of all buses.
+    pub everywhere: Settings,
+    /// Settings by bus name.
+    pub buses: Vec<(String, Settings)>,
+    /// Values that are too large for the file, as text.
+    omitted: Vec<String>,
+}
+
+impl BusSnapshot {
+    /// Present state of the buses.
+    pub fn of(buses: Buses<'_>) -> Self {
+        let mut snapshot = Self::default();
+        for bus in buses {
+            let settings = snapshot.settings(bus);
+            snapshot.buses.push((bus.name().to_owned(), settings));
+        }
+        snapshot
+    }
+
+    /// Settings of a bus, created if needed.
+    pub fn bus_mut(&mut self, name: &str) -> &mut Settings {
+        let place = self.buses.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
+            self.buses.push((name.to_owned(), Settings::default()));
+            self.buses.len() - 1
+        });
+        match self.buses.get_mut(place) {
+            Some((_, settings)) => settings,
+            None => &mut self.everywhere,
+        }
+    }
+
+    /// The bus file: `base` with the state; its first comment line is `title`.
+    ///
+    /// # Errors
+    /// The base is not a TOML file.
+    pub fn text(&self, base: &BaseFile<'_>, title: &str) -> Result<String, TextError> {
+        let mut comments = vec![title.to_owned()];
+        comments.extend(self.omitted.iter().take(LISTED).cloned());
+        if let Some(more) = self.omitted.len().checked_sub(LISTED).filter(|more| *more > 0) {
+            comments.push(format!("and {more} more values omitted"));
+        }
+        write(base, &self.everywhere, &self.buses, &comments)
+    }
+
+    fn settings(&mut self, bus: &Bus) -> Settings {
+        let given = bus.options.bus_file.uds(bus.name()).count();
+        let mut settings = Settings {
+            protocol: protocol(bus),
+            bit_rate: bus.bit_rate(),
+            uds: bus.uds_pairs.list().iter().skip(given).cloned().collect(),
+            ..Settings::default()
+        };
+        for node in &bus.nodes {
+            // An entry would settle the protocol of a node whose traffic may be something else.
+            if bus.is_settled(Some(node.id)) {
+                self.add_node(bus, node, &mut settings);
+            }
+        }
+        settings
+    }
+
+    fn add_node(&mut self, bus: &Bus, node: &Node, settings: &mut Settings) {
+        let id = node.id;
+        settings.nodes.push(id);
+        settings.names.extend(node.name().map(|name| (id, name.to_owned())));
+        settings.devices.extend(device(bus, node).map(|text| (id, SpannedText { text, span: 0..0 })));
+        settings.states.extend(state(node).map(|state| (id, state)));
+        let store = node.store();
+        for (address, entry) in store.sorted() {
+            if matches!(entry.origin.kind, OriginKind::BusFile | OriginKind::DeviceFile) {
+                continue;
+            }
+            if entry.value.len() > VALUE_LIMIT || entry.size > entry.value.len() as u64 {
+                self.omitted.push(format!(
+                    "omitted: {} {} {address}, {} bytes (limit {VALUE_LIMIT})",
+                    bus.name(),
+                    id.words(),
+                    entry.size
+                ));
+                continue;
+            }
+            settings.objects.push(InitialValue {
+                is_assumed: entry.stale,
+                ..value(id, address, &entry.value, Some(entry.origin))
+            });
+        }
+        for (address, raw) in &node.behaviour.words {
+            let bytes = word_bytes(node, *address, *raw);
+            let object = value(id, *address, &bytes, None);
+            settings.objects.push(InitialValue { role: ValueRole::Process, ..object });
+        }
+        for (address, pending) in store.all_waiting() {
+            let object = value(id, address, &pending.value, Some(pending.origin));
+            settings.objects.push(InitialValue { role: ValueRole::Pending, ..object });
+        }
+        for (address, kept) in store.all_kept() {
+            let object = value(id, address, kept, None);
+            settings.objects.push(InitialValue { role: ValueRole::Stored, ..object });
+        }
+    }
+}
+
+fn value(node: NodeId, address: ObjectAddress, bytes: &[u8], origin: Option<Origin>) -> InitialValue {
+    let kind = origin.and_then(|origin| match origin.kind {
+        OriginKind::Download => Some(ValueOrigin::Download),
+        OriginKind::Upload => Some(ValueOrigin::Upload),
+        OriginKind::Pdo => Some(ValueOrigin::Pdo),
+        OriginKind::BusFile | OriginKind::DeviceFile => None,
+    });
+    InitialValue {
+        origin: kind,
+        frame: origin.map(|origin| origin.frame).filter(|frame| *frame > 0),
+        ..InitialValue::new(node, address, ObjectValue::Bytes(bytes.to_vec()))
+    }
+}
+
+/// Bytes of a value in a PDO, in the width of its object.
+fn word_bytes(node: &Node, address: ObjectAddress, raw: u64) -> Vec<u8> {
+    let bits = node.device.dictionary.data_type(address).and_then(DataType::bits).unwrap_or(64);
+    raw.to_le_bytes().into_iter().take(usize::from(bits.div_ceil(8))).collect()
+}
+
+/// Protocol that the user stated or the traffic proved.
+fn protocol(bus: &Bus) -> Option<ProtocolChoice> {
+    match bus.protocol {
+        ProtocolChoice::Auto if bus.canopen.is_confirmed() => Some(ProtocolChoice::Canopen),
+        ProtocolChoice::Auto if bus.j1939.is_confirmed() => Some(ProtocolChoice::J1939),
+        ProtocolChoice::Auto if is_without_protocol(bus) => Some(ProtocolChoice::None),
+        ProtocolChoice::Auto => None,
+        chosen => Some(chosen),
+    }
+}
+
+/// Whether CANopen was rejected and no frame suggests another protocol.
+fn is_without_protocol(bus: &Bus) -> bool {
+    bus.is_canopen_rejected() && !bus.is_uds && !bus.routes.has_extended() && !bus.named.names_canopen()
+}
+
+/// Profile that the user assigned or the identity selected. A generic one for a device type is found again.
+fn device(bus: &Bus, node: &Node) -> Option<String> {
+    let is_own = matches!(
+        node.assigned?,
+        AssignedBy::Option | AssignedBy::BusFile | AssignedBy::DeviceFile | AssignedBy::Identity
+    );
+    let id = node.device_id().filter(|_| is_own && !node.device.is_file_alone())?;
+    bus.catalogue().device(id).is_ok().then(|| id.to_owned())
+}
+
+/// Reported states in the order of the state machines; empty if none is known.
+fn device_states(node: &Node) -> Vec<String> {
+    let name = |place| node.reported_state(place).map_or_else(String::new, |state| state.name.clone());
+    let names: Vec<String> = (0..node.device.machines.len()).map(name).collect();
+    if names.iter().all(String::is_empty) { Vec::new() } else { names }
+}
+
+/// State of a node; `None` if nothing is known.
+fn state(node: &Node) -> Option<InitialState> {
+    let state = InitialState {
+        nmt: node.nmt.map(|nmt| InitialNmtState {
+            state: nmt.state,
+            is_assumed: nmt.certainty == Certainty::Presumed,
+            is_reported: nmt.is_reported(),
+        }),
+        is_lost: node.lost,
+        is_saved: node.saved,
+        errors: node.active_errors.clone(),
+        reset: node.reset_frame.and_then(|(_, restart)| match restart {
+            Restart::Communication => Some(PendingReset::Communication),
+            Restart::Node => Some(PendingReset::Node),
+            Restart::PowerOn => None,
+        }),
+        name: node.j1939_name(),
+        device: device_states(node),
+    };
+    (state != InitialState::default()).then_some(state)
+}
