@@ -120,6 +120,46 @@ fn a_finding_triggers_from_its_first_frame() {
     assert!(captures[0].to_str().unwrap().ends_with("_node5_node-lost.pcapng"));
 }
 
+/// Times and signals of all PDO events, without their origin, which the bus file changes.
+fn values(arguments: &[&str]) -> Vec<(String, Value)> {
+    let decoded =
+        run(&[&["decode", "-f", "jsonl", "--filter", "kind == pdo && signals"], arguments].concat(), "");
+    assert_eq!(decoded.code, 0, "{}", decoded.stderr);
+    let values = |line: &str| {
+        let event: Value = serde_json::from_str(line).unwrap();
+        let signals = event["signals"].as_array().unwrap().iter();
+        let of = |signal: &Value| {
+            serde_json::json!([signal["name"], signal["raw"], signal["value"], signal["label"]])
+        };
+        (line.split(',').next().unwrap().to_owned(), signals.map(of).collect())
+    };
+    decoded.stdout.lines().map(values).collect()
+}
+
+/// The capture starts after the frames that mapped the PDOs; its bus file contains the mapping.
+#[test]
+fn the_bus_file_gives_the_values_of_the_live_bus() {
+    let folder = folder("state");
+    for name in ["devices/md2", "devices/pve", "devices/md2_mapping", "machine/machine"] {
+        let (path, record) = (format!("fixtures/{name}.log"), folder.join(name.replace('/', "_")));
+        let text = fixture(&format!("{name}.log"));
+        let frames = text.lines().filter(|line| line.starts_with('(')).count();
+        // From two thirds of the capture to its end.
+        let filter = format!("frames == {}", frames * 2 / 3);
+        let window = ["--before", "0s", "--after", "1h", "--trigger", &filter];
+        let live = run(&[&["live", "-", "--record", record.to_str().unwrap()], &window[..]].concat(), &text);
+        assert_eq!(live.code, 0, "{name}: {}", live.stderr);
+        let [capture] = captures(&record).try_into().unwrap();
+        let bus_file = capture.with_extension("toml");
+        let first = frames - lines(&capture).len() + 1;
+        let (capture, bus_file) = (capture.to_str().unwrap(), bus_file.to_str().unwrap());
+        let expected = values(&["--from", &format!("#{first}"), &path]);
+        assert!(!expected.is_empty(), "{name}");
+        assert_eq!(values(&["--bus", bus_file, capture]), expected, "{name}");
+        assert_ne!(values(&[capture]), expected, "{name}: the bus file makes the difference");
+    }
+}
+
 #[test]
 fn a_program_gets_the_name_of_the_capture() {
     let folder = folder("program");

@@ -67,8 +67,8 @@ pub struct TriggerArgs {
     pub trigger_size: u64,
     /// Run PROGRAM with the name of each complete capture as its only argument
     ///
-    /// It runs without a shell and without input; its output appears on stderr. Recording does not wait for it. A
-    /// failure is reported. Programs run one after the other.
+    /// PROGRAM is a path, or a name in PATH. It runs without a shell and without input; its output appears on stderr.
+    /// Recording does not wait for it, and a failure is reported. Runs follow one after the other.
     #[arg(long, help_heading = HEADING, value_name = "PROGRAM", requires = "causes")]
     pub on_trigger: Option<PathBuf>,
 }

@@ -31,11 +31,12 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::frame::Frame;
+use cobscope_decoder::session::SessionOptions;
 use jiff::civil::DateTime;
 
 use backend::Backend;
-use cuts::CutWriter;
-pub use cuts::{CompleteCut, CutEnd, CutNews, CutOptions, RefusalReason};
+pub use cuts::{CompleteCut, CutEnd, CutNews, CutOptions, RefusalReason, StateText};
+use cuts::{CutWriter, StateFollower};
 use disk::{Disk, Files};
 use item::{Gap, Item, RecordItem};
 pub use names::Names;
@@ -130,13 +131,20 @@ impl Recorder {
         Self::start(Parts::open(disk, names, format, limits)?, most_queued)
     }
 
-    /// Writes a capture per trigger instead of all frames. News of the captures arrive through the receiver.
+    /// Writes a capture per trigger instead of all frames. News of the captures arrive through the receiver. Frames are
+    /// decoded with the options `session` for the bus file next to each capture, whose text is that of `text`.
     ///
     /// # Errors
     /// The folder cannot be created, or the files of a ring on disk cannot.
-    pub fn on_triggers(options: CutOptions, now: DateTime) -> anyhow::Result<(Self, Receiver<CutNews>)> {
+    pub fn on_triggers(
+        options: CutOptions,
+        session: SessionOptions,
+        text: StateText,
+        now: DateTime,
+    ) -> anyhow::Result<(Self, Receiver<CutNews>)> {
         let (news, inbox) = channel();
-        let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, news, now)?;
+        let state = StateFollower::new(session, text);
+        let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, Some(state), news, now)?;
         Ok((Self::start(writer, QUEUE)?, inbox))
     }
 

@@ -86,6 +86,8 @@ pub struct RecordStatus {
     pub lost_triggers: u64,
     /// The last failure.
     pub failure: Option<RecordFailure>,
+    /// The last failure to write a file other than the capture: its bus file, the ring on disk.
+    pub other_failure: Option<RecordFailure>,
     /// No further frames are written.
     pub has_ended: bool,
 }
@@ -93,7 +95,7 @@ pub struct RecordStatus {
 impl RecordStatus {
     /// Whether the capture lacks frames that arrived, or some that were written may not be on the disk.
     pub fn is_incomplete(&self) -> bool {
-        self.missing > 0 || self.lost_triggers > 0 || self.failure.is_some()
+        self.missing > 0 || self.lost_triggers > 0 || self.failure.is_some() || self.other_failure.is_some()
     }
 
     /// Total of captures around triggers: `day: 12345 frames, 1.2 MB in 3 captures`.
@@ -124,6 +126,9 @@ impl RecordStatus {
             } else {
                 format!("{path}: {reason}: {} not written so far; retrying", frames(*missing))
             });
+        }
+        if let Some(RecordFailure { path, reason, .. }) = &self.other_failure {
+            remarks.push(format!("{}: {reason}", shown(path)));
         }
         if self.too_fast > 0 {
             let count = frames(self.too_fast);

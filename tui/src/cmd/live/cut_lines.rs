@@ -117,6 +117,7 @@ fn of_cut(cut: &CompleteCut) -> Map<String, Value> {
     add("kind", json!("capture"));
     add("capture", json!(paths.first()));
     add("parts", json!(paths));
+    add("bus_file", json!(cut.bus_file.as_deref().map(name)));
     add("count", json!(cut.frames));
     add("missing", json!(cut.missing));
     add("bytes", json!(cut.bytes));
@@ -184,4 +185,97 @@ fn summary(cut: &CompleteCut) -> String {
         CutEnd::Stopped => "; stopped before the end of its window",
     };
     format!("{paths}: {}{missing}{end}", parts.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trigger(text: &str) -> Trigger {
+        Trigger {
+            bus: "can0".to_owned(),
+            node: Some(NodeId::Canopen(5)),
+            cause: "guard-late".to_owned(),
+            text: text.to_owned(),
+            time: Some(Timestamp(1_700_000_006_500_000_001)),
+            first_frame: 10,
+            last_frame: 12,
+        }
+    }
+
+    fn line(news: &CutNews) -> CutLine<'_> {
+        let [first, now] = [0, 7_000_000_000].map(|at| Some(Timestamp(1_700_000_000_000_000_000 + at)));
+        CutLine { news, first, now }
+    }
+
+    #[test]
+    fn a_trigger_names_its_capture() {
+        let news = CutNews::Triggered { trigger: trigger("late"), path: "day/a.pcapng".into(), late: 0 };
+        let text = "    6.500  5/05              TRIG   guard-late: late → day/a.pcapng {10-12}\n";
+        assert_eq!(line(&news).text(), text);
+        assert_eq!(
+            line(&news).json(),
+            "{\"t\":1700000006.500000001,\"bus\":\"can0\",\"capture\":\"day/a.pcapng\",\"cause\":\"guard-late\",\
+             \"frames\":[10,12],\"kind\":\"trigger\",\"late\":0.0,\"node\":5,\"text\":\"late\"}\n"
+        );
+        let late = CutNews::Triggered { trigger: trigger("late"), path: "a".into(), late: 1_500_000_000 };
+        let missing = "a; its first 1.500 s are missing: no longer in the ring {10-12}\n";
+        assert!(line(&late).text().ends_with(missing), "{}", line(&late).text());
+        assert!(line(&late).json().contains("\"late\":1.5,"));
+    }
+
+    #[test]
+    fn a_trigger_without_a_capture_has_a_reason() {
+        let news = CutNews::Refused { trigger: trigger("late"), reason: RefusalReason::Files };
+        let text = line(&news).text();
+        assert!(
+            text.ends_with("guard-late: late; not recorded: limit of --trigger-files {10-12}\n"),
+            "{text}"
+        );
+        let json = line(&news).json();
+        assert!(
+            json.contains("\"capture\":null") && json.contains("\"reason\":\"limit of --trigger-files\"")
+        );
+    }
+
+    #[test]
+    fn a_complete_capture_has_a_summary() {
+        let mut cut = CompleteCut {
+            paths: vec!["day/a.pcapng".into()],
+            bus_file: Some("day/a.toml".into()),
+            frames: 1_234,
+            missing: 0,
+            bytes: 60_000,
+            triggers: 2,
+            duration: 40_000_000_000,
+            end: CutEnd::Window,
+        };
+        let text =
+            "    7.000                    FILE   day/a.pcapng: 1234 frames, 40.000 s, 2 triggers, 60.0 kB\n";
+        assert_eq!(line(&CutNews::Complete(cut.clone())).text(), text);
+        assert_eq!(
+            line(&CutNews::Complete(cut.clone())).json(),
+            "{\"t\":1700000007.000000000,\"bus_file\":\"day/a.toml\",\"bytes\":60000,\"capture\":\"day/a.pcapng\",\
+             \"count\":1234,\"duration\":40.0,\"end\":\"window\",\"kind\":\"capture\",\"missing\":0,\
+             \"parts\":[\"day/a.pcapng\"],\"triggers\":2}\n"
+        );
+        cut.paths.clear();
+        (cut.missing, cut.end) = (3, CutEnd::Stopped);
+        let text = line(&CutNews::Complete(cut)).text();
+        let end = "no file: 1234 frames, 40.000 s, 2 triggers, 60.0 kB; 3 frames missing; stopped before the end of its \
+                   window\n";
+        assert!(text.ends_with(end), "{text}");
+    }
+
+    #[test]
+    fn text_of_the_bus_is_escaped() {
+        let mut hostile = trigger("\u{1b}[2J\n\"");
+        (hostile.bus, hostile.node, hostile.time) = ("\u{1b}]0;x\u{7}".to_owned(), None, None);
+        let news = CutNews::Triggered { trigger: hostile, path: "a".into(), late: 0 };
+        let (text, json) = (line(&news).text(), line(&news).json());
+        assert!(text.chars().filter(|it| it.is_control()).eq(['\n']), "{text:?}");
+        assert!(json.chars().filter(|it| it.is_control()).eq(['\n']), "{json:?}");
+        let value: Value = serde_json::from_str(&json).unwrap();
+        assert_eq!((&value["t"], &value["text"]), (&Value::Null, &json!("\u{1b}[2J\n\"")));
+    }
 }

@@ -7,17 +7,19 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
+use cobscope_decoder::session::{BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::escape;
 
 use super::cut_lines::{CutLine, LineStyle, limit};
 use super::program::ProgramRunner;
 use super::triggers::Triggers;
 use crate::cli::LiveArgs;
+use crate::cmd::cut;
 use crate::cmd::messages::note;
 use crate::cmd::output::print;
 use crate::exit_code::Exit;
 use crate::figures::bytes;
-use crate::record::{CutNews, CutOptions, RecordStatus, Recorder};
+use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 
 /// Time in addition to `--after` after which a stopped session no longer waits for frames.
 const LATEST: Duration = Duration::from_secs(1);
@@ -44,11 +46,11 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Recorder of the options; `None` without triggers.
+    /// Recorder of the options; `None` without triggers. `session` are the options of the decoder.
     ///
     /// # Errors
     /// If the folder or a file of the ring cannot be created.
-    pub(super) fn open(arguments: &LiveArgs) -> anyhow::Result<Option<Self>> {
+    pub(super) fn open(arguments: &LiveArgs, session: SessionOptions) -> anyhow::Result<Option<Self>> {
         let own = &arguments.triggers;
         let Some(folder) = arguments.record.as_deref().filter(|_| own.is_any()) else { return Ok(None) };
         create(folder)?;
@@ -64,7 +66,8 @@ impl Cuts {
         let place = if own.ring_files { "memory and in files" } else { "memory" };
         let ring = format!("ring of up to {} in {place}", bytes(own.ring_size));
         let runner = own.on_trigger.as_deref().map(ProgramRunner::start).transpose()?;
-        let (recorder, news) = Recorder::on_triggers(options, jiff::Zoned::now().datetime())?;
+        let now = jiff::Zoned::now().datetime();
+        let (recorder, news) = Recorder::on_triggers(options, session, state_text(arguments), now)?;
         Ok(Some(Self {
             recorder,
             news,
@@ -168,6 +171,12 @@ impl Cuts {
             note(&format!("live: {} reached; later triggers are not recorded", limit(*reason)));
         }
     }
+}
+
+/// Text of the bus file next to a capture.
+fn state_text(arguments: &LiveArgs) -> StateText {
+    let input = arguments.input.clone();
+    Box::new(move |buses, path, title| cut::text(BusSnapshot::of(buses), &input, path, title))
 }
 
 /// Creates the folder of the captures, unless it exists.

@@ -58,7 +58,7 @@ pub(super) fn watch(
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
     let sources = sources().map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
-    let cuts = Cuts::open(arguments).map_err(|error| (Exit::Usage, error))?;
+    let cuts = Cuts::open(arguments, options.clone()).map_err(|error| (Exit::Usage, error))?;
     let (pump, inbox) =
         Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
@@ -177,17 +177,17 @@ impl Watch {
 
     /// Reports new failures of recording and sources; totals follow at the end.
     fn report_troubles(&mut self, live: &Live) {
-        let cuts = self.cuts.as_ref().and_then(|cuts| cuts.status().failure);
-        let failure = live.record.as_ref().and_then(|record| record.failure.as_ref()).or(cuts.as_ref());
-        let failure = failure.map(|failure| {
-            let RecordFailure { path, reason, .. } = failure;
-            format!("{}: {reason}; recording interrupted, retrying; output continues", path.display())
+        let cuts = self.cuts.as_ref().map(Cuts::status);
+        let statuses = live.record.iter().chain(&cuts);
+        let failures = statuses.flat_map(|status| status.failure.iter().chain(&status.other_failure));
+        let failures = failures.map(|RecordFailure { path, reason, .. }| {
+            format!("{}: {reason}; output continues", path.display())
         });
         let controllers = live.buses.iter().filter_map(|bus| {
             let state = bus.controller.as_ref()?.split(',').next()?;
             (!matches!(state, "error active" | "stopped")).then(|| format!("{}: {state}", bus.name))
         });
-        for text in failure.into_iter().chain(live.failure.clone()).chain(controllers) {
+        for text in failures.chain(live.failure.clone()).chain(controllers) {
             if !self.noted.contains(&text) {
                 if self.noted.len() >= MOST_NOTED {
                     self.noted.clear();

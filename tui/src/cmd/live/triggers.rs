@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use cobscope_decoder::event::{Event, EventKind, FindingNews};
+use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{CAUSES, GROUP_LIMIT};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::Filter;
@@ -71,7 +71,7 @@ impl Triggers {
     /// Raises a trigger if the event is one.
     pub(super) fn event(&mut self, event: &Event, bus: &Bus) {
         if let EventKind::FindingOpened(finding) = &event.kind {
-            self.remember(finding, event.frames.first);
+            self.remember(finding.id, finding.cause, event.frames.first);
         }
         let mut is_trigger = matches!(&event.kind,
             EventKind::FindingOpened(finding) if self.rules.contains(&*finding.rule));
@@ -97,16 +97,16 @@ impl Triggers {
         unused.map(|(filter, _)| format!("live: no event matched --trigger '{filter}'")).collect()
     }
 
-    fn remember(&mut self, finding: &FindingNews, first_frame: u64) {
-        self.findings.insert(finding.id, FindingStart { first_frame, cause: finding.cause });
+    fn remember(&mut self, finding: u64, cause: Option<u64>, first_frame: u64) {
+        self.findings.insert(finding, FindingStart { first_frame, cause });
         while self.findings.len() > GROUP_LIMIT {
             self.findings.pop_first();
         }
     }
 
     /// Number of the first frame of a finding and its causes.
-    fn first_frame(&self, finding: &FindingNews, own: u64) -> u64 {
-        let (mut first, mut cause) = (own, finding.cause);
+    fn first_frame(&self, mut cause: Option<u64>, own: u64) -> u64 {
+        let mut first = own;
         for _ in 0..CAUSES {
             let Some(start) = cause.and_then(|id| self.findings.get(&id)) else { break };
             first = first.min(start.first_frame);
@@ -118,7 +118,7 @@ impl Triggers {
     fn trigger(&self, event: &Event, bus: &Bus) -> Trigger {
         let (cause, text, first_frame) = match &event.kind {
             EventKind::FindingOpened(finding) => {
-                let first = self.first_frame(finding, event.frames.first);
+                let first = self.first_frame(finding.cause, event.frames.first);
                 (finding.rule.to_string(), finding.text.clone(), first)
             }
             kind => (kind.name().to_owned(), Line::of(event, bus).what, event.frames.first),
@@ -132,5 +132,49 @@ impl Triggers {
             first_frame,
             last_frame: event.frames.last,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triggers(filter: Option<&str>, rule: Option<&str>) -> Triggers {
+        Triggers::new(&TriggerArgs {
+            trigger: filter.iter().map(|filter| filter.parse().unwrap()).collect(),
+            trigger_finding: rule.iter().map(|rule| (*rule).to_owned()).collect(),
+            ..TriggerArgs::default()
+        })
+    }
+
+    #[test]
+    fn a_finding_starts_with_its_earliest_cause() {
+        let mut triggers = triggers(None, Some("node-lost"));
+        triggers.remember(1, None, 30);
+        triggers.remember(2, Some(1), 20);
+        assert_eq!(triggers.first_frame(Some(2), 40), 20);
+        assert_eq!(triggers.first_frame(Some(1), 40), 30);
+        assert_eq!(triggers.first_frame(Some(1), 10), 10);
+        assert_eq!(triggers.first_frame(Some(99), 40), 40);
+        // Findings can be causes of each other.
+        triggers.remember(1, Some(2), 30);
+        assert_eq!(triggers.first_frame(Some(1), 40), 20);
+    }
+
+    #[test]
+    fn the_number_of_known_findings_is_limited() {
+        let mut triggers = triggers(None, Some("node-lost"));
+        (0..10_000).for_each(|id| triggers.remember(id, None, id));
+        assert_eq!(triggers.findings.len(), GROUP_LIMIT);
+        assert_eq!(triggers.first_frame(Some(9_999), 20_000), 9_999);
+    }
+
+    #[test]
+    fn rules_run_only_if_a_trigger_needs_them() {
+        assert!(triggers(None, Some("node-lost")).needs_rules());
+        assert!(triggers(Some("rule == node-lost"), None).needs_rules());
+        assert!(triggers(Some("node == 5"), None).needs_rules());
+        assert!(!triggers(Some("kind == emcy && node == 5"), None).needs_rules());
+        assert!(!triggers(None, None).needs_rules());
     }
 }

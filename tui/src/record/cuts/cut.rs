@@ -18,8 +18,9 @@ pub(super) type Comments = BTreeMap<u64, String>;
 /// Start of a capture, and the next item to consider.
 pub(super) struct CutStart {
     begin: i64,
-    first: u64,
+    first: Option<u64>,
     next: u64,
+    span: Option<(i64, i64)>,
 }
 
 /// A capture with an open window.
@@ -28,12 +29,14 @@ pub(super) struct Cut {
     pub parts: Option<Parts>,
     /// Path of the file.
     pub path: PathBuf,
+    /// Its bus file.
+    pub bus_file: Option<PathBuf>,
     /// Start of the window in ring time, inclusive.
     pub begin: i64,
     /// End of the window in ring time, inclusive.
     pub end: i64,
-    /// Sequence number of the first item that is or could be in the file.
-    pub first: u64,
+    /// Sequence number of the first item of the file; None before it is taken.
+    pub first: Option<u64>,
     /// Number of triggers.
     pub triggers: u64,
     /// Number of times that the file was replaced by a longer one.
@@ -58,9 +61,10 @@ impl Cut {
         Self {
             parts: None,
             path,
+            bus_file: None,
             begin,
             end,
-            first: next,
+            first: None,
             triggers: 1,
             replaced: 0,
             retry_at: None,
@@ -75,17 +79,17 @@ impl Cut {
     /// Starts again with another file, with a window from `begin` and items of the ring from `next` on. Returns the
     /// present start for `resume`.
     pub(super) fn restart(&mut self, begin: i64, next: u64, title: String) -> CutStart {
-        let start = CutStart { begin: self.begin, first: self.first, next: self.next };
+        let start = CutStart { begin: self.begin, first: self.first, next: self.next, span: self.span };
         self.title = Some(title);
-        (self.begin, self.first, self.next) = (begin, next, next);
+        (self.begin, self.first, self.next) = (begin, None, next);
         start
     }
 
     /// Continues the file before `restart`.
-    pub(super) fn resume(&mut self, CutStart { begin, first, next }: CutStart) {
+    pub(super) fn resume(&mut self, CutStart { begin, first, next, span }: CutStart) {
         self.held.clear();
         self.title = None;
-        (self.begin, self.first, self.next) = (begin, first, next);
+        (self.begin, self.first, self.next, self.span) = (begin, first, next, span);
     }
 
     /// Takes items of the window from the ring, at most one batch; `false` if it has no further ones. Items after
@@ -101,6 +105,7 @@ impl Cut {
             }
             self.next = one.sequence.saturating_add(1);
             if self.has(one.time) {
+                self.first = self.first.or(Some(one.sequence));
                 if one.item.is_frame() {
                     let (first, last) = self.span.unwrap_or((one.time, one.time));
                     self.span = Some((first.min(one.time), last.max(one.time)));
@@ -150,6 +155,7 @@ impl Cut {
         let status = parts.as_ref().map(|parts| parts.status().clone()).unwrap_or_default();
         let complete = CompleteCut {
             paths: parts.as_ref().map(|parts| parts.paths().cloned().collect()).unwrap_or_default(),
+            bus_file: self.bus_file,
             frames: status.frames,
             missing: status.missing.saturating_add(self.missing),
             bytes: status.bytes,

@@ -12,6 +12,7 @@ use super::super::names::Names;
 use super::super::parts::{Limits, Parts};
 use super::super::trigger::Trigger;
 use super::name::stem;
+use super::state;
 
 /// Name of the format in [`WRITABLE`]; it can contain all frames, notices and comments.
 const FORMAT: &str = "pcapng";
@@ -80,6 +81,14 @@ impl CutFiles {
     fn parts(&self, disk: Box<dyn Disk>, path: PathBuf, file: Box<dyn RecordFile>) -> io::Result<Parts> {
         let names = Names::of(&path, false).map_err(io::Error::other)?;
         Parts::in_file(disk, (path, file), names, self.format, UNLIMITED)
+    }
+
+    /// Writes the bus file of a capture.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn write_state(&self, path: &Path, text: &str) -> io::Result<()> {
+        state::write((self.disk)(), path, text)
     }
 
     /// Starts a ring on disk of at most `bytes` bytes: `ring-2026-11-22_073051-0001.pcapng`, …

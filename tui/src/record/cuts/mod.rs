@@ -14,12 +14,15 @@ mod cut;
 mod files;
 mod name;
 mod ring;
+mod state;
 mod writer;
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::trigger::Trigger;
+pub(super) use state::StateFollower;
+pub use state::StateText;
 pub(super) use writer::CutWriter;
 
 /// Time for which the ring keeps items in addition to `before`: the first frame of a finding can be this much
@@ -93,6 +96,8 @@ pub enum CutEnd {
 pub struct CompleteCut {
     /// Its files: more than one after a failure to write.
     pub paths: Vec<PathBuf>,
+    /// The bus file with the state before its first frame, if it could be written.
+    pub bus_file: Option<PathBuf>,
     /// Number of frames.
     pub frames: u64,
     /// Number of frames that could not be written.

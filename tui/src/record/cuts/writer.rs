@@ -16,6 +16,7 @@ use super::clock::RingClock;
 use super::cut::{Comments, Cut};
 use super::files::{CutFiles, DiskMaker, replacing};
 use super::ring::Ring;
+use super::state::{StateFollower, path_of};
 use super::{CutEnd, CutNews, CutOptions, RefusalReason, SLACK};
 
 /// Maximum number of comments kept for frames of the ring.
@@ -39,6 +40,8 @@ pub(in super::super) struct CutWriter {
     carried: VecDeque<String>,
     comments: Comments,
     cut: Option<Cut>,
+    /// None if no bus files are written.
+    state: Option<StateFollower>,
     news: Sender<CutNews>,
     /// Totals of complete captures.
     done: RecordStatus,
@@ -55,6 +58,7 @@ impl CutWriter {
     pub(in super::super) fn open(
         disk: DiskMaker,
         options: CutOptions,
+        state: Option<StateFollower>,
         news: Sender<CutNews>,
         now: DateTime,
     ) -> anyhow::Result<Self> {
@@ -75,6 +79,7 @@ impl CutWriter {
             carried: VecDeque::new(),
             comments: Comments::new(),
             cut: None,
+            state,
             news,
             status: done.clone(),
             done,
@@ -97,7 +102,7 @@ impl CutWriter {
             self.fire(trigger, buses);
         }
         self.advance(buses);
-        self.evict();
+        self.evict(buses);
     }
 
     /// Keeps the comments of triggers for their frame, or for the next one.
@@ -126,7 +131,7 @@ impl CutWriter {
         if self.cut.is_some() {
             self.extend((begin, end), trigger, buses);
         } else {
-            self.start((begin, end), trigger);
+            self.start((begin, end), trigger, buses);
         }
     }
 
@@ -145,7 +150,7 @@ impl CutWriter {
         first.map_or(0, |first| first.saturating_sub(begin).max(0))
     }
 
-    fn start(&mut self, window: (i64, i64), trigger: Trigger) {
+    fn start(&mut self, window: (i64, i64), trigger: Trigger, buses: &[String]) {
         let refused = if self.status.parts >= self.options.files {
             Some(RefusalReason::Files)
         } else {
@@ -157,7 +162,7 @@ impl CutWriter {
         let late = self.lacking(window.0);
         let path = self.files.path(&trigger);
         let mut cut = Cut::new(path, window, self.ring.first_sequence(), trigger.comment());
-        self.create(&mut cut);
+        self.create(&mut cut, buses);
         self.done.parts = self.done.parts.saturating_add(1);
         self.status.parts = self.done.parts;
         self.report(CutNews::Triggered { trigger, path: cut.path.clone(), late });
@@ -165,22 +170,45 @@ impl CutWriter {
     }
 
     /// Creates the file of a capture, unless the last attempt failed recently.
-    fn create(&mut self, cut: &mut Cut) {
+    fn create(&mut self, cut: &mut Cut, buses: &[String]) {
         let is_early = cut.retry_at.is_some_and(|at| self.now.is_none_or(|now| now < at));
         if cut.parts.is_some() || is_early {
             return;
         }
         match self.files.create(&cut.path) {
-            Ok((path, parts)) => (cut.path, cut.parts) = (path, Some(parts)),
+            Ok((path, parts)) => {
+                (cut.path, cut.parts) = (path, Some(parts));
+                self.write_state(cut, buses);
+            }
             Err(error) => {
                 cut.retry_at = self.now.map(|now| now + RETRY_AFTER);
-                self.failed(&cut.path.clone(), &error);
+                self.failed(&cut.path.clone(), &error.to_string());
             }
         }
     }
 
-    fn failed(&mut self, path: &Path, error: &std::io::Error) {
-        let (path, reason) = (path.to_owned(), error.to_string());
+    /// Writes the bus file of a capture: the state before its first item.
+    fn write_state(&mut self, cut: &mut Cut, buses: &[String]) {
+        let Some(state) = &self.state else { return };
+        let path = path_of(&cut.path);
+        let before = self.ring.items_from(0).take_while(|one| !cut.has(one.time));
+        let written = state
+            .text(before, buses, &path)
+            .and_then(|text| Ok(self.files.write_state(&path, &text).map(|()| text.len())?));
+        match written {
+            Ok(size) => {
+                self.done.bytes = self.done.bytes.saturating_add(size as u64);
+                cut.bus_file = Some(path);
+            }
+            Err(error) => {
+                let reason = format!("{error:#}");
+                self.done.other_failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
+            }
+        }
+    }
+
+    fn failed(&mut self, path: &Path, reason: &str) {
+        let (path, reason) = (path.to_owned(), reason.to_owned());
         self.done.failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
     }
 
@@ -188,10 +216,13 @@ impl CutWriter {
         let Some(mut cut) = self.cut.take() else { return };
         cut.end = cut.end.max(end);
         cut.triggers = cut.triggers.saturating_add(1);
-        let mut late = 0;
-        if begin < cut.begin && !self.extend_start(&mut cut, begin, &trigger, buses) {
-            late = cut.begin.saturating_sub(begin);
-        }
+        let late = if begin >= cut.begin {
+            0
+        } else if self.extend_start(&mut cut, begin, &trigger, buses) {
+            self.lacking(begin)
+        } else {
+            cut.begin.saturating_sub(begin)
+        };
         let path = cut.path.clone();
         self.cut = Some(cut);
         self.report(CutNews::Triggered { trigger, path, late });
@@ -203,9 +234,23 @@ impl CutWriter {
             .parts
             .as_ref()
             .is_some_and(|parts| parts.paths().count() == 1 && parts.status().failure.is_none());
-        if self.ring.first_sequence() > cut.first || !is_whole || cut.replaced >= MOST_REPLACED {
+        let first = cut.first.unwrap_or(u64::MAX);
+        if self.ring.first_sequence() > first || !is_whole || cut.replaced >= MOST_REPLACED {
             return false;
         }
+        let adds_items = {
+            let mut earlier = self.ring.items_from(0).take_while(|one| one.sequence < first);
+            earlier.any(|one| one.time >= begin)
+        };
+        if adds_items {
+            return self.replace(cut, begin, trigger, buses);
+        }
+        cut.begin = begin;
+        true
+    }
+
+    /// Replaces the file of a capture by one with earlier items; `false` if it cannot be written.
+    fn replace(&mut self, cut: &mut Cut, begin: i64, trigger: &Trigger, buses: &[String]) -> bool {
         let Ok((_, parts)) = self.files.create(&replacing(&cut.path)) else { return false };
         cut.write(buses, self.now);
         let earlier = cut.parts.replace(parts);
@@ -216,6 +261,7 @@ impl CutWriter {
         cut.write(buses, self.now);
         if cut.parts.as_mut().is_some_and(|parts| is_renamed(parts, &cut.path)) {
             cut.replaced = cut.replaced.saturating_add(1);
+            self.write_state(cut, buses);
             return true;
         }
         // The file so far stays, and later frames are added to it.
@@ -229,7 +275,7 @@ impl CutWriter {
     /// Writes further items of the open capture, and completes it if no later window can overlap with it.
     fn advance(&mut self, buses: &[String]) {
         let Some(mut cut) = self.cut.take() else { return };
-        self.create(&mut cut);
+        self.create(&mut cut, buses);
         if cut.parts.is_some() {
             while cut.take(&self.ring, &self.comments, false) {
                 cut.write(buses, self.now);
@@ -248,8 +294,11 @@ impl CutWriter {
         }
     }
 
-    fn evict(&mut self) {
+    fn evict(&mut self, buses: &[String]) {
         while let Some(chunk) = self.ring.evict(self.clock.now()) {
+            if let Some(state) = &mut self.state {
+                state.follow(chunk.items(), buses);
+            }
             if let Some(cut) = &mut self.cut {
                 chunk.items().iter().for_each(|one| cut.evicted(one));
             }
@@ -297,8 +346,9 @@ impl CutWriter {
             self.status.missing = self.status.missing.saturating_add(own.missing);
             self.status.failure = own.failure.clone().or(self.status.failure.take());
         }
-        let ring = self.ring_files.as_ref().and_then(|ring| ring.status().failure.clone());
-        self.status.failure = self.status.failure.take().or(ring);
+        if let Some(failure) = self.ring_files.as_ref().and_then(|ring| ring.status().failure.clone()) {
+            self.status.other_failure = Some(failure);
+        }
     }
 }
 

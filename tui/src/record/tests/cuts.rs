@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::record::backend::Backend as _;
-use crate::record::cuts::{CutNews, CutOptions, CutWriter, RefusalReason};
+use crate::record::cuts::{CutNews, CutOptions, CutWriter, RefusalReason, StateFollower, StateText};
 use crate::record::trigger::Trigger;
 use crate::record::{CompleteCut, CutEnd};
 
@@ -43,10 +43,24 @@ impl Bench {
     }
 
     fn on(memory: Memory, options: CutOptions) -> Self {
+        Self::with(memory, options, None)
+    }
+
+    /// A writer of captures with bus files, which contain the number of the last frame of node 5.
+    fn with_state(memory: Memory, options: CutOptions) -> Self {
+        let text: StateText = Box::new(|buses, path, title| {
+            let node = buses.iter().next().and_then(|bus| bus.node(NodeId::Canopen(5)));
+            let last = node.map_or(0, |node| node.last_seen().0);
+            Ok(format!("# {} {title}\n{last}\n", path.display()))
+        });
+        Self::with(memory, options, Some(StateFollower::new(SessionOptions::default(), text)))
+    }
+
+    fn with(memory: Memory, options: CutOptions, state: Option<StateFollower>) -> Self {
         let (sender, news) = channel();
         let disk = memory.clone();
         let maker = Box::new(move || Box::new(disk.clone()) as Box<dyn Disk>);
-        let writer = CutWriter::open(maker, options, sender, day()).unwrap();
+        let writer = CutWriter::open(maker, options, state, sender, day()).unwrap();
         Self { memory, writer, news, frames: 0, now: Instant::now() }
     }
 
@@ -63,6 +77,20 @@ impl Bench {
             time: Some(at(milliseconds)),
             ..Frame::data_frame(CanId::standard(0x185), &number.to_le_bytes())
         }));
+    }
+
+    /// A heartbeat of node 5 as the next frame.
+    fn heartbeat(&mut self, milliseconds: i64) {
+        self.frames += 1;
+        let frame = Frame::data_frame(CanId::standard(0x705), &[5]);
+        let (number, time) = (self.frames.into(), Some(at(milliseconds)));
+        self.take(RecordItem::Frame(Frame { number, time, ..frame }));
+    }
+
+    /// Bus files in order of their names.
+    fn bus_files(&self) -> Vec<String> {
+        let names = self.memory.names().into_iter().filter(|name| name.ends_with(".toml"));
+        names.map(|name| String::from_utf8(self.memory.bytes(&name)).unwrap()).collect()
     }
 
     /// A trigger of the next frame, whose first frame is `first`.
@@ -212,6 +240,50 @@ fn an_earlier_cause_extends_the_file_to_the_front() {
     assert_eq!((complete.len(), complete[0].triggers, complete[0].frames), (1, 2, 54));
     assert_eq!(bench.files(), [(1..=54).collect::<Vec<_>>()]);
     assert_eq!(comments(&bench.memory.bytes(&first[0])).len(), 3);
+}
+
+#[test]
+fn the_bus_file_has_the_state_before_the_first_frame() {
+    let mut bench = Bench::with_state(Memory::new(usize::MAX), options(1_000, 0));
+    // For an hour, so that most frames have left the ring.
+    for second in 0..3_600 {
+        bench.heartbeat(second * 1_000);
+    }
+    // Triggered by frame 3,601 at 3,600 s; the window starts with frame 3,600 at 3,599 s.
+    bench.trigger(3_600_000, 3_601);
+    bench.heartbeat(3_600_000);
+    let name = bench.memory.names()[0].replace("pcapng", "toml");
+    let title = format!("State before the first frame of {}", name.replace("toml", "pcapng"));
+    assert_eq!(bench.bus_files(), [format!("# {name} {title}\n3599\n")]);
+    // An earlier cause, of frame 3,571: the capture starts with frame 3,570.
+    bench.trigger(3_600_000, 3_571);
+    bench.heartbeat(3_600_000);
+    assert_eq!(bench.bus_files(), [format!("# {name} {title}\n3569\n")]);
+    bench.heartbeat(3_602_000);
+    let complete = bench.complete();
+    assert_eq!(complete[0].bus_file.as_deref(), Some(Path::new(&name)));
+    assert_eq!(complete[0].frames, 33);
+    // At the start of the recording there is no state.
+    let mut bench = Bench::with_state(Memory::new(usize::MAX), options(1_000, 0));
+    bench.trigger(0, 1);
+    bench.heartbeat(0);
+    assert!(bench.bus_files()[0].ends_with("\n0\n"), "{:?}", bench.bus_files());
+}
+
+#[test]
+fn a_bus_file_that_cannot_be_written_is_a_failure() {
+    // Room for the header of the capture only.
+    let memory = Memory::new(28);
+    let mut bench = Bench::with_state(memory.clone(), options(1_000, 0));
+    bench.trigger(0, 1);
+    bench.heartbeat(0);
+    let failure = bench.writer.status().other_failure.clone().unwrap();
+    assert!(failure.path.to_str().unwrap().ends_with("_node2_emcy.toml"), "{failure:?}");
+    memory.set(|inner| inner.room = 10_000);
+    let status = bench.finish();
+    assert!(status.is_incomplete());
+    assert!(memory.names().iter().all(|name| name.ends_with(".pcapng")), "{:?}", memory.names());
+    assert_eq!(bench.complete()[0].bus_file, None);
 }
 
 #[test]
