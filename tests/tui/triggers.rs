@@ -127,7 +127,7 @@ fn values(arguments: &[&str]) -> Vec<(String, Value)> {
     assert_eq!(decoded.code, 0, "{}", decoded.stderr);
     let values = |line: &str| {
         let event: Value = serde_json::from_str(line).unwrap();
-        let signals = event["signals"].as_array().unwrap().iter();
+        let signals = event.get("signals").and_then(Value::as_array).unwrap().iter();
         let of = |signal: &Value| {
             serde_json::json!([signal["name"], signal["raw"], signal["value"], signal["label"]])
         };

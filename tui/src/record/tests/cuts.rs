@@ -89,7 +89,11 @@ impl Bench {
 
     /// Bus files in order of their names.
     fn bus_files(&self) -> Vec<String> {
-        let names = self.memory.names().into_iter().filter(|name| name.ends_with(".toml"));
+        let names = self
+            .memory
+            .names()
+            .into_iter()
+            .filter(|name| Path::new(name).extension().is_some_and(|it| it == "toml"));
         names.map(|name| String::from_utf8(self.memory.bytes(&name)).unwrap()).collect()
     }
 

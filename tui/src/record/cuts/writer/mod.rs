@@ -1,5 +1,7 @@
 //! Writes a capture per trigger.
 
+mod extend;
+
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::mpsc::Sender;
@@ -14,16 +16,13 @@ use super::super::status::{RecordFailure, RecordStatus};
 use super::super::trigger::Trigger;
 use super::clock::RingClock;
 use super::cut::{Comments, Cut};
-use super::files::{CutFiles, DiskMaker, replacing};
+use super::files::{CutFiles, DiskMaker};
 use super::ring::Ring;
 use super::state::{StateFollower, path_of};
 use super::{CutEnd, CutNews, CutOptions, RefusalReason, SLACK};
 
 /// Maximum number of comments kept for frames of the ring.
 const MOST_COMMENTS: usize = 10_000;
-
-/// Maximum number of times that a capture is replaced by one that starts earlier.
-const MOST_REPLACED: u32 = 8;
 
 /// Ring, open capture and totals.
 pub(in super::super) struct CutWriter {
@@ -212,66 +211,6 @@ impl CutWriter {
         self.done.failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
     }
 
-    fn extend(&mut self, (begin, end): (i64, i64), trigger: Trigger, buses: &[String]) {
-        let Some(mut cut) = self.cut.take() else { return };
-        cut.end = cut.end.max(end);
-        cut.triggers = cut.triggers.saturating_add(1);
-        let late = if begin >= cut.begin {
-            0
-        } else if self.extend_start(&mut cut, begin, &trigger, buses) {
-            self.lacking(begin)
-        } else {
-            cut.begin.saturating_sub(begin)
-        };
-        let path = cut.path.clone();
-        self.cut = Some(cut);
-        self.report(CutNews::Triggered { trigger, path, late });
-    }
-
-    /// Lets a capture start earlier, which needs another file; `false` if the ring or the disk does not allow it.
-    fn extend_start(&mut self, cut: &mut Cut, begin: i64, trigger: &Trigger, buses: &[String]) -> bool {
-        let is_whole = cut
-            .parts
-            .as_ref()
-            .is_some_and(|parts| parts.paths().count() == 1 && parts.status().failure.is_none());
-        let first = cut.first.unwrap_or(u64::MAX);
-        if self.ring.first_sequence() > first || !is_whole || cut.replaced >= MOST_REPLACED {
-            return false;
-        }
-        let adds_items = {
-            let mut earlier = self.ring.items_from(0).take_while(|one| one.sequence < first);
-            earlier.any(|one| one.time >= begin)
-        };
-        if adds_items {
-            return self.replace(cut, begin, trigger, buses);
-        }
-        cut.begin = begin;
-        true
-    }
-
-    /// Replaces the file of a capture by one with earlier items; `false` if it cannot be written.
-    fn replace(&mut self, cut: &mut Cut, begin: i64, trigger: &Trigger, buses: &[String]) -> bool {
-        let Ok((_, parts)) = self.files.create(&replacing(&cut.path)) else { return false };
-        cut.write(buses, self.now);
-        let earlier = cut.parts.replace(parts);
-        let start = cut.restart(begin, self.ring.first_sequence(), trigger.comment());
-        while cut.take(&self.ring, &self.comments, false) {
-            cut.write(buses, self.now);
-        }
-        cut.write(buses, self.now);
-        if cut.parts.as_mut().is_some_and(|parts| is_renamed(parts, &cut.path)) {
-            cut.replaced = cut.replaced.saturating_add(1);
-            self.write_state(cut, buses);
-            return true;
-        }
-        // The file so far stays, and later frames are added to it.
-        if let Some(mut failed) = std::mem::replace(&mut cut.parts, earlier) {
-            failed.remove_all();
-        }
-        cut.resume(start);
-        false
-    }
-
     /// Writes further items of the open capture, and completes it if no later window can overlap with it.
     fn advance(&mut self, buses: &[String]) {
         let Some(mut cut) = self.cut.take() else { return };
@@ -397,12 +336,6 @@ impl Backend for CutWriter {
     fn status(&self) -> &RecordStatus {
         &self.status
     }
-}
-
-/// Renames a complete file; `false` if it is not complete or cannot be renamed.
-fn is_renamed(parts: &mut Parts, path: &Path) -> bool {
-    parts.sync();
-    parts.status().failure.is_none() && parts.rename(path.to_owned()).is_ok()
 }
 
 fn nanoseconds(time: Duration) -> i64 {
