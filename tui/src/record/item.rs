@@ -40,7 +40,7 @@ impl Item {
     /// Memory in bytes.
     pub(super) fn memory(&self) -> usize {
         let RecordItem::Trigger(trigger) = &self.what else { return size_of::<Self>() };
-        let texts = [&trigger.bus, &trigger.cause, &trigger.text].map(String::len);
+        let texts = [&trigger.bus, &trigger.subject, &trigger.cause, &trigger.text].map(String::len);
         size_of::<Self>() + size_of::<Trigger>() + texts.iter().sum::<usize>()
     }
 

@@ -10,6 +10,8 @@ pub struct Trigger {
     pub bus: String,
     /// Node; None for the bus as a whole.
     pub node: Option<NodeId>,
+    /// Node with its name, or source and destination, as in lines of events.
+    pub subject: String,
     /// Rule of the finding, or kind of the event.
     pub cause: String,
     /// Text of the event or finding. It can contain any text of the bus.

@@ -44,8 +44,6 @@ pub(super) struct CutLine<'a> {
     pub(super) news: &'a CutNews,
     /// Time of the first frame, from which text counts.
     pub(super) first: Option<Timestamp>,
-    /// Time of the last frame.
-    pub(super) now: Option<Timestamp>,
 }
 
 impl CutLine<'_> {
@@ -65,7 +63,7 @@ impl CutLine<'_> {
                 let what = format!("{}; not recorded: {}{}", words(trigger), limit(*reason), frames(trigger));
                 (trigger.time, who(trigger), "TRIG", what)
             }
-            CutNews::Complete(cut) => (self.now, String::new(), "FILE", summary(cut)),
+            CutNews::Complete(cut) => (cut.last_time, String::new(), "FILE", summary(cut)),
         };
         let since = |time: Timestamp| Some(seconds(time.0.checked_sub(self.first?.0)?));
         let time = time.and_then(since).unwrap_or_else(|| "–".to_owned());
@@ -87,7 +85,7 @@ impl CutLine<'_> {
                 fields.insert("reason".to_owned(), json!(limit(*reason)));
                 (trigger.time, fields)
             }
-            CutNews::Complete(cut) => (self.now, of_cut(cut)),
+            CutNews::Complete(cut) => (cut.last_time, of_cut(cut)),
         };
         // Seconds with nine digits exceed the precision of a floating-point number.
         let time = time.map_or_else(|| "null".to_owned(), |time| seconds_to(time.0, 9));
@@ -153,7 +151,8 @@ pub(super) fn limit(reason: RefusalReason) -> &'static str {
 }
 
 fn who(trigger: &Trigger) -> String {
-    trigger.node.map_or_else(|| escape(&trigger.bus).into_owned(), NodeId::label)
+    let subject = if trigger.subject.is_empty() { &trigger.bus } else { &trigger.subject };
+    escape(subject).into_owned()
 }
 
 fn words(trigger: &Trigger) -> String {
@@ -195,6 +194,7 @@ mod tests {
         Trigger {
             bus: "can0".to_owned(),
             node: Some(NodeId::Canopen(5)),
+            subject: "5/05 boom".to_owned(),
             cause: "guard-late".to_owned(),
             text: text.to_owned(),
             time: Some(Timestamp(1_700_000_006_500_000_001)),
@@ -204,14 +204,13 @@ mod tests {
     }
 
     fn line(news: &CutNews) -> CutLine<'_> {
-        let [first, now] = [0, 7_000_000_000].map(|at| Some(Timestamp(1_700_000_000_000_000_000 + at)));
-        CutLine { news, first, now }
+        CutLine { news, first: Some(Timestamp(1_700_000_000_000_000_000)) }
     }
 
     #[test]
     fn a_trigger_names_its_capture() {
         let news = CutNews::Triggered { trigger: trigger("late"), path: "day/a.pcapng".into(), late: 0 };
-        let text = "    6.500  5/05              TRIG   guard-late: late → day/a.pcapng {10-12}\n";
+        let text = "    6.500  5/05 boom         TRIG   guard-late: late → day/a.pcapng {10-12}\n";
         assert_eq!(line(&news).text(), text);
         assert_eq!(
             line(&news).json(),
@@ -247,6 +246,7 @@ mod tests {
             missing: 0,
             bytes: 60_000,
             triggers: 2,
+            last_time: Some(Timestamp(1_700_000_007_000_000_000)),
             duration: 40_000_000_000,
             end: CutEnd::Window,
         };
@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn text_of_the_bus_is_escaped() {
         let mut hostile = trigger("\u{1b}[2J\n\"");
-        (hostile.bus, hostile.node, hostile.time) = ("\u{1b}]0;x\u{7}".to_owned(), None, None);
+        (hostile.subject, hostile.node, hostile.time) = ("\u{1b}]0;x\u{7}".to_owned(), None, None);
         let news = CutNews::Triggered { trigger: hostile, path: "a".into(), late: 0 };
         let (text, json) = (line(&news).text(), line(&news).json());
         assert!(text.chars().filter(|it| it.is_control()).eq(['\n']), "{text:?}");

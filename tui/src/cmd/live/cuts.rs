@@ -150,7 +150,7 @@ impl Cuts {
     fn print_news(&mut self) {
         while let Ok(news) = self.news.try_recv() {
             self.remark(&news);
-            let line = CutLine { news: &news, first: self.first, now: self.now };
+            let line = CutLine { news: &news, first: self.first };
             match self.style {
                 LineStyle::Text => self.exit = self.exit.max(print(line.text().as_bytes())),
                 LineStyle::Json => self.exit = self.exit.max(print(line.json().as_bytes())),

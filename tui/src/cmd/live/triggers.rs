@@ -116,16 +116,18 @@ impl Triggers {
     }
 
     fn trigger(&self, event: &Event, bus: &Bus) -> Trigger {
+        let Line { who: subject, what, .. } = Line::of(event, bus);
         let (cause, text, first_frame) = match &event.kind {
             EventKind::FindingOpened(finding) => {
                 let first = self.first_frame(finding.cause, event.frames.first);
                 (finding.rule.to_string(), finding.text.clone(), first)
             }
-            kind => (kind.name().to_owned(), Line::of(event, bus).what, event.frames.first),
+            kind => (kind.name().to_owned(), what, event.frames.first),
         };
         Trigger {
             bus: bus.name().to_owned(),
             node: event.node,
+            subject,
             cause,
             text: text.chars().take(LONGEST_TEXT).collect(),
             time: event.time,

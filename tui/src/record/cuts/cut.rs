@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use cobscope_decoder::frame::Timestamp;
+
 use super::super::item::{Item, RecordItem};
 use super::super::parts::Parts;
 use super::ring::{Ring, RingItem};
@@ -51,6 +53,8 @@ pub(super) struct Cut {
     next: u64,
     /// Earliest and latest time of the frames taken.
     span: Option<(i64, i64)>,
+    /// Timestamp of the last frame taken.
+    last_time: Option<Timestamp>,
     /// Items to be written.
     held: Vec<Item>,
 }
@@ -72,6 +76,7 @@ impl Cut {
             title: Some(title),
             next,
             span: None,
+            last_time: None,
             held: Vec::new(),
         }
     }
@@ -106,7 +111,8 @@ impl Cut {
             self.next = one.sequence.saturating_add(1);
             if self.has(one.time) {
                 self.first = self.first.or(Some(one.sequence));
-                if one.item.is_frame() {
+                if let Some(frame) = one.item.frame() {
+                    self.last_time = frame.time.or(self.last_time);
                     let (first, last) = self.span.unwrap_or((one.time, one.time));
                     self.span = Some((first.min(one.time), last.max(one.time)));
                 }
@@ -160,6 +166,7 @@ impl Cut {
             missing: status.missing.saturating_add(self.missing),
             bytes: status.bytes,
             triggers: self.triggers,
+            last_time: self.last_time,
             duration: self.span.map_or(0, |(first, last)| last.saturating_sub(first)),
             end,
         };

@@ -20,6 +20,8 @@ mod writer;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use cobscope_decoder::frame::Timestamp;
+
 use super::trigger::Trigger;
 pub(super) use state::StateFollower;
 pub use state::StateText;
@@ -106,6 +108,8 @@ pub struct CompleteCut {
     pub bytes: u64,
     /// Number of triggers.
     pub triggers: u64,
+    /// Timestamp of the last frame.
+    pub last_time: Option<Timestamp>,
     /// Time from the first to the last frame in ns.
     pub duration: i64,
     /// Why it ends.

@@ -42,6 +42,7 @@ mod tests {
         Trigger {
             bus: "../can0".to_owned(),
             node,
+            subject: String::new(),
             cause: cause.to_owned(),
             text: "../../etc/passwd".to_owned(),
             time: time.map(Timestamp),

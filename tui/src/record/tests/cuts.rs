@@ -103,6 +103,7 @@ impl Bench {
         self.take(RecordItem::Trigger(Box::new(Trigger {
             bus: "can0".to_owned(),
             node: Some(NodeId::Canopen(2)),
+            subject: "2/02".to_owned(),
             cause: "emcy".to_owned(),
             text: format!("8130 in frame {last_frame}"),
             time: Some(at(milliseconds)),
@@ -169,7 +170,7 @@ fn a_capture_has_the_frames_of_its_window() {
     assert_eq!(complete.len(), 1);
     let CompleteCut { frames, missing, triggers, duration, end, .. } = complete[0];
     assert_eq!((frames, missing, triggers, duration), (16, 0, 1, 1_500_000_000));
-    assert_eq!(end, CutEnd::Window);
+    assert_eq!((end, complete[0].last_time), (CutEnd::Window, Some(at(5_500))));
     assert_eq!(bench.files(), [(41..=56).collect::<Vec<_>>()]);
     let names = bench.memory.names();
     assert!(names[0].ends_with("_node2_emcy.pcapng"), "{names:?}");
