@@ -208,8 +208,13 @@ fn impossible_triggers_are_refused_before_recording() {
     assert!(live.code == 2 && live.stderr.contains("--record"), "{}", live.stderr);
     let live = run(&["live", "-", "--trigger", "kind", "--record", "/no/such/folder"], "");
     assert!(live.code == 2 && live.stderr.contains("/no/such/folder: cannot create the folder"));
-    let live = run(&["live", "-", "--trigger", "kind", "--record", "-"], "");
-    assert!(live.code == 2 && live.stderr.contains("need a folder"), "{}", live.stderr);
+    for file in ["-", "run.pcapng"] {
+        let live = run(&["live", "-", "--trigger", "kind", "--record", file], "");
+        assert!(live.code == 2 && live.stderr.contains("need a folder"), "{}", live.stderr);
+    }
+    // Nobody can create files there, not even root.
+    let live = run(&["live", "-", "--trigger", "kind", "--record", "/proc"], "");
+    assert!(live.code == 2 && live.stderr.contains("/proc: cannot create files in it"), "{}", live.stderr);
 }
 
 /// A signal, object or node can be learnt later.

@@ -47,6 +47,13 @@ pub use trigger::Trigger;
 /// Maximum memory of the queue in bytes: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;
 
+/// Maximum time for which frames wait for room in the queue of a recorder of triggers. A file or a pipe is faster than
+/// a bus and must not lose frames.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Interval between two checks for room in the queue.
+const ROOM_POLL: Duration = Duration::from_millis(1);
+
 /// Maximum number of items per batch.
 const BATCH: usize = 1_024;
 
@@ -93,6 +100,8 @@ pub struct Recorder {
     /// Memory of the queue, shared with the thread.
     queued: Arc<AtomicUsize>,
     most_queued: usize,
+    /// Maximum time to wait for room in the queue.
+    patience: Duration,
     status: Arc<Mutex<RecordStatus>>,
     /// Items lost while the queue was full.
     gap: Gap,
@@ -145,7 +154,9 @@ impl Recorder {
         let (news, inbox) = channel();
         let state = StateFollower::new(session, text);
         let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, Some(state), news, now)?;
-        Ok((Self::start(writer, QUEUE)?, inbox))
+        let mut recorder = Self::start(writer, QUEUE)?;
+        recorder.patience = PATIENCE;
+        Ok((recorder, inbox))
     }
 
     fn start(backend: impl Backend + 'static, most_queued: usize) -> anyhow::Result<Self> {
@@ -164,6 +175,7 @@ impl Recorder {
             thread: Some(thread),
             queued,
             most_queued,
+            patience: Duration::ZERO,
             status,
             gap: Gap::default(),
             too_fast: 0,
@@ -258,10 +270,7 @@ impl Recorder {
 
     fn add(&mut self, item: Item) {
         let own = item.memory();
-        let queued = self.queued.load(Ordering::Acquire).saturating_add(self.memory).saturating_add(own);
-        // After a gap half of the queue must be free, so that there are few gaps.
-        let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
-        if queued > most {
+        if !self.has_room(own) && !self.finds_room(own) {
             self.too_fast += u64::from(item.is_frame());
             self.lost_triggers += u64::from(matches!(item.what, RecordItem::Trigger(_)));
             self.gap.miss(item);
@@ -275,6 +284,26 @@ impl Recorder {
         if self.items.len() >= BATCH {
             self.hand_over(false);
         }
+    }
+
+    /// Whether the queue has room for `own` bytes.
+    fn has_room(&self, own: usize) -> bool {
+        let queued = self.queued.load(Ordering::Acquire).saturating_add(self.memory).saturating_add(own);
+        // After a gap half of the queue must be free, so that there are few gaps.
+        let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
+        queued <= most
+    }
+
+    /// Waits for room; never in a gap, so that a disk that is stuck delays the input once.
+    fn finds_room(&self, own: usize) -> bool {
+        let begun = Instant::now();
+        while self.gap.is_empty() && begun.elapsed() < self.patience {
+            std::thread::sleep(ROOM_POLL);
+            if self.has_room(own) {
+                return true;
+            }
+        }
+        false
     }
 
     fn hand_over(&mut self, sync: bool) {

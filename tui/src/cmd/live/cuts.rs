@@ -19,6 +19,7 @@ use crate::cmd::messages::note;
 use crate::cmd::output::print;
 use crate::exit_code::Exit;
 use crate::figures::bytes;
+use crate::record::format;
 use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 
 /// Time in addition to `--after` after which a stopped session no longer waits for frames.
@@ -179,15 +180,18 @@ fn state_text(arguments: &LiveArgs) -> StateText {
     Box::new(move |buses, path, title| cut::text(BusSnapshot::of(buses), &input, path, title))
 }
 
-/// Creates the folder of the captures, unless it exists.
+/// Creates the folder of the captures, unless it exists, and checks that files can be created in it.
 fn create(folder: &Path) -> anyhow::Result<()> {
     let text = folder.display().to_string();
     let shown = escape(&text);
-    ensure!(text != "-", "--record: captures of triggers need a folder");
-    if folder.is_dir() {
-        return Ok(());
+    let is_folder = folder.is_dir();
+    let is_file = !is_folder && (text == "-" || format::of(folder).is_some());
+    ensure!(!is_file, "--record {shown}: captures of triggers need a folder");
+    if !is_folder {
+        std::fs::create_dir(folder).with_context(|| format!("{shown}: cannot create the folder"))?;
     }
-    std::fs::create_dir(folder).with_context(|| format!("{shown}: cannot create the folder"))
+    // A trigger can be days later.
+    tempfile::tempfile_in(folder).map(drop).with_context(|| format!("{shown}: cannot create files in it"))
 }
 
 fn name_of(names: &BusNames, bus: BusIndex) -> &str {

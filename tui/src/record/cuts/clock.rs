@@ -12,19 +12,35 @@ use cobscope_decoder::frame::Timestamp;
 /// Smallest backward step of a clock, in ns. Frames of several sources can be out of order by less.
 const BACKWARD: i64 = 1_000_000_000;
 
+/// Delay of frames that are not yet missing, in ns: text over a network can stop for a while.
+const DELAY: i64 = 10_000_000_000;
+
 /// Clock of the ring.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RingClock {
     /// Difference between ring time and timestamps, in ns.
     offset: i64,
-    /// Latest ring time; None before the first item with a time.
+    /// Latest ring time of an item; None before the first item with a time.
     now: Option<i64>,
+    /// Ring time up to which no frame arrived. Delayed frames can still be earlier.
+    silent_until: Option<i64>,
 }
 
 impl RingClock {
     /// Latest ring time in ns.
     pub(super) fn now(&self) -> i64 {
         self.now.unwrap_or(0)
+    }
+
+    /// Ring time up to which all frames or none arrived, in ns.
+    pub(super) fn latest(&self) -> i64 {
+        self.silent_until.map_or(self.now(), |until| until.max(self.now()))
+    }
+
+    /// Ring time before which no further frame is expected, in ns.
+    pub(super) fn expected(&self) -> i64 {
+        let silent = self.silent_until.map(|until| until.saturating_sub(DELAY));
+        silent.map_or(self.now(), |until| until.max(self.now()))
     }
 
     /// Ring time of a timestamp, on the clock as set now.
@@ -41,13 +57,19 @@ impl RingClock {
             time = now;
         }
         self.now = Some(self.now.map_or(time, |now| now.max(time)));
+        self.silent_until = None;
         time
     }
 
     /// Ring time of the next notice.
     pub(super) fn notice(&mut self, notice: &Notice) -> i64 {
         match notice {
-            Notice::Link { time, .. } | Notice::Quiet(time) => self.frame(Some(*time)),
+            Notice::Link { time, .. } => self.frame(Some(*time)),
+            Notice::Quiet(time) => {
+                let time = self.at(*time);
+                self.silent_until = Some(time);
+                time
+            }
             Notice::ClockSet { time, step, .. } => {
                 // Several sources with this clock report the same step; the first report removes it.
                 if self.at(*time) > self.now().saturating_add(step / 2) {
@@ -103,5 +125,17 @@ mod tests {
         assert_eq!(clock.frame(Some(Timestamp(3_613 * SECOND))), 13 * SECOND);
         assert_eq!(clock.notice(&Notice::Quiet(Timestamp(3_614 * SECOND))), 14 * SECOND);
         assert_eq!(clock.at(Timestamp(3_600 * SECOND)), 0);
+    }
+
+    #[test]
+    fn delayed_frames_are_no_step() {
+        let mut clock = RingClock::default();
+        clock.frame(Some(Timestamp(10 * SECOND)));
+        for second in 11..60 {
+            assert_eq!(clock.notice(&Notice::Quiet(Timestamp(second * SECOND))), second * SECOND);
+        }
+        assert_eq!([clock.now(), clock.expected()], [10 * SECOND, 49 * SECOND]);
+        assert_eq!(clock.frame(Some(Timestamp(11 * SECOND))), 11 * SECOND);
+        assert_eq!([clock.now(), clock.expected()], [11 * SECOND, 11 * SECOND]);
     }
 }

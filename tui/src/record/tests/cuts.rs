@@ -298,10 +298,24 @@ fn a_bus_that_falls_silent_completes_the_capture() {
     bench.trigger(500, 1);
     bench.quiet(500);
     assert_eq!(bench.files(), [[1]]);
-    bench.quiet(2_500);
+    // 0.5 s + 1.0 s + 1.0 s, and 10 s for delayed frames.
+    bench.quiet(12_500);
     assert!(bench.complete().is_empty());
-    bench.quiet(2_501);
+    bench.quiet(12_501);
     assert_eq!(bench.complete().len(), 1);
+}
+
+/// Text over a network stops for 8 s, then arrives with its own timestamps.
+#[test]
+fn delayed_frames_belong_to_the_window() {
+    let mut bench = Bench::new(options(1_000, 1_000));
+    bench.frame(0);
+    bench.fault(500);
+    (750..8_000).step_by(250).for_each(|milliseconds| bench.quiet(milliseconds));
+    [600, 1_500, 1_501].into_iter().for_each(|milliseconds| bench.frame(milliseconds));
+    bench.fault(2_400);
+    bench.finish();
+    assert_eq!(bench.files(), [(1..=6).collect::<Vec<_>>()]);
 }
 
 #[test]

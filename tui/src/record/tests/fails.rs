@@ -191,6 +191,19 @@ fn a_slow_disk_holds_nobody_up() {
     );
 }
 
+/// A file is read faster than a disk writes.
+#[test]
+fn input_with_patience_waits_for_the_writer() {
+    let memory = Memory::new(usize::MAX);
+    let path = options(Path::new("run.pcapng"));
+    let room = 2_000 * size_of::<Item>();
+    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), room).unwrap();
+    recorder.patience = LIMIT;
+    (0..50_000).for_each(|number| recorder.frame(&frame(number), "can0"));
+    let status = recorder.finish();
+    assert_eq!((status.frames, status.missing), (50_000, 0));
+}
+
 #[test]
 fn losses_at_the_end_are_reported() {
     let memory = Memory::new(usize::MAX);

@@ -223,7 +223,7 @@ impl CutWriter {
                 }
             }
         }
-        let is_over = self.clock.now() > cut.end.saturating_add(self.before);
+        let is_over = self.clock.expected() > cut.end.saturating_add(self.before);
         let is_large = self.done.bytes.saturating_add(cut.bytes()) >= self.options.bytes;
         self.cut = Some(cut);
         if is_large {
@@ -323,7 +323,7 @@ impl Backend for CutWriter {
         for trigger in std::mem::take(&mut self.waiting) {
             self.fire(trigger, buses);
         }
-        let is_over = self.cut.as_ref().is_some_and(|cut| self.clock.now() > cut.end);
+        let is_over = self.cut.as_ref().is_some_and(|cut| self.clock.latest() > cut.end);
         self.complete(if is_over { CutEnd::Window } else { CutEnd::Stopped }, buses);
         if let Some(ring) = &mut self.ring_files {
             // The ring is for a crash; the captures are complete.
