@@ -133,7 +133,7 @@ fn a_killed_program_leaves_the_capture_and_the_ring() {
     }
     let folder = tempfile::tempdir().unwrap();
     let day = folder.path().to_str().unwrap();
-    let live = program(&[&["vcan0", "--after", "1h", "--ring-files"], &TRIGGER, &["--record", day]]);
+    let live = program(&[&["vcan0", "--after", "1h", "--ring-files", "1M"], &TRIGGER, &["--record", day]]);
     greet("vcan0", &[&live]);
     send("vcan0", &["13E#"]);
     live.wait_events("trigger", |events| events.len() == 1);

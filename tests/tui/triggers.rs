@@ -288,7 +288,8 @@ fn an_interrupt_completes_the_capture() {
 fn a_killed_program_loses_at_most_a_second() {
     let folder = folder("trigger-killed");
     let record = folder.to_str().unwrap();
-    let arguments = [&["-", "--ring-files"], &EMERGENCY[..], &["--after", "1h", "--record", record]].concat();
+    let arguments =
+        [&["-", "--ring-files", "1M"], &EMERGENCY[..], &["--after", "1h", "--record", record]].concat();
     let mut live = Running::start(&arguments);
     let bus = bus(&[50]);
     live.input().write_all((bus[..100].join("\n") + "\n").as_bytes()).unwrap();

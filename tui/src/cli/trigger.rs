@@ -26,9 +26,9 @@ A line is printed per trigger and per complete capture, with -f jsonl as JSON. -
 their report. No terminal UI is opened.
 
 Frames wait in a ring in memory. It keeps one minute more than --before, up to --ring-size. A crash or power cut loses \
-the ring, and at most the last second of a capture whose window is open. With --ring-files the ring is also written to \
-files, so that at most the last second of all frames is lost. This writes about 60 bytes per frame: 60 kB/s at 1,000 \
-frames/s; without it, only captures are written.
+the ring, and at most the last second of a capture whose window is open. With --ring-files the ring is also in files, from \
+which --before reaches further back, and at most the last second of all frames is lost. This writes about 60 bytes per \
+frame: 60 kB/s at 1,000 frames/s; without it, only captures are written.
 
 A capture is complete when no later window can overlap with it: --before and --after later than its last trigger. Ctrl-C \
 completes it at once.";
@@ -51,14 +51,15 @@ pub struct TriggerArgs {
     /// End each capture TIME after its last trigger
     #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "10s", requires = "causes", value_parser = side)]
     pub after: Duration,
-    /// Keep up to SIZE bytes of frames in memory for --before
+    /// Keep up to SIZE bytes of frames in memory
     #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "256M", requires = "causes", value_parser = part_bytes)]
     pub ring_size: u64,
-    /// Also write the ring to files of up to --ring-size in total, which are removed at the end
+    /// Also write the ring to files of up to SIZE bytes in total, which are removed at the end
     ///
-    /// After a crash or power cut they contain the frames up to the last second: ring-DATE_TIME-0001.pcapng, …
-    #[arg(long, help_heading = HEADING, requires = "causes")]
-    pub ring_files: bool,
+    /// --before then reaches back as far as these files. After a crash or power cut they contain the frames up to the last
+    /// second: ring-DATE_TIME-0001.pcapng, …
+    #[arg(long, help_heading = HEADING, value_name = "SIZE", requires = "causes", value_parser = part_bytes)]
+    pub ring_files: Option<u64>,
     /// Write at most N captures; later triggers are only printed
     #[arg(long, help_heading = HEADING, value_name = "N", default_value_t = 100, requires = "causes")]
     pub trigger_files: u32,

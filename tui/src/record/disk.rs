@@ -1,13 +1,16 @@
 //! File system access of `--record`; tests simulate failures.
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
 /// File system for the parts of a capture.
 pub(super) trait Disk: Send {
     /// Creates a file; fails if it exists.
     fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>>;
+
+    /// Opens a file for reading.
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn Read + Send>>;
 
     /// Removes a file.
     fn remove(&mut self, path: &Path) -> io::Result<()>;
@@ -33,6 +36,10 @@ impl Disk for Files {
         let file = File::options().write(true).create_new(true).open(path)?;
         sync_folder_of(path);
         Ok(Box::new(file))
+    }
+
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
+        Ok(Box::new(File::open(path)?))
     }
 
     fn remove(&mut self, path: &Path) -> io::Result<()> {

@@ -150,6 +150,17 @@ impl Parts {
         self.kept.iter()
     }
 
+    /// Removes the oldest part, which is not the current one; `false` if it cannot be removed.
+    pub(super) fn remove_oldest(&mut self) -> bool {
+        let oldest = self.kept.front().filter(|_| self.kept.len() > 1);
+        let is_removed = oldest.is_some_and(|oldest| self.disk.remove(oldest).is_ok());
+        if is_removed {
+            self.kept.pop_front();
+            self.status.removed += 1;
+        }
+        is_removed
+    }
+
     /// Removes all parts.
     pub(super) fn remove_all(&mut self) {
         self.part = None;

@@ -60,12 +60,13 @@ impl Cuts {
             before: own.before,
             after: own.after,
             ring_bytes: own.ring_size,
-            has_ring_files: own.ring_files,
+            ring_files: own.ring_files,
             files: own.trigger_files,
             bytes: own.trigger_size,
         };
-        let place = if own.ring_files { "memory and in files" } else { "memory" };
-        let ring = format!("ring of up to {} in {place}", bytes(own.ring_size));
+        let in_files =
+            own.ring_files.map_or_else(String::new, |size| format!(", of up to {} in files", bytes(size)));
+        let ring = format!("ring of up to {} in memory{in_files}", bytes(own.ring_size));
         let runner = own.on_trigger.as_deref().map(ProgramRunner::start).transpose()?;
         let now = jiff::Zoned::now().datetime();
         let (recorder, news) = Recorder::on_triggers(options, session, state_text(arguments), now)?;

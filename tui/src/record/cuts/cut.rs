@@ -22,7 +22,8 @@ pub(super) struct CutStart {
     begin: i64,
     first: Option<u64>,
     next: u64,
-    span: Option<(i64, i64)>,
+    next_frame: u64,
+    span: Option<(Timestamp, Timestamp)>,
 }
 
 /// A capture with an open window.
@@ -47,12 +48,16 @@ pub(super) struct Cut {
     pub retry_at: Option<Instant>,
     /// Number of frames that left the ring while there was no file.
     pub missing: u64,
+    /// Time that its start lacks, in ns.
+    pub late: i64,
     /// Comment of the first frame, until it is written.
     title: Option<String>,
     /// Sequence number of the next item to consider.
     next: u64,
+    /// Number of frames before this item.
+    next_frame: u64,
     /// Earliest and latest time of the frames taken.
-    span: Option<(i64, i64)>,
+    span: Option<(Timestamp, Timestamp)>,
     /// Timestamp of the last frame taken.
     last_time: Option<Timestamp>,
     /// Items to be written.
@@ -60,8 +65,8 @@ pub(super) struct Cut {
 }
 
 impl Cut {
-    /// A capture without a file, of items of the ring from `next` on.
-    pub(super) fn new(path: PathBuf, (begin, end): (i64, i64), next: u64, title: String) -> Self {
+    /// A capture without a file, of the items of the ring.
+    pub(super) fn new(path: PathBuf, (begin, end): (i64, i64), ring: &Ring, title: String) -> Self {
         Self {
             parts: None,
             path,
@@ -73,54 +78,106 @@ impl Cut {
             replaced: 0,
             retry_at: None,
             missing: 0,
+            late: 0,
             title: Some(title),
-            next,
+            next: ring.first_sequence(),
+            next_frame: ring.evicted_frames(),
             span: None,
             last_time: None,
             held: Vec::new(),
         }
     }
 
-    /// Starts again with another file, with a window from `begin` and items of the ring from `next` on. Returns the
-    /// present start for `resume`.
-    pub(super) fn restart(&mut self, begin: i64, next: u64, title: String) -> CutStart {
-        let start = CutStart { begin: self.begin, first: self.first, next: self.next, span: self.span };
+    /// Starts again with another file, with a window from `begin` and the items of the ring. Returns the present start
+    /// for `resume`.
+    pub(super) fn restart(&mut self, begin: i64, ring: &Ring, title: String) -> CutStart {
+        let start = CutStart {
+            begin: self.begin,
+            first: self.first,
+            next: self.next,
+            next_frame: self.next_frame,
+            span: self.span,
+        };
         self.title = Some(title);
-        (self.begin, self.first, self.next) = (begin, None, next);
+        (self.begin, self.first) = (begin, None);
+        self.skip_to_memory(ring);
         start
     }
 
     /// Continues the file before `restart`.
-    pub(super) fn resume(&mut self, CutStart { begin, first, next, span }: CutStart) {
+    pub(super) fn resume(&mut self, CutStart { begin, first, next, next_frame, span }: CutStart) {
         self.held.clear();
         self.title = None;
-        (self.begin, self.first, self.next, self.span) = (begin, first, next, span);
+        (self.begin, self.first, self.span) = (begin, first, span);
+        (self.next, self.next_frame) = (next, next_frame);
     }
 
     /// Takes items of the window from the ring, at most one batch; `false` if it has no further ones. Items after
     /// the window wait for an extension of it, unless it is final.
     pub(super) fn take(&mut self, ring: &Ring, comments: &Comments, is_final: bool) -> bool {
-        let next = self.next.max(ring.first_sequence());
-        for one in ring.items_from(next) {
-            if self.held.len() >= BATCH {
+        if self.has_gap(ring) && !is_final {
+            return false;
+        }
+        if self.next < ring.first_sequence() {
+            self.skip_to_memory(ring);
+        }
+        for one in ring.items_from(self.next) {
+            if self.is_full() {
                 return true;
             }
             if one.time > self.end && !is_final {
                 return false;
             }
             self.next = one.sequence.saturating_add(1);
+            self.next_frame = self.next_frame.saturating_add(u64::from(one.item.is_frame()));
             if self.has(one.time) {
                 self.first = self.first.or(Some(one.sequence));
-                if let Some(frame) = one.item.frame() {
-                    self.last_time = frame.time.or(self.last_time);
-                    let (first, last) = self.span.unwrap_or((one.time, one.time));
-                    self.span = Some((first.min(one.time), last.max(one.time)));
-                }
+                self.count(&one.item);
                 let item = self.commented(one, comments);
                 self.held.push(item);
             }
         }
         false
+    }
+
+    /// Whether items after the file so far have left the ring: they were after the window.
+    pub(super) fn has_gap(&self, ring: &Ring) -> bool {
+        self.parts.is_some() && self.next < ring.first_sequence()
+    }
+
+    /// Number of frames before the next item to consider.
+    pub(super) fn next_frame(&self) -> u64 {
+        self.next_frame
+    }
+
+    /// Continues with the oldest item in memory.
+    pub(super) fn skip_to_memory(&mut self, ring: &Ring) {
+        (self.next, self.next_frame) = (ring.first_sequence(), ring.evicted_frames());
+    }
+
+    /// Adds an item before those of the ring.
+    pub(super) fn add(&mut self, item: Item) {
+        self.count(&item);
+        let item = match (&item.what, self.title.take_if(|_| item.is_frame())) {
+            (RecordItem::Frame(frame), Some(title)) => {
+                let what = RecordItem::Commented(Box::new((*frame, title)));
+                Item { bus: item.bus, what }
+            }
+            _ => item,
+        };
+        self.held.push(item);
+    }
+
+    /// Whether a batch was taken.
+    pub(super) fn is_full(&self) -> bool {
+        self.held.len() >= BATCH
+    }
+
+    fn count(&mut self, item: &Item) {
+        let Some(time) = item.frame().and_then(|frame| frame.time) else { return };
+        self.last_time = Some(time);
+        let (first, last) = self.span.unwrap_or((time, time));
+        self.span = Some((first.min(time), last.max(time)));
     }
 
     /// Writes the taken items. Without a file they are missing.
@@ -167,7 +224,7 @@ impl Cut {
             bytes: status.bytes,
             triggers: self.triggers,
             last_time: self.last_time,
-            duration: self.span.map_or(0, |(first, last)| last.saturating_sub(first)),
+            duration: self.span.map_or(0, |(first, last)| last.0.saturating_sub(first.0)),
             end,
         };
         (complete, parts)

@@ -12,6 +12,7 @@ use super::super::names::Names;
 use super::super::parts::{Limits, Parts};
 use super::super::trigger::Trigger;
 use super::name::stem;
+use super::ring_files::{MOST_FILES, RingFiles};
 use super::state;
 
 /// Name of the format in [`WRITABLE`]; it can contain all frames, notices and comments.
@@ -19,9 +20,6 @@ const FORMAT: &str = "pcapng";
 
 /// Maximum number of existing file names that are skipped.
 const TAKEN: u32 = 1_000;
-
-/// Number of files of a ring on disk.
-const RING_FILES: u64 = 8;
 
 /// Minimum size of a file of a ring on disk.
 const LEAST_RING_FILE: u64 = 64 << 10;
@@ -95,13 +93,14 @@ impl CutFiles {
     ///
     /// # Errors
     /// A file cannot be created.
-    pub(super) fn ring(&self, bytes: u64, now: jiff::civil::DateTime) -> anyhow::Result<Parts> {
+    pub(super) fn ring(&self, bytes: u64, now: jiff::civil::DateTime) -> anyhow::Result<RingFiles> {
         let path = self.folder.join(now.strftime("ring-%Y-%m-%d_%H%M%S.pcapng").to_string());
         let names = Names::of(&path, true)?;
         names.ensure_free()?;
-        let files = usize::try_from(RING_FILES).unwrap_or(usize::MAX);
-        let limits = Limits { bytes: (bytes / RING_FILES).max(LEAST_RING_FILE), time: Duration::MAX, files };
-        Parts::open((self.disk)(), names, self.format, limits)
+        let share = bytes / u64::from(MOST_FILES);
+        let limits = Limits { bytes: share.max(LEAST_RING_FILE), ..UNLIMITED };
+        let parts = Parts::open((self.disk)(), names, self.format, limits)?;
+        Ok(RingFiles::new(parts, (self.disk)()))
     }
 }
 

@@ -14,6 +14,7 @@ mod cut;
 mod files;
 mod name;
 mod ring;
+mod ring_files;
 mod state;
 mod writer;
 
@@ -42,8 +43,8 @@ pub struct CutOptions {
     pub after: Duration,
     /// Maximum memory of the ring in bytes.
     pub ring_bytes: u64,
-    /// Whether the ring is also written to files.
-    pub has_ring_files: bool,
+    /// Maximum size of the files of the ring in bytes; None for a ring in memory only.
+    pub ring_files: Option<u64>,
     /// Maximum number of captures.
     pub files: u32,
     /// Maximum size of all captures in bytes; exceeded by at most one batch.

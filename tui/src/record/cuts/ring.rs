@@ -64,12 +64,14 @@ pub(super) struct Ring {
     /// Maximum memory in bytes.
     most: usize,
     memory: usize,
+    /// Number of frames that were evicted.
+    evicted: u64,
 }
 
 impl Ring {
     /// An empty ring that keeps items for `reach` ns, in at most `most` bytes.
     pub(super) fn new(reach: i64, most: usize) -> Self {
-        Self { chunks: VecDeque::new(), next: 0, reach, most, memory: 0 }
+        Self { chunks: VecDeque::new(), next: 0, reach, most, memory: 0, evicted: 0 }
     }
 
     /// Adds an item; returns its sequence number.
@@ -98,7 +100,14 @@ impl Ring {
         }
         let chunk = self.chunks.pop_front()?;
         self.memory = self.memory.saturating_sub(chunk.memory());
+        let frames = chunk.items.iter().filter(|one| one.item.is_frame()).count() as u64;
+        self.evicted = self.evicted.saturating_add(frames);
         Some(chunk)
+    }
+
+    /// Number of frames before the oldest item.
+    pub(super) fn evicted_frames(&self) -> u64 {
+        self.evicted
     }
 
     /// Sequence number of the oldest item, or of the next one if the ring is empty.

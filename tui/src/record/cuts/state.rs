@@ -4,7 +4,8 @@
 //! evicted ──▶ decoder ─┬─ ring: first item │ … │ first frame of the capture │ …
 //!                      └─ clone ──────────────▶ bus file
 //! ```
-//! The decoder follows the oldest item of the ring, so that its memory does not depend on the duration.
+//! A decoder follows the oldest item of the ring, so that its memory does not depend on the duration. Another one follows
+//! the oldest item in the files of a ring on disk.
 
 use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
@@ -16,8 +17,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
 
 use super::super::disk::Disk;
-use super::super::item::RecordItem;
-use super::ring::RingItem;
+use super::super::item::{Item, RecordItem};
 
 /// Suffix of a bus file.
 const SUFFIX: &str = "toml";
@@ -25,10 +25,17 @@ const SUFFIX: &str = "toml";
 /// Text of a bus file with the state of the buses, for this path and with this title.
 pub type StateText = Box<dyn Fn(Buses<'_>, &Path, &str) -> anyhow::Result<String> + Send>;
 
-/// Decoder of the frames before the ring.
-pub(in super::super) struct StateFollower {
+/// State of the buses at a place in the ring.
+#[derive(Clone)]
+pub(super) struct BusState {
     decoder: Decoder,
     names: BusNames,
+}
+
+/// State before the oldest item in memory, and before the oldest one in files.
+pub(in super::super) struct StateFollower {
+    pub(super) in_memory: BusState,
+    pub(super) in_files: BusState,
     text: StateText,
 }
 
@@ -50,51 +57,41 @@ impl Observer for NoEvents {
 impl StateFollower {
     /// A follower before the first item.
     pub(in super::super) fn new(session: SessionOptions, text: StateText) -> Self {
-        Self { decoder: Decoder::new(session), names: BusNames::default(), text }
+        let state = BusState { decoder: Decoder::new(session), names: BusNames::default() };
+        Self { in_memory: state.clone(), in_files: state, text }
     }
 
-    /// Decodes items that leave the ring; `buses` contains the names of their buses.
-    pub(super) fn follow(&mut self, items: &[RingItem], buses: &[String]) {
-        for one in items {
-            push(&mut self.decoder, &mut self.names, one, buses);
-        }
-    }
-
-    /// Text of the bus file `path` with the state after `items`, which are the first items of the ring.
+    /// Text of the bus file `path` with this state.
     ///
     /// # Errors
     /// If the text cannot be written.
-    pub(super) fn text<'a>(
-        &self,
-        items: impl Iterator<Item = &'a RingItem>,
-        buses: &[String],
-        path: &Path,
-    ) -> anyhow::Result<String> {
-        let (mut decoder, mut names) = (self.decoder.clone(), self.names.clone());
-        items.for_each(|one| push(&mut decoder, &mut names, one, buses));
+    pub(super) fn text(&self, state: &BusState, path: &Path) -> anyhow::Result<String> {
         let capture = path.with_extension("pcapng");
         let capture = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        (self.text)(decoder.buses(), path, &format!("State before the first frame of {capture}"))
+        (self.text)(state.decoder.buses(), path, &format!("State before the first frame of {capture}"))
     }
 }
 
-/// Decodes an item; its bus may have another index here.
-fn push(decoder: &mut Decoder, names: &mut BusNames, one: &RingItem, buses: &[String]) {
-    let name = buses.get(one.item.bus).map_or("", String::as_str);
-    let Some(bus) = names.index_of(name.as_bytes()) else { return };
-    match &one.item.what {
-        RecordItem::Frame(frame) => decoder.push(&Frame { bus, ..*frame }, names, &mut NoEvents),
-        RecordItem::Notice(notice) => {
-            let mut notice = notice.clone();
-            if let Notice::LostFrames { bus: own, .. }
-            | Notice::Link { bus: own, .. }
-            | Notice::ClockSet { bus: own, .. } = &mut notice
-            {
-                *own = bus;
+impl BusState {
+    /// Decodes an item, whose bus may have another index here; `buses` contains the names of the buses.
+    pub(super) fn push(&mut self, item: &Item, buses: &[String]) {
+        let Self { decoder, names } = self;
+        let name = buses.get(item.bus).map_or("", String::as_str);
+        let Some(bus) = names.index_of(name.as_bytes()) else { return };
+        match &item.what {
+            RecordItem::Frame(frame) => decoder.push(&Frame { bus, ..*frame }, names, &mut NoEvents),
+            RecordItem::Notice(notice) => {
+                let mut notice = notice.clone();
+                if let Notice::LostFrames { bus: own, .. }
+                | Notice::Link { bus: own, .. }
+                | Notice::ClockSet { bus: own, .. } = &mut notice
+                {
+                    *own = bus;
+                }
+                decoder.notice(&notice, names, &mut NoEvents);
             }
-            decoder.notice(&notice, names, &mut NoEvents);
+            RecordItem::Commented(_) | RecordItem::Trigger(_) => (),
         }
-        RecordItem::Commented(_) | RecordItem::Trigger(_) => (),
     }
 }
 

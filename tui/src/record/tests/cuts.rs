@@ -22,7 +22,7 @@ fn options(before: u64, after: u64) -> CutOptions {
         before: Duration::from_millis(before),
         after: Duration::from_millis(after),
         ring_bytes: 64 << 20,
-        has_ring_files: false,
+        ring_files: None,
         files: 100,
         bytes: 1 << 30,
     }
@@ -312,7 +312,9 @@ fn delayed_frames_belong_to_the_window() {
     bench.frame(0);
     bench.fault(500);
     (750..8_000).step_by(250).for_each(|milliseconds| bench.quiet(milliseconds));
-    [600, 1_500, 1_501].into_iter().for_each(|milliseconds| bench.frame(milliseconds));
+    for milliseconds in [600, 1_500, 1_501] {
+        bench.frame(milliseconds);
+    }
     bench.fault(2_400);
     bench.finish();
     assert_eq!(bench.files(), [(1..=6).collect::<Vec<_>>()]);
@@ -450,7 +452,7 @@ fn files_are_never_overwritten() {
 
 #[test]
 fn a_ring_on_disk_is_limited_and_removed_at_the_end() {
-    let ring = CutOptions { has_ring_files: true, ring_bytes: 1 << 20, ..options(100, 100) };
+    let ring = CutOptions { ring_files: Some(1 << 20), ..options(100, 100) };
     let mut bench = Bench::new(ring);
     for milliseconds in 0..40_000 {
         bench.frame(milliseconds);
@@ -467,6 +469,75 @@ fn a_ring_on_disk_is_limited_and_removed_at_the_end() {
     bench.fault(40_000);
     bench.finish();
     assert_eq!(bench.memory.names().len(), 1, "only the capture remains");
+}
+
+/// The ring in memory does not reach from one window to the next.
+#[test]
+fn windows_with_a_gap_between_them_are_separate_files() {
+    let small = CutOptions { ring_bytes: 1, ..options(100_000, 0) };
+    let mut bench = Bench::new(small);
+    bench.fault(0);
+    (1..=50).for_each(|second| bench.frame(second * 1_000));
+    bench.fault(50_500);
+    assert_eq!(bench.files().len(), 2);
+    let late: Vec<_> = bench
+        .news
+        .try_iter()
+        .filter_map(|news| match news {
+            CutNews::Triggered { late, .. } => Some(late),
+            _ => None,
+        })
+        .collect();
+    // The second window starts 49.5 s before frame 1; its file at frame 51, at 50 s.
+    assert_eq!(bench.files(), [vec![1], vec![51, 52]]);
+    assert_eq!(late, [0, 99_500_000_000]);
+}
+
+#[test]
+fn a_window_reaches_back_into_the_ring_on_disk() {
+    // 500 s before; one file has 64 KiB, about 1,365 frames. Memory has about 9,000 frames.
+    let ring = CutOptions { ring_files: Some(8 << 16), ring_bytes: 1 << 20, ..options(500_000, 0) };
+    let mut bench = Bench::with_state(Memory::new(usize::MAX), ring);
+    for second in 0..10_000 {
+        bench.heartbeat(second * 100);
+    }
+    bench.trigger(1_000_000, 10_001);
+    bench.heartbeat(1_000_000);
+    let name = bench.memory.names().into_iter().find(|name| name.ends_with("_node2_emcy.pcapng")).unwrap();
+    // 500 s are 5,000 frames; both bounds are inclusive: frames 5,001 to 10,001.
+    let (bytes, state) = (bench.memory.bytes(&name), bench.bus_files());
+    let written = frames(&read(&bytes));
+    assert_eq!(written.len(), 5_001);
+    let times: Vec<_> = written.iter().map(|frame| frame.time.unwrap()).collect();
+    assert_eq!(times, (5_000..=10_000).map(|tenth| at(tenth * 100)).collect::<Vec<_>>());
+    assert!(state[0].ends_with("\n5000\n"), "{state:?}");
+    let Some(CutNews::Triggered { late, .. }) = bench.news.try_iter().next() else { panic!() };
+    assert_eq!(late, 0);
+    // At the first frame, and at that of the trigger.
+    assert_eq!(comments(&bytes).len(), 2);
+}
+
+#[test]
+fn a_full_ring_on_disk_is_reported() {
+    // Neither memory nor files have 10,000 s.
+    let ring = CutOptions { ring_files: Some(8 << 16), ring_bytes: 1 << 18, ..options(10_000_000, 0) };
+    let mut bench = Bench::with_state(Memory::new(usize::MAX), ring);
+    for second in 0..30_000 {
+        bench.heartbeat(second * 100);
+    }
+    bench.trigger(3_000_000, 30_001);
+    bench.heartbeat(3_000_000);
+    let name = bench.memory.names().into_iter().find(|name| name.ends_with("_node2_emcy.pcapng")).unwrap();
+    let written = frames(&read(&bench.memory.bytes(&name)));
+    // 7 to 8 files of 1,365 frames, without a gap.
+    assert!((9_000..11_000).contains(&written.len()), "{}", written.len());
+    let first = written[0].time.unwrap();
+    let times = written.iter().map(|frame| frame.time.unwrap().0 - first.0);
+    assert!(times.eq((0..).map(|tenth| tenth * 100_000_000).take(written.len())));
+    let Some(CutNews::Triggered { late, .. }) = bench.news.try_iter().next() else { panic!() };
+    assert_eq!(late, first.0 - at(3_000_000 - 10_000_000).0);
+    let state: u64 = bench.bus_files()[0].lines().last().unwrap().parse().unwrap();
+    assert_eq!(state, 30_001 - written.len() as u64);
 }
 
 /// A frame: time since the one before in ms, and for a trigger how many frames earlier its first frame is.
@@ -547,4 +618,60 @@ proptest! {
         let expected = expected_files(&own, before.cast_signed(), after.cast_signed());
         prop_assert_eq!(written_files(&own, options(before, after)), expected);
     }
+
+    /// With a ring in memory that is too small, and a cause before it.
+    #[test]
+    fn captures_from_files_are_a_filter_of_all_frames(
+        steps in steps(100_000, 150), before in 0_u64..500_000, after in 0_u64..100_000,
+    ) {
+        let own: Vec<FrameStep> = steps.iter().map(|(step, trigger)| (*step, trigger.map(|_| 0))).collect();
+        let expected = expected_files(&own, before.cast_signed(), after.cast_signed());
+        let small = CutOptions { ring_files: Some(1 << 20), ring_bytes: 1, ..options(before, after) };
+        prop_assert_eq!(written_files(&own, small), expected);
+    }
+
+    /// Clocks that are set, hostile times, notices and triggers in any order.
+    #[test]
+    fn any_input_gives_files_without_duplicates(
+        input in prop::collection::vec((0_u8..8, any_time(), 0_u64..200), 1..200),
+        (before, after, ring) in (0_u64..5_000, 0_u64..5_000, any::<bool>()),
+    ) {
+        let ring_files = ring.then_some(1 << 20);
+        let mut bench = Bench::new(CutOptions { ring_files, ring_bytes: 1 << 14, ..options(before, after) });
+        for (kind, time, first) in input {
+            let time = Timestamp(time);
+            match kind {
+                0 => bench.take(RecordItem::Notice(Notice::Quiet(time))),
+                1 => bench.take(RecordItem::Notice(Notice::ClockSet { bus: BusIndex(0), time, step: time.0 / 2 })),
+                2 => bench.take(RecordItem::Trigger(Box::new(Trigger {
+                    bus: String::new(),
+                    subject: String::new(),
+                    node: None,
+                    cause: "any".to_owned(),
+                    text: String::new(),
+                    time: Some(time),
+                    first_frame: first,
+                    last_frame: first,
+                }))),
+                _ => {
+                    bench.frames += 1;
+                    let frame = Frame::data_frame(CanId::standard(0x185), &bench.frames.to_le_bytes());
+                    bench.take(RecordItem::Frame(Frame {
+                        number: bench.frames.into(),
+                        time: Some(time),
+                        ..frame
+                    }));
+                }
+            }
+        }
+        bench.finish();
+        for numbers in bench.files() {
+            prop_assert!(numbers.is_sorted_by(|one, next| one < next), "{:?}", numbers);
+        }
+    }
+}
+
+/// Times of one minute, or any.
+fn any_time() -> impl Strategy<Value = i64> {
+    prop_oneof![9 => (0_i64..60_000).prop_map(|milliseconds| at(milliseconds).0), 1 => any::<i64>()]
 }

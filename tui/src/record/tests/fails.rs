@@ -229,6 +229,10 @@ impl Disk for Full {
         Ok(Box::new(std::fs::File::options().write(true).open("/dev/full")?))
     }
 
+    fn read(&mut self, _path: &Path) -> io::Result<Box<dyn io::Read + Send>> {
+        Err(ErrorKind::Unsupported.into())
+    }
+
     fn remove(&mut self, _path: &Path) -> io::Result<()> {
         Ok(())
     }

@@ -113,6 +113,11 @@ impl Disk for Memory {
         Ok(Box::new(MemoryFile(self.clone(), path.to_owned())))
     }
 
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn io::Read + Send>> {
+        let bytes = self.lock().files.get(path).cloned().ok_or(ErrorKind::NotFound)?;
+        Ok(Box::new(io::Cursor::new(bytes)))
+    }
+
     fn remove(&mut self, path: &Path) -> io::Result<()> {
         let mut inner = self.lock();
         let bytes = inner.files.remove(path).ok_or(ErrorKind::NotFound)?;

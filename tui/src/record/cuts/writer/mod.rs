@@ -1,5 +1,6 @@
 //! Writes a capture per trigger.
 
+mod begin;
 mod extend;
 
 use std::collections::VecDeque;
@@ -11,14 +12,15 @@ use jiff::civil::DateTime;
 
 use super::super::backend::Backend;
 use super::super::item::{Item, RecordItem};
-use super::super::parts::{Parts, RETRY_AFTER};
+use super::super::parts::RETRY_AFTER;
 use super::super::status::{RecordFailure, RecordStatus};
 use super::super::trigger::Trigger;
 use super::clock::RingClock;
 use super::cut::{Comments, Cut};
 use super::files::{CutFiles, DiskMaker};
 use super::ring::Ring;
-use super::state::{StateFollower, path_of};
+use super::ring_files::RingFiles;
+use super::state::StateFollower;
 use super::{CutEnd, CutNews, CutOptions, RefusalReason, SLACK};
 
 /// Maximum number of comments kept for frames of the ring.
@@ -31,7 +33,7 @@ pub(in super::super) struct CutWriter {
     after: i64,
     files: CutFiles,
     ring: Ring,
-    ring_files: Option<Parts>,
+    ring_files: Option<RingFiles>,
     clock: RingClock,
     /// Triggers of the next item.
     waiting: Vec<Trigger>,
@@ -64,7 +66,7 @@ impl CutWriter {
         let files = CutFiles::new(disk, options.folder.clone())?;
         let [before, after, slack] = [options.before, options.after, SLACK].map(nanoseconds);
         let most = usize::try_from(options.ring_bytes).unwrap_or(usize::MAX);
-        let ring_files = options.has_ring_files.then(|| files.ring(options.ring_bytes, now)).transpose()?;
+        let ring_files = options.ring_files.map(|bytes| files.ring(bytes, now)).transpose()?;
         let done =
             RecordStatus { path: options.folder.clone(), format: files.title(), ..RecordStatus::default() };
         Ok(Self {
@@ -143,12 +145,6 @@ impl CutWriter {
         known.or_else(|| self.ring.first_time()).unwrap_or(at)
     }
 
-    /// Time that the ring lacks at the start of a window, in ns.
-    fn lacking(&self, begin: i64) -> i64 {
-        let first = self.ring.first_time().filter(|_| self.ring.first_sequence() > 0);
-        first.map_or(0, |first| first.saturating_sub(begin).max(0))
-    }
-
     fn start(&mut self, window: (i64, i64), trigger: Trigger, buses: &[String]) {
         let refused = if self.status.parts >= self.options.files {
             Some(RefusalReason::Files)
@@ -158,13 +154,12 @@ impl CutWriter {
         if let Some(reason) = refused {
             return self.report(CutNews::Refused { trigger, reason });
         }
-        let late = self.lacking(window.0);
         let path = self.files.path(&trigger);
-        let mut cut = Cut::new(path, window, self.ring.first_sequence(), trigger.comment());
+        let mut cut = Cut::new(path, window, &self.ring, trigger.comment());
         self.create(&mut cut, buses);
         self.done.parts = self.done.parts.saturating_add(1);
         self.status.parts = self.done.parts;
-        self.report(CutNews::Triggered { trigger, path: cut.path.clone(), late });
+        self.report(CutNews::Triggered { trigger, path: cut.path.clone(), late: cut.late });
         self.cut = Some(cut);
     }
 
@@ -177,31 +172,11 @@ impl CutWriter {
         match self.files.create(&cut.path) {
             Ok((path, parts)) => {
                 (cut.path, cut.parts) = (path, Some(parts));
-                self.write_state(cut, buses);
+                self.begin(cut, buses);
             }
             Err(error) => {
                 cut.retry_at = self.now.map(|now| now + RETRY_AFTER);
                 self.failed(&cut.path.clone(), &error.to_string());
-            }
-        }
-    }
-
-    /// Writes the bus file of a capture: the state before its first item.
-    fn write_state(&mut self, cut: &mut Cut, buses: &[String]) {
-        let Some(state) = &self.state else { return };
-        let path = path_of(&cut.path);
-        let before = self.ring.items_from(0).take_while(|one| !cut.has(one.time));
-        let written = state
-            .text(before, buses, &path)
-            .and_then(|text| Ok(self.files.write_state(&path, &text).map(|()| text.len())?));
-        match written {
-            Ok(size) => {
-                self.done.bytes = self.done.bytes.saturating_add(size as u64);
-                cut.bus_file = Some(path);
-            }
-            Err(error) => {
-                let reason = format!("{error:#}");
-                self.done.other_failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
             }
         }
     }
@@ -236,7 +211,7 @@ impl CutWriter {
     fn evict(&mut self, buses: &[String]) {
         while let Some(chunk) = self.ring.evict(self.clock.now()) {
             if let Some(state) = &mut self.state {
-                state.follow(chunk.items(), buses);
+                chunk.items().iter().for_each(|one| state.in_memory.push(&one.item, buses));
             }
             if let Some(cut) = &mut self.cut {
                 chunk.items().iter().for_each(|one| cut.evicted(one));
@@ -285,8 +260,8 @@ impl CutWriter {
             self.status.missing = self.status.missing.saturating_add(own.missing);
             self.status.failure = own.failure.clone().or(self.status.failure.take());
         }
-        if let Some(failure) = self.ring_files.as_ref().and_then(|ring| ring.status().failure.clone()) {
-            self.status.other_failure = Some(failure);
+        if let Some(failure) = self.ring_files.as_ref().and_then(RingFiles::failure) {
+            self.status.other_failure = Some(failure.clone());
         }
     }
 }
@@ -295,8 +270,13 @@ impl Backend for CutWriter {
     fn take(&mut self, items: Vec<Item>, buses: &[String], now: Option<Instant>) {
         self.now = now.or(self.now);
         if let Some(ring) = &mut self.ring_files {
-            let kept = items.iter().filter(|item| !matches!(item.what, RecordItem::Trigger(_)));
-            ring.take(kept.cloned().collect(), buses, now);
+            ring.take(&items, buses, now);
+            let mut state = self.state.as_mut().map(|state| &mut state.in_files);
+            ring.shrink(buses, &mut |item| {
+                if let Some(state) = &mut state {
+                    state.push(item, buses);
+                }
+            });
         }
         for item in items {
             match item.what {
