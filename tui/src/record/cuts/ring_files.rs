@@ -20,7 +20,7 @@ use super::super::status::RecordFailure;
 pub(super) const MOST_FILES: u32 = 8;
 
 /// Receives items with the number of frames before each; returns whether it needs more.
-pub(super) type FileItems<'a> = &'a mut dyn FnMut(u64, Item) -> bool;
+pub(super) type ItemReceiver<'a> = &'a mut dyn FnMut(u64, Item) -> bool;
 
 /// The files.
 pub(super) struct RingFiles {
@@ -93,7 +93,7 @@ impl RingFiles {
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub(super) fn read(&mut self, buses: &[String], each: FileItems<'_>) -> io::Result<()> {
+    pub(super) fn read(&mut self, buses: &[String], each: ItemReceiver<'_>) -> io::Result<()> {
         let paths: Vec<_> = self.parts.paths().skip(usize::from(self.is_read)).cloned().collect();
         let mut before = self.removed;
         for path in paths {
@@ -115,7 +115,7 @@ impl RingFiles {
         path: &Path,
         mut before: u64,
         buses: &[String],
-        each: FileItems<'_>,
+        each: ItemReceiver<'_>,
     ) -> io::Result<()> {
         let file = BufReader::new(self.disk.read(path)?);
         let mut reader = Reader::open(file, &ReadOptions::default()).map_err(io::Error::other)?;
