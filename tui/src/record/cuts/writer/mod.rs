@@ -171,6 +171,7 @@ impl CutWriter {
         }
         match self.files.create(&cut.path) {
             Ok((path, parts)) => {
+                self.recovered(cut);
                 (cut.path, cut.parts) = (path, Some(parts));
                 self.begin(cut, buses);
             }
@@ -178,6 +179,14 @@ impl CutWriter {
                 cut.retry_at = self.now.map(|now| now + RETRY_AFTER);
                 self.failed(&cut.path.clone(), &error.to_string());
             }
+        }
+    }
+
+    /// Ends the failure to create a file. Frames that left the ring meanwhile are missing.
+    fn recovered(&mut self, cut: &Cut) {
+        let own = self.done.failure.take_if(|failure| failure.path == cut.path && !failure.is_over);
+        if let Some(failure) = own.filter(|_| cut.missing > 0) {
+            self.done.failure = Some(RecordFailure { missing: cut.missing, is_over: true, ..failure });
         }
     }
 

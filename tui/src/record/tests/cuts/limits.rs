@@ -63,6 +63,7 @@ fn a_full_disk_is_tried_again_and_missing_frames_are_counted() {
     bench.now += RETRY_AFTER;
     bench.frame(2);
     assert_eq!(bench.files(), [[1, 2, 3]]);
+    assert!(!bench.writer.status().is_incomplete());
     memory.set(|inner| inner.room = 0);
     (3..13).for_each(|milliseconds| bench.frame(milliseconds));
     let status = bench.finish();
