@@ -87,9 +87,17 @@ fn a_full_disk_is_told_and_watching_goes_on() {
     greet("vcan0", &[&live]);
     send("vcan0", &["13C#01"]);
     live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13C"));
-    drop(live);
+    live.signal("INT");
+    let ended = live.end();
     // The capture has complete lines only.
     let text = fs::read_to_string(&record).unwrap();
     run("umount", &[disk]);
+    let said = ended.err.join("\n");
+    assert_eq!(ended.status.code(), Some(3), "{said}");
+    // Greetings are frames too; more than the 4,000 were sent.
+    let missing = 4_000 - text.lines().count();
+    let reported = ended.err.iter().find_map(|line| line.strip_suffix(" frames missing")).unwrap();
+    let reported: usize = reported.rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((missing..missing + 100).contains(&reported), "{reported} instead of {missing}\n{said}");
     assert!(text.lines().count() > 500, "{} lines", text.lines().count());
 }

@@ -21,3 +21,4 @@ mod pair;
 mod server;
 #[path = "../support/mod.rs"]
 mod support;
+mod triggers;

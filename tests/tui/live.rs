@@ -16,28 +16,28 @@ use crate::support::workspace;
 use crate::terminal::Session;
 
 /// Time limit for an expected condition on a busy machine.
-const LIMIT: Duration = Duration::from_mins(1);
+pub const LIMIT: Duration = Duration::from_mins(1);
 
 /// A fresh folder of this test.
-fn folder(name: &str) -> PathBuf {
+pub fn folder(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live").join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).unwrap();
     path
 }
 
-fn fixture(name: &str) -> String {
+pub fn fixture(name: &str) -> String {
     fs::read_to_string(workspace().join("fixtures").join(name)).unwrap()
 }
 
 /// The running program with its lines so far.
-struct Running {
-    child: Child,
+pub struct Running {
+    pub child: Child,
     lines: Receiver<String>,
 }
 
 impl Running {
-    fn start(arguments: &[&str]) -> Self {
+    pub fn start(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_cobscope"))
             .arg("live")
             .args(arguments)
@@ -55,11 +55,11 @@ impl Running {
         Self { child, lines }
     }
 
-    fn input(&mut self) -> &mut ChildStdin {
+    pub fn input(&mut self) -> &mut ChildStdin {
         self.child.stdin.as_mut().unwrap()
     }
 
-    fn line_with(&self, text: &str) -> String {
+    pub fn line_with(&self, text: &str) -> String {
         let mut before = Vec::new();
         loop {
             let line = self.lines.recv_timeout(LIMIT);
@@ -73,7 +73,7 @@ impl Running {
     }
 
     /// Exit status, and the text on standard error.
-    fn end(mut self) -> (Option<i32>, String) {
+    pub fn end(mut self) -> (Option<i32>, String) {
         drop(self.child.stdin.take());
         let output = self.child.wait_with_output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
@@ -159,6 +159,33 @@ fn a_record_holds_what_came() {
         let again = run(&["live", "-", "--print", "--record", path], &text);
         assert_eq!(again.code, 2, "nothing is ever written over");
     }
+}
+
+/// A file that may not grow beyond 4 or 8 KiB: the frames behind are missing, and the exit status says so.
+#[test]
+fn frames_missing_in_a_record_are_an_error() {
+    let folder = folder("limited");
+    let path = folder.join("run.log");
+    let frames: Vec<_> = (0..1_000).map(|n| format!("(1700000000.{n:06}) can0 123#{n:08X}\n")).collect();
+    let frames = frames.concat();
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" live - --print -f none --record \"$1\"";
+    let mut command = Command::new("sh");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_cobscope"), path.to_str().unwrap()]);
+    let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(frames.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.ends_with('\n') && frames.starts_with(&text), "complete lines");
+    let missing = 1_000 - text.lines().count();
+    assert!((700..900).contains(&missing), "{missing}");
+    let (path, missing) = (path.display(), format!("{missing} frames"));
+    assert!(
+        said.contains(&format!("{path}: File too large (os error 27): {missing} not written\n")),
+        "{said}"
+    );
+    assert!(said.contains(&format!("; {missing} missing\n")), "{said}");
 }
 
 /// Ctrl-C ends the program after everything is printed and written.

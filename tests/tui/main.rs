@@ -34,6 +34,7 @@ mod support;
 mod terminal;
 mod tidy;
 mod traces;
+mod triggers;
 mod verdicts;
 mod whole_files;
 mod why;

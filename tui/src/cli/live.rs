@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::duration::duration;
 use super::size::{bytes, part_bytes};
+use super::trigger::TriggerArgs;
 use super::view::ScreenArgs;
 use super::{FailOn, InputArgs, PrintArgs, SelectArgs};
 
@@ -38,7 +40,8 @@ pub struct LiveArgs {
     pub timeout: Option<u64>,
     /// Record to FILE in the format of its suffix: .log, .pcapng, .mcap, …
     ///
-    /// Without FILE, or if FILE is a folder, the file is named candump-DATE_TIME.log.
+    /// Without FILE, or if FILE is a folder, the file is named candump-DATE_TIME.log. With --trigger, FILE is a
+    /// folder for the captures around triggers; it is created if its parent folder exists.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,
     /// Start a new file at SIZE bytes: 64k or more, 100M, 2G
@@ -50,6 +53,8 @@ pub struct LiveArgs {
     /// Keep only the newest N files
     #[arg(long, value_name = "N", requires = "record")]
     pub record_files: Option<u32>,
+    #[command(flatten)]
+    pub triggers: TriggerArgs,
     /// Read files to their end and wait for appended data
     #[arg(long)]
     pub follow: bool,
@@ -58,33 +63,4 @@ pub struct LiveArgs {
     pub keep: u64,
     #[command(flatten)]
     pub screen: ScreenArgs,
-}
-
-/// `90s`, `10min`, `1h`.
-fn duration(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("found {text}; expected a time such as 90s, 10min or 1h");
-    let at = text.find(|character: char| !character.is_ascii_digit()).ok_or_else(wrong)?;
-    let (number, unit) = text.split_at_checked(at).ok_or_else(wrong)?;
-    let seconds = match unit {
-        "s" => 1,
-        "min" | "m" => 60,
-        "h" => 3_600,
-        _ => return Err(wrong()),
-    };
-    let number: u64 = number.parse().map_err(|_| wrong())?;
-    number.checked_mul(seconds).filter(|seconds| *seconds > 0).map(Duration::from_secs).ok_or_else(wrong)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times() {
-        assert_eq!(duration("10min"), Ok(Duration::from_mins(10)));
-        assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
-        for text in ["", "10", "min", "0s", "1d"] {
-            assert!(duration(text).is_err(), "{text}");
-        }
-    }
 }

@@ -4,6 +4,7 @@ mod check;
 mod convert;
 mod decode;
 mod diff;
+mod duration;
 mod formats;
 mod input;
 mod live;
@@ -14,6 +15,7 @@ mod report;
 mod rules;
 mod size;
 mod stats;
+mod trigger;
 mod view;
 mod why;
 
@@ -35,6 +37,7 @@ pub use profiles::{PageFormat, ProfilesCommand};
 pub use report::{AttachPlace, FindingArg, PageStyle, ReportArgs};
 pub use rules::{RulesArgs, RulesFormat};
 pub use stats::StatsArgs;
+pub use trigger::TriggerArgs;
 pub use view::{ScreenArgs, ViewArgs};
 pub use why::WhyArgs;
 

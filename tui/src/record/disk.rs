@@ -1,7 +1,7 @@
 //! File system access of `--record`; tests simulate failures.
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
 /// File system for the parts of a capture.
@@ -9,8 +9,14 @@ pub(super) trait Disk: Send {
     /// Creates a file; fails if it exists.
     fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>>;
 
+    /// Opens a file for reading.
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn Read + Send>>;
+
     /// Removes a file.
     fn remove(&mut self, path: &Path) -> io::Result<()>;
+
+    /// Renames a file; replaces the file `to`.
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()>;
 }
 
 /// A file of the capture. Written bytes go to the system at once.
@@ -28,16 +34,30 @@ pub(super) struct Files;
 impl Disk for Files {
     fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         let file = File::options().write(true).create_new(true).open(path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // The name of a file is safe only after a sync of its folder. Where folders cannot be opened, the
-        // system does it.
-        let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        sync_folder_of(path);
         Ok(Box::new(file))
+    }
+
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
+        Ok(Box::new(File::open(path)?))
     }
 
     fn remove(&mut self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
     }
+
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)?;
+        sync_folder_of(to);
+        Ok(())
+    }
+}
+
+/// The name of a file is safe only after a sync of its folder. Where folders cannot be opened, the system does
+/// it.
+fn sync_folder_of(path: &Path) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
 }
 
 impl RecordFile for File {

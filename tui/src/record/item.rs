@@ -3,6 +3,8 @@
 use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame};
 
+use super::trigger::Trigger;
+
 /// An item to be written.
 #[derive(Debug, Clone)]
 pub(super) struct Item {
@@ -12,18 +14,38 @@ pub(super) struct Item {
     pub what: RecordItem,
 }
 
-/// A frame or a notice about a bus.
+/// A frame, a notice about a bus, or a trigger.
 #[derive(Debug, Clone)]
 pub(super) enum RecordItem {
     /// A frame.
     Frame(Frame),
+    /// A frame with a comment.
+    Commented(Box<(Frame, String)>),
     /// A notice.
     Notice(Notice),
+    /// The next item triggers a capture. It is never part of one.
+    Trigger(Box<Trigger>),
 }
 
 impl Item {
+    /// The frame, if the item is one.
+    pub(super) fn frame(&self) -> Option<&Frame> {
+        match &self.what {
+            RecordItem::Frame(frame) => Some(frame),
+            RecordItem::Commented(commented) => Some(&commented.0),
+            RecordItem::Notice(_) | RecordItem::Trigger(_) => None,
+        }
+    }
+
+    /// Memory in bytes.
+    pub(super) fn memory(&self) -> usize {
+        let RecordItem::Trigger(trigger) = &self.what else { return size_of::<Self>() };
+        let texts = [&trigger.bus, &trigger.subject, &trigger.cause, &trigger.text].map(String::len);
+        size_of::<Self>() + size_of::<Trigger>() + texts.iter().sum::<usize>()
+    }
+
     pub(super) fn is_frame(&self) -> bool {
-        matches!(self.what, RecordItem::Frame(_))
+        self.frame().is_some()
     }
 }
 
@@ -49,10 +71,10 @@ impl Gap {
     pub(super) fn miss(&mut self, item: Item) {
         let Item { bus, what } = item;
         match what {
-            RecordItem::Frame(_) => self.lose(bus, 1),
+            RecordItem::Frame(_) | RecordItem::Commented(_) => self.lose(bus, 1),
             RecordItem::Notice(Notice::LostFrames { count: Some(count), .. }) => self.lose(bus, count),
             RecordItem::Notice(link @ Notice::Link { .. }) => self.of(bus, |gap| gap.link = Some(link)),
-            RecordItem::Notice(_) => (),
+            RecordItem::Notice(_) | RecordItem::Trigger(_) => (),
         }
     }
 

@@ -8,6 +8,8 @@
 //! After it is opened, errors do not stop it. Frames that cannot be written are counted, also in the capture
 //! if its format can store the count.
 
+mod backend;
+mod cuts;
 mod disk;
 pub mod format;
 mod item;
@@ -17,6 +19,7 @@ mod parts;
 mod status;
 #[cfg(test)]
 mod tests;
+mod trigger;
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -28,16 +31,28 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::frame::Frame;
+use cobscope_decoder::session::SessionOptions;
 use jiff::civil::DateTime;
 
+use backend::Backend;
+pub use cuts::{CompleteCut, CutEnd, CutNews, CutOptions, RefusalReason, StateText};
+use cuts::{CutWriter, StateFollower};
 use disk::{Disk, Files};
 use item::{Gap, Item, RecordItem};
 pub use names::Names;
 use parts::{Limits, Parts};
 pub use status::{RecordFailure, RecordStatus};
+pub use trigger::Trigger;
 
 /// Maximum memory of the queue in bytes: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;
+
+/// Maximum time for which frames wait for room in the queue of a recorder of triggers. A file or a pipe is faster than
+/// a bus and must not lose frames.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Interval between two checks for room in the queue.
+const ROOM_POLL: Duration = Duration::from_millis(1);
 
 /// Maximum number of items per batch.
 const BATCH: usize = 1_024;
@@ -66,19 +81,18 @@ pub struct RecordOptions {
 /// A batch for the writer thread.
 struct RecordThread {
     items: Vec<Item>,
+    /// Memory of the items in bytes.
+    memory: usize,
     buses: Arc<Vec<String>>,
     now: Option<Instant>,
     sync: bool,
 }
 
-/// Bytes that `items` items need.
-fn size(items: usize) -> usize {
-    items.saturating_mul(size_of::<Item>())
-}
-
 /// A capture being written.
 pub struct Recorder {
     items: Vec<Item>,
+    /// Memory of `items` in bytes.
+    memory: usize,
     buses: Arc<Vec<String>>,
     /// None after the end.
     work: Option<Sender<RecordThread>>,
@@ -86,10 +100,13 @@ pub struct Recorder {
     /// Memory of the queue, shared with the thread.
     queued: Arc<AtomicUsize>,
     most_queued: usize,
+    /// Maximum time to wait for room in the queue.
+    patience: Duration,
     status: Arc<Mutex<RecordStatus>>,
     /// Items lost while the queue was full.
     gap: Gap,
     too_fast: u64,
+    lost_triggers: u64,
     /// Number of frames lost because the thread has ended.
     stranded: u64,
     now: Option<Instant>,
@@ -120,24 +137,49 @@ impl Recorder {
             time: options.max_time.unwrap_or(Duration::MAX),
             files: options.files.map_or(usize::MAX, |files| files as usize),
         };
-        let parts = Parts::open(disk, names, format, limits)?;
-        let status = Arc::new(Mutex::new(parts.status().clone()));
+        Self::start(Parts::open(disk, names, format, limits)?, most_queued)
+    }
+
+    /// Writes a capture per trigger instead of all frames. News of the captures arrive through the receiver. Frames are
+    /// decoded with the options `session` for the bus file next to each capture, whose text is that of `text`.
+    ///
+    /// # Errors
+    /// The folder cannot be created, or the files of a ring on disk cannot.
+    pub fn on_triggers(
+        options: CutOptions,
+        session: SessionOptions,
+        text: StateText,
+        now: DateTime,
+    ) -> anyhow::Result<(Self, Receiver<CutNews>)> {
+        let (news, inbox) = channel();
+        let state = StateFollower::new(session, text);
+        let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, Some(state), news, now)?;
+        let mut recorder = Self::start(writer, QUEUE)?;
+        recorder.patience = PATIENCE;
+        Ok((recorder, inbox))
+    }
+
+    fn start(backend: impl Backend + 'static, most_queued: usize) -> anyhow::Result<Self> {
+        let status = Arc::new(Mutex::new(backend.status().clone()));
         let queued = Arc::new(AtomicUsize::new(0));
         let (work, inbox) = channel();
         let (told, taken) = (Arc::clone(&status), Arc::clone(&queued));
         let thread = std::thread::Builder::new().name("record".into());
         let thread =
-            thread.spawn(move || run(parts, &inbox, &told, &taken)).context("cannot start a thread")?;
+            thread.spawn(move || run(backend, &inbox, &told, &taken)).context("cannot start a thread")?;
         Ok(Self {
             items: Vec::with_capacity(BATCH),
+            memory: 0,
             buses: Arc::default(),
             work: Some(work),
             thread: Some(thread),
             queued,
             most_queued,
+            patience: Duration::ZERO,
             status,
             gap: Gap::default(),
             too_fast: 0,
+            lost_triggers: 0,
             stranded: 0,
             now: None,
             handed_over: None,
@@ -156,6 +198,12 @@ impl Recorder {
     pub fn notice(&mut self, notice: &Notice, bus: &str) {
         let bus = self.bus(bus);
         self.add(Item { bus, what: RecordItem::Notice(notice.clone()) });
+    }
+
+    /// The next item triggers a capture. Only for a recorder of triggers.
+    pub fn trigger(&mut self, trigger: Trigger) {
+        let bus = self.bus(&trigger.bus);
+        self.add(Item { bus, what: RecordItem::Trigger(Box::new(trigger)) });
     }
 
     /// Advances the time; called every 100 ms or more often. Items are passed to the system within 200 ms,
@@ -179,6 +227,7 @@ impl Recorder {
     pub fn status(&self) -> RecordStatus {
         let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner).clone();
         status.too_fast = self.too_fast;
+        status.lost_triggers = self.lost_triggers;
         status.missing = status.missing.saturating_add(self.too_fast).saturating_add(self.stranded);
         if self.stranded > 0 {
             let reason = "the writer thread has ended; start a new capture".to_owned();
@@ -190,6 +239,11 @@ impl Recorder {
 
     /// Writes the rest, waits until all is on the disk and returns the status.
     pub fn finish(mut self) -> RecordStatus {
+        self.stop()
+    }
+
+    /// As `finish`; further items are only counted as missing.
+    pub fn stop(&mut self) -> RecordStatus {
         self.close();
         self.status()
     }
@@ -215,33 +269,54 @@ impl Recorder {
     }
 
     fn add(&mut self, item: Item) {
-        let queued = self.queued.load(Ordering::Acquire).saturating_add(size(self.items.len() + 1));
-        // After a gap half of the queue must be free, so that there are few gaps.
-        let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
-        if queued > most {
+        let own = item.memory();
+        if !self.has_room(own) && !self.finds_room(own) {
             self.too_fast += u64::from(item.is_frame());
+            self.lost_triggers += u64::from(matches!(item.what, RecordItem::Trigger(_)));
             self.gap.miss(item);
             return;
         }
         if !self.gap.is_empty() {
             self.items.extend(self.gap.take());
         }
+        self.memory = self.memory.saturating_add(own);
         self.items.push(item);
         if self.items.len() >= BATCH {
             self.hand_over(false);
         }
     }
 
+    /// Whether the queue has room for `own` bytes.
+    fn has_room(&self, own: usize) -> bool {
+        let queued = self.queued.load(Ordering::Acquire).saturating_add(self.memory).saturating_add(own);
+        // After a gap half of the queue must be free, so that there are few gaps.
+        let most = if self.gap.is_empty() { self.most_queued } else { self.most_queued / 2 };
+        queued <= most
+    }
+
+    /// Waits for room; never in a gap, so that a disk that is stuck delays the input once.
+    fn finds_room(&self, own: usize) -> bool {
+        let begun = Instant::now();
+        while self.gap.is_empty() && begun.elapsed() < self.patience {
+            std::thread::sleep(ROOM_POLL);
+            if self.has_room(own) {
+                return true;
+            }
+        }
+        false
+    }
+
     fn hand_over(&mut self, sync: bool) {
         let items = std::mem::replace(&mut self.items, Vec::with_capacity(BATCH));
-        self.queued.fetch_add(size(items.len()), Ordering::AcqRel);
+        let memory = std::mem::take(&mut self.memory);
+        self.queued.fetch_add(memory, Ordering::AcqRel);
         self.is_synced = false;
-        let work = RecordThread { items, buses: Arc::clone(&self.buses), now: self.now, sync };
+        let work = RecordThread { items, memory, buses: Arc::clone(&self.buses), now: self.now, sync };
         if let Some(thread) = &self.work
             && let Err(unsent) = thread.send(work)
         {
             let items = unsent.0.items;
-            self.queued.fetch_sub(size(items.len()), Ordering::AcqRel);
+            self.queued.fetch_sub(memory, Ordering::AcqRel);
             self.stranded += items.iter().filter(|item| item.is_frame()).count() as u64;
         }
     }
@@ -254,19 +329,25 @@ impl Drop for Recorder {
     }
 }
 
-fn run(mut parts: Parts, inbox: &Receiver<RecordThread>, status: &Mutex<RecordStatus>, queued: &AtomicUsize) {
-    let tell = |parts: &Parts| {
-        status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(parts.status());
+fn run(
+    mut backend: impl Backend,
+    inbox: &Receiver<RecordThread>,
+    status: &Mutex<RecordStatus>,
+    queued: &AtomicUsize,
+) {
+    let tell = |backend: &dyn Backend| {
+        status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(backend.status());
     };
-    for RecordThread { items, buses, now, sync } in inbox {
-        let taken = size(items.len());
-        parts.take(items, &buses, now);
+    let mut known = Arc::default();
+    for RecordThread { items, memory, buses, now, sync } in inbox {
+        backend.take(items, &buses, now);
         if sync {
-            parts.sync();
+            backend.sync();
         }
-        tell(&parts);
-        queued.fetch_sub(taken, Ordering::AcqRel);
+        tell(&backend);
+        queued.fetch_sub(memory, Ordering::AcqRel);
+        known = buses;
     }
-    parts.finish();
-    tell(&parts);
+    backend.finish(&known);
+    tell(&backend);
 }

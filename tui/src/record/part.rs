@@ -82,6 +82,11 @@ impl RecordPart {
         &self.path
     }
 
+    /// Sets the path after the file was renamed.
+    pub(super) fn set_path(&mut self, path: PathBuf) {
+        self.path = path;
+    }
+
     /// Number of frames in the file and in the buffer.
     pub(super) fn frames(&self) -> u64 {
         self.frames
@@ -119,7 +124,12 @@ impl RecordPart {
     pub(super) fn push(&mut self, item: Item, bus: &str) -> io::Result<Option<Item>> {
         let kept = match &item.what {
             RecordItem::Frame(frame) => self.writer.write(frame, bus).map(|()| true),
+            RecordItem::Commented(commented) => {
+                let (frame, comment) = &**commented;
+                self.writer.write_commented(frame, bus, comment).map(|()| true)
+            }
             RecordItem::Notice(notice) => self.writer.notice(notice, bus),
+            RecordItem::Trigger(_) => Ok(false),
         };
         if matches!(kept, Ok(false)) {
             self.held.lock().truncate(self.held_length);

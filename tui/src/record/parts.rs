@@ -68,6 +68,21 @@ impl Parts {
     ) -> anyhow::Result<Self> {
         let path = names.next();
         let file = disk.create(&path).map_err(|error| refusal(&path, error))?;
+        Self::in_file(disk, (path.clone(), file), names, format, limits)
+            .map_err(|error| refusal(&path, error))
+    }
+
+    /// Starts the first part in a new file, which need not have the next one of `names`.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn in_file(
+        disk: Box<dyn Disk>,
+        (path, file): (PathBuf, Box<dyn RecordFile>),
+        names: Names,
+        format: &'static WritableFormat,
+        limits: Limits,
+    ) -> io::Result<Self> {
         let mut parts = Self {
             disk,
             names,
@@ -81,10 +96,10 @@ impl Parts {
             losses: Losses::new(format.holds),
             status: RecordStatus { format: format.title, ..RecordStatus::default() },
         };
-        parts.adopt(path.clone(), file);
+        parts.adopt(path, file);
         parts.write_out();
         match parts.status.failure.take() {
-            Some(RecordFailure { reason, .. }) => Err(refusal(&path, io::Error::other(reason))),
+            Some(RecordFailure { reason, .. }) => Err(io::Error::other(reason)),
             None => Ok(parts),
         }
     }
@@ -115,6 +130,46 @@ impl Parts {
         self.write_out();
     }
 
+    /// Renames the current part; replaces the file `to`.
+    ///
+    /// # Errors
+    /// No part is open, or the file cannot be renamed.
+    pub(super) fn rename(&mut self, to: PathBuf) -> io::Result<()> {
+        let part = self.part.as_mut().ok_or(ErrorKind::NotFound)?;
+        self.disk.rename(part.path(), &to)?;
+        part.set_path(to.clone());
+        if let Some(last) = self.kept.back_mut() {
+            last.clone_from(&to);
+        }
+        self.status.path = to;
+        Ok(())
+    }
+
+    /// Paths of the parts that were not removed.
+    pub(super) fn paths(&self) -> impl Iterator<Item = &PathBuf> {
+        self.kept.iter()
+    }
+
+    /// Removes the oldest part, which is not the current one; `false` if it cannot be removed.
+    pub(super) fn remove_oldest(&mut self) -> bool {
+        let oldest = self.kept.front().filter(|_| self.kept.len() > 1);
+        let is_removed = oldest.is_some_and(|oldest| self.disk.remove(oldest).is_ok());
+        if is_removed {
+            self.kept.pop_front();
+            self.status.removed += 1;
+        }
+        is_removed
+    }
+
+    /// Removes all parts.
+    pub(super) fn remove_all(&mut self) {
+        self.part = None;
+        for path in self.kept.drain(..) {
+            // A file that cannot be removed stays; it is not part of the result.
+            let _ = self.disk.remove(&path);
+        }
+    }
+
     /// Waits until all is on the disk.
     pub(super) fn sync(&mut self) {
         let Some(Err(error)) = self.part.as_mut().map(RecordPart::sync) else { return };
@@ -127,6 +182,7 @@ impl Parts {
     pub(super) fn finish(&mut self) {
         self.end();
         self.status.losses = self.losses.texts();
+        self.status.has_ended = true;
     }
 
     fn is_over_time(&self, part: &RecordPart) -> bool {
@@ -178,7 +234,7 @@ impl Parts {
             return;
         };
         let bus = buses.get(item.bus).map_or("", String::as_str);
-        if let RecordItem::Frame(frame) = &item.what {
+        if let Some(frame) = item.frame() {
             self.losses.see(frame);
         }
         match part.push(item, bus) {

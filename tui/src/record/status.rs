@@ -82,27 +82,61 @@ pub struct RecordStatus {
     pub missing: u64,
     /// Number of frames not written because the disk was too slow.
     pub too_fast: u64,
+    /// Number of triggers not recorded because the disk was too slow.
+    pub lost_triggers: u64,
     /// The last failure.
     pub failure: Option<RecordFailure>,
+    /// The last failure to write a file other than the capture: its bus file, the ring on disk.
+    pub other_failure: Option<RecordFailure>,
+    /// No further frames are written.
+    pub has_ended: bool,
 }
 
 impl RecordStatus {
+    /// Whether the capture lacks frames that arrived, or some that were written may not be on the disk.
+    pub fn is_incomplete(&self) -> bool {
+        self.missing > 0 || self.lost_triggers > 0 || self.failure.is_some() || self.other_failure.is_some()
+    }
+
+    /// Total of captures around triggers: `day: 12345 frames, 1.2 MB in 3 captures`.
+    pub fn of_cuts(&self) -> String {
+        let captures = plural(u64::from(self.parts), "capture");
+        let total = format!("{}: {}, {}", shown(&self.path), frames(self.frames), bytes(self.bytes));
+        format!("{total} in {captures}{}", self.missing_words())
+    }
+
+    fn missing_words(&self) -> String {
+        if self.missing > 0 { format!("; {} missing", frames(self.missing)) } else { String::new() }
+    }
+
     /// Failures and losses, one sentence each.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if let Some(failure) = &self.failure {
             let RecordFailure { path, reason, missing, is_over } = failure;
             let path = shown(path);
-            remarks.push(if *is_over {
+            remarks.push(if *missing == 0 {
+                format!("{path}: {reason}")
+            } else if *is_over {
                 let now = shown(&self.path);
-                format!("{path}: {reason}: {} not written; continuing in {now}", frames(*missing))
+                let how = if self.has_ended { "continued" } else { "continuing" };
+                format!("{path}: {reason}: {} not written; {how} in {now}", frames(*missing))
+            } else if self.has_ended {
+                format!("{path}: {reason}: {} not written", frames(*missing))
             } else {
                 format!("{path}: {reason}: {} not written so far; retrying", frames(*missing))
             });
         }
+        if let Some(RecordFailure { path, reason, .. }) = &self.other_failure {
+            remarks.push(format!("{}: {reason}", shown(path)));
+        }
         if self.too_fast > 0 {
             let count = frames(self.too_fast);
             remarks.push(format!("{count} not written: the disk is too slow"));
+        }
+        if self.lost_triggers > 0 {
+            let count = plural(self.lost_triggers, "trigger");
+            remarks.push(format!("{count} not recorded: the disk is too slow"));
         }
         if !self.unheld.is_empty() {
             let names: Vec<_> = self.unheld.iter().map(|unheld| unheld.name()).collect();
@@ -133,10 +167,7 @@ impl fmt::Display for RecordStatus {
         if self.removed > 0 {
             write!(f, ", {} removed", self.removed)?;
         }
-        if self.missing > 0 {
-            write!(f, "; {} missing", frames(self.missing))?;
-        }
-        Ok(())
+        f.write_str(&self.missing_words())
     }
 }
 
@@ -147,6 +178,20 @@ fn frames(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn missing_frames_and_failures_make_it_incomplete() {
+        let mut status = RecordStatus::default();
+        assert!(!status.is_incomplete());
+        status.missing = 1;
+        assert!(status.is_incomplete());
+        status.missing = 0;
+        let (path, reason) = ("run.log".into(), "Input/output error".to_owned());
+        // A failed sync: the number of frames that are not on the disk is unknown.
+        status.failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
+        assert!(status.is_incomplete());
+        assert_eq!(status.remarks(), ["run.log: Input/output error"]);
+    }
 
     #[test]
     fn it_says_what_went_wrong() {
@@ -182,6 +227,11 @@ mod tests {
         status.failure.as_mut().unwrap().is_over = true;
         let over = format!("{failing}; continuing in run-0002.log");
         assert_eq!(status.remarks(), [&over, others[0], others[1]]);
+        status.has_ended = true;
+        let over = format!("{failing}; continued in run-0002.log");
+        assert_eq!(status.remarks(), [&over, others[0], others[1]]);
+        status.failure.as_mut().unwrap().is_over = false;
+        assert_eq!(status.remarks(), [failing, others[0], others[1]]);
         status.losses = vec!["1 a".to_owned(), "2 b".to_owned()];
         assert_eq!(status.remarks().last().unwrap(), "candump log cannot store: 1 a; 2 b");
     }

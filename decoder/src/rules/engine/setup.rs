@@ -87,6 +87,17 @@ impl Setup {
         if self.policy.knows(rule) { Ok(()) } else { Err(unknown(&self.policy, rule)) }
     }
 
+    /// Checks a rule name given on the command line, also the name of a device rule: `rexroth-sydfec:eeprom-wear`.
+    ///
+    /// # Errors
+    /// The rule or its profile is unknown; the text suggests a similar name.
+    pub fn check_rule(&self, rule: &str, catalogue: &Catalogue) -> Result<(), String> {
+        match rule.split_once(':') {
+            Some((profile, name)) => device_rule(catalogue, profile, name).map(|_| ()),
+            None => self.check_name(rule),
+        }
+    }
+
     /// Checks the settings for device rules in the bus file against the profiles.
     ///
     /// # Errors

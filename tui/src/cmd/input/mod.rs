@@ -174,9 +174,16 @@ pub(super) fn setup(
 /// # Errors
 /// If a rule is unknown; a comparison with it would match no event or all events.
 pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
-    let rules = filter.map(|filter| filter.compared("rule")).unwrap_or_default();
-    for rule in rules {
-        setup.check_name(rule).map_err(anyhow::Error::msg).context("--filter")?;
+    filter.map_or(Ok(()), |filter| check_rules_in(filter, setup, "--filter"))
+}
+
+/// Checks the rules named in the filter of an option.
+///
+/// # Errors
+/// As for `check_rules_of`.
+pub(super) fn check_rules_in(filter: &Filter, setup: &Setup, option: &'static str) -> anyhow::Result<()> {
+    for rule in filter.compared("rule") {
+        setup.check_name(rule).map_err(anyhow::Error::msg).context(option)?;
     }
     Ok(())
 }

@@ -9,30 +9,32 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer, SessionOptions};
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
 use cobscope_decoder::words::plural;
 
+use super::cuts::Cuts;
 use super::pump::{PendingDeliveries, Pump};
 use super::sources::{is_down, open, recorder, shown};
+use super::triggers;
+use super::viewer::LiveViewer;
 use crate::cli::LiveArgs;
 use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::messages::{Refusal, note};
-use crate::cmd::output::{files_read, is_colored, print, write_result};
+use crate::cmd::output::{files_read, is_colored, print};
 use crate::cmd::print::Printer;
 use crate::cmd::remarks;
 use crate::exit_code::Exit;
 use crate::record::RecordFailure;
 use crate::source::live::{Arrival, Live, LiveState, Source, SourceSpec, socketcan};
-use crate::timeline::bit_rate_change;
 use crate::words::unheard;
 
 /// Maximum wait for frames before other work is done.
 const WAIT: Duration = Duration::from_millis(50);
+
+/// Maximum number of messages that are remembered so that they are printed once.
+const MOST_NOTED: usize = 256;
 
 /// Prints live events until the user stops.
 pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
@@ -50,18 +52,24 @@ pub(super) fn watch(
     });
     let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
     check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (Exit::Usage, error))?;
+    triggers::check(&arguments.triggers, &setup, &options.catalogue).map_err(|error| (Exit::Usage, error))?;
     let printer = Printer::new(&arguments.lines, &arguments.select, true, &files_read(&arguments.input))
         .map_err(|error| (Exit::Usage, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
     let sources = sources().map_err(|error| (Exit::Capture, error))?;
     let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
+    let cuts = Cuts::open(arguments, options.clone()).map_err(|error| (Exit::Usage, error))?;
     let (pump, inbox) =
         Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
     greet(&pump.state.get());
+    if let Some(cuts) = &cuts {
+        cuts.greet();
+    }
     let mut watch = Watch {
         decoder: Decoder::new(options.clone()),
         options,
         looker: LiveViewer::new(arguments, &setup, printer),
+        cuts,
         names: BusNames::default(),
         frames: 0,
         first: None,
@@ -82,7 +90,7 @@ pub(super) fn watch(
         note(&format!("recorded {outcome}"));
         outcome.remarks().iter().for_each(|remark| note(remark));
     }
-    if live.failure.is_some() {
+    if live.failure.is_some() || outcome.is_some_and(|outcome| outcome.is_incomplete()) {
         return Ok(exit.max(Exit::Capture));
     }
     Ok(exit)
@@ -120,6 +128,7 @@ struct Watch {
     decoder: Decoder,
     options: SessionOptions,
     looker: LiveViewer,
+    cuts: Option<Cuts>,
     names: BusNames,
     frames: u64,
     first: Option<Timestamp>,
@@ -139,7 +148,7 @@ impl Watch {
     ) {
         let patience = arguments.timeout.map(Duration::from_millis);
         let mut heard = Instant::now();
-        while !interrupted.load(Ordering::Relaxed) && !self.looker.is_done() {
+        while !interrupted.load(Ordering::Relaxed) && !self.is_done() {
             match inbox.recv_timeout(WAIT) {
                 Ok(came) => {
                     if came.items.iter().any(|item| matches!(item, Arrival::Frame(_))) {
@@ -150,6 +159,9 @@ impl Watch {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
+            if let Some(cuts) = &mut self.cuts {
+                cuts.tick();
+            }
             self.report_troubles(&state.get());
             if patience.is_some_and(|patience| heard.elapsed() >= patience) {
                 return;
@@ -157,19 +169,29 @@ impl Watch {
         }
     }
 
+    /// Whether a stop condition is met and no window is open.
+    fn is_done(&self) -> bool {
+        let is_waiting = self.cuts.as_ref().is_some_and(Cuts::is_waiting);
+        self.looker.has_failed() || (self.looker.is_done() && !is_waiting)
+    }
+
     /// Reports new failures of recording and sources; totals follow at the end.
     fn report_troubles(&mut self, live: &Live) {
-        let failure = live.record.as_ref().and_then(|record| record.failure.as_ref());
-        let failure = failure.map(|failure| {
-            let RecordFailure { path, reason, .. } = failure;
-            format!("{}: {reason}; recording stopped, output continues", path.display())
+        let cuts = self.cuts.as_ref().map(Cuts::status);
+        let statuses = live.record.iter().chain(&cuts);
+        let failures = statuses.flat_map(|status| status.failure.iter().chain(&status.other_failure));
+        let failures = failures.map(|RecordFailure { path, reason, .. }| {
+            format!("{}: {reason}; output continues", path.display())
         });
         let controllers = live.buses.iter().filter_map(|bus| {
             let state = bus.controller.as_ref()?.split(',').next()?;
             (!matches!(state, "error active" | "stopped")).then(|| format!("{}: {state}", bus.name))
         });
-        for text in failure.into_iter().chain(live.failure.clone()).chain(controllers) {
+        for text in failures.chain(live.failure.clone()).chain(controllers) {
             if !self.noted.contains(&text) {
+                if self.noted.len() >= MOST_NOTED {
+                    self.noted.clear();
+                }
                 note(&text);
                 self.noted.insert(text);
             }
@@ -185,6 +207,9 @@ impl Watch {
                     self.looker.printer.notice(&notice, &self.names);
                     self.decoder.notice(&notice, &self.names, &mut self.looker);
                     self.looker.advance(self.decoder.buses());
+                    if let Some(cuts) = &mut self.cuts {
+                        cuts.notice(&notice, &self.names, &mut self.looker.triggers);
+                    }
                 }
             }
         }
@@ -205,10 +230,16 @@ impl Watch {
             engine.frame(&frame);
         }
         self.decoder.push(&frame, &self.names, &mut self.looker);
+        if let Some(cuts) = &mut self.cuts {
+            cuts.frame(&frame, &self.names, &mut self.looker.triggers);
+        }
     }
 
     /// Ends the session and prints the result of `check`.
     fn finish(mut self, arguments: &LiveArgs, live: &Live) -> Exit {
+        // Before the end of the decoder, at which no frame can be recorded any more.
+        self.looker.flush();
+        let recorded = self.cuts.take().map_or(Exit::Clean, Cuts::finish);
         self.decoder.finish(&self.names, &mut self.looker);
         let buses = self.decoder.buses();
         let mut texts = remarks::limits("live", buses);
@@ -217,12 +248,9 @@ impl Watch {
         for text in &texts {
             note(text);
         }
-        let LiveViewer { engine, mut printer, .. } = self.looker;
-        let Some(engine) = engine else {
-            return write_result(printer.finish());
-        };
-        let findings = engine.finish(self.decoder.buses(), &mut printer);
-        let written = write_result(printer.finish());
+        self.looker.triggers.remarks().iter().for_each(|text| note(text));
+        let (findings, written) = self.looker.finish(self.decoder.buses());
+        let written = written.max(recorded);
         if !arguments.check {
             return written;
         }
@@ -243,94 +271,5 @@ impl Watch {
         }
         let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
         exit.max(written).max(print(&verdict))
-    }
-}
-
-/// Runs rules and prints events.
-struct LiveViewer {
-    engine: Option<Engine>,
-    printer: Printer,
-    /// Print findings only.
-    only_findings: bool,
-    /// Lowest severity of a finding that ends the session.
-    ends_at: Option<Severity>,
-    has_found: bool,
-}
-
-impl LiveViewer {
-    fn new(arguments: &LiveArgs, setup: &Arc<Setup>, printer: Printer) -> Self {
-        let judges = arguments.check || (!arguments.lines.no_findings && arguments.lines.format.0.is_some());
-        Self {
-            engine: judges.then(|| Engine::new(Arc::clone(setup))),
-            printer,
-            only_findings: arguments.check && !arguments.print,
-            ends_at: arguments.fail_on.least().filter(|_| arguments.until_finding),
-            has_found: false,
-        }
-    }
-
-    fn is_done(&self) -> bool {
-        self.printer.is_done() || (self.has_found && self.ends_at.is_some())
-    }
-
-    /// Advances the time of rules without a frame.
-    fn advance(&mut self, buses: Buses<'_>) {
-        let Self { engine, printer, only_findings, ends_at, has_found } = self;
-        let mut out =
-            PrintingObserver { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
-        for bus in buses {
-            if let Some(engine) = engine {
-                engine.advance(bus, &mut out);
-            }
-        }
-    }
-
-    fn begin(&mut self, first: &Frame) {
-        // A live bus has timestamps, and a time of day is one of today, so selection by time cannot fail.
-        let today = first.time.map(|time| (time, time));
-        let _ = self.printer.begin(first, &mut || today);
-    }
-
-    fn flush(&mut self) {
-        let _ = self.printer.flush();
-    }
-}
-
-/// Forwards events to the printer and checks findings.
-struct PrintingObserver<'a> {
-    printer: &'a mut Printer,
-    only_findings: bool,
-    ends_at: Option<Severity>,
-    has_found: &'a mut bool,
-}
-
-impl Observer for PrintingObserver<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        if let EventKind::FindingOpened(finding) = &event.kind {
-            *self.has_found |= self.ends_at.is_some_and(|least| finding.severity >= least);
-        }
-        if let Some(change) = bit_rate_change(event) {
-            let name = bus.name();
-            note(&format!(
-                "{name}: {change}; set the new bit rate here too (ip link set {name} down; ip link set {name} up type \
-                 can bitrate RATE; for a serial adapter @RATE)"
-            ));
-        }
-        let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
-        if is_finding || !self.only_findings {
-            self.printer.event(event, bus);
-        }
-    }
-}
-
-impl Observer for LiveViewer {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        let Self { engine, printer, only_findings, ends_at, has_found } = self;
-        let mut out =
-            PrintingObserver { printer, only_findings: *only_findings, ends_at: *ends_at, has_found };
-        match engine {
-            Some(engine) => Judge { engine, out: &mut out }.event(event, bus),
-            None => out.event(event, bus),
-        }
     }
 }

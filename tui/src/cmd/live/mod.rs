@@ -1,13 +1,18 @@
 //! `cobscope live`: live buses.
 
+mod cut_lines;
+mod cuts;
 mod lines;
+mod program;
 mod pump;
 mod screen;
 mod sources;
+mod triggers;
+mod viewer;
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 
-use super::messages::complain;
+use super::messages::{complain, note};
 use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
@@ -19,7 +24,7 @@ pub fn run(arguments: &LiveArgs) -> Exit {
     if arguments.input.captures.is_empty() {
         return list();
     }
-    let wants_lines = arguments.print || arguments.check;
+    let wants_lines = arguments.print || arguments.check || arguments.triggers.is_any();
     if !wants_lines && !std::io::stdout().is_terminal() {
         complain(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
         return Exit::Usage;
@@ -62,10 +67,9 @@ fn list() -> Exit {
         "cobscope live NAME shows one of them, any shows all; "
     };
     let written = print(text.as_bytes());
-    let _ = writeln!(
-        std::io::stderr(),
-        "cobscope: {hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), socketcand://HOST/can0 (server), \
+    note(&format!(
+        "{hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), socketcand://HOST/can0 (server), \
          - (candump text on stdin)"
-    );
+    ));
     if interfaces.is_empty() { Exit::Capture } else { written }
 }

@@ -1,6 +1,6 @@
 //! Live buses in the terminal UI.
 
-use std::io::{BufWriter, IsTerminal as _, Write as _};
+use std::io::{BufWriter, IsTerminal as _};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
@@ -14,11 +14,12 @@ use super::sources::{open, recorder};
 use crate::app::{App, Start};
 use crate::cli::LiveArgs;
 use crate::cmd::input::{read_options, session_options, setup};
-use crate::cmd::messages::Refusal;
+use crate::cmd::messages::{Refusal, note};
 use crate::cmd::reassign::reassign;
 use crate::cmd::screen_settings::{ScreenSettings, remember};
 use crate::cmd::view::{command, forward};
 use crate::exit_code::Exit;
+use crate::record::RecordStatus;
 use crate::source::live::{Arrival, SourceSpec};
 use crate::source::{JoinOptions, Store, StoreWriter};
 use crate::terminal::{self, Screen};
@@ -55,12 +56,14 @@ pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, 
     let outcome = pump.finish();
     // The spool ends when the pump ends.
     let _ = spool.join();
+    let is_incomplete = outcome.as_ref().is_some_and(RecordStatus::is_incomplete);
     if let Some(outcome) = outcome {
         for text in std::iter::once(format!("recorded {outcome}")).chain(outcome.remarks()) {
-            let _ = writeln!(std::io::stderr(), "cobscope: {text}");
+            note(&text);
         }
     }
-    shown.map(|()| Exit::Clean).map_err(|error| (Exit::Capture, error))
+    let exit = if is_incomplete { Exit::Capture } else { Exit::Clean };
+    shown.map(|()| exit).map_err(|error| (Exit::Capture, error))
 }
 
 fn show(

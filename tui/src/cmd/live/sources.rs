@@ -47,9 +47,11 @@ pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Resu
     Ok(sources)
 }
 
-/// Recorder for `--record`.
+/// Recorder for `--record`, unless only the frames around triggers are recorded.
 pub(super) fn recorder(arguments: &LiveArgs) -> anyhow::Result<Option<Recorder>> {
-    let Some(path) = &arguments.record else { return Ok(None) };
+    let Some(path) = arguments.record.as_ref().filter(|_| !arguments.triggers.is_any()) else {
+        return Ok(None);
+    };
     let options = RecordOptions {
         path: Some(path.clone()),
         max_bytes: arguments.record_size,

@@ -158,7 +158,8 @@ fn a_slow_disk_holds_nobody_up() {
     let memory = Memory::new(usize::MAX);
     let room = 3_000;
     let path = options(Path::new("run.pcapng"));
-    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(room)).unwrap();
+    let mut recorder =
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), room * size_of::<Item>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     for number in 0..5_000 {
         recorder.frame(&frame(number), "can0");
@@ -190,11 +191,25 @@ fn a_slow_disk_holds_nobody_up() {
     );
 }
 
+/// A file is read faster than a disk writes.
+#[test]
+fn input_with_patience_waits_for_the_writer() {
+    let memory = Memory::new(usize::MAX);
+    let path = options(Path::new("run.pcapng"));
+    let room = 2_000 * size_of::<Item>();
+    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), room).unwrap();
+    recorder.patience = LIMIT;
+    (0..50_000).for_each(|number| recorder.frame(&frame(number), "can0"));
+    let status = recorder.finish();
+    assert_eq!((status.frames, status.missing), (50_000, 0));
+}
+
 #[test]
 fn losses_at_the_end_are_reported() {
     let memory = Memory::new(usize::MAX);
     let path = options(Path::new("run.pcapng"));
-    let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), size(10)).unwrap();
+    let mut recorder =
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), 10 * size_of::<Item>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     (0..15).for_each(|number| recorder.frame(&frame(number), "can0"));
     memory.set(|inner| inner.is_stuck = false);
@@ -214,7 +229,15 @@ impl Disk for Full {
         Ok(Box::new(std::fs::File::options().write(true).open("/dev/full")?))
     }
 
+    fn read(&mut self, _path: &Path) -> io::Result<Box<dyn io::Read + Send>> {
+        Err(ErrorKind::Unsupported.into())
+    }
+
     fn remove(&mut self, _path: &Path) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn rename(&mut self, _from: &Path, _to: &Path) -> io::Result<()> {
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! Tests that read the written captures again, with various disks.
 
+mod cuts;
 mod fails;
 mod keeps;
 
@@ -37,6 +38,8 @@ struct Memory(Arc<(Mutex<Inner>, Condvar)>);
 
 struct Inner {
     files: BTreeMap<PathBuf, Vec<u8>>,
+    /// New names of files that were open when they were renamed.
+    renamed: BTreeMap<PathBuf, PathBuf>,
     room: usize,
     /// No file can be created.
     is_gone: bool,
@@ -49,6 +52,14 @@ struct Inner {
     syncs: usize,
 }
 
+impl Inner {
+    /// Content of an open file, also after it was renamed.
+    fn file(&mut self, path: &Path) -> &mut Vec<u8> {
+        let path = self.renamed.get(path).map_or(path, PathBuf::as_path);
+        self.files.get_mut(path).unwrap()
+    }
+}
+
 struct MemoryFile(Memory, PathBuf);
 
 impl Memory {
@@ -56,6 +67,7 @@ impl Memory {
         Self(Arc::new((
             Mutex::new(Inner {
                 files: BTreeMap::new(),
+                renamed: BTreeMap::new(),
                 room,
                 is_gone: false,
                 is_stuck: false,
@@ -96,8 +108,14 @@ impl Disk for Memory {
         if inner.files.contains_key(path) {
             return Err(ErrorKind::AlreadyExists.into());
         }
+        inner.renamed.remove(path);
         inner.files.insert(path.to_owned(), Vec::new());
         Ok(Box::new(MemoryFile(self.clone(), path.to_owned())))
+    }
+
+    fn read(&mut self, path: &Path) -> io::Result<Box<dyn io::Read + Send>> {
+        let bytes = self.lock().files.get(path).cloned().ok_or(ErrorKind::NotFound)?;
+        Ok(Box::new(io::Cursor::new(bytes)))
     }
 
     fn remove(&mut self, path: &Path) -> io::Result<()> {
@@ -106,6 +124,15 @@ impl Disk for Memory {
         if !inner.is_crowded {
             inner.room += bytes.len();
         }
+        Ok(())
+    }
+
+    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+        let mut inner = self.lock();
+        let bytes = inner.files.remove(from).ok_or(ErrorKind::NotFound)?;
+        let replaced = inner.files.insert(to.to_owned(), bytes);
+        inner.renamed.insert(from.to_owned(), to.to_owned());
+        inner.room += replaced.map_or(0, |bytes| bytes.len());
         Ok(())
     }
 }
@@ -119,7 +146,7 @@ impl Write for MemoryFile {
             return Err(io::Error::from_raw_os_error(28));
         }
         inner.room -= count;
-        inner.files.get_mut(&self.1).unwrap().extend_from_slice(&bytes[..count]);
+        inner.file(&self.1).extend_from_slice(&bytes[..count]);
         Ok(count)
     }
 
@@ -137,7 +164,7 @@ impl RecordFile for MemoryFile {
 
     fn cut(&mut self, length: u64) -> io::Result<()> {
         let mut inner = self.0.lock();
-        let bytes = inner.files.get_mut(&self.1).unwrap();
+        let bytes = inner.file(&self.1);
         let cut = bytes.len() - usize::try_from(length).unwrap();
         bytes.truncate(bytes.len() - cut);
         inner.room += cut;

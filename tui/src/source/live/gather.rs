@@ -31,7 +31,8 @@ const WAIT: Duration = Duration::from_millis(100);
 /// Time for which frames collect before they are read.
 pub(super) const PACE: Duration = Duration::from_millis(15);
 
-/// Number of frames per read from which reading continues without a pause.
+/// Number of frames per read from which reading continues without a pause, and number of held items from which further
+/// deliveries wait, so that input faster than its consumer does not fill the memory.
 const MANY: usize = 1_024;
 
 /// Maximum number of queued deliveries. Beyond it sources wait, and losses in their buffers are counted.
@@ -110,7 +111,9 @@ impl Gather {
         match self.inbox.recv_timeout(wait) {
             Ok(delivery) => {
                 self.take(delivery);
-                while let Ok(delivery) = self.inbox.try_recv() {
+                while self.held.len() < MANY
+                    && let Ok(delivery) = self.inbox.try_recv()
+                {
                     self.take(delivery);
                 }
             }
