@@ -1,6 +1,8 @@
 //! Start of a capture: items that are in the files of the ring only, and the bus file.
 
+use super::super::super::item::Item;
 use super::super::super::status::RecordFailure;
+use super::super::clock::RingClock;
 use super::super::cut::Cut;
 use super::super::state::{BusState, path_of};
 use super::CutWriter;
@@ -15,6 +17,31 @@ struct FilesRead {
     has_begun: bool,
     /// Whether the files contain all frames since the start.
     is_all: bool,
+    clock: RingClock,
+    /// Ring time of the last frame.
+    time: i64,
+}
+
+impl FilesRead {
+    /// Advances the time to that of an item.
+    fn advance(&mut self, item: &Item) {
+        if let Some(stamp) = item.frame().and_then(|frame| frame.time) {
+            self.time = self.clock.at(stamp);
+            self.first = self.first.or(Some(self.time));
+        }
+    }
+
+    /// Adds an item to a capture if it is in its window; if it is before the window, it changes the state.
+    fn take(&mut self, item: Item, cut: &mut Cut, buses: &[String]) -> bool {
+        let is_in = cut.has(self.time);
+        if is_in {
+            self.has_begun = true;
+            cut.add(item);
+        } else if let Some(state) = self.state.as_mut().filter(|_| !self.has_begun) {
+            state.push(&item, buses);
+        }
+        is_in
+    }
 }
 
 impl CutWriter {
@@ -70,31 +97,19 @@ impl CutWriter {
     ) -> Option<FilesRead> {
         let mut files = self.ring_files.take_if(|files| files.is_complete())?;
         let until = self.ring.evicted_frames();
-        let (clock, now, most) = (self.clock, self.now, self.options.bytes.saturating_sub(self.done.bytes));
+        let (now, most) = (self.now, self.options.bytes.saturating_sub(self.done.bytes));
         let is_all = files.removed_frames() == 0;
-        let mut found = FilesRead { state, first: None, has_begun: false, is_all };
-        let mut time = i64::MIN;
+        let (clock, time) = (self.clock, i64::MIN);
+        let mut found = FilesRead { state, first: None, has_begun: false, is_all, clock, time };
         let read = files.read(buses, &mut |before, item| {
-            let stamp = item.frame().and_then(|frame| frame.time);
-            time = stamp.map_or(time, |stamp| clock.at(stamp));
-            found.first = found.first.or(stamp.map(|_| time));
+            let is_over = before >= until;
             // A notice directly before the first frame may be in the file already.
             let is_known = before < from || (from > 0 && !found.has_begun && !item.is_frame());
-            if before >= until || is_known {
-                return before < until;
-            }
-            if !cut.has(time) {
-                if let Some(state) = found.state.as_mut().filter(|_| !found.has_begun) {
-                    state.push(&item, buses);
-                }
-                return true;
-            }
-            found.has_begun = true;
-            cut.add(item);
-            if cut.is_full() {
+            found.advance(&item);
+            if !is_over && !is_known && found.take(item, cut, buses) && cut.is_full() {
                 cut.write(buses, now);
             }
-            cut.bytes() < most
+            !is_over && cut.bytes() < most
         });
         self.ring_files = Some(files);
         let Err(error) = read else { return Some(found) };
