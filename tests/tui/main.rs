@@ -15,6 +15,7 @@ mod docs;
 mod eds;
 mod explain;
 mod exports;
+mod extcap;
 mod filter;
 mod journeys;
 mod live;

@@ -35,7 +35,14 @@ use timeline::News;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
-    let arguments = cli::with_default_command(std::env::args_os(), std::io::stdout().is_terminal());
+    let arguments: Vec<_> = std::env::args_os().collect();
+    if cli::is_extcap_call(&arguments) {
+        return match cli::ExtcapCall::try_parse_from(arguments) {
+            Ok(call) => cmd::answer(&call).into(),
+            Err(error) => cmd::refuse(&error).into(),
+        };
+    }
+    let arguments = cli::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
     match cli::Cli::try_parse_from(arguments) {
         Ok(cli) => cmd::run(cli).into(),
         Err(error) => cmd::refuse(&error).into(),

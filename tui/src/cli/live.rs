@@ -41,7 +41,8 @@ pub struct LiveArgs {
     /// Record to FILE in the format of its suffix: .log, .pcapng, .mcap, …
     ///
     /// Without FILE, or if FILE is a folder, the file is named candump-DATE_TIME.log. With --trigger, FILE is a
-    /// folder for the captures around triggers; it is created if its parent folder exists.
+    /// folder for the captures around triggers; it is created if its parent folder exists. - for stdout and a pipe
+    /// receive pcapng as the frames come, without panes or text.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,
     /// Start a new file at SIZE bytes: 64k or more, 100M, 2G

@@ -5,6 +5,7 @@ mod convert;
 mod decode;
 mod diff;
 mod duration;
+mod extcap;
 mod formats;
 mod input;
 mod live;
@@ -28,6 +29,7 @@ pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
 pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
 pub use diff::DiffArgs;
+pub use extcap::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use formats::{Color, DiffFormat, ReportFormat};
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
@@ -206,6 +208,12 @@ pub enum Command {
         #[arg(long, value_name = "DIR", global = true)]
         profiles: Vec<PathBuf>,
     },
+    /// Show buses and captures of any format in Wireshark, with decoded comments
+    ///
+    /// Wireshark then lists the interfaces "cobscope: …": CAN interfaces, other live sources, and captures in any format.
+    /// Nothing is transmitted.
+    #[command(after_help = notes::EXTCAP)]
+    Extcap(ExtcapArgs),
     /// Print shell completions
     Completions {
         /// Shell
@@ -236,6 +244,7 @@ impl Command {
             | Self::Rules(_)
             | Self::Explain { .. }
             | Self::Profiles { .. }
+            | Self::Extcap(_)
             | Self::Completions { .. }
             | Self::Man { .. } => return None,
         };
@@ -257,7 +266,7 @@ impl Command {
             Self::Diff(arguments) => &arguments.input.profiles,
             Self::Rules(arguments) => &arguments.profiles,
             Self::Explain { profiles, .. } | Self::Profiles { profiles, .. } => profiles,
-            Self::Completions { .. } | Self::Man { .. } => &[],
+            Self::Extcap(_) | Self::Completions { .. } | Self::Man { .. } => &[],
         }
     }
 
@@ -280,6 +289,7 @@ impl Command {
             Self::Rules(_)
             | Self::Explain { .. }
             | Self::Profiles { .. }
+            | Self::Extcap(_)
             | Self::Completions { .. }
             | Self::Man { .. } => return Ok(()),
         };
@@ -314,7 +324,7 @@ pub fn with_default_command(
 }
 
 /// Names of the subcommands: building the parser only for them would take longer than decoding a small capture.
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 16] = [
     "view",
     "live",
     "decode",
@@ -328,6 +338,7 @@ const COMMANDS: [&str; 15] = [
     "rules",
     "explain",
     "profiles",
+    "extcap",
     "completions",
     "man",
 ];

@@ -11,14 +11,14 @@ Exit status:
   4  a profile, bus file, device file, DBC or baseline is invalid or unreadable";
 
 macro_rules! examples {
-    ($($name:ident: $first:literal, $second:literal, $third:literal;)*) => {
+    ($($name:ident: $first:literal $(, $more:literal)*;)*) => {
         $(
             #[doc = "Examples of a command."]
-            pub const $name: &str = concat!("Examples:\n  ", $first, "\n  ", $second, "\n  ", $third);
+            pub const $name: &str = concat!("Examples:\n  ", $first $(, "\n  ", $more)*);
         )*
 
         #[cfg(test)]
-        const ALL: &[&str] = &[$($first, $second, $third),*];
+        const ALL: &[&str] = &[$($first $(, $more)*),*];
     };
 }
 
@@ -71,6 +71,9 @@ examples! {
         "cobscope profiles show rexroth-sydfec",
         "cobscope profiles import pump.eds > devices/pump.toml",
         "cobscope profiles check devices/pump.toml";
+    EXTCAP:
+        "cobscope extcap --install",
+        "cobscope extcap --install --dir /usr/lib/x86_64-linux-gnu/wireshark/extcap";
 }
 
 /// Examples of `check`, and the exit statuses.

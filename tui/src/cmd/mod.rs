@@ -10,7 +10,9 @@ mod decoding;
 mod describe;
 mod diff;
 mod explain;
+mod extcap;
 mod facts;
+mod frame_comment;
 mod input;
 mod live;
 mod messages;
@@ -38,6 +40,7 @@ use cobscope_decoder::sink::escape;
 use crate::cli::{Cli, Command};
 use crate::exit_code::Exit;
 use crate::path_text;
+pub use extcap::answer;
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub use live::over_datagrams;
 use messages::complain;
@@ -84,6 +87,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Report(arguments) => report::run(&arguments),
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
+        Command::Extcap(arguments) => extcap::run(&arguments),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man { of } => shell::man(of.as_deref()),
     }

@@ -2,14 +2,13 @@
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, FrameRange, Undecoded};
+use cobscope_decoder::event::{Event, FrameRange};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::{Filter, KindSet};
 use cobscope_decoder::session::{Bus, BusSnapshot, Observer, SessionOptions};
-use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::Line;
 
 use crate::cli::{ConvertArgs, NodeArg};
+use crate::cmd::frame_comment::add_event;
 use crate::select::{Bound, BoundSide, Span, ensure_order, plain_event};
 
 /// Decision on a frame.
@@ -179,21 +178,8 @@ impl Observer for Look<'_> {
             self.own = Some(filter.matches_frame(event, &plain_event(self.frame, event.node), bus));
         }
         self.splits |= self.split_at.is_some_and(|filter| filter.matches(event, bus, None));
-        let has_meaning =
-            !matches!(&event.kind, EventKind::Frame(Undecoded { name: None, message: None, .. }));
-        if let Some(comment) = self.comment.as_mut().filter(|_| has_meaning) {
-            let line = Line::of(event, bus);
-            if !comment.is_empty() {
-                comment.push('\n');
-            }
-            for part in
-                [line.who.as_str(), line.kind, line.what.as_str()].iter().filter(|part| !part.is_empty())
-            {
-                if !comment.is_empty() && !comment.ends_with('\n') {
-                    comment.push(' ');
-                }
-                comment.push_str(&escape(part));
-            }
+        if let Some(comment) = &mut self.comment {
+            add_event(comment, event, bus);
         }
     }
 }

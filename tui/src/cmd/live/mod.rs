@@ -7,15 +7,18 @@ mod program;
 mod pump;
 mod screen;
 mod sources;
+mod stream;
 mod triggers;
 mod viewer;
 
 use std::io::IsTerminal as _;
+use std::path::Path;
 
-use super::messages::{complain, note};
+use super::messages::{Refusal, complain, note};
 use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
+use crate::path_text::shown as shown_path;
 use crate::source::live::socketcan;
 use sources::{shown, specs};
 
@@ -25,22 +28,41 @@ pub fn run(arguments: &LiveArgs) -> Exit {
         return list();
     }
     let wants_lines = arguments.print || arguments.check || arguments.triggers.is_any();
-    if !wants_lines && !std::io::stdout().is_terminal() {
+    let is_stream = arguments.record.as_deref().is_some_and(stream::is_stream);
+    if !wants_lines && !is_stream && !std::io::stdout().is_terminal() {
         complain(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
         return Exit::Usage;
     }
-    let specs = match specs(arguments) {
-        Ok(specs) => specs,
-        Err(error) => {
-            complain(&error);
-            return Exit::Usage;
-        }
-    };
-    let opened = if wants_lines { lines::run(arguments, specs) } else { screen::run(arguments, specs) };
-    opened.unwrap_or_else(|(exit, error)| {
+    opened(arguments, wants_lines).unwrap_or_else(|(exit, error)| {
         complain(&error);
         exit
     })
+}
+
+fn opened(arguments: &LiveArgs, wants_lines: bool) -> Result<Exit, Refusal> {
+    let specs = specs(arguments).map_err(|error| (Exit::Usage, error))?;
+    match arguments.record.as_deref().filter(|path| stream::is_stream(path)) {
+        Some(path) if wants_lines => Err((Exit::Usage, not_a_stream(path))),
+        Some(path) => stream::run(arguments, specs, path, false),
+        None if wants_lines => lines::run(arguments, specs),
+        None => screen::run(arguments, specs),
+    }
+}
+
+/// Writes the frames of a source to a pipe, with their meaning as comments.
+///
+/// # Errors
+/// If the source is not valid, or as for [`stream::run`].
+pub(super) fn commented(arguments: &LiveArgs, pipe: &Path) -> Result<Exit, Refusal> {
+    let specs = specs(arguments).map_err(|error| (Exit::Usage, error))?;
+    stream::run(arguments, specs, pipe, true)
+}
+
+fn not_a_stream(path: &Path) -> anyhow::Error {
+    let name = shown_path(path);
+    anyhow::anyhow!(
+        "--record {name}: the stream needs a command of its own, without --print, --check and --trigger"
+    )
 }
 
 /// Reads frames from datagrams instead of CAN.

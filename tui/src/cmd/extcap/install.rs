@@ -1,0 +1,73 @@
+//! Link of this program in Wireshark's folder for extcap programs.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail, ensure};
+
+use crate::cmd::messages::note;
+use crate::exit_code::Exit;
+use crate::path_text::shown;
+
+/// Name of the link. Wireshark calls every program in the folder.
+const NAME: &str = if cfg!(windows) { "cobscope.exe" } else { "cobscope" };
+
+/// Links this program in `folder`, or in the user's own folders for extcap programs. A link to another file is replaced.
+///
+/// # Errors
+/// If the folder is unknown or cannot be written, or a file that is no link has the name.
+pub(super) fn install(folder: Option<&Path>) -> anyhow::Result<Exit> {
+    let folders = match folder {
+        Some(folder) => vec![folder.to_owned()],
+        None => own_folders(),
+    };
+    ensure!(!folders.is_empty(), "the home folder is unknown; name the folder with --dir");
+    let program = std::env::current_exe().context("the path of this program is unknown")?;
+    for folder in folders {
+        let link = link_in(&folder, &program)?;
+        note(&format!("{}: linked", shown(&link)));
+    }
+    note(
+        "Wireshark lists the interfaces after a restart, tshark with -D; else use --dir with the folder of Help, About, Folders",
+    );
+    Ok(Exit::Clean)
+}
+
+fn link_in(folder: &Path, program: &Path) -> anyhow::Result<PathBuf> {
+    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be created", shown(folder)))?;
+    let link = folder.join(NAME);
+    match link.symlink_metadata() {
+        Ok(found) if found.is_symlink() => {
+            std::fs::remove_file(&link).with_context(|| format!("{}: cannot be replaced", shown(&link)))?;
+        }
+        Ok(_) => bail!("{}: file exists; remove it first", shown(&link)),
+        Err(_) => {}
+    }
+    place(program, &link).with_context(|| format!("{}: cannot be created", shown(&link)))?;
+    Ok(link)
+}
+
+#[cfg(unix)]
+fn place(program: &Path, link: &Path) -> std::io::Result<()> {
+    std::os::unix::fs::symlink(program, link)
+}
+
+/// Links need a privilege on Windows.
+#[cfg(not(unix))]
+fn place(program: &Path, link: &Path) -> std::io::Result<()> {
+    std::fs::hard_link(program, link).or_else(|_| std::fs::copy(program, link).map(|_| ()))
+}
+
+/// Personal extcap folders: of present versions of Wireshark, and of versions up to 4.0.
+fn own_folders() -> Vec<PathBuf> {
+    let folder = |variable: &str, rest: &str| Some(PathBuf::from(std::env::var_os(variable)?).join(rest));
+    let all = if cfg!(windows) {
+        [folder("APPDATA", "Wireshark/extcap"), None]
+    } else {
+        let config = folder("XDG_CONFIG_HOME", "wireshark/extcap");
+        [
+            folder("HOME", ".local/lib/wireshark/extcap"),
+            config.or_else(|| folder("HOME", ".config/wireshark/extcap")),
+        ]
+    };
+    all.into_iter().flatten().collect()
+}

@@ -1,0 +1,121 @@
+//! Extcap: Wireshark shows buses and captures of any format as interfaces, with the meaning of each frame as its comment.
+//!
+//! ```text
+//! Wireshark ─ --extcap-interfaces, --extcap-dlts, --extcap-config ─▶ sentences
+//!           ─ --capture --fifo PIPE ─▶ pcapng with comments, until it closes the pipe
+//! ```
+//! The protocol of the sentences is described in `doc/extcap.4` of Wireshark.
+
+mod install;
+mod sentences;
+
+use std::ffi::OsString;
+
+use anyhow::{Context as _, bail};
+use clap::Parser as _;
+use cobscope_decoder::query::Filter;
+
+use super::messages::{Refusal, complain};
+use super::output::print;
+use super::{convert, live};
+use crate::cli::{Cli, Command, ExtcapArgs, ExtcapCall};
+use crate::exit_code::Exit;
+use sentences::Interface;
+
+/// Runs the command.
+pub fn run(arguments: &ExtcapArgs) -> Exit {
+    install::install(arguments.dir.as_deref()).unwrap_or_else(|error| {
+        complain(&error);
+        Exit::Usage
+    })
+}
+
+/// Answers a call by Wireshark.
+pub fn answer(call: &ExtcapCall) -> Exit {
+    answered(call).unwrap_or_else(|(exit, error)| {
+        complain(&error);
+        exit
+    })
+}
+
+fn answered(call: &ExtcapCall) -> Result<Exit, Refusal> {
+    if call.extcap_interfaces {
+        return Ok(print(sentences::interfaces().as_bytes()));
+    }
+    let interface = interface(call).map_err(|error| (Exit::Usage, error))?;
+    if call.extcap_dlts {
+        return Ok(print(sentences::LINK_TYPES.as_bytes()));
+    }
+    if call.extcap_config {
+        return Ok(print(interface.options().as_bytes()));
+    }
+    if call.capture {
+        return capture(call, &interface);
+    }
+    // Wireshark asks whether a filter is valid: no output means that it is.
+    let filter = call.extcap_capture_filter.as_deref().unwrap_or_default();
+    Ok(match filter.parse::<Filter>() {
+        Err(error) if !filter.is_empty() => print(format!("{error}\n").as_bytes()),
+        _ => Exit::Clean,
+    })
+}
+
+fn interface(call: &ExtcapCall) -> anyhow::Result<Interface> {
+    let name = call.extcap_interface.as_deref().context("--extcap-interface is missing")?;
+    Interface::of(name)
+        .with_context(|| format!("--extcap-interface {name}: unknown; see --extcap-interfaces"))
+}
+
+/// Writes frames to the pipe until it is closed or the capture ends.
+fn capture(call: &ExtcapCall, interface: &Interface) -> Result<Exit, Refusal> {
+    let usage = |error| (Exit::Usage, error);
+    let pipe = call.fifo.as_deref().context("--capture: --fifo is missing").map_err(usage)?;
+    let command = command(call, interface, pipe.as_os_str().to_owned()).map_err(usage)?;
+    match command {
+        Command::Live(arguments) => live::commented(&arguments, pipe),
+        Command::Convert(arguments) => Ok(convert::run(&arguments)),
+        _ => Err(usage(anyhow::anyhow!("expected a capture or a live source"))),
+    }
+}
+
+/// The command that does the same on the command line.
+fn command(call: &ExtcapCall, interface: &Interface, pipe: OsString) -> anyhow::Result<Command> {
+    let mut words: Vec<OsString> = vec!["cobscope".into()];
+    let source = match interface {
+        Interface::File => {
+            let file = call.file.as_ref().context("no capture selected in the options of the interface")?;
+            words.extend(["convert", "--comments", "-f", "pcapng", "-o"].map(OsString::from));
+            words.push(pipe);
+            file.as_os_str().to_owned()
+        }
+        Interface::Source => {
+            let source = call.source.as_ref().context("no source given in the options of the interface")?;
+            words.extend(["live", "--follow"].map(OsString::from));
+            source.into()
+        }
+        Interface::Can(name) => {
+            words.push("live".into());
+            name.into()
+        }
+    };
+    for node in call.node.iter().flat_map(|nodes| nodes.split_whitespace()) {
+        words.extend(["--node".into(), node.into()]);
+    }
+    for (option, file) in [("--bus", &call.bus), ("--dbc", &call.dbc)] {
+        if let Some(file) = file.as_ref().filter(|file| !file.as_os_str().is_empty()) {
+            words.extend([option.into(), file.as_os_str().to_owned()]);
+        }
+    }
+    if let Some(filter) = call.extcap_capture_filter.as_ref().filter(|filter| !filter.is_empty()) {
+        match interface {
+            Interface::File => words.extend(["--filter".into(), filter.into()]),
+            Interface::Can(_) | Interface::Source => {
+                bail!(
+                    "capture filter {filter}: only for a capture; use the filters of the source: can0,123:7FF"
+                )
+            }
+        }
+    }
+    words.extend(["--".into(), source]);
+    Ok(Cli::try_parse_from(words)?.command)
+}

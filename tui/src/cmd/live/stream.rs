@@ -1,0 +1,147 @@
+//! Live buses as one stream of pcapng, for a program that reads it while it grows.
+
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use cobscope_decoder::capture::{BusNames, FrameWriter, WRITABLE, WriteOptions};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::{BusIndex, Frame};
+use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::words::plural;
+
+use super::lines::interrupted;
+use super::pump::{PendingDeliveries, Pump};
+use super::sources::open;
+use crate::cli::LiveArgs;
+use crate::cmd::frame_comment::add_event;
+use crate::cmd::input::session_options;
+use crate::cmd::messages::{Refusal, note};
+use crate::cmd::output::refused;
+use crate::exit_code::Exit;
+use crate::output_file::{self, Existing};
+use crate::path_text::shown;
+use crate::source::live::{Arrival, SourceSpec};
+
+/// Maximum wait for frames before signals are looked for.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// Format of a stream.
+const FORMAT: &str = "pcapng";
+
+/// Whether `path` is stdout or a pipe, to which a capture is written as a stream.
+pub(super) fn is_stream(path: &Path) -> bool {
+    path.as_os_str() == "-" || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Writes the frames of the sources to `path`, stdout for `-`, until the reader or the user stops; with
+/// `has_comments`, each frame has its meaning as a comment.
+///
+/// # Errors
+/// If a source cannot be opened, or the output cannot be written; a reader that stops is none.
+pub(in crate::cmd) fn run(
+    arguments: &LiveArgs,
+    specs: Vec<SourceSpec>,
+    path: &Path,
+    has_comments: bool,
+) -> Result<Exit, Refusal> {
+    let options = session_options(&arguments.input).map_err(|error| (Exit::Profile, error))?;
+    let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
+    let output: Box<dyn Write + Send> = if path.as_os_str() == "-" {
+        Box::new(io::stdout())
+    } else {
+        let created = output_file::create_at_once(path, Existing::Keep);
+        Box::new(created.map_err(|error| (Exit::Usage, refused(path, &error)))?)
+    };
+    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
+    let (pump, inbox) =
+        Pump::start(sources, None, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
+    let stream = Stream::new(output, has_comments.then_some(options));
+    let mut stream = stream.map_err(|error| (Exit::Capture, error))?;
+    let mut written = Ok(());
+    while !interrupted.load(Ordering::Relaxed) && written.is_ok() {
+        match inbox.recv_timeout(WAIT) {
+            Ok(came) => written = stream.take(&came),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    stop(pump, inbox);
+    match written.and_then(|()| stream.writer.finish()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(Exit::Clean),
+        Err(error) => Err((Exit::Capture, anyhow::Error::new(error).context(shown(path)))),
+        Ok(()) => Ok(Exit::Clean),
+    }
+}
+
+/// Ends the sources; reports what they lost.
+fn stop(pump: Pump, inbox: Receiver<PendingDeliveries>) {
+    drop(inbox);
+    let state = pump.state.clone();
+    pump.finish();
+    let live = state.get().clone();
+    for bus in live.buses.iter().filter(|bus| bus.lost > 0) {
+        note(&format!("{}: {} lost", bus.name, plural(bus.lost, "frame")));
+    }
+    if let Some(failure) = &live.failure {
+        note(failure);
+    }
+}
+
+/// The output, and the decoder for comments.
+struct Stream {
+    writer: Box<dyn FrameWriter>,
+    decoder: Option<Decoder>,
+    frames: u64,
+    comment: String,
+}
+
+impl Stream {
+    fn new(output: Box<dyn Write + Send>, options: Option<SessionOptions>) -> anyhow::Result<Self> {
+        let format =
+            WRITABLE.iter().find(|format| format.name == FORMAT).context("no format for a stream")?;
+        let writer = (format.writer)(Box::new(BufWriter::new(output)), &WriteOptions::default());
+        Ok(Self { writer, decoder: options.map(Decoder::new), frames: 0, comment: String::new() })
+    }
+
+    /// Writes items; all of them are in the stream when it returns.
+    fn take(&mut self, came: &PendingDeliveries) -> io::Result<()> {
+        for item in &came.items {
+            match item {
+                Arrival::Frame(frame) => {
+                    self.frames = self.frames.saturating_add(1);
+                    self.frame(&Frame { number: self.frames, ..*frame }, &came.names)?;
+                }
+                Arrival::Notice(notice) => {
+                    if let Some(decoder) = &mut self.decoder {
+                        decoder.notice(notice, &came.names, &mut |_: &Event, _: &Bus| {});
+                    }
+                    self.writer.notice(notice, name(&came.names, notice.bus()))?;
+                }
+            }
+        }
+        self.writer.flush()
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) -> io::Result<()> {
+        let Self { writer, decoder, comment, .. } = self;
+        comment.clear();
+        if let Some(decoder) = decoder {
+            decoder.push(frame, names, &mut |event: &Event, bus: &Bus| add_event(comment, event, bus));
+        }
+        let bus = name(names, frame.bus);
+        if comment.is_empty() {
+            writer.write(frame, bus)
+        } else {
+            writer.write_commented(frame, bus, comment)
+        }
+    }
+}
+
+fn name(names: &BusNames, bus: BusIndex) -> &str {
+    names.names().get(usize::from(bus.0)).map_or("", String::as_str)
+}
