@@ -78,6 +78,11 @@ pub(super) fn watch(
     };
     watch.run(arguments, &inbox, &pump.state, &interrupted);
     drop(inbox);
+    Ok(conclude(watch, pump, arguments))
+}
+
+/// Ends reading, recording and output; prints what was lost.
+fn conclude(mut watch: Watch, pump: Pump, arguments: &LiveArgs) -> Exit {
     let state = pump.state.clone();
     let outcome = pump.finish();
     let live = state.get().clone();
@@ -91,9 +96,9 @@ pub(super) fn watch(
         outcome.remarks().iter().for_each(|remark| note(remark));
     }
     if live.failure.is_some() || outcome.is_some_and(|outcome| outcome.is_incomplete()) {
-        return Ok(exit.max(Exit::Capture));
+        return exit.max(Exit::Capture);
     }
-    Ok(exit)
+    exit
 }
 
 /// Prints the sources and the note that nothing is transmitted.
