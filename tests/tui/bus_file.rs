@@ -56,7 +56,7 @@ fn a_mistake_gives_4_and_its_place() {
         let output = run(&[command, "--bus", name, "fixtures/canopen/emcy.log"], "");
         assert_eq!(output.code, 4);
         let expected = format!(
-            "cobscope: {name}:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`\n  \
+            "cobscope: {name}:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`, `state`\n  \
              2 | nmae = \"pump\"\n    | ^^^^\n"
         );
         assert_eq!(output.stderr, expected);
