@@ -19,7 +19,7 @@ const CLEAN: &str = "fixtures/devices/pve_reset_communication.log";
 const ELEMENTS: &str = "html head meta title style body header main section p h1 h2 h3 dl dt dd div span strong br a \
                         code pre ul li figure figcaption svg path line text table caption thead tbody tr th td";
 const ATTRIBUTES: &str = "lang charset name content http-equiv class id href scope aria-labelledby aria-label \
-                          aria-hidden role viewBox viewbox d x y x1 x2 y1 y2 text-anchor download";
+                          aria-hidden role viewBox viewbox d x y x1 x2 y1 y2 text-anchor download colspan";
 
 fn report(arguments: &[&str]) -> Output {
     run(&[&["report"], arguments].concat(), "")

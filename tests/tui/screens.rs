@@ -384,3 +384,19 @@ fn a_capture_equals_itself() {
     let text = Screen::open(&command, 140, 40).text();
     assert!(text.contains("AGAINST pve.log equal") && !text.contains('≠'), "{text}");
 }
+
+#[test]
+fn a_comparison_is_repeated_with_an_assigned_profile() {
+    let folder = "fixtures/stories/danfoss-pve-ci";
+    let command = format!(
+        "cobscope view --layout one --pane nodes --against {folder}/clean-run.log {folder}/enable-in-fault-hold.log"
+    );
+    let mut screen = Screen::open(&command, 140, 40);
+    // As `cobscope diff` without and with the profile.
+    let before = screen.text();
+    assert!(before.contains("AGAINST clean-run.log ≠1"), "{before}");
+    screen.keys("jjjadanfoss-pve-ci:pvea<enter>");
+    let after = screen.text();
+    assert!(after.contains("decoded again with --node 32=danfoss-pve-ci:pvea"), "{after}");
+    assert!(after.contains("AGAINST clean-run.log ≠3"), "{after}");
+}

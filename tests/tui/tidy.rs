@@ -57,7 +57,17 @@ const LAYERS: &[(&str, &[&str])] = &[
 
 /// Commands that start the terminal UI, and what gives it its settings; no other command may import it.
 const START_UI: [(&str, &[&str]); 2] = [
-    ("app", &["cmd/live/screen", "cmd/page_writer", "cmd/reassign", "cmd/screen_settings", "cmd/view"]),
+    (
+        "app",
+        &[
+            "cmd/against",
+            "cmd/live/screen",
+            "cmd/page_writer",
+            "cmd/reassign",
+            "cmd/screen_settings",
+            "cmd/view",
+        ],
+    ),
     ("terminal", &["cmd/live/screen", "cmd/screen_settings", "cmd/view"]),
 ];
 

@@ -34,7 +34,7 @@ pub(super) fn reach(event: &Event) -> Option<ChangeScope> {
         }
         EventKind::Sync { expected, .. } => return expected.map(|_| ChangeScope::Bus),
         // States that follow from a command or a boot-up are already in the line of that event.
-        EventKind::NmtState(change) => !matches!(change.cause, StateCause::Command | StateCause::BootUp),
+        EventKind::NmtState(change) => !is_known_otherwise(change.cause),
         EventKind::GuardReply { toggle_error, .. } => *toggle_error,
         EventKind::SdoTransfer(transfer) => {
             // A read matters only if there is no response.
@@ -136,4 +136,9 @@ pub(super) fn short(event: &Event) -> Event {
         }
         _ => event.clone(),
     }
+}
+
+/// Whether another line states the change: the command, the boot-up, or the bus file.
+const fn is_known_otherwise(cause: StateCause) -> bool {
+    matches!(cause, StateCause::Command | StateCause::BootUp | StateCause::BusFile { .. })
 }

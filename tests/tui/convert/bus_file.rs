@@ -100,3 +100,32 @@ fn an_input_or_the_output_is_never_overwritten() {
     );
     assert!(!fs::exists(name("out.log")).unwrap());
 }
+
+#[test]
+fn the_findings_of_a_part_are_those_of_the_whole_capture() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let whole = fixture("devices/pve.log");
+    let whole = whole.to_str().unwrap();
+    let (bus, part) = (name("part.toml"), name("part.pcapng"));
+    // Frame 104 is the EMCY; the device was operational and ACTIVE before it.
+    let words =
+        ["convert", "--node", "32=danfoss-pve-ci:pvea", "--from", "#104", "--bus-file", &bus, whole, &part];
+    assert_eq!(run(&words, "").code, 0);
+    let rules = |arguments: &[&str]| {
+        let output = run(&[&["check", "-f", "jsonl"], arguments].concat(), "");
+        let rule = |line: &str| Some(line.split_once("\"rule\":\"")?.1.split_once('"')?.0.to_owned());
+        output.stdout.lines().filter_map(rule).collect::<Vec<_>>()
+    };
+    let found = rules(&["--bus", &bus, &part]);
+    for rule in ["emcy-raised", "state-lost", "danfoss-pve-ci:control-0f-in-fault-hold"] {
+        assert!(found.iter().any(|known| known == rule), "{rule}: {found:?}");
+    }
+    // Without the state, the device never was in an active state.
+    assert!(!rules(&["--node", "32=danfoss-pve-ci:pvea", &part]).iter().any(|rule| rule == "state-lost"));
+
+    let objects = run(&["objects", "--bus", &bus, "--node", "32", &part], "").stdout;
+    assert!(objects.contains("read    before the capture"), "{objects}");
+    let why = run(&["why", "--bus", &bus, &part], "").stdout;
+    assert!(why.starts_with("MOST LIKELY    32/20  EMCY 8305") && !why.contains("bus file"), "{why}");
+}

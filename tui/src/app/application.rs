@@ -9,7 +9,7 @@ use super::candidates::PromptRow;
 use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
-use super::report_request::WriteReport;
+use super::requests::{Compare, WriteReport};
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace, NodeKey};
@@ -51,6 +51,8 @@ pub struct App {
     pub(super) write_report: WriteReport,
     /// Finding that the open prompt reports on.
     pub(super) reporting: Option<u64>,
+    /// Starts the comparison with another capture, if one was requested.
+    pub(super) compare: Option<Compare>,
     /// The user discarded the remembered view.
     pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
@@ -122,6 +124,17 @@ impl App {
             News::Indexed | News::Traced => {}
         }
         self.refresh_panes();
+    }
+
+    /// Compares with the other capture, if one was requested, with the present options of the decoder.
+    pub(super) fn start_comparison(&mut self) {
+        let Some(compare) = &mut self.compare else { return };
+        if let Some(against) = &mut self.core.against {
+            against.result = None;
+        }
+        if let Err(error) = compare(self.core.timeline.options()) {
+            self.compared(Err(format!("{error:#}")));
+        }
     }
 
     fn compared(&mut self, result: Result<Box<DifferenceMarks>, String>) {

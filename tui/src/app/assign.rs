@@ -43,6 +43,7 @@ impl App {
         let reassigned = (self.reassign)(&added, &before).map_err(|error| format!("{error:#}"))?;
         self.core.replace(reassigned.options).map_err(|error| format!("{error:#}"))?;
         self.is_surveyed = false;
+        self.start_comparison();
         if let Some(place) = added.place() {
             self.command = without_device(&self.command, place);
         }

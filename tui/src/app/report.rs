@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::application::{App, Mode, PromptPurpose};
-use super::report_request::ReportRequest;
+use super::requests::ReportRequest;
 
 /// Suffixes of the page, which select its format.
 const SUFFIXES: [&str; 2] = ["html", "md"];

@@ -10,7 +10,7 @@ use super::application::{App, Mode};
 use super::candidates::PromptRow;
 use super::history::History;
 use super::preferences::Preferences;
-use super::report_request::WriteReport;
+use super::requests::{Compare, WriteReport};
 use super::shell::quoted;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
@@ -45,8 +45,8 @@ pub struct Start {
     pub follows: bool,
     /// Buses named by the user, with the option that names them; the captures may not contain them.
     pub named: Vec<(String, &'static str)>,
-    /// File name of the capture that is compared with these captures.
-    pub against: Option<String>,
+    /// File name of the capture that is compared with these captures, and the start of the comparison.
+    pub against: Option<(String, Compare)>,
 }
 
 impl App {
@@ -59,7 +59,8 @@ impl App {
         core.matcher = Matcher { filter, only_news: !start.all, text: None };
         core.timeline.search(core.matcher.clone());
         core.named = start.named;
-        core.against = start.against.as_deref().map(Against::new);
+        let (against, compare) = start.against.unzip();
+        core.against = against.as_deref().map(Against::new);
         core.columns = start.preferences.columns;
         let mut app = Self {
             core,
@@ -73,6 +74,7 @@ impl App {
             assigning: None,
             write_report: start.write_report,
             reporting: None,
+            compare,
             is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),
@@ -90,6 +92,7 @@ impl App {
             opens_at_story: start.at.is_none() && !start.follows,
         };
         app.history = History::starting(app.shown());
+        app.start_comparison();
         if start.follows {
             app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");
             app.core.is_following = true;

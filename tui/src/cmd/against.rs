@@ -1,6 +1,8 @@
 //! Comparison of the captures in the terminal UI with another one.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 
 use anyhow::{Context as _, ensure};
@@ -8,6 +10,7 @@ use cobscope_decoder::session::SessionOptions;
 
 use super::diff::{ComparisonJob, one};
 use super::input::{captures, join_options, read_options};
+use crate::app::Compare;
 use crate::cli::InputArgs;
 use crate::source::{CaptureFile, relate};
 use crate::timeline::News;
@@ -32,16 +35,21 @@ pub(super) fn job(good: &Path, input: &InputArgs, options: &SessionOptions) -> a
     Ok(ComparisonJob { good: one(good, input)?, bad, input: input.clone(), options: options.clone() })
 }
 
-/// Runs a comparison in a thread of its own; the result is sent to `news`.
-///
-/// # Errors
-/// If the thread cannot be started.
-pub(super) fn start(job: ComparisonJob, news: Sender<News>) -> anyhow::Result<()> {
-    let run = move || {
-        let result = job.run().map(Box::new).map_err(|error| format!("{error:#}"));
-        // The application may have ended.
-        let _ = news.send(News::Compared(result));
-    };
-    std::thread::Builder::new().name("against".into()).spawn(run).context("cannot start a thread")?;
-    Ok(())
+/// Runs each comparison in a thread of its own; the result of the last one is sent to `news`.
+pub(super) fn comparer(job: ComparisonJob, news: Sender<News>) -> Compare {
+    let last = Arc::new(AtomicU64::new(0));
+    Box::new(move |options| {
+        let job = ComparisonJob { options: options.clone(), ..job.clone() };
+        let number = last.fetch_add(1, Ordering::AcqRel) + 1;
+        let (last, news) = (Arc::clone(&last), news.clone());
+        let run = move || {
+            let result = job.run().map(Box::new).map_err(|error| format!("{error:#}"));
+            if last.load(Ordering::Acquire) == number {
+                // The application may have ended.
+                let _ = news.send(News::Compared(result));
+            }
+        };
+        std::thread::Builder::new().name("against".into()).spawn(run).context("cannot start a thread")?;
+        Ok(())
+    })
 }

@@ -15,7 +15,7 @@ use super::messages::complain;
 use super::page_writer::page_writer;
 use super::reassign::reassign;
 use super::screen_settings::{ScreenSettings, remember};
-use crate::app::{App, Start, quoted};
+use crate::app::{App, Compare, Start, quoted};
 use crate::cli::ViewArgs;
 use crate::exit_code::Exit;
 use crate::terminal::{self, Message, Screen};
@@ -75,8 +75,7 @@ pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Rece
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
-    let start = start(arguments, &settings, command, (&captures, &news));
-    compare(arguments, &captures, &news)?;
+    let start = start(arguments, &settings, command, (&captures, &news))?;
     let timeline = Timeline::open(captures, news)?;
     Ok((App::new(timeline, settings.theme, start), found))
 }
@@ -85,8 +84,7 @@ fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> 
     let (messages, inbox) = channel();
     let (news, found) = channel();
     let command = command("view", std::env::args().skip(1));
-    let start = start(arguments, settings, command, (&captures, &news));
-    compare(arguments, &captures, &news)?;
+    let start = start(arguments, settings, command, (&captures, &news))?;
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward(found, messages.clone())?;
@@ -98,13 +96,18 @@ fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> 
     remember(&app, &settings.preferences)
 }
 
-/// Starts the comparison with another capture, if one is requested.
+/// The comparison with another capture, if one is requested.
 ///
 /// # Errors
 /// If that capture is missing, or the captures of the view are several ones.
-fn compare(arguments: &ViewArgs, captures: &Captures, news: &Sender<News>) -> anyhow::Result<()> {
-    let Some(good) = &arguments.against else { return Ok(()) };
-    against::start(against::job(good, &arguments.input, &captures.session)?, news.clone())
+fn comparison(
+    arguments: &ViewArgs,
+    captures: &Captures,
+    news: &Sender<News>,
+) -> anyhow::Result<Option<(String, Compare)>> {
+    let Some(good) = &arguments.against else { return Ok(None) };
+    let job = against::job(good, &arguments.input, &captures.session)?;
+    Ok(Some((file_name(good), against::comparer(job, news.clone()))))
 }
 
 /// Forwards results of the background threads to the application.
@@ -130,13 +133,15 @@ fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// # Errors
+/// As for [`comparison`].
 fn start(
     arguments: &ViewArgs,
     settings: &ScreenSettings,
     command: String,
     (captures, news): (&Captures, &Sender<News>),
-) -> Start {
-    Start {
+) -> anyhow::Result<Start> {
+    Ok(Start {
         command,
         pane: settings.pane,
         preferences: settings.preferences.clone(),
@@ -149,8 +154,8 @@ fn start(
         all: arguments.all,
         follows: false,
         named: named_buses(&arguments.input, &captures.session),
-        against: arguments.against.as_deref().map(file_name),
-    }
+        against: comparison(arguments, captures, news)?,
+    })
 }
 
 fn file_name(path: &Path) -> String {

@@ -171,9 +171,9 @@ fn source(core: &Core, node: Option<&Node>, what: &str, object: ObjectAddress) -
 
 /// `read {88} 1.234 s`.
 pub(super) fn origin(core: &Core, entry: &Entry) -> String {
-    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
+    let place = entry.origin.place();
     let time = core.time_words(entry.origin.time, 3).map_or(String::new(), |time| format!(" {time}"));
-    format!("{}{frame}{time}", entry.origin.kind.verb())
+    format!("{}{place}{time}", entry.origin.kind.verb())
 }
 
 /// `-100 to 100 %`, or the raw limits.

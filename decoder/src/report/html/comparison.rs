@@ -34,6 +34,14 @@ struct Group<'a> {
     rows: Vec<&'a Difference>,
 }
 
+impl Group<'_> {
+    /// Whether the heading states which capture has the values, and the other one has none.
+    fn is_one_sided(&self) -> bool {
+        let is_one_sided = |it: &&Difference| it.good.is_none() || it.bad.is_none();
+        self.rows.iter().all(|it| it.section == Section::Faults && is_one_sided(it))
+    }
+}
+
 /// The page.
 pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
     let ComparisonPage { comparison, good, bad, .. } = *contents;
@@ -125,7 +133,8 @@ fn id_of(title: &str) -> String {
 
 fn section(group: &Group<'_>) -> Markup {
     let id = id_of(group.title);
-    let what = if group.rows.iter().all(|it| is_finding(it)) { "Rule" } else { "What" };
+    let (what, what_differs) =
+        if group.rows.iter().all(|it| is_finding(it)) { ("Rule", "Finding") } else { ("What", "Value") };
     html! {
         section aria-labelledby=(id) {
             h2 id=(id) { (group.title) }
@@ -134,14 +143,23 @@ fn section(group: &Group<'_>) -> Markup {
                     thead {
                         tr {
                             th scope="col" { "Subject" } th scope="col" { (what) }
-                            th scope="col" { "Good" } th scope="col" { "Bad" } th scope="col" { "Note" }
+                            @if group.is_one_sided() {
+                                th scope="col" colspan="2" { (what_differs) }
+                            } @else {
+                                th scope="col" { "Good" } th scope="col" { "Bad" }
+                            }
+                            th scope="col" { "Note" }
                         }
                     }
                     tbody {
                         @for it in &group.rows {
                             tr {
                                 td { (it.subject) } td { (it.aspect) }
-                                td { (value(it.good.as_ref())) } td { (value(it.bad.as_ref())) }
+                                @if group.is_one_sided() {
+                                    td colspan="2" { (value(it.bad.as_ref().or(it.good.as_ref()))) }
+                                } @else {
+                                    td { (value(it.good.as_ref())) } td { (value(it.bad.as_ref())) }
+                                }
                                 td { (it.note) }
                             }
                         }

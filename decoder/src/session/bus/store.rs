@@ -62,6 +62,22 @@ pub struct Origin {
     pub time: Option<Timestamp>,
 }
 
+impl Origin {
+    /// Whether a frame before the capture carried the value, as the bus file states.
+    pub const fn is_earlier(&self) -> bool {
+        self.frame == 0 && matches!(self.kind, OriginKind::Download | OriginKind::Upload | OriginKind::Pdo)
+    }
+
+    /// Place in text output: ` {88}`, ` before the capture`, or nothing for a value without a frame.
+    pub fn place(&self) -> String {
+        match self.frame {
+            0 if self.is_earlier() => " before the capture".to_owned(),
+            0 => String::new(),
+            frame => format!(" {{{frame}}}"),
+        }
+    }
+}
+
 /// Value of one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
@@ -338,6 +354,14 @@ mod tests {
         assert_eq!(origins, ["download", "dcf"]);
         store.remove(first);
         assert_eq!(store.number(first), Some(1));
+    }
+
+    #[test]
+    fn the_place_of_an_origin() {
+        let place = |kind, frame| Origin { kind, frame, time: None }.place();
+        assert_eq!(place(OriginKind::Download, 88), " {88}");
+        assert_eq!(place(OriginKind::Upload, 0), " before the capture");
+        assert_eq!(place(OriginKind::BusFile, 0), "");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::cli::{DiffArgs, DiffFormat, InputArgs};
 use crate::source::Series;
 
 /// Two captures to compare.
+#[derive(Clone)]
 pub(in crate::cmd) struct ComparisonJob {
     /// The first capture.
     pub(in crate::cmd) good: Series,

@@ -17,10 +17,10 @@ pub(super) fn hex(bytes: &[u8]) -> String {
 
 /// ` {88} 1.234 s`: frame and time of a value; empty for a value from a file.
 pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
-    let frame = if entry.origin.frame == 0 { String::new() } else { format!(" {{{}}}", entry.origin.frame) };
+    let place = entry.origin.place();
     let time = entry.origin.time.zip(first).map_or(String::new(), |(time, first)| {
         let milliseconds = time.since(first) / 1_000_000;
         format!(" {}.{:03} s", milliseconds / 1000, milliseconds.unsigned_abs() % 1000)
     });
-    format!("{frame}{time}")
+    format!("{place}{time}")
 }

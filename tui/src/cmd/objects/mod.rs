@@ -215,7 +215,7 @@ fn future(node: &Node, object: ObjectAddress) -> String {
             || Value::Bytes(waiting.value.clone()).to_string(),
             |meaning| meaning.show(&meaning.decode(&waiting.value)),
         );
-        format!("  → {} {} {{{}}}", escape(&shown), waiting.effect.when(), waiting.origin.frame)
+        format!("  → {} {}{}", escape(&shown), waiting.effect.when(), waiting.origin.place())
     });
     let persists = match node.persists(object) {
         Some("no") => "  lost at a restart",
@@ -252,7 +252,7 @@ fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture:
         "waiting": node.store().waiting(object).map(|waiting| json!({
             "data": hex(&waiting.value),
             "effective": waiting.effect.name(),
-            "frame": waiting.origin.frame,
+            "frame": Some(waiting.origin.frame).filter(|frame| *frame != 0),
         })),
     })
 }

@@ -211,7 +211,8 @@ fn start(core: &Core, subject: &Subject<'_>) -> Option<String> {
             StateCause::Emcy => "by EMCY",
             StateCause::BusFile { .. } => "by the bus file",
         };
-        let _ = write!(text, "{} {by} {{{}}}", nmt.state.name(), nmt.frame);
+        let frame = if nmt.frame == 0 { String::new() } else { format!(" {{{}}}", nmt.frame) };
+        let _ = write!(text, "{} {by}{frame}", nmt.state.name());
     }
     if let Some(start) = subject.latest.and_then(LatestOfNode::start) {
         let at = core.time_words(start.time, 3).map_or_else(String::new, |time| format!(" at {time}"));

@@ -233,7 +233,7 @@ impl<'a> Subject<'a> {
             Some(meaning) => meaning.show(&meaning.decode(&waiting.value)),
             None => Value::Bytes(waiting.value.clone()).to_string(),
         };
-        format!("{value} {} {{{}}}", waiting.effect.when(), waiting.origin.frame)
+        format!("{value} {}{}", waiting.effect.when(), waiting.origin.place())
     }
 }
 
@@ -251,7 +251,7 @@ fn file(entry: &Entry) -> String {
     match entry.origin.kind {
         cobscope_decoder::session::OriginKind::BusFile => "bus file".into(),
         cobscope_decoder::session::OriginKind::DeviceFile => "DCF".into(),
-        kind => kind.verb().into(),
+        kind => format!("{} before", kind.verb()),
     }
 }
 

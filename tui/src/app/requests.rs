@@ -1,4 +1,4 @@
-//! Requests for report pages.
+//! Requests to the program: report pages, and comparisons with another capture.
 
 use std::path::PathBuf;
 
@@ -16,3 +16,7 @@ pub struct ReportRequest {
 /// Starts writing a report page with the present options of the decoder. The result arrives as
 /// [`News::Exported`](crate::timeline::News::Exported).
 pub type WriteReport = Box<dyn FnMut(ReportRequest, &SessionOptions) -> anyhow::Result<()>>;
+
+/// Starts the comparison with another capture, with these options of the decoder; an earlier one is abandoned. The
+/// result arrives as [`News::Compared`](crate::timeline::News::Compared).
+pub type Compare = Box<dyn FnMut(&SessionOptions) -> anyhow::Result<()>>;
