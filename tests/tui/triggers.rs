@@ -120,6 +120,20 @@ fn a_finding_triggers_from_its_first_frame() {
     assert!(captures[0].to_str().unwrap().ends_with("_node5_node-lost.pcapng"));
 }
 
+/// The response at 1.051856 s ends the write that is the cause; its request came at 1.050457 s.
+#[test]
+fn a_finding_triggers_from_the_command_or_write_that_is_its_cause() {
+    let folder = folder("fact");
+    let window = ["--before", "1ms", "--after", "300ms", "--record", folder.to_str().unwrap()];
+    let arguments = [&["live", "-", "--trigger-finding", "sync-producer"], &window[..]].concat();
+    let live = run(&arguments, &fixture("rules/sync-producer.log"));
+    assert_eq!(live.code, 0, "{}", live.stderr);
+    let captures = captures(&folder);
+    assert_eq!(captures.len(), 1);
+    let first = lines(&captures[0]).first().cloned().unwrap();
+    assert!(first.starts_with("(1700000001.050457") && first.contains("604#2305100080000000"), "{first}");
+}
+
 /// Times and signals of all PDO events, without their origin, which the bus file changes.
 fn values(arguments: &[&str]) -> Vec<(String, Value)> {
     let decoded =

@@ -27,6 +27,8 @@ pub struct FindingNews {
     pub about: Option<String>,
     /// Number of the finding that is the cause.
     pub cause: Option<u64>,
+    /// First frame of the fact that is the cause, such as a command or a write; `None` for other causes.
+    pub cause_frame: Option<u64>,
     /// Number of the finding that is printed for this one: the same fault with another subject.
     pub member_of: Option<u64>,
     /// Reason for a lower severity than that of the rule.

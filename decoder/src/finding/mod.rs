@@ -258,9 +258,10 @@ impl Group {
             About::Pgn(number) => pgn = Some(*number),
             other => about = Some(other.to_string()),
         }
-        let cause = match self.cause {
-            Some(Cause::Group(id)) => Some(id),
-            _ => None,
+        let (cause, cause_frame) = match &self.cause {
+            Some(Cause::Group(id)) => (Some(*id), None),
+            Some(Cause::Fact(fact)) => (None, Some(fact.at.frames.first)),
+            Some(Cause::Quality(_)) | None => (None, None),
         };
         FindingNews {
             id: self.id,
@@ -272,6 +273,7 @@ impl Group {
             pgn,
             about,
             cause,
+            cause_frame,
             member_of: self.member_of,
             downgraded: self.downgraded.clone(),
             count: self.count,

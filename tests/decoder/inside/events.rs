@@ -578,6 +578,7 @@ fn findings() -> Vec<EventKind> {
         pgn: Some(65_226),
         about: Some("valve".into()),
         cause: Some(7),
+        cause_frame: None,
         member_of: Some(4),
         downgraded: Some("the protocol is presumed only".into()),
         count: 3,

@@ -41,7 +41,9 @@ pub fn run(arguments: &LiveArgs) -> Exit {
 
 fn opened(arguments: &LiveArgs, wants_lines: bool) -> Result<Exit, Refusal> {
     let specs = specs(arguments).map_err(|error| (Exit::Usage, error))?;
-    match arguments.record.as_deref().filter(|path| stream::is_stream(path)) {
+    // Triggers refuse anything but a folder.
+    let is_stream = |path: &&Path| stream::is_stream(path) && !arguments.triggers.is_any();
+    match arguments.record.as_deref().filter(is_stream) {
         Some(path) if wants_lines => Err((Exit::Usage, not_a_stream(path))),
         Some(path) => stream::run(arguments, specs, path, false),
         None if wants_lines => lines::run(arguments, specs),
@@ -60,9 +62,7 @@ pub(super) fn commented(arguments: &LiveArgs, pipe: &Path) -> Result<Exit, Refus
 
 fn not_a_stream(path: &Path) -> anyhow::Error {
     let name = shown_path(path);
-    anyhow::anyhow!(
-        "--record {name}: the stream needs a command of its own, without --print, --check and --trigger"
-    )
+    anyhow::anyhow!("--record {name}: the stream needs a command of its own, without --print and --check")
 }
 
 /// Reads frames from datagrams instead of CAN.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::event::{Event, EventKind, FindingNews};
 use cobscope_decoder::finding::{CAUSES, GROUP_LIMIT};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::Filter;
@@ -71,7 +71,7 @@ impl Triggers {
     /// Raises a trigger if the event is one.
     pub(super) fn event(&mut self, event: &Event, bus: &Bus) {
         if let EventKind::FindingOpened(finding) = &event.kind {
-            self.remember(finding.id, finding.cause, event.frames.first);
+            self.remember(finding.id, finding.cause, start(finding, event));
         }
         let mut is_trigger = matches!(&event.kind,
             EventKind::FindingOpened(finding) if self.rules.contains(&*finding.rule));
@@ -119,7 +119,7 @@ impl Triggers {
         let Line { who: subject, what, .. } = Line::of(event, bus);
         let (cause, text, first_frame) = match &event.kind {
             EventKind::FindingOpened(finding) => {
-                let first = self.first_frame(finding.cause, event.frames.first);
+                let first = self.first_frame(finding.cause, start(finding, event));
                 (finding.rule.to_string(), finding.text.clone(), first)
             }
             kind => (kind.name().to_owned(), what, event.frames.first),
@@ -135,6 +135,11 @@ impl Triggers {
             last_frame: event.frames.last,
         }
     }
+}
+
+/// First frame of a finding, or of the fact that is its cause.
+fn start(finding: &FindingNews, event: &Event) -> u64 {
+    finding.cause_frame.map_or(event.frames.first, |frame| frame.min(event.frames.first))
 }
 
 #[cfg(test)]
