@@ -125,7 +125,7 @@ fn listen_only_mode_is_set_and_read_back_before_the_channel_goes_on_the_bus() {
     let calls = driver.calls();
     // Initialised once per process.
     let calls = calls.strip_prefix("canInitializeLibrary\n").unwrap_or(&calls);
-    let expected = "canOpenChannel 0 A0\ncanSetBusParams -2\ncanSetBusOutputControl 1\ncanGetBusOutputControl\n\
+    let expected = "canEnumHardwareEx\ncanOpenChannel 0 A0\ncanSetBusParams -2\ncanSetBusOutputControl 1\ncanGetBusOutputControl\n\
                     canIoCtl timer scale\ncanBusOn\non the bus in listen-only mode\ncanGetBusOutputControl\n\
                     canBusOff\ncanClose";
     assert_eq!(calls, expected);

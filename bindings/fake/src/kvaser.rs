@@ -27,6 +27,18 @@ pub extern "system" fn canInitializeLibrary() {
     record("canInitializeLibrary");
 }
 
+/// Looks for adapters.
+///
+/// # Safety
+/// The pointer must be valid for writes.
+#[unsafe(no_mangle)]
+pub unsafe extern "system" fn canEnumHardwareEx(count: *mut c_int) -> c_int {
+    // SAFETY: the caller guarantees it.
+    unsafe { count.write(1) };
+    record("canEnumHardwareEx");
+    OK
+}
+
 /// Number of channels.
 ///
 /// # Safety

@@ -69,6 +69,8 @@ type ReadWait = unsafe extern "system" fn(
 pub(super) struct Api {
     initialize: unsafe extern "system" fn(),
     channel_count: unsafe extern "system" fn(*mut c_int) -> c_int,
+    /// Looks for adapters that were plugged in since; libraries of old drivers lack it.
+    enumerate: Option<unsafe extern "system" fn(*mut c_int) -> c_int>,
     channel_data: unsafe extern "system" fn(c_int, c_int, *mut c_void, usize) -> c_int,
     open: unsafe extern "system" fn(c_int, c_int) -> c_int,
     set_parameters: BusParameters,
@@ -95,6 +97,7 @@ impl Api {
             Ok(Self {
                 initialize: library.function("canInitializeLibrary")?,
                 channel_count: library.function("canGetNumberOfChannels")?,
+                enumerate: library.function("canEnumHardwareEx").ok(),
                 channel_data: library.function("canGetChannelData")?,
                 open: library.function("canOpenChannel")?,
                 set_parameters: library.function("canSetBusParams")?,
@@ -120,6 +123,10 @@ impl Api {
 
     pub(super) fn channel_count(&self) -> Result<i32, OpenError> {
         let mut count: c_int = 0;
+        if let Some(enumerate) = self.enumerate {
+            // SAFETY: the pointer is valid for writes. Open channels keep their numbers.
+            let _ = unsafe { enumerate(&raw mut count) };
+        }
         // SAFETY: the pointer is valid for writes.
         let status = unsafe { (self.channel_count)(&raw mut count) };
         self.checked("canGetNumberOfChannels", status)?;
