@@ -1,5 +1,6 @@
 //! Loading of the libraries of the vendors.
 
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -11,6 +12,11 @@ use crate::{OpenError, Vendor};
 pub(crate) struct DriverLibrary {
     vendor: Vendor,
     library: Library,
+}
+
+/// Text of the operating system, which is the source of the error.
+fn reason(error: &libloading::Error) -> String {
+    error.source().map_or_else(|| error.to_string(), ToString::to_string)
 }
 
 /// Name of the library on this system, or the path from the variable of the vendor.
@@ -26,7 +32,7 @@ impl DriverLibrary {
         let library = open(&path).map_err(|error| OpenError::NoDriver {
             vendor,
             library: path.clone(),
-            reason: error.to_string(),
+            reason: reason(&error),
         })?;
         Ok(Self { vendor, library })
     }

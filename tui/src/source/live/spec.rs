@@ -131,7 +131,7 @@ fn bit_rate(text: &str) -> Result<u32, String> {
     number
         .and_then(|number| number.checked_mul(unit))
         .filter(|rate| *rate > 0)
-        .ok_or_else(|| format!("found {text} after @, expected a bit rate such as 500000, 500k or 1M"))
+        .ok_or_else(|| format!("found {text:?} after @, expected a bit rate such as 500000, 500k or 1M"))
 }
 
 fn socketcand(text: &str) -> Result<SourceSpec, String> {
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(error("kvaser:@250k"), "found no channel, expected kvaser:0@500k");
         assert_eq!(error("kvaser:"), "found no channel, expected kvaser:0@500k");
         for rate in ["", "k", "0", "fast", "+5", "5000M", "99999999999", "1m"] {
-            let expected = format!("found {rate} after @, expected a bit rate such as 500000, 500k or 1M");
+            let expected = format!("found {rate:?} after @, expected a bit rate such as 500000, 500k or 1M");
             assert_eq!(error(&format!("pcan:USB1@{rate}")), expected);
         }
     }
