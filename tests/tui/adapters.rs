@@ -65,8 +65,7 @@ fn a_recording_contains_each_of_100_000_frames() {
         let mut last = None;
         for (number, line) in recorded.lines().enumerate() {
             let (time, frame) = line.split_once(") ").unwrap();
-            let data: String =
-                (number as u64).to_le_bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+            let data = format!("{:016X}", (number as u64).swap_bytes());
             assert_eq!(frame, format!("{bus} 181#{data}"));
             let time: f64 = time.trim_start_matches('(').parse().unwrap();
             assert!(last.is_none_or(|last| time >= last), "{line}");

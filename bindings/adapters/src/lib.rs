@@ -1,7 +1,7 @@
 //! CAN adapters of PEAK (PCAN-Basic) and Kvaser (CANlib) in listen-only mode.
 //!
 //! The libraries of the vendors are loaded at run time. Functions that transmit are not bound. Listen-only mode is
-//! set and read back before the channel goes on the bus, and read back once more afterwards. An adapter without it
+//! set and read back before the channel joins the bus, and read back once more afterwards. An adapter without it
 //! is refused.
 //!
 //! ```no_run

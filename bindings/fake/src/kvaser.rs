@@ -150,7 +150,7 @@ pub unsafe extern "system" fn canIoCtl(
     OK
 }
 
-/// Goes on the bus.
+/// Joins the bus.
 #[unsafe(no_mangle)]
 pub extern "system" fn canBusOn(_handle: c_int) -> c_int {
     with(|adapter| {

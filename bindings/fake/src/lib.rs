@@ -57,7 +57,7 @@ impl Adapter {
         }
     }
 
-    /// Goes on the bus. The scenario can cancel listen-only mode here, as a faulty driver would.
+    /// Joins the bus. The scenario can cancel listen-only mode here, as a faulty driver would.
     pub(crate) fn go_on_bus(&mut self) {
         if self.scenario.listen == scenario::Listen::Cancel {
             self.is_listen_only = false;

@@ -38,7 +38,7 @@ pub struct Stamp {
     microseconds: u16,
 }
 
-/// Goes on the bus.
+/// Joins the bus.
 #[unsafe(no_mangle)]
 pub extern "system" fn CAN_Initialize(
     channel: u16,

@@ -9,7 +9,7 @@ pub(crate) enum Listen {
     Refuse,
     /// Setting it succeeds without effect.
     Ignore,
-    /// It is cancelled when the channel goes on the bus.
+    /// It is cancelled when the channel joins the bus.
     Cancel,
 }
 

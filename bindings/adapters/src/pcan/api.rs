@@ -106,7 +106,7 @@ impl Api {
         }
     }
 
-    /// Goes on the bus.
+    /// Joins the bus.
     pub(super) fn initialize(&self, handle: Handle, registers: u16) -> Result<(), OpenError> {
         // SAFETY: no pointers. Type, port and interrupt are 0, as for all plug-and-play devices.
         let status = unsafe { (self.initialize)(handle, registers, 0, 0, 0) };

@@ -114,7 +114,7 @@ impl PcanListener {
         let registers = BIT_RATES.iter().find(|(rate, _)| *rate == bit_rate).ok_or_else(no_rate)?.1;
         let api = library()?;
         let handle = find(api, channel)?;
-        // The mode must be set while the channel is off the bus: CAN_Initialize goes on the bus.
+        // The mode must be set while the channel is off the bus: CAN_Initialize joins the bus.
         let is_set =
             api.switch_on(handle, Switch::ListenOnly).is_ok() && api.is_on(handle, Switch::ListenOnly);
         if !is_set {
