@@ -169,8 +169,8 @@ fn tshark_lists_the_interfaces_and_captures_a_file() {
     let output = command.output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.lines().count(), 104, "{}", String::from_utf8_lossy(&output.stderr));
-    let last = text.lines().last().unwrap();
-    assert!(last.starts_with("160\t32/20 EMCY 8305 spool position error → FAULT HOLD"), "{last}");
+    let end = text.lines().last().unwrap();
+    assert!(end.starts_with("160\t32/20 EMCY 8305 spool position error → FAULT HOLD"), "{end}");
 }
 
 /// Ends a process at the end of the test.

@@ -28,7 +28,7 @@ const ACKNOWLEDGE_SLOT: u8 = 0x19;
 
 /// Protocol violation of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Violation {
+pub enum Violation {
     /// Bit error: the bit read back differs from the bit sent.
     Bit,
     /// Form error: invalid bit in a field of fixed form.
@@ -65,9 +65,11 @@ impl Violation {
 
 /// Error counters of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Counters {
-    pub(super) receive: u8,
-    pub(super) transmit: u8,
+pub struct Counters {
+    /// Receive error counter; 255 if above.
+    pub receive: u8,
+    /// Transmit error counter; 255 if above.
+    pub transmit: u8,
 }
 
 impl Counters {

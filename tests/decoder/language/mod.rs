@@ -12,7 +12,8 @@ use budget::{Budget, Expression};
 use ceilings::Ceilings;
 use sources::Passage;
 
-const CRATES: [(&str, &str); 2] = [("decoder", "decoder/src"), ("tui", "tui/src")];
+const CRATES: [(&str, &str); 3] =
+    [("decoder", "decoder/src"), ("tui", "tui/src"), ("adapters", "bindings/adapters/src")];
 
 /// Max files and lines in the report of a rate.
 const SHOWN: usize = 8;
@@ -95,6 +96,7 @@ fn counts_in_strings(budget: &Budget) -> Vec<Count> {
     let scopes = [
         ("strings of decoder", sources::string_literals("decoder/src")),
         ("strings of tui", sources::string_literals("tui/src")),
+        ("strings of adapters", sources::string_literals("bindings/adapters/src")),
         ("profiles", sources::toml_strings("decoder/profiles")),
         ("help", sources::help_lines()),
     ];

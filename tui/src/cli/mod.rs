@@ -73,12 +73,14 @@ pub enum Command {
     /// Several captures are merged by time. Press ? for the list of keys.
     #[command(after_help = notes::VIEW)]
     View(ViewArgs),
-    /// Show live buses: CAN interfaces, serial adapters, servers, growing files
+    /// Show live buses: CAN interfaces, adapters, servers, growing files
     ///
     /// SOURCE is an interface (can0, any; with candump's filters: can0,123:7FF,400~7F0,#FFFFFFFF), a serial
-    /// adapter (slcan:/dev/ttyACM0@500000), a bus of a server (socketcand://host/can0), - for candump text on
-    /// stdin (ssh machine candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE
-    /// the interfaces of this computer are listed. No frame is ever transmitted.
+    /// adapter (slcan:/dev/ttyACM0@500k), an adapter of PEAK (pcan:USB1@500k) or Kvaser (kvaser:0@500k) with its
+    /// installed driver, a bus of a server (socketcand://host/can0), - for candump text on stdin (ssh machine
+    /// candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE the interfaces and
+    /// adapters of this computer are listed. No frame is ever transmitted; adapters without listen-only mode are
+    /// refused.
     #[command(
         mut_arg("captures", |arg| arg.value_name("SOURCE").help("Bus or file to show")),
         mut_arg("separate", |arg| arg.hide(true)),

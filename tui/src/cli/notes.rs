@@ -30,7 +30,7 @@ examples! {
     LIVE:
         "cobscope live can0",
         "cobscope live --print --record run.pcapng --record-size 100M can0",
-        "cobscope live --check -T 5000 slcan:/dev/ttyACM0@500000";
+        "cobscope live --check -T 5000 pcan:USB1@500k";
     DECODE:
         "cobscope decode customer.log",
         "cobscope decode --filter 'kind == emcy && node == 5' --from 10 --to 60 customer.log",

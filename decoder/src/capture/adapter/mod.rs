@@ -1,7 +1,8 @@
-//! Text protocols of adapters and servers for a live bus: parsing of replies, encoding of commands.
+//! Adapters and servers for a live bus: parsing of replies, encoding of commands, reports of drivers.
 //!
 //! This module does no I/O. The command types have no variant that transmits a frame on a bus.
 
+pub mod driver;
 pub mod slcan;
 pub mod socketcand;
 

@@ -14,12 +14,14 @@ mod viewer;
 use std::io::IsTerminal as _;
 use std::path::Path;
 
+use cobscope_decoder::sink::escape;
+
 use super::messages::{Refusal, complain, note};
 use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::path_text::shown as shown_path;
-use crate::source::live::socketcan;
+use crate::source::live::{adapters, socketcan};
 use sources::{shown, specs};
 
 /// Runs the command.
@@ -75,23 +77,24 @@ pub fn over_datagrams(arguments: &LiveArgs, socket: std::net::UdpSocket) -> anyh
     lines::watch(arguments, sources).map(|_| ()).map_err(|(_, error)| error)
 }
 
-/// Lists the CAN interfaces.
+/// Lists the CAN interfaces and the adapters whose driver is installed.
 fn list() -> Exit {
-    let interfaces = socketcan::all();
+    let mut lines: Vec<_> = socketcan::all().iter().map(shown).collect();
+    lines.extend(adapters::all().iter().map(|line| escape(line).into_owned()));
     let mut text = String::new();
-    for status in &interfaces {
-        text.push_str(&shown(status));
+    for line in &lines {
+        text.push_str(line);
         text.push('\n');
     }
-    let hint = if interfaces.is_empty() {
-        "no CAN interface on this computer; "
+    let hint = if lines.is_empty() {
+        "no CAN interface and no adapter on this computer; "
     } else {
-        "cobscope live NAME shows one of them, any shows all; "
+        "cobscope live NAME shows one of them, any shows all interfaces; "
     };
     let written = print(text.as_bytes());
     note(&format!(
-        "{hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), socketcand://HOST/can0 (server), \
-         - (candump text on stdin)"
+        "{hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), pcan:USB1@500k (PEAK), kvaser:0@500k \
+         (Kvaser), socketcand://HOST/can0 (server), - (candump text on stdin)"
     ));
-    if interfaces.is_empty() { Exit::Capture } else { written }
+    if lines.is_empty() { Exit::Capture } else { written }
 }

@@ -9,13 +9,16 @@ use cobscope_decoder::sink::escape;
 use crate::cli::LiveArgs;
 use crate::cmd::input::read_options;
 use crate::record::{RecordOptions, Recorder};
-use crate::source::live::{BusStatus, Source, SourceSpec, lines as text, slcan, socketcan, socketcand};
+use crate::source::live::{
+    BusStatus, Source, SourceSpec, adapters, lines as text, slcan, socketcan, socketcand,
+};
 
 pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
     let spec = |path: &Path| -> anyhow::Result<SourceSpec> {
         let name = path.to_str().with_context(|| {
             format!(
-                "{}: not a valid source; expected can0, slcan:PORT@RATE, socketcand://HOST/BUS, - or a file",
+                "{}: not a valid source; expected can0, slcan:PORT@RATE, pcan:USB1@RATE, kvaser:0@RATE, \
+                 socketcand://HOST/BUS, - or a file",
                 path.display()
             )
         })?;
@@ -36,6 +39,9 @@ pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Resu
         match spec {
             SourceSpec::SocketCan(spec) => interfaces.push(spec),
             SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
+            SourceSpec::Adapter { vendor, channel, bit_rate } => {
+                sources.push(adapters::open(vendor, &channel, bit_rate)?);
+            }
             SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
             SourceSpec::Stdin => sources.push(text::stdin(read)?),
             SourceSpec::File(path) => sources.push(text::follow(&path, read)?),

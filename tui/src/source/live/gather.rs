@@ -28,6 +28,9 @@ const STATUS: Duration = Duration::from_secs(1);
 /// Time for which a source waits before it checks for cancellation.
 const WAIT: Duration = Duration::from_millis(100);
 
+/// Maximum time to wait for the sources to close: they check for cancellation each `WAIT`.
+const CLOSING: Duration = Duration::from_millis(500);
+
 /// Time for which frames collect before they are read.
 pub(super) const PACE: Duration = Duration::from_millis(15);
 
@@ -96,9 +99,13 @@ impl Gather {
             lanes.push(Lane { lag: source.lag(), status: source.status(), ..Lane::default() });
             let (outbox, stop) = (outbox.clone(), Arc::clone(&stop));
             let thread = std::thread::Builder::new().name("source".into());
-            thread
-                .spawn(move || feed(&mut *source, place, &outbox, &stop))
-                .context("cannot start a thread")?;
+            let work = move || {
+                feed(&mut *source, place, &outbox, &stop);
+                // Closes the adapter before `Gather::drop` sees that the thread has ended.
+                drop(source);
+                drop(outbox);
+            };
+            thread.spawn(work).context("cannot start a thread")?;
         }
         let names = BusNames::default();
         let (held, failures) = (Vec::new(), Vec::new());
@@ -228,6 +235,14 @@ impl Gather {
 impl Drop for Gather {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
+        // The program may end next: adapters are closed first. Deliveries are dropped so that no thread waits for room.
+        let begin = Instant::now();
+        loop {
+            let left = CLOSING.saturating_sub(begin.elapsed());
+            if self.inbox.recv_timeout(left).is_err() || left.is_zero() {
+                break;
+            }
+        }
     }
 }
 

@@ -2,13 +2,18 @@
 //!
 //! ```text
 //! can0 ──one thread each──▶ ┐
-//! slcan:… ─────────────────▶├─ gather: in time order ──▶ frames and notices ──▶ screen, text, rules, capture
+//! slcan:… pcan:… kvaser:… ─▶├─ gather: in time order ──▶ frames and notices ──▶ screen, text, rules, capture
 //! socketcand://… ──────────▶┘
 //! ```
 //!
 //! A source reports frames, link states and lost frames of its buses. It reconnects automatically after a
 //! disconnection.
 
+#[cfg(feature = "adapters")]
+pub mod adapters;
+#[cfg(not(feature = "adapters"))]
+#[path = "no_adapters.rs"]
+pub mod adapters;
 mod backoff;
 mod clock;
 mod gather;
@@ -26,6 +31,8 @@ pub mod socketcan;
 pub mod socketcan;
 pub mod socketcand;
 mod spec;
+#[cfg(any(feature = "serial", feature = "adapters"))]
+mod stamps;
 mod state;
 
 use std::time::Duration;
@@ -34,7 +41,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
 
 pub use gather::Gather;
-pub use spec::SourceSpec;
+pub use spec::{AdapterVendor, SourceSpec};
 pub use state::{Live, LiveState};
 
 /// An item of a source.

@@ -3,6 +3,7 @@
 //! ```text
 //! can0   can0,123:7FF,400~7F0,#FFFFFFFF   any       SocketCAN, with candump's filters
 //! slcan:/dev/ttyACM0@500000                          a serial adapter (Lawicel)
+//! pcan:USB1@500k   kvaser:0@250k                     an adapter with the driver of its vendor
 //! socketcand://host:29536/can0                       a server
 //! -                                                  text on standard input
 //! machine.trc                                        a growing file, with --follow
@@ -29,12 +30,23 @@ pub enum SourceSpec {
     SocketCan(InterfaceSpec),
     /// A serial adapter, and the bit rate to set in bit/s.
     Slcan { device: String, bit_rate: Option<u32> },
+    /// An adapter with the driver of its vendor, and the bit rate to set in bit/s.
+    Adapter { vendor: AdapterVendor, channel: String, bit_rate: u32 },
     /// A bus of a socketcand server.
     Socketcand { address: String, bus: String },
     /// Standard input.
     Stdin,
     /// A growing file.
     File(PathBuf),
+}
+
+/// A vendor whose drivers are supported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AdapterVendor {
+    /// PEAK-System.
+    Pcan,
+    /// Kvaser.
+    Kvaser,
 }
 
 /// A CAN interface with its frame filters.
@@ -72,6 +84,12 @@ impl FromStr for SourceSpec {
         if let Some(rest) = text.strip_prefix("socketcand://") {
             return socketcand(rest);
         }
+        if let Some(rest) = text.strip_prefix("pcan:") {
+            return adapter(AdapterVendor::Pcan, rest, "pcan:USB1@500k");
+        }
+        if let Some(rest) = text.strip_prefix("kvaser:") {
+            return adapter(AdapterVendor::Kvaser, rest, "kvaser:0@500k");
+        }
         if text.contains(['/', '\\', '.']) || std::path::Path::new(text).is_file() {
             return Ok(Self::File(text.into()));
         }
@@ -87,9 +105,33 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
     if device.is_empty() {
         return Err("found no device, expected slcan:/dev/ttyACM0@500000".into());
     }
-    let wrong = |rate: &str| format!("found {rate} after @, expected a bit rate in bit/s such as 500000");
-    let bit_rate = rate.map(|rate| rate.parse().map_err(|_| wrong(rate))).transpose()?;
-    Ok(SourceSpec::Slcan { device: device.into(), bit_rate })
+    Ok(SourceSpec::Slcan { device: device.into(), bit_rate: rate.map(bit_rate).transpose()? })
+}
+
+/// Channel and bit rate of an adapter. In listen-only mode nobody notices a wrong rate, so none is assumed.
+fn adapter(vendor: AdapterVendor, text: &str, example: &str) -> Result<SourceSpec, String> {
+    match text.rsplit_once('@') {
+        Some((channel, rate)) if !channel.is_empty() => {
+            Ok(SourceSpec::Adapter { vendor, channel: channel.into(), bit_rate: bit_rate(rate)? })
+        }
+        None if !text.is_empty() => Err(format!("found no bit rate, expected {example}")),
+        _ => Err(format!("found no channel, expected {example}")),
+    }
+}
+
+/// `500000`, `500k`, `1M`, in bit/s.
+fn bit_rate(text: &str) -> Result<u32, String> {
+    let (digits, unit) = match text.char_indices().last() {
+        Some((at, 'k' | 'K')) => (text.get(..at), 1_000),
+        Some((at, 'M')) => (text.get(..at), 1_000_000),
+        _ => (Some(text), 1),
+    };
+    let is_number = |digits: &&str| digits.bytes().all(|byte| byte.is_ascii_digit());
+    let number = digits.filter(is_number).and_then(|digits| digits.parse::<u32>().ok());
+    number
+        .and_then(|number| number.checked_mul(unit))
+        .filter(|rate| *rate > 0)
+        .ok_or_else(|| format!("found {text:?} after @, expected a bit rate such as 500000, 500k or 1M"))
 }
 
 fn socketcand(text: &str) -> Result<SourceSpec, String> {
@@ -161,11 +203,30 @@ mod tests {
     fn other_sources() {
         let slcan = |device: &str, bit_rate| Ok(SourceSpec::Slcan { device: device.into(), bit_rate });
         assert_eq!(spec("slcan:/dev/ttyACM0@500000"), slcan("/dev/ttyACM0", Some(500_000)));
+        assert_eq!(spec("slcan:COM3@500k"), slcan("COM3", Some(500_000)));
         assert_eq!(spec("slcan:COM3"), slcan("COM3", None));
         let server = SourceSpec::Socketcand { address: "box:29536".into(), bus: "can0".into() };
         assert_eq!(spec("socketcand://box:29536/can0"), Ok(server));
         assert_eq!(spec("-"), Ok(SourceSpec::Stdin));
         assert_eq!(spec("logs/machine.trc"), Ok(SourceSpec::File("logs/machine.trc".into())));
+    }
+
+    #[test]
+    fn adapters_have_a_channel_and_a_bit_rate() {
+        let adapter = |vendor, channel: &str, bit_rate| {
+            Ok(SourceSpec::Adapter { vendor, channel: channel.into(), bit_rate })
+        };
+        assert_eq!(spec("pcan:USB1@500k"), adapter(AdapterVendor::Pcan, "USB1", 500_000));
+        assert_eq!(spec("kvaser:0@1M"), adapter(AdapterVendor::Kvaser, "0", 1_000_000));
+        assert_eq!(spec("kvaser:1@83333"), adapter(AdapterVendor::Kvaser, "1", 83_333));
+        let error = |text: &str| spec(text).unwrap_err();
+        assert_eq!(error("pcan:USB1"), "found no bit rate, expected pcan:USB1@500k");
+        assert_eq!(error("kvaser:@250k"), "found no channel, expected kvaser:0@500k");
+        assert_eq!(error("kvaser:"), "found no channel, expected kvaser:0@500k");
+        for rate in ["", "k", "0", "fast", "+5", "5000M", "99999999999", "1m"] {
+            let expected = format!("found {rate:?} after @, expected a bit rate such as 500000, 500k or 1M");
+            assert_eq!(error(&format!("pcan:USB1@{rate}")), expected);
+        }
     }
 
     #[test]

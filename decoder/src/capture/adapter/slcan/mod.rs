@@ -143,15 +143,22 @@ pub struct ControllerState {
     pub transmit_errors: u16,
 }
 
+impl Confinement {
+    /// Example: `error passive`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Active => "error active",
+            Self::Warning => "error warning",
+            Self::Passive => "error passive",
+            Self::BusOff => "bus-off",
+        }
+    }
+}
+
 /// Example: `error passive, rx 130 tx 5`.
 impl fmt::Display for ControllerState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self.confinement {
-            Confinement::Active => "error active",
-            Confinement::Warning => "error warning",
-            Confinement::Passive => "error passive",
-            Confinement::BusOff => "bus-off",
-        };
+        let name = self.confinement.name();
         write!(f, "{name}, rx {} tx {}", self.receive_errors, self.transmit_errors)
     }
 }
@@ -324,7 +331,7 @@ fn state(rest: &[u8]) -> Option<ControllerState> {
 }
 
 /// The error frame that SocketCAN creates for a state (linux/can/error.h): counters in bytes 6 and 7.
-fn state_frame(state: ControllerState) -> Frame {
+pub(super) fn state_frame(state: ControllerState) -> Frame {
     const CONTROLLER: u32 = 0x004;
     const BUS_OFF: u32 = 0x040;
     const COUNTERS: u32 = 0x200;

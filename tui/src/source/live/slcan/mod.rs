@@ -3,8 +3,8 @@
 //! An adapter without listen-only mode is refused: in any other mode its controller acknowledges frames and
 //! thus takes part in the bus. A CAN232 sends frames unasked only if `X1` is stored in it.
 
+mod milliseconds;
 mod port;
-mod stamps;
 #[cfg(test)]
 #[cfg(target_os = "linux")]
 mod tests;
@@ -19,8 +19,8 @@ use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use super::backoff::ConnectError;
 use super::returning::{Connection, ReconnectingSource, unreadable};
 use super::{Arrival, Source, Stamps, clock};
+use milliseconds::MillisecondClock;
 use port::{Answer, BAUD_RATE, Port};
-use stamps::StampClock;
 
 /// Maximum delay of a frame: the buffers of the serial line.
 const LAG: Duration = Duration::from_millis(50);
@@ -133,7 +133,7 @@ struct Adapter {
     port: Port,
     bit_rate: Option<u32>,
     has_stamps: bool,
-    clock: StampClock,
+    clock: MillisecondClock,
     controller: Option<String>,
     lost: u64,
     questions: Questions,
@@ -150,7 +150,7 @@ struct Questions {
 impl Adapter {
     fn new((port, has_stamps): (Port, bool), bit_rate: Option<u32>) -> Self {
         let questions = Questions { next: Instant::now() + FLAGS_EVERY, unanswered: 0, answers: Some(false) };
-        let clock = StampClock::default();
+        let clock = MillisecondClock::default();
         Self { port, bit_rate, has_stamps, clock, controller: None, lost: 0, questions }
     }
 

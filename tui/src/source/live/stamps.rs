@@ -1,14 +1,8 @@
-//! Maps the millisecond timestamps of the adapter to the clock of this computer.
+//! Maps the timestamps of an adapter, which restart at 0, to the clock of this computer.
 
 use cobscope_decoder::frame::Timestamp;
 
 const MILLISECOND: i64 = 1_000_000;
-
-/// Milliseconds after which timestamps restart at 0 (CAN232 manual, command Z)…
-const WRAP: i64 = 60_000 * MILLISECOND;
-
-/// …and after which they restart with firmware that uses all sixteen bits.
-const LONG_WRAP: i64 = 65_536 * MILLISECOND;
 
 /// Maximum time by which a frame may seem later than its arrival before a whole wrap is subtracted: clocks
 /// drift, and frames may be out of order.
@@ -17,7 +11,7 @@ const AHEAD: i64 = 2_000 * MILLISECOND;
 /// Interval between two corrections of the clock.
 const WINDOW: i64 = 10_000 * MILLISECOND;
 
-/// Minimum drift that is corrected: more than the resolution of the timestamps and the jitter of a serial
+/// Minimum drift that is corrected: more than the resolution of the timestamps and the jitter of a serial or USB
 /// line.
 const DRIFT: i64 = 5 * MILLISECOND;
 
@@ -34,21 +28,18 @@ const ORDER: i64 = 250 * MILLISECOND;
 pub struct StampClock {
     /// Time of timestamp 0, except for whole wraps; None before the first timestamp.
     zero: Option<i64>,
-    is_long: bool,
     last: i64,
     window_end: i64,
     least_delay: i64,
 }
 
 impl StampClock {
-    /// Time of a frame with timestamp `milliseconds` that arrived at `arrival`.
-    pub fn time(&mut self, milliseconds: u16, arrival: Timestamp) -> Timestamp {
-        let stamp = i64::from(milliseconds) * MILLISECOND;
-        self.is_long |= stamp >= WRAP;
-        let wrap = if self.is_long { LONG_WRAP } else { WRAP };
+    /// Time of a frame with timestamp `stamp` that arrived at `arrival`. Timestamps restart at 0 after `wrap`. Both
+    /// are in ns.
+    pub fn time(&mut self, stamp: i64, wrap: i64, arrival: Timestamp) -> Timestamp {
         let zero = *self.zero.get_or_insert(arrival.0.saturating_sub(stamp));
         let delay = arrival.0.saturating_sub(zero).saturating_sub(stamp).rem_euclid(wrap);
-        let delay = if delay > wrap - AHEAD { delay - wrap } else { delay };
+        let delay = if delay > wrap.saturating_sub(AHEAD) { delay.saturating_sub(wrap) } else { delay };
         self.watch(zero, delay, arrival.0);
         let time = arrival.0.saturating_sub(delay.max(0));
         let is_before = (0..ORDER).contains(&self.last.saturating_sub(time));
@@ -83,8 +74,8 @@ mod tests {
     fn times(frames: &[(i64, i64)]) -> Vec<i64> {
         let mut clock = StampClock::default();
         let time = |(stamp, arrival): &(i64, i64)| {
-            (clock.time(u16::try_from(*stamp).unwrap(), Timestamp(START + arrival * MILLISECOND)).0 - START)
-                / MILLISECOND
+            let arrival = Timestamp(START + arrival * MILLISECOND);
+            (clock.time(stamp * MILLISECOND, 60_000 * MILLISECOND, arrival).0 - START) / MILLISECOND
         };
         frames.iter().map(time).collect()
     }
@@ -107,14 +98,6 @@ mod tests {
         assert_eq!(times(&[(59_990, 0), (59_999, 9), (0, 10), (40, 55)]), [0, 9, 10, 50]);
         let a_minute: Vec<_> = (0..130).map(|second| (second * 1_000 % 60_000, second * 1_000)).collect();
         assert_eq!(times(&a_minute), (0..130).map(|second| second * 1_000).collect::<Vec<_>>());
-    }
-
-    #[test]
-    fn firmware_whose_stamps_run_to_65_535_is_recognised() {
-        assert_eq!(
-            times(&[(59_000, 0), (65_000, 6_000), (464, 7_000), (465, 7_003)]),
-            [0, 6_000, 7_000, 7_001]
-        );
     }
 
     #[test]

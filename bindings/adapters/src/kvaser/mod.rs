@@ -1,0 +1,197 @@
+//! Kvaser adapters through CANlib (`canlib32.dll`, `libcanlib.so`).
+//!
+//! Signatures and constants: `canlib.h` and `canstat.h` of the CANlib SDK, compared with python-can,
+//! `can/interfaces/kvaser/constants.py`, and linuxcan, `canlib/linux/canlib.c`.
+//!
+//! Classic CAN only: a channel opened for FD needs segments for both phases.
+
+mod api;
+mod message;
+
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use crate::reading::MAX_READINGS;
+use crate::{
+    Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener, OpenError,
+    Reading, Vendor,
+};
+use api::{Api, ChannelHandle, Received};
+
+/// Bit rates with the constants of CANlib (`canBITRATE_…`), which select timing parameters of the adapter.
+const BIT_RATES: &[(u32, i8)] = &[
+    (10_000, -9),
+    (50_000, -7),
+    (62_500, -6),
+    (83_333, -8),
+    (100_000, -5),
+    (125_000, -4),
+    (250_000, -3),
+    (500_000, -2),
+    (1_000_000, -1),
+];
+
+/// Capability of a channel (`canCHANNEL_CAP_SILENT_MODE`).
+const SILENT_MODE: u32 = 0x0020_0000;
+
+// Flags of `canReadStatus` (`canSTAT_…`).
+const ERROR_PASSIVE: u64 = 0x1;
+const BUS_OFF: u64 = 0x2;
+const ERROR_WARNING: u64 = 0x4;
+
+/// The library, loaded and initialised once and kept.
+fn library() -> Result<&'static Api, OpenError> {
+    static LIBRARY: OnceLock<Api> = OnceLock::new();
+    if let Some(api) = LIBRARY.get() {
+        return Ok(api);
+    }
+    let api = Api::load()?;
+    Ok(LIBRARY.get_or_init(|| {
+        api.initialize();
+        api
+    }))
+}
+
+/// Channels of the adapters that are plugged in, and virtual channels.
+///
+/// # Errors
+/// The driver is missing or fails.
+pub fn channels() -> Result<Vec<Channel>, OpenError> {
+    let api = library()?;
+    let channel = |number: i32| Channel {
+        name: number.to_string(),
+        device: api.device(number),
+        state: match api.capabilities(number) {
+            Some(capabilities) if capabilities & SILENT_MODE != 0 => ChannelState::Available,
+            Some(_) => ChannelState::NotListenOnly,
+            None => ChannelState::Unavailable,
+        },
+    };
+    Ok((0..api.channel_count()?).map(channel).collect())
+}
+
+/// A channel in listen-only mode.
+pub struct KvaserListener {
+    api: &'static Api,
+    handle: ChannelHandle,
+    /// Length of a unit of the timestamps in µs.
+    scale: u32,
+    /// `canBusOn` has succeeded.
+    is_on_bus: bool,
+}
+
+impl KvaserListener {
+    /// Opens a channel by its number, such as `0`.
+    ///
+    /// # Errors
+    /// Driver, channel, bit rate or listen-only mode are not available, or another program uses the channel.
+    pub fn open(channel: &str, bit_rate: u32) -> Result<Self, OpenError> {
+        let no_rate =
+            || OpenError::BitRate { bit_rate, available: BIT_RATES.iter().map(|(rate, _)| *rate).collect() };
+        let timing = BIT_RATES.iter().find(|(rate, _)| *rate == bit_rate).ok_or_else(no_rate)?.1;
+        let api = library()?;
+        let number = find(api, channel)?;
+        if api.capabilities(number).is_none_or(|capabilities| capabilities & SILENT_MODE == 0) {
+            return Err(not_listen_only(channel));
+        }
+        let handle = api.open(number)?;
+        // From here on, dropping the listener closes the channel.
+        let mut listener = Self { api, handle, scale: 1, is_on_bus: false };
+        api.set_bit_rate(handle, timing)?;
+        // The mode must be set while the channel is off the bus.
+        if api.set_silent(handle).is_err() || !api.is_silent(handle) {
+            return Err(not_listen_only(channel));
+        }
+        listener.scale = api.microseconds(handle);
+        api.bus_on(handle)?;
+        listener.is_on_bus = true;
+        if !api.is_silent(handle) {
+            return Err(not_listen_only(channel));
+        }
+        Ok(listener)
+    }
+
+    /// Appends a message.
+    fn take(&self, received: &Received, readings: &mut Vec<Reading>) {
+        if message::is_overrun(received) {
+            readings.push(Reading::Lost);
+        }
+        readings.extend(message::reading(received, self.scale));
+    }
+}
+
+fn not_listen_only(channel: &str) -> OpenError {
+    OpenError::NotListenOnly { vendor: Vendor::Kvaser, channel: channel.into() }
+}
+
+/// The number of an existing channel.
+fn find(api: &Api, channel: &str) -> Result<i32, OpenError> {
+    let count = api.channel_count()?;
+    let is_number = channel.bytes().all(|byte| byte.is_ascii_digit());
+    let number = channel.parse().ok().filter(|number| is_number && (0..count).contains(number));
+    number.ok_or_else(|| OpenError::NoChannel {
+        vendor: Vendor::Kvaser,
+        channel: channel.into(),
+        present: (0..count).map(|number| number.to_string()).collect(),
+    })
+}
+
+/// The most severe state among the flags of a status.
+fn confinement(flags: u64) -> Confinement {
+    if flags & BUS_OFF != 0 {
+        Confinement::BusOff
+    } else if flags & ERROR_PASSIVE != 0 {
+        Confinement::Passive
+    } else if flags & ERROR_WARNING != 0 {
+        Confinement::Warning
+    } else {
+        Confinement::Active
+    }
+}
+
+impl Listener for KvaserListener {
+    fn read(&mut self, readings: &mut Vec<Reading>, wait: Duration) -> Result<(), Disconnected> {
+        // Only the first message is waited for.
+        let mut wait = wait;
+        for _ in 0..MAX_READINGS {
+            match self.api.read(self.handle, wait) {
+                Ok(Some(received)) => self.take(&received, readings),
+                Ok(None) => return Ok(()),
+                Err(reason) => return Err(Disconnected(reason)),
+            }
+            wait = Duration::ZERO;
+        }
+        Ok(())
+    }
+
+    fn status(&mut self) -> Result<ControllerStatus, Disconnected> {
+        let flags = self.api.status(self.handle).map_err(Disconnected)?;
+        let counters = self.api.error_counters(self.handle).map(|(transmit, receive)| {
+            let byte = |count: u32| u8::try_from(count).unwrap_or(u8::MAX);
+            Counters { receive: byte(receive), transmit: byte(transmit) }
+        });
+        Ok(ControllerStatus { confinement: confinement(flags), counters })
+    }
+}
+
+impl Drop for KvaserListener {
+    fn drop(&mut self) {
+        if self.is_on_bus {
+            self.api.bus_off(self.handle);
+        }
+        self.api.close(self.handle);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_severe_state_counts() {
+        assert_eq!(confinement(0x8), Confinement::Active);
+        assert_eq!(confinement(0x28 | ERROR_WARNING), Confinement::Warning);
+        assert_eq!(confinement(ERROR_WARNING | ERROR_PASSIVE), Confinement::Passive);
+        assert_eq!(confinement(ERROR_PASSIVE | BUS_OFF), Confinement::BusOff);
+    }
+}

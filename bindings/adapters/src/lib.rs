@@ -1,0 +1,32 @@
+//! CAN adapters of PEAK (PCAN-Basic) and Kvaser (CANlib) in listen-only mode.
+//!
+//! The libraries of the vendors are loaded at run time. Functions that transmit are not bound. Listen-only mode is
+//! set and read back before the channel joins the bus, and read back once more afterwards. An adapter without it
+//! is refused.
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use cobscope_adapters::Vendor;
+//!
+//! let mut listener = Vendor::Pcan.listen("USB1", 500_000)?;
+//! let mut readings = Vec::new();
+//! listener.read(&mut readings, Duration::from_millis(100))?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Published crates were examined in November 2026. can-hal-pcan 0.4.3 defines `PCAN_LISTEN_ONLY` and never sets it.
+//! peak-can 0.2.0 sets it on an open channel, which has then been on the bus in normal mode. Both can transmit.
+
+#![allow(unsafe_code, reason = "functions in C; each block states why its call is sound")]
+
+mod driver_text;
+mod error;
+pub mod kvaser;
+mod library;
+pub mod pcan;
+mod reading;
+mod vendor;
+
+pub use error::{Disconnected, OpenError};
+pub use reading::{BusError, Confinement, ControllerStatus, Counters, Reading, ReceivedFrame, Violation};
+pub use vendor::{Channel, ChannelState, Listener, Vendor};

@@ -1,0 +1,214 @@
+//! Functions of PCAN-Basic. `CAN_Write` and `CAN_WriteFD` are not among them.
+
+use std::ffi::{c_char, c_void};
+use std::mem::size_of;
+
+use crate::driver_text::text;
+use crate::library::DriverLibrary;
+use crate::{OpenError, Vendor};
+
+use super::message::{Message, Stamp};
+
+/// Handle of a channel (`TPCANHandle`).
+pub(super) type Handle = u16;
+
+/// Handle of the driver as a whole (`PCAN_NONEBUS`).
+const DRIVER: Handle = 0;
+
+/// Status without an error (`PCAN_ERROR_OK`).
+const OK: u32 = 0;
+
+/// Language of texts: English (Windows language identifier).
+const ENGLISH: u16 = 0x09;
+
+/// Length of the buffer for texts that `CAN_GetErrorText` requires.
+const TEXT_LENGTH: usize = 256;
+
+/// Max number of channels that are listed; PCAN-Basic has 59 handles for plug-and-play devices.
+const MAX_CHANNELS: u32 = 256;
+
+/// Parameters that are only read (`PCAN_…`).
+#[derive(Debug, Clone, Copy)]
+#[repr(u8)]
+pub(super) enum Parameter {
+    /// `PCAN_CHANNEL_CONDITION`.
+    Condition = 0x0D,
+    /// `PCAN_ATTACHED_CHANNELS_COUNT`.
+    AttachedCount = 0x2A,
+    /// `PCAN_ATTACHED_CHANNELS`.
+    Attached = 0x2B,
+}
+
+/// Parameters that may be switched on: no other parameter is ever written.
+#[derive(Debug, Clone, Copy)]
+#[repr(u8)]
+pub(super) enum Switch {
+    /// `PCAN_LISTEN_ONLY`.
+    ListenOnly = 0x08,
+    /// `PCAN_ALLOW_ERROR_FRAMES`: reception of bus errors.
+    ErrorFrames = 0x20,
+}
+
+/// `TPCANChannelInformation`.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+pub(super) struct Attached {
+    pub(super) handle: Handle,
+    pub(super) device_type: u8,
+    pub(super) controller: u8,
+    pub(super) features: u32,
+    pub(super) device_name: [u8; 33],
+    pub(super) device_id: u32,
+    pub(super) condition: u32,
+}
+
+impl Attached {
+    const EMPTY: Self = Self {
+        handle: 0,
+        device_type: 0,
+        controller: 0,
+        features: 0,
+        device_name: [0; 33],
+        device_id: 0,
+        condition: 0,
+    };
+}
+
+/// The functions, with `__stdcall` on Windows.
+pub(super) struct Api {
+    initialize: unsafe extern "system" fn(Handle, u16, u8, u32, u16) -> u32,
+    uninitialize: unsafe extern "system" fn(Handle) -> u32,
+    status: unsafe extern "system" fn(Handle) -> u32,
+    read: unsafe extern "system" fn(Handle, *mut Message, *mut Stamp) -> u32,
+    get: unsafe extern "system" fn(Handle, u8, *mut c_void, u32) -> u32,
+    set: unsafe extern "system" fn(Handle, u8, *mut c_void, u32) -> u32,
+    text: unsafe extern "system" fn(u32, u16, *mut c_char) -> u32,
+    /// Keeps the functions valid.
+    _library: DriverLibrary,
+}
+
+impl Api {
+    pub(super) fn load() -> Result<Self, OpenError> {
+        let library = DriverLibrary::load(Vendor::Pcan)?;
+        // SAFETY: the signatures are those of PCANBasic.h: TPCANHandle and TPCANBaudrate are 16 bits wide, TPCANType and
+        // TPCANParameter 8, TPCANStatus and DWORD 32, also on Linux (__u32).
+        unsafe {
+            Ok(Self {
+                initialize: library.function("CAN_Initialize")?,
+                uninitialize: library.function("CAN_Uninitialize")?,
+                status: library.function("CAN_GetStatus")?,
+                read: library.function("CAN_Read")?,
+                get: library.function("CAN_GetValue")?,
+                set: library.function("CAN_SetValue")?,
+                text: library.function("CAN_GetErrorText")?,
+                _library: library,
+            })
+        }
+    }
+
+    /// Joins the bus.
+    pub(super) fn initialize(&self, handle: Handle, registers: u16) -> Result<(), OpenError> {
+        // SAFETY: no pointers. Type, port and interrupt are 0, as for all plug-and-play devices.
+        let status = unsafe { (self.initialize)(handle, registers, 0, 0, 0) };
+        self.checked("CAN_Initialize", status)
+    }
+
+    /// Leaves the bus.
+    pub(super) fn uninitialize(&self, handle: Handle) {
+        // SAFETY: no pointers. The status is of no use: an unplugged channel is closed already.
+        let _ = unsafe { (self.uninitialize)(handle) };
+    }
+
+    pub(super) fn status(&self, handle: Handle) -> u32 {
+        // SAFETY: no pointers.
+        unsafe { (self.status)(handle) }
+    }
+
+    /// Status and message; `None` if the driver has not written one.
+    pub(super) fn read(&self, handle: Handle) -> (u32, Option<Message>, Stamp) {
+        let (mut message, mut stamp) = (Message::UNWRITTEN, Stamp::default());
+        // SAFETY: both pointers are valid for writes during the call. The structures have the layout of the header, and the
+        // message has room after it.
+        let status = unsafe { (self.read)(handle, &raw mut message, &raw mut stamp) };
+        (status, message.is_written().then_some(message), stamp)
+    }
+
+    /// A parameter of 32 bits.
+    pub(super) fn value(&self, handle: Handle, parameter: Parameter) -> Result<u32, OpenError> {
+        self.word(handle, parameter as u8).map_err(|status| self.failure("CAN_GetValue", status))
+    }
+
+    fn word(&self, handle: Handle, parameter: u8) -> Result<u32, u32> {
+        let mut value: u32 = 0;
+        // SAFETY: the buffer is valid for writes and as long as stated.
+        let status = unsafe { (self.get)(handle, parameter, (&raw mut value).cast(), 4) };
+        if status == OK { Ok(value) } else { Err(status) }
+    }
+
+    /// Whether a switch is on; false if the driver does not state it.
+    pub(super) fn is_on(&self, handle: Handle, switch: Switch) -> bool {
+        self.word(handle, switch as u8) == Ok(1)
+    }
+
+    pub(super) fn switch_on(&self, handle: Handle, switch: Switch) -> Result<(), OpenError> {
+        let mut on: u32 = 1;
+        // SAFETY: the buffer is valid and as long as stated; the driver only reads it.
+        let status = unsafe { (self.set)(handle, switch as u8, (&raw mut on).cast(), 4) };
+        self.checked("CAN_SetValue", status)
+    }
+
+    /// Channels of the adapters that are plugged in.
+    pub(super) fn attached(&self) -> Result<Vec<Attached>, OpenError> {
+        let count = self.value(DRIVER, Parameter::AttachedCount)?.min(MAX_CHANNELS);
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let mut list: Vec<_> = (0..count).map(|_| Attached::EMPTY).collect();
+        let length = count.saturating_mul(size_of::<Attached>().try_into().unwrap_or(0));
+        // SAFETY: the buffer is valid for writes and as long as stated; any bytes are a valid `Attached`.
+        let status =
+            unsafe { (self.get)(DRIVER, Parameter::Attached as u8, list.as_mut_ptr().cast(), length) };
+        self.checked("CAN_GetValue", status)?;
+        // An adapter that was unplugged between the calls leaves an empty entry.
+        list.retain(|attached| attached.handle != DRIVER);
+        Ok(list)
+    }
+
+    /// Text of a status with its code: `The hardware handle is invalid (PCAN status 1400)`.
+    pub(super) fn text(&self, status: u32) -> String {
+        let mut buffer = [0_u8; TEXT_LENGTH * 2];
+        // SAFETY: the buffer is twice as long as PCAN-Basic requires.
+        let result = unsafe { (self.text)(status, ENGLISH, buffer.as_mut_ptr().cast()) };
+        let found = text(&buffer);
+        if result == OK && !found.is_empty() {
+            format!("{found} (PCAN status {status:X})")
+        } else {
+            format!("PCAN status {status:X}")
+        }
+    }
+
+    fn checked(&self, function: &'static str, status: u32) -> Result<(), OpenError> {
+        if status == OK { Ok(()) } else { Err(self.failure(function, status)) }
+    }
+
+    fn failure(&self, function: &'static str, status: u32) -> OpenError {
+        OpenError::Driver { function, reason: self.text(status) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use super::*;
+
+    /// As a C compiler places the fields: DWORDs at multiples of 4.
+    #[test]
+    fn the_structure_has_the_layout_of_the_header() {
+        assert_eq!(size_of::<Attached>(), 52);
+        assert_eq!(offset_of!(Attached, features), 4);
+        assert_eq!(offset_of!(Attached, device_name), 8);
+        assert_eq!(offset_of!(Attached, device_id), 44);
+        assert_eq!(offset_of!(Attached, condition), 48);
+    }
+}

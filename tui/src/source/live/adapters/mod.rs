@@ -1,0 +1,232 @@
+//! Adapters of PEAK and Kvaser with the drivers of their vendors, in listen-only mode.
+//!
+//! `cobscope_adapters` sets and checks the mode, and binds no function that transmits.
+
+#[cfg(test)]
+mod tests;
+
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use cobscope_adapters::{
+    BusError, ChannelState, Confinement, ControllerStatus, Counters, Listener, OpenError, Reading,
+    ReceivedFrame, Vendor, Violation,
+};
+use cobscope_decoder::capture::adapter::driver::{self, BusErrorReport, frame_of_state};
+use cobscope_decoder::capture::{CapturePlace, Notice};
+use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
+
+use super::backoff::ConnectError;
+use super::returning::{Connection, ReconnectingSource, unreadable};
+use super::stamps::StampClock;
+use super::{AdapterVendor, Arrival, Source, Stamps, clock};
+
+/// Maximum delay of a frame: the buffers of the USB line and the pauses between reads.
+const LAG: Duration = Duration::from_millis(50);
+
+/// Interval between two requests for the state of the controller.
+const STATUS_EVERY: Duration = Duration::from_millis(250);
+
+/// Time after which the timestamps of the drivers restart at 0: 2³² µs.
+const WRAP: i64 = 0x1_0000_0000 * 1_000;
+
+/// Opens `channel` of an adapter, `bit_rate` in bit/s.
+///
+/// # Errors
+/// Driver, channel, bit rate or listen-only mode are not available, or another program uses the channel.
+pub fn open(vendor: AdapterVendor, channel: &str, bit_rate: u32) -> anyhow::Result<Box<dyn Source>> {
+    let vendor = match vendor {
+        AdapterVendor::Pcan => Vendor::Pcan,
+        AdapterVendor::Kvaser => Vendor::Kvaser,
+    };
+    let name = format!("{}-{channel}", vendor.prefix());
+    let channel = channel.to_owned();
+    let connect = move || {
+        let listener =
+            vendor.listen(&channel, bit_rate).map_err(|error| refused(vendor, &channel, &error))?;
+        Ok(Adapter::new(listener, bit_rate))
+    };
+    Ok(Box::new(ReconnectingSource::open(&name, LAG, Vec::new(), connect)?))
+}
+
+fn refused(vendor: Vendor, channel: &str, error: &OpenError) -> ConnectError {
+    let message = anyhow!("{}:{channel}: {error}", vendor.prefix());
+    if error.is_temporary() { ConnectError::Again(message) } else { ConnectError::Never(message) }
+}
+
+/// One line per channel of the adapters that are plugged in, `pcan:USB1@BITRATE: PCAN-USB FD, channel 1, available`.
+/// Vendors without an installed driver have none.
+pub fn all() -> Vec<String> {
+    Vendor::ALL.into_iter().flat_map(channels).collect()
+}
+
+fn channels(vendor: Vendor) -> Vec<String> {
+    let prefix = vendor.prefix();
+    match vendor.channels() {
+        Ok(channels) => {
+            let line = |channel: cobscope_adapters::Channel| {
+                format!("{prefix}:{}@BITRATE: {}, {}", channel.name, channel.device, state(channel.state))
+            };
+            channels.into_iter().map(line).collect()
+        }
+        Err(OpenError::NoDriver { .. }) => Vec::new(),
+        Err(error) => vec![format!("{prefix}: {error}")],
+    }
+}
+
+const fn state(state: ChannelState) -> &'static str {
+    match state {
+        ChannelState::Available => "available",
+        ChannelState::InUse => "in use by another program",
+        ChannelState::NotListenOnly => "no listen-only mode",
+        ChannelState::Unavailable => "not available",
+    }
+}
+
+/// An open adapter.
+struct Adapter {
+    listener: Box<dyn Listener>,
+    bit_rate: u32,
+    clock: StampClock,
+    status: Option<ControllerStatus>,
+    next_status: Instant,
+    lost: u64,
+    /// Kept from call to call for its memory.
+    readings: Vec<Reading>,
+}
+
+impl Adapter {
+    fn new(listener: Box<dyn Listener>, bit_rate: u32) -> Self {
+        Self {
+            listener,
+            bit_rate,
+            clock: StampClock::default(),
+            status: None,
+            next_status: Instant::now(),
+            lost: 0,
+            readings: Vec::new(),
+        }
+    }
+
+    /// Reads the state of the controller when it is time; a change of it is an error frame.
+    fn watch(&mut self, items: &mut Vec<Arrival>) -> Result<(), String> {
+        let now = Instant::now();
+        if now < self.next_status {
+            return Ok(());
+        }
+        self.next_status = now + STATUS_EVERY;
+        let status = self.listener.status().map_err(|error| error.0)?;
+        let last = self.status.map_or(Confinement::Active, |status| status.confinement);
+        if status.confinement != last {
+            let frame = frame_of_state(confinement(status.confinement), status.counters.map(counters));
+            items.push(Arrival::Frame(Frame { time: Some(clock::now()), ..frame }));
+        }
+        self.status = Some(status);
+        Ok(())
+    }
+
+    fn take(&mut self, reading: &Reading, arrival: Timestamp) -> Option<Arrival> {
+        match reading {
+            Reading::Frame(received) => {
+                let time = self.time(received.stamp, arrival);
+                Some(Arrival::Frame(Frame { time: Some(time), ..frame(received) }))
+            }
+            Reading::Error(error) => {
+                let time = self.time(error.stamp, arrival);
+                report(error).frame().map(|frame| Arrival::Frame(Frame { time: Some(time), ..frame }))
+            }
+            Reading::Lost => {
+                self.lost = self.lost.saturating_add(1);
+                let (place, bus) = (CapturePlace::Now, BusIndex(0));
+                Some(Arrival::Notice(Notice::LostFrames { place, bus, count: None }))
+            }
+            Reading::Invalid(reason) => Some(unreadable(reason.clone())),
+        }
+    }
+
+    fn time(&mut self, microseconds: u32, arrival: Timestamp) -> Timestamp {
+        self.clock.time(i64::from(microseconds).saturating_mul(1_000), WRAP, arrival)
+    }
+}
+
+fn frame(received: &ReceivedFrame) -> Frame {
+    let id = if received.is_extended {
+        CanId::extended(received.id)
+    } else {
+        CanId::standard(u16::try_from(received.id).unwrap_or(u16::MAX))
+    };
+    if received.is_remote {
+        return Frame { id, flags: FrameFlags::REMOTE, length: received.length, ..Frame::EMPTY };
+    }
+    Frame::data_frame(id, received.data.get(..usize::from(received.length)).unwrap_or(&received.data))
+}
+
+fn report(error: &BusError) -> BusErrorReport {
+    let violation = error.violation.map(|violation| match violation {
+        Violation::Bit => driver::Violation::Bit,
+        Violation::Form => driver::Violation::Form,
+        Violation::Stuff => driver::Violation::Stuff,
+        Violation::Checksum => driver::Violation::Checksum,
+        Violation::Other => driver::Violation::Other,
+    });
+    BusErrorReport {
+        violation,
+        is_transmitting: error.is_transmitting,
+        place: error.place,
+        counters: error.counters.map(counters),
+    }
+}
+
+const fn counters(Counters { receive, transmit }: Counters) -> driver::Counters {
+    driver::Counters { receive, transmit }
+}
+
+const fn confinement(state: Confinement) -> driver::Confinement {
+    match state {
+        Confinement::Active => driver::Confinement::Active,
+        Confinement::Warning => driver::Confinement::Warning,
+        Confinement::Passive => driver::Confinement::Passive,
+        Confinement::BusOff => driver::Confinement::BusOff,
+    }
+}
+
+impl Connection for Adapter {
+    fn read(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), String> {
+        let wait = wait.min(self.next_status.saturating_duration_since(Instant::now()));
+        let mut readings = std::mem::take(&mut self.readings);
+        let result = self.listener.read(&mut readings, wait);
+        let arrival = clock::now();
+        items.extend(readings.drain(..).filter_map(|reading| self.take(&reading, arrival)));
+        self.readings = readings;
+        result.map_err(|error| error.0)?;
+        // A new state has the present time, which is later than the frames that were waiting.
+        self.watch(items)
+    }
+
+    fn now(&self) -> Timestamp {
+        clock::now()
+    }
+
+    fn bit_rate(&self) -> Option<u32> {
+        Some(self.bit_rate)
+    }
+
+    fn stamps(&self) -> Stamps {
+        Stamps::Adapter
+    }
+
+    fn controller(&self) -> Option<String> {
+        let status = self.status?;
+        let name = confinement(status.confinement).name();
+        Some(match status.counters {
+            Some(Counters { receive, transmit }) => {
+                format!("{name}, rx {receive} tx {transmit}")
+            }
+            None => name.to_owned(),
+        })
+    }
+
+    fn lost(&self) -> u64 {
+        self.lost
+    }
+}

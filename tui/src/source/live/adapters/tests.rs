@@ -1,0 +1,117 @@
+//! The source with a listener that returns prepared readings.
+
+use std::collections::VecDeque;
+
+use cobscope_adapters::Disconnected;
+
+use super::*;
+
+/// Returns one list of readings per call, then nothing; then it is unplugged.
+struct Prepared {
+    readings: VecDeque<Vec<Reading>>,
+    status: ControllerStatus,
+}
+
+impl Listener for Prepared {
+    fn read(&mut self, readings: &mut Vec<Reading>, _wait: Duration) -> Result<(), Disconnected> {
+        readings.extend(self.readings.pop_front().ok_or_else(|| Disconnected("unplugged".into()))?);
+        Ok(())
+    }
+
+    fn status(&mut self) -> Result<ControllerStatus, Disconnected> {
+        Ok(self.status)
+    }
+}
+
+fn adapter(readings: &[&[Reading]], status: ControllerStatus) -> Adapter {
+    let readings = readings.iter().map(|readings| readings.to_vec()).collect();
+    Adapter::new(Box::new(Prepared { readings, status }), 250_000)
+}
+
+const ACTIVE: ControllerStatus = ControllerStatus { confinement: Confinement::Active, counters: None };
+
+const RECEIVED: ReceivedFrame = ReceivedFrame {
+    id: 0x181,
+    is_extended: false,
+    is_remote: false,
+    length: 2,
+    data: [1, 2, 3, 4, 5, 6, 7, 8],
+    stamp: 1_000,
+};
+
+fn frames(items: &[Arrival]) -> Vec<Frame> {
+    let frame = |item: &Arrival| match item {
+        Arrival::Frame(frame) => *frame,
+        Arrival::Notice(notice) => panic!("{notice:?}"),
+    };
+    items.iter().map(frame).collect()
+}
+
+#[test]
+fn frames_keep_their_kind_and_their_distance() {
+    let readings = [
+        Reading::Frame(RECEIVED),
+        Reading::Frame(ReceivedFrame {
+            id: 0x18FE_F100,
+            is_extended: true,
+            length: 8,
+            stamp: 1_250,
+            ..RECEIVED
+        }),
+        Reading::Frame(ReceivedFrame { is_remote: true, length: 4, stamp: 1_375, ..RECEIVED }),
+    ];
+    let mut adapter = adapter(&[&readings], ACTIVE);
+    let mut items = Vec::new();
+    adapter.read(&mut items, Duration::ZERO).unwrap();
+    let frames = frames(&items);
+    assert_eq!((frames[0].id, frames[0].data()), (CanId::Standard(0x181), &[1, 2][..]));
+    assert_eq!((frames[1].id, frames[1].data()), (CanId::Extended(0x18FE_F100), &RECEIVED.data[..]));
+    assert_eq!((frames[2].flags, frames[2].length, frames[2].data()), (FrameFlags::REMOTE, 4, &[][..]));
+    // All arrive together, so the last one cannot be later than the first, whose time is its arrival.
+    assert!(frames.is_sorted_by_key(|frame| frame.time));
+    assert_eq!(adapter.read(&mut items, Duration::ZERO), Err("unplugged".to_owned()));
+}
+
+#[test]
+fn stamps_continue_after_their_restart() {
+    let at = |stamp| Reading::Frame(ReceivedFrame { stamp, ..RECEIVED });
+    let mut adapter = adapter(&[], ACTIVE);
+    let mut time = |stamp, milliseconds: i64| {
+        let arrival = Timestamp(1_700_000_000_000_000_000 + milliseconds * 1_000_000);
+        match adapter.take(&at(stamp), arrival) {
+            Some(Arrival::Frame(frame)) => frame.time.unwrap().0 - 1_700_000_000_000_000_000,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(time(u32::MAX - 999, 0), 0);
+    assert_eq!(time(u32::MAX, 5), 999_000);
+    assert_eq!(time(0, 6), 1_000_000);
+    assert_eq!(time(4_000, 9), 5_000_000);
+}
+
+#[test]
+fn states_errors_and_losses_are_reported() {
+    let counters = Some(Counters { receive: 130, transmit: 0 });
+    let status = ControllerStatus { confinement: Confinement::Passive, counters };
+    let error = BusError {
+        violation: Some(Violation::Checksum),
+        is_transmitting: false,
+        place: 0,
+        counters: None,
+        stamp: 1_000,
+    };
+    let readings = [Reading::Lost, Reading::Error(error), Reading::Invalid("length 9".into())];
+    let mut adapter = adapter(&[&readings], status);
+    let mut items = Vec::new();
+    adapter.read(&mut items, Duration::ZERO).unwrap();
+    let [lost, bus_error, invalid, state] = &items[..] else { panic!("{items:?}") };
+    // linux/can/error.h: controller 004, protocol 008, bus error 080, counters 200; CRC sequence 08.
+    let state = frames(std::slice::from_ref(state))[0];
+    assert_eq!((state.id.number(), state.data()), (0x204, &[0, 0x10, 0, 0, 0, 0, 0, 130][..]));
+    assert!(matches!(lost, Arrival::Notice(Notice::LostFrames { count: None, .. })));
+    let bus_error = frames(std::slice::from_ref(bus_error))[0];
+    assert_eq!((bus_error.id.number(), bus_error.data()), (0x088, &[0, 0, 0, 8, 0, 0, 0, 0][..]));
+    assert!(matches!(invalid, Arrival::Notice(Notice::Unreadable { .. })));
+    assert_eq!(adapter.controller().unwrap(), "error passive, rx 130 tx 0");
+    assert_eq!((adapter.lost(), adapter.bit_rate(), adapter.stamps()), (1, Some(250_000), Stamps::Adapter));
+}
