@@ -313,7 +313,11 @@ fn the_terminal_decides_between_dark_and_light() {
         session.wait_verdict();
         let colour = |cell: &vt100::Cell| (cell.fgcolor(), cell.bgcolor());
         let seen = session.seen.0.lock().unwrap();
-        (0..140).filter_map(|x| seen.parser.screen().cell(0, x).map(colour)).collect::<Vec<_>>()
+        let mut colours: Vec<_> =
+            (0..140).filter_map(|x| seen.parser.screen().cell(0, x).map(colour)).collect();
+        // Numbers in the header may still grow: only the order of the colours is equal.
+        colours.dedup();
+        colours
     };
     let ends = |session: Session| {
         session.send("q");
