@@ -108,7 +108,7 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
     Ok(SourceSpec::Slcan { device: device.into(), bit_rate: rate.map(bit_rate).transpose()? })
 }
 
-/// Channel and bit rate of an adapter. In listen-only mode nobody notices a wrong rate, so none is assumed.
+/// Channel and bit rate of an adapter. In listen-only mode a wrong rate is not noticed, so none is assumed.
 fn adapter(vendor: AdapterVendor, text: &str, example: &str) -> Result<SourceSpec, String> {
     match text.rsplit_once('@') {
         Some((channel, rate)) if !channel.is_empty() => {

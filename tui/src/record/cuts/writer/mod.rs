@@ -255,7 +255,7 @@ impl CutWriter {
     }
 
     fn report(&self, news: CutNews) {
-        // At the end nobody receives news any more.
+        // At the end there is no receiver of news any more.
         let _ = self.news.send(news);
     }
 
