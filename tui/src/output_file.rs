@@ -68,9 +68,15 @@ pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> 
 /// # Errors
 /// As [`create`].
 pub fn create_at_once(path: &Path, existing: Existing) -> io::Result<File> {
-    let is_new = existing == Existing::Keep && path.metadata().map_or(true, |found| found.is_file());
-    let is_old = !is_new && path.metadata().is_ok_and(|found| found.is_file());
-    File::options().write(true).create(!is_new).create_new(is_new).truncate(is_old).open(path)
+    let mut options = File::options();
+    options.write(true);
+    if path.metadata().map_or(true, |found| found.is_file()) {
+        match existing {
+            Existing::Keep => options.create_new(true),
+            Existing::Replace => options.create(true).truncate(true),
+        };
+    }
+    options.open(path)
 }
 
 /// Creates the part of a file; `replaced` has the permissions of the file whose place it takes.

@@ -74,7 +74,7 @@ pub(super) fn series(captures: &[Source], input: &InputArgs) -> Vec<SourceSeries
 pub(super) fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
     let shown = shown(path);
     match error.downcast_ref::<CaptureError>()? {
-        CaptureError::Empty => Some(format!("{}: empty; skipped", escape(&shown))),
+        CaptureError::Empty => Some(format!("{shown}: empty; skipped")),
         _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),
         _ => None,
     }

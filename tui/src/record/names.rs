@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::capture::WritableFormat;
-use cobscope_decoder::sink::escape;
 use jiff::civil::DateTime;
 
 use super::format;
@@ -122,8 +121,7 @@ impl Names {
 
 /// Error for a file that cannot be created.
 pub(super) fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
-    let shown = path.display().to_string();
-    let shown = escape(&shown);
+    let shown = shown(path);
     match error.kind() {
         std::io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: file exists; {OTHERWISE}"),
         _ => anyhow::Error::new(error).context(format!("{shown}: cannot be created")),

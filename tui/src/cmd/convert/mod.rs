@@ -89,8 +89,7 @@ fn open_outputs(
     arguments: &ConvertArgs,
 ) -> anyhow::Result<Output> {
     if let Some(path) = &arguments.bus_file {
-        let shown = path.display().to_string();
-        let shown = escape(&shown);
+        let shown = shown(path);
         ensure!(path.as_path() != out, "--bus-file {shown}: is also the output; choose another file");
         let read: Vec<PathBuf> = captures.iter().cloned().chain(files_known(&arguments.input)).collect();
         ensure_not_read(path, &read)?;
@@ -153,7 +152,7 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
         let shown = shown(out);
         return found.with_context(|| {
             let known = format::unknown(format::suffixes());
-            format!("{}: {known}; or use -f", escape(&shown))
+            format!("{shown}: {known}; or use -f")
         });
     };
     // clap has already rejected other names.

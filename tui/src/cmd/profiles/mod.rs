@@ -19,6 +19,7 @@ use super::messages::warn;
 use super::output::print;
 use crate::cli::{PageFormat, ProfilesCommand};
 use crate::exit_code::Exit;
+use crate::path_text;
 use counts::counts;
 use markdown::markdown;
 use page::page;
@@ -126,8 +127,8 @@ fn check_device_file(path: &Path) -> Exit {
     if !lines.is_empty() {
         return Exit::Profile;
     }
-    let shown = path.display().to_string();
-    print(format!("{}: ok, {}\n", escape(&shown), plural(file.objects.len(), "object")).as_bytes())
+    let shown = path_text::shown(path);
+    print(format!("{shown}: ok, {}\n", plural(file.objects.len(), "object")).as_bytes())
 }
 
 /// Prints the profile generated from a device file.

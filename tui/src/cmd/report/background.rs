@@ -6,13 +6,13 @@ use std::sync::Arc;
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::Question;
 use cobscope_decoder::words::plural;
 
 use super::page;
 use super::reading::{ReportScope, compose};
 use crate::cli::{FindingArg, InputArgs, PageStyle, SelectArgs};
+use crate::path_text::shown;
 use crate::source::Series;
 
 /// A page to write.
@@ -37,7 +37,7 @@ impl PageJob {
     /// # Errors
     /// If the capture cannot be read, has no story with the finding, or the file exists or cannot be written.
     pub(in crate::cmd) fn write(&self) -> anyhow::Result<String> {
-        let shown = escape(&self.path.display().to_string()).into_owned();
+        let shown = shown(&self.path);
         ensure!(self.path.symlink_metadata().is_err(), "{shown}: file exists; choose another name");
         let finding = FindingArg::Id(self.finding);
         let scope = ReportScope {
