@@ -251,10 +251,10 @@ fn channels_are_listed_with_their_states() {
 /// The reason is that of the operating system.
 #[test]
 fn a_missing_library_is_reported_with_its_package() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     // A library that is loaded stays loaded, so that this needs a process of its own: this test again.
     const LIBRARY: &str = "COBSCOPE_KVASER_LIBRARY";
     const MISSING: &str = "/no/such/library";
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     if std::env::var_os(LIBRARY).is_some_and(|path| path == MISSING) {
         return println!("{}", refusal(Vendor::Kvaser, "0", 500_000));
     }
