@@ -35,14 +35,14 @@ pub fn in_guest() -> bool {
     is
 }
 
-/// Whether can0 and can1 exist: two controllers on one wire.
-pub fn has_controllers() -> bool {
+/// Whether this guest has devices: can0 and can1, two controllers on one wire, and simulated USB devices.
+pub fn has_devices() -> bool {
     if !in_guest() {
         return false;
     }
     let is = env::var("COBSCOPE_GUEST").is_ok_and(|backend| backend == "qemu");
     if !is {
-        support::skip("controllers", "only the guest of tests/guest/run --backend qemu has them");
+        support::skip("devices", "only the guest of tests/guest/run --backend qemu has them");
     }
     is
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::harness::{Bus, Program, greet, has_controllers, in_guest, ip};
+use crate::harness::{Bus, Program, greet, has_devices, in_guest, ip};
 use crate::pair::read;
 
 /// States of a bus in the order of their events.
@@ -110,7 +110,7 @@ fn an_interface_that_is_down_at_the_start_is_waited_for() {
 
 #[test]
 fn qemu_a_bit_rate_comes_from_the_controller() {
-    if !has_controllers() {
+    if !has_devices() {
         return;
     }
     ip("link set can1 up type can bitrate 250000");

@@ -1,6 +1,6 @@
 //! The program on buses of a real kernel, in a guest of `tests/guest/run`, compared with candump.
 //!
-//! Tests named `qemu_…` need that guest's controllers. Outside a guest all of them are skipped.
+//! Tests named `qemu_…` need that guest's devices. Outside a guest all of them are skipped.
 #![cfg(all(target_os = "linux", feature = "socketcan"))]
 #![expect(
     clippy::unwrap_used,
@@ -14,6 +14,7 @@ mod adapters;
 mod ends;
 mod filters;
 mod frames;
+mod gs_usb;
 mod harness;
 mod links;
 mod losses;

@@ -136,6 +136,6 @@ fn adapters_are_listed_with_their_state() {
     assert!(both.contains("pcan:USB1@BITRATE: PCAN-USB FD, channel 1, device 7, available\n"), "{both}");
     assert!(both.contains("kvaser:0@BITRATE: Kvaser Leaf Pro HS v2, channel 1, available\n"), "{both}");
     let others = list("in_use,light");
-    assert!(others.contains("device 7, in use by another program\n"), "{others}");
+    assert!(others.contains("device 7, in use by another program or driver\n"), "{others}");
     assert!(others.contains("channel 1, no listen-only mode\n"), "{others}");
 }

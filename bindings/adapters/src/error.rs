@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::Vendor;
+use crate::{AdapterKind, Vendor};
 
 /// Reason why a channel was not opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,8 +26,8 @@ pub enum OpenError {
     },
     /// The channel does not exist.
     NoChannel {
-        /// Vendor.
-        vendor: Vendor,
+        /// Kind of adapter.
+        kind: AdapterKind,
         /// Channel as typed.
         channel: String,
         /// Names of the existing channels.
@@ -45,10 +45,27 @@ pub enum OpenError {
         /// Existing bit rates in bit/s.
         available: Vec<u32>,
     },
+    /// The clock of the adapter gives no such bit rate.
+    Clock {
+        /// Bit rate as requested in bit/s.
+        bit_rate: u32,
+        /// Clock of the CAN controller in Hz.
+        clock: u32,
+    },
+    /// A driver of the operating system or another program uses the adapter.
+    Claimed {
+        /// Channel as typed.
+        channel: String,
+    },
+    /// This user must not open the adapter.
+    NoPermission {
+        /// Channel as typed.
+        channel: String,
+    },
     /// Listen-only mode is not available. Other modes are not used because they acknowledge frames.
     NotListenOnly {
-        /// Vendor.
-        vendor: Vendor,
+        /// Kind of adapter.
+        kind: AdapterKind,
         /// Channel as typed.
         channel: String,
     },
@@ -64,7 +81,10 @@ pub enum OpenError {
 impl OpenError {
     /// Whether a later attempt can succeed without a change by the user: an adapter that is plugged in again.
     pub fn is_temporary(&self) -> bool {
-        matches!(self, Self::NoChannel { .. } | Self::InUse { .. } | Self::Driver { .. })
+        matches!(
+            self,
+            Self::NoChannel { .. } | Self::InUse { .. } | Self::Claimed { .. } | Self::Driver { .. }
+        )
     }
 }
 
@@ -80,17 +100,7 @@ impl fmt::Display for OpenError {
             Self::OldDriver { vendor, function } => {
                 write!(f, "the driver library has no function {function}; update {}", vendor.package())
             }
-            Self::NoChannel { vendor, channel, present } if present.is_empty() => {
-                write!(f, "channel {channel} not found; the driver of {} reports no adapter", vendor.maker())
-            }
-            Self::NoChannel { vendor, channel, present } => {
-                write!(
-                    f,
-                    "channel {channel} not found; channels of {}: {}",
-                    vendor.maker(),
-                    present.join(", ")
-                )
-            }
+            Self::NoChannel { kind, channel, present } => no_channel(f, *kind, channel, &present.join(", ")),
             Self::InUse { channel } => {
                 write!(f, "channel {channel} is in use by another program; close it first")
             }
@@ -98,11 +108,28 @@ impl fmt::Display for OpenError {
                 let available: Vec<_> = available.iter().map(u32::to_string).collect();
                 write!(f, "{bit_rate} bit/s not available; expected {}", available.join(", "))
             }
-            Self::NotListenOnly { vendor, channel } => write!(
+            Self::Clock { bit_rate, clock } => {
+                write!(f, "{bit_rate} bit/s not available: the clock of the adapter has {clock} Hz")
+            }
+            Self::Claimed { channel } => write!(
                 f,
-                "channel {channel} has no listen-only mode; other modes are not used because they acknowledge \
-                 frames; {}",
-                vendor.listen_only_remedy()
+                "{} is in use by another program or by a driver; an adapter that Linux uses is an interface of \
+                 SocketCAN: open can0",
+                adapter(channel)
+            ),
+            Self::NoPermission { channel } => write!(
+                f,
+                "no permission to open {}; on Linux a udev rule gives it (docs/adapters.md)",
+                adapter(channel)
+            ),
+            Self::NotListenOnly { kind, channel } => write!(
+                f,
+                "{} has no listen-only mode; other modes are not used because they acknowledge frames; {}",
+                match kind {
+                    AdapterKind::GsUsb => adapter(channel),
+                    AdapterKind::Pcan | AdapterKind::Kvaser => format!("channel {channel}"),
+                },
+                kind.listen_only_remedy()
             ),
             Self::Driver { function, reason } => write!(f, "{function}: {reason}"),
         }
@@ -110,6 +137,30 @@ impl fmt::Display for OpenError {
 }
 
 impl std::error::Error for OpenError {}
+
+/// An adapter by its name; the only one has none.
+fn adapter(name: &str) -> String {
+    if name.is_empty() { "the adapter".into() } else { format!("adapter {name}") }
+}
+
+fn no_channel(f: &mut fmt::Formatter<'_>, kind: AdapterKind, channel: &str, present: &str) -> fmt::Result {
+    let vendor = match kind {
+        AdapterKind::Pcan => Vendor::Pcan.maker(),
+        AdapterKind::Kvaser => Vendor::Kvaser.maker(),
+        AdapterKind::GsUsb => {
+            return match (channel, present) {
+                ("", "") => f.write_str("no gs_usb adapter found"),
+                ("", _) => write!(f, "several gs_usb adapters found; name one: {present}"),
+                (_, "") => write!(f, "adapter {channel} not found; no gs_usb adapter is connected"),
+                _ => write!(f, "adapter {channel} not found; gs_usb adapters: {present}"),
+            };
+        }
+    };
+    match present {
+        "" => write!(f, "channel {channel} not found; the driver of {vendor} reports no adapter"),
+        _ => write!(f, "channel {channel} not found; channels of {vendor}: {present}"),
+    }
+}
 
 /// The channel cannot be read any more: unplugged, or closed by the driver. The text is the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -141,7 +192,7 @@ mod tests {
         );
         assert!(!no_driver.is_temporary());
         let channel = |present: &[&str]| OpenError::NoChannel {
-            vendor: Vendor::Pcan,
+            kind: AdapterKind::Pcan,
             channel: "USB9".into(),
             present: present.iter().map(ToString::to_string).collect(),
         };

@@ -1,14 +1,15 @@
-//! CAN adapters of PEAK (PCAN-Basic) and Kvaser (CANlib) in listen-only mode.
+//! CAN adapters of PEAK (PCAN-Basic), Kvaser (CANlib) and with the gs_usb protocol in listen-only mode.
 //!
 //! The libraries of the vendors are loaded at run time. Functions that transmit are not bound. Listen-only mode is
-//! set and read back before the channel joins the bus, and read back once more afterwards. An adapter without it
-//! is refused.
+//! set and read back before the channel joins the bus, and read back once more afterwards. gs_usb adapters need no
+//! library; their protocol sets the mode in the request that joins the bus, and their endpoint for frames to transmit is
+//! not opened. An adapter without the mode is refused.
 //!
 //! ```no_run
 //! use std::time::Duration;
-//! use cobscope_adapters::Vendor;
+//! use cobscope_adapters::AdapterKind;
 //!
-//! let mut listener = Vendor::Pcan.listen("USB1", 500_000)?;
+//! let mut listener = AdapterKind::Pcan.listen("USB1", 500_000)?;
 //! let mut readings = Vec::new();
 //! listener.read(&mut readings, Duration::from_millis(100))?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -21,6 +22,8 @@
 
 mod driver_text;
 mod error;
+pub mod gs_usb;
+mod kind;
 pub mod kvaser;
 mod library;
 pub mod pcan;
@@ -28,5 +31,8 @@ mod reading;
 mod vendor;
 
 pub use error::{Disconnected, OpenError};
-pub use reading::{BusError, Confinement, ControllerStatus, Counters, Reading, ReceivedFrame, Violation};
-pub use vendor::{Channel, ChannelState, Listener, Vendor};
+pub use kind::{AdapterKind, Channel, ChannelState, Listener};
+pub use reading::{
+    BusError, Confinement, ControllerStatus, Counters, ErrorFrame, Reading, ReceivedFrame, Violation,
+};
+pub use vendor::Vendor;

@@ -60,6 +60,19 @@ pub struct BusError {
     pub stamp: u32,
 }
 
+/// An error frame that the adapter reports in the layout of SocketCAN (linux/can/error.h).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ErrorFrame {
+    /// Error classes: the identifier without flags.
+    pub class: u32,
+    /// Data.
+    pub data: [u8; 8],
+    /// The state of the controller, if the frame reports it.
+    pub confinement: Option<Confinement>,
+    /// Time by the clock of the adapter in µs, as [`ReceivedFrame::stamp`].
+    pub stamp: u32,
+}
+
 /// An item from the receive queue.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reading {
@@ -67,6 +80,8 @@ pub enum Reading {
     Frame(ReceivedFrame),
     /// A bus error.
     Error(BusError),
+    /// An error frame.
+    ErrorFrame(ErrorFrame),
     /// The controller or the queue of the driver was read too late: at least one frame is lost.
     Lost,
     /// Data of the driver that cannot be valid: found and expected value.

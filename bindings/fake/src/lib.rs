@@ -1,4 +1,4 @@
-//! Driver libraries of PEAK and Kvaser for tests, in one shared library with the functions of both.
+//! Driver libraries of PEAK and Kvaser for tests, in one shared library with the functions of both; and a gs_usb adapter.
 //!
 //! A scenario selects what they play: `frames=100000,error_every=1000,unplug_at=500`. It is read from `COBSCOPE_FAKE_SCENARIO`,
 //! or set by [`fake_reset`]. Calls other than reads are recorded, and appended to the file `COBSCOPE_FAKE_CALLS`.
@@ -8,6 +8,7 @@
 
 #![allow(unsafe_code, reason = "functions in C that are called by their names")]
 
+pub mod gs_usb;
 mod kvaser;
 mod pcan;
 mod scenario;

@@ -77,7 +77,7 @@ pub enum Command {
     ///
     /// SOURCE is an interface (can0, any; with candump's filters: can0,123:7FF,400~7F0,#FFFFFFFF), a serial
     /// adapter (slcan:/dev/ttyACM0@500k), an adapter of PEAK (pcan:USB1@500k) or Kvaser (kvaser:0@500k) with its
-    /// installed driver, a bus of a server (socketcand://host/can0), - for candump text on stdin (ssh machine
+    /// installed driver, a gs_usb adapter such as candleLight or CANable 2 (gs_usb:@500k, gs_usb:SERIAL@500k), a bus of a server (socketcand://host/can0), - for candump text on stdin (ssh machine
     /// candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE the interfaces and
     /// adapters of this computer are listed. No frame is ever transmitted; adapters without listen-only mode are
     /// refused.

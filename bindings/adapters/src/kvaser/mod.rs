@@ -13,8 +13,8 @@ use std::time::Duration;
 
 use crate::reading::MAX_READINGS;
 use crate::{
-    Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener, OpenError,
-    Reading, Vendor,
+    AdapterKind, Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener,
+    OpenError, Reading,
 };
 use api::{Api, ChannelHandle, Received};
 
@@ -121,7 +121,7 @@ impl KvaserListener {
 }
 
 fn not_listen_only(channel: &str) -> OpenError {
-    OpenError::NotListenOnly { vendor: Vendor::Kvaser, channel: channel.into() }
+    OpenError::NotListenOnly { kind: AdapterKind::Kvaser, channel: channel.into() }
 }
 
 /// The number of an existing channel.
@@ -130,7 +130,7 @@ fn find(api: &Api, channel: &str) -> Result<i32, OpenError> {
     let is_number = channel.bytes().all(|byte| byte.is_ascii_digit());
     let number = channel.parse().ok().filter(|number| is_number && (0..count).contains(number));
     number.ok_or_else(|| OpenError::NoChannel {
-        vendor: Vendor::Kvaser,
+        kind: AdapterKind::Kvaser,
         channel: channel.into(),
         present: (0..count).map(|number| number.to_string()).collect(),
     })

@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 
 use crate::reading::MAX_READINGS;
 use crate::{
-    Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener, OpenError,
-    Reading, Vendor,
+    AdapterKind, Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener,
+    OpenError, Reading,
 };
 use api::{Api, Handle, Parameter, Switch};
 
@@ -170,7 +170,7 @@ impl PcanListener {
 }
 
 fn not_listen_only(channel: &str) -> OpenError {
-    OpenError::NotListenOnly { vendor: Vendor::Pcan, channel: channel.into() }
+    OpenError::NotListenOnly { kind: AdapterKind::Pcan, channel: channel.into() }
 }
 
 /// The handle of an available channel.
@@ -180,7 +180,7 @@ fn find(api: &Api, channel: &str) -> Result<Handle, OpenError> {
         attached.iter().map(|found| names::name(found.handle)).collect()
     };
     let missing =
-        || OpenError::NoChannel { vendor: Vendor::Pcan, channel: channel.into(), present: present() };
+        || OpenError::NoChannel { kind: AdapterKind::Pcan, channel: channel.into(), present: present() };
     let handle = names::handle(channel).ok_or_else(missing)?;
     match state(api.value(handle, Parameter::Condition)?) {
         ChannelState::Available => Ok(handle),

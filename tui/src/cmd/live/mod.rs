@@ -94,7 +94,7 @@ fn list() -> Exit {
     let written = print(text.as_bytes());
     note(&format!(
         "{hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), pcan:USB1@500k (PEAK), kvaser:0@500k \
-         (Kvaser), socketcand://HOST/can0 (server), - (candump text on stdin)"
+         (Kvaser), gs_usb:@500k (candleLight, CANable), socketcand://HOST/can0 (server), - (candump text on stdin)"
     ));
     if lines.is_empty() { Exit::Capture } else { written }
 }

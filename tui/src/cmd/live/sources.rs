@@ -17,7 +17,7 @@ pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
     let spec = |path: &Path| -> anyhow::Result<SourceSpec> {
         let name = path.to_str().with_context(|| {
             format!(
-                "{}: not a valid source; expected can0, slcan:PORT@RATE, pcan:USB1@RATE, kvaser:0@RATE, \
+                "{}: not a valid source; expected can0, slcan:PORT@RATE, pcan:USB1@RATE, kvaser:0@RATE, gs_usb:@RATE, \
                  socketcand://HOST/BUS, - or a file",
                 path.display()
             )
@@ -39,9 +39,7 @@ pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Resu
         match spec {
             SourceSpec::SocketCan(spec) => interfaces.push(spec),
             SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
-            SourceSpec::Adapter { vendor, channel, bit_rate } => {
-                sources.push(adapters::open(vendor, &channel, bit_rate)?);
-            }
+            SourceSpec::Adapter(spec) => sources.push(adapters::open(&spec)?),
             SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
             SourceSpec::Stdin => sources.push(text::stdin(read)?),
             SourceSpec::File(path) => sources.push(text::follow(&path, read)?),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! can0 ──one thread each──▶ ┐
-//! slcan:… pcan:… kvaser:… ─▶├─ gather: in time order ──▶ frames and notices ──▶ screen, text, rules, capture
+//! slcan:… pcan:… gs_usb:… ─▶├─ gather: in time order ──▶ frames and notices ──▶ screen, text, rules, capture
 //! socketcand://… ──────────▶┘
 //! ```
 //!
@@ -41,7 +41,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
 
 pub use gather::Gather;
-pub use spec::{AdapterVendor, SourceSpec};
+pub use spec::{AdapterSpec, SourceSpec};
 pub use state::{Live, LiveState};
 
 /// An item of a source.

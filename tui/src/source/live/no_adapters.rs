@@ -2,14 +2,14 @@
 
 use anyhow::bail;
 
-use super::{AdapterVendor, Source};
+use super::{AdapterSpec, Source};
 
 /// Always fails.
 ///
 /// # Errors
 /// Always.
-pub fn open(_vendor: AdapterVendor, channel: &str, _bit_rate: u32) -> anyhow::Result<Box<dyn Source>> {
-    bail!("{channel}: this build cannot open adapters with the driver of a vendor (feature adapters)")
+pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn Source>> {
+    bail!("{}:{}: this build cannot open adapters (feature adapters)", spec.prefix, spec.channel)
 }
 
 /// Always empty.

@@ -4,6 +4,7 @@
 //! can0   can0,123:7FF,400~7F0,#FFFFFFFF   any       SocketCAN, with candump's filters
 //! slcan:/dev/ttyACM0@500000                          a serial adapter (Lawicel)
 //! pcan:USB1@500k   kvaser:0@250k                     an adapter with the driver of its vendor
+//! gs_usb:@500k   gs_usb:0042001A@500k                 an adapter with the gs_usb protocol
 //! socketcand://host:29536/can0                       a server
 //! -                                                  text on standard input
 //! machine.trc                                        a growing file, with --follow
@@ -30,8 +31,8 @@ pub enum SourceSpec {
     SocketCan(InterfaceSpec),
     /// A serial adapter, and the bit rate to set in bit/s.
     Slcan { device: String, bit_rate: Option<u32> },
-    /// An adapter with the driver of its vendor, and the bit rate to set in bit/s.
-    Adapter { vendor: AdapterVendor, channel: String, bit_rate: u32 },
+    /// An adapter with the driver of its vendor, or with the gs_usb protocol.
+    Adapter(AdapterSpec),
     /// A bus of a socketcand server.
     Socketcand { address: String, bus: String },
     /// Standard input.
@@ -40,14 +41,20 @@ pub enum SourceSpec {
     File(PathBuf),
 }
 
-/// A vendor whose drivers are supported.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AdapterVendor {
-    /// PEAK-System.
-    Pcan,
-    /// Kvaser.
-    Kvaser,
+/// A channel of an adapter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AdapterSpec {
+    /// Kind of adapter: `pcan`, `kvaser`, `gs_usb`.
+    pub prefix: &'static str,
+    /// Channel, or serial number; empty for the only gs_usb adapter.
+    pub channel: String,
+    /// Bit rate to set in bit/s.
+    pub bit_rate: u32,
 }
+
+/// Prefixes of adapters with the example of a source.
+const ADAPTERS: [(&str, &str); 3] =
+    [("pcan", "pcan:USB1@500k"), ("kvaser", "kvaser:0@500k"), ("gs_usb", "gs_usb:@500k")];
 
 /// A CAN interface with its frame filters.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,11 +91,11 @@ impl FromStr for SourceSpec {
         if let Some(rest) = text.strip_prefix("socketcand://") {
             return socketcand(rest);
         }
-        if let Some(rest) = text.strip_prefix("pcan:") {
-            return adapter(AdapterVendor::Pcan, rest, "pcan:USB1@500k");
-        }
-        if let Some(rest) = text.strip_prefix("kvaser:") {
-            return adapter(AdapterVendor::Kvaser, rest, "kvaser:0@500k");
+        let prefixed = |prefix: &str| text.strip_prefix(prefix)?.strip_prefix(':');
+        for (prefix, example) in ADAPTERS {
+            if let Some(rest) = prefixed(prefix) {
+                return adapter(prefix, rest, example);
+            }
         }
         if text.contains(['/', '\\', '.']) || std::path::Path::new(text).is_file() {
             return Ok(Self::File(text.into()));
@@ -109,12 +116,15 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
 }
 
 /// Channel and bit rate of an adapter. In listen-only mode a wrong rate is not noticed, so none is assumed.
-fn adapter(vendor: AdapterVendor, text: &str, example: &str) -> Result<SourceSpec, String> {
+fn adapter(prefix: &'static str, text: &str, example: &str) -> Result<SourceSpec, String> {
+    let has_default = prefix == "gs_usb";
     match text.rsplit_once('@') {
-        Some((channel, rate)) if !channel.is_empty() => {
-            Ok(SourceSpec::Adapter { vendor, channel: channel.into(), bit_rate: bit_rate(rate)? })
-        }
-        None if !text.is_empty() => Err(format!("found no bit rate, expected {example}")),
+        Some((channel, rate)) if has_default || !channel.is_empty() => Ok(SourceSpec::Adapter(AdapterSpec {
+            prefix,
+            channel: channel.into(),
+            bit_rate: bit_rate(rate)?,
+        })),
+        None if has_default || !text.is_empty() => Err(format!("found no bit rate, expected {example}")),
         _ => Err(format!("found no channel, expected {example}")),
     }
 }
@@ -213,16 +223,19 @@ mod tests {
 
     #[test]
     fn adapters_have_a_channel_and_a_bit_rate() {
-        let adapter = |vendor, channel: &str, bit_rate| {
-            Ok(SourceSpec::Adapter { vendor, channel: channel.into(), bit_rate })
+        let adapter = |prefix, channel: &str, bit_rate| {
+            Ok(SourceSpec::Adapter(AdapterSpec { prefix, channel: channel.into(), bit_rate }))
         };
-        assert_eq!(spec("pcan:USB1@500k"), adapter(AdapterVendor::Pcan, "USB1", 500_000));
-        assert_eq!(spec("kvaser:0@1M"), adapter(AdapterVendor::Kvaser, "0", 1_000_000));
-        assert_eq!(spec("kvaser:1@83333"), adapter(AdapterVendor::Kvaser, "1", 83_333));
+        assert_eq!(spec("pcan:USB1@500k"), adapter("pcan", "USB1", 500_000));
+        assert_eq!(spec("kvaser:0@1M"), adapter("kvaser", "0", 1_000_000));
+        assert_eq!(spec("kvaser:1@83333"), adapter("kvaser", "1", 83_333));
+        assert_eq!(spec("gs_usb:@250k"), adapter("gs_usb", "", 250_000));
+        assert_eq!(spec("gs_usb:0042001A/1@250k"), adapter("gs_usb", "0042001A/1", 250_000));
         let error = |text: &str| spec(text).unwrap_err();
         assert_eq!(error("pcan:USB1"), "found no bit rate, expected pcan:USB1@500k");
         assert_eq!(error("kvaser:@250k"), "found no channel, expected kvaser:0@500k");
         assert_eq!(error("kvaser:"), "found no channel, expected kvaser:0@500k");
+        assert_eq!(error("gs_usb:"), "found no bit rate, expected gs_usb:@500k");
         for rate in ["", "k", "0", "fast", "+5", "5000M", "99999999999", "1m"] {
             let expected = format!("found {rate:?} after @, expected a bit rate such as 500000, 500k or 1M");
             assert_eq!(error(&format!("pcan:USB1@{rate}")), expected);

@@ -1,4 +1,4 @@
-//! Adapters of PEAK and Kvaser with the drivers of their vendors, in listen-only mode.
+//! Adapters of PEAK and Kvaser with the drivers of their vendors, and gs_usb adapters, in listen-only mode.
 //!
 //! `cobscope_adapters` sets and checks the mode, and binds no function that transmits.
 
@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use cobscope_adapters::{
-    BusError, ChannelState, Confinement, ControllerStatus, Counters, Listener, OpenError, Reading,
-    ReceivedFrame, Vendor, Violation,
+    AdapterKind, BusError, ChannelState, Confinement, ControllerStatus, Counters, ErrorFrame, Listener,
+    OpenError, Reading, ReceivedFrame, Violation,
 };
 use cobscope_decoder::capture::adapter::driver::{self, BusErrorReport, frame_of_state};
 use cobscope_decoder::capture::{CapturePlace, Notice};
@@ -19,7 +19,7 @@ use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use super::backoff::ConnectError;
 use super::returning::{Connection, ReconnectingSource, unreadable};
 use super::stamps::StampClock;
-use super::{AdapterVendor, Arrival, Source, Stamps, clock};
+use super::{AdapterSpec, Arrival, Source, Stamps, clock};
 
 /// Maximum delay of a frame: the buffers of the USB line and the pauses between reads.
 const LAG: Duration = Duration::from_millis(50);
@@ -30,39 +30,36 @@ const STATUS_EVERY: Duration = Duration::from_millis(250);
 /// Time after which the timestamps of the drivers restart at 0: 2³² µs.
 const WRAP: i64 = 0x1_0000_0000 * 1_000;
 
-/// Opens `channel` of an adapter, `bit_rate` in bit/s.
+/// Opens an adapter.
 ///
 /// # Errors
 /// Driver, channel, bit rate or listen-only mode are not available, or another program uses the channel.
-pub fn open(vendor: AdapterVendor, channel: &str, bit_rate: u32) -> anyhow::Result<Box<dyn Source>> {
-    let vendor = match vendor {
-        AdapterVendor::Pcan => Vendor::Pcan,
-        AdapterVendor::Kvaser => Vendor::Kvaser,
-    };
-    let name = format!("{}-{channel}", vendor.prefix());
-    let channel = channel.to_owned();
+pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn Source>> {
+    let AdapterSpec { prefix, channel, bit_rate } = spec.clone();
+    let kind = AdapterKind::ALL.into_iter().find(|kind| kind.prefix() == prefix);
+    let kind = kind.ok_or_else(|| anyhow!("{prefix}: no such adapters"))?;
+    let name = if channel.is_empty() { prefix.to_owned() } else { format!("{prefix}-{channel}") };
     let connect = move || {
-        let listener =
-            vendor.listen(&channel, bit_rate).map_err(|error| refused(vendor, &channel, &error))?;
+        let listener = kind.listen(&channel, bit_rate).map_err(|error| refused(kind, &channel, &error))?;
         Ok(Adapter::new(listener, bit_rate))
     };
     Ok(Box::new(ReconnectingSource::open(&name, LAG, Vec::new(), connect)?))
 }
 
-fn refused(vendor: Vendor, channel: &str, error: &OpenError) -> ConnectError {
-    let message = anyhow!("{}:{channel}: {error}", vendor.prefix());
+fn refused(kind: AdapterKind, channel: &str, error: &OpenError) -> ConnectError {
+    let message = anyhow!("{}:{channel}: {error}", kind.prefix());
     if error.is_temporary() { ConnectError::Again(message) } else { ConnectError::Never(message) }
 }
 
 /// One line per channel of the adapters that are plugged in, `pcan:USB1@BITRATE: PCAN-USB FD, channel 1, available`.
 /// Vendors without an installed driver have none.
 pub fn all() -> Vec<String> {
-    Vendor::ALL.into_iter().flat_map(channels).collect()
+    AdapterKind::ALL.into_iter().flat_map(channels).collect()
 }
 
-fn channels(vendor: Vendor) -> Vec<String> {
-    let prefix = vendor.prefix();
-    match vendor.channels() {
+fn channels(kind: AdapterKind) -> Vec<String> {
+    let prefix = kind.prefix();
+    match kind.channels() {
         Ok(channels) => {
             let line = |channel: cobscope_adapters::Channel| {
                 format!("{prefix}:{}@BITRATE: {}, {}", channel.name, channel.device, state(channel.state))
@@ -77,7 +74,7 @@ fn channels(vendor: Vendor) -> Vec<String> {
 const fn state(state: ChannelState) -> &'static str {
     match state {
         ChannelState::Available => "available",
-        ChannelState::InUse => "in use by another program",
+        ChannelState::InUse => "in use by another program or driver",
         ChannelState::NotListenOnly => "no listen-only mode",
         ChannelState::Unavailable => "not available",
     }
@@ -135,6 +132,15 @@ impl Adapter {
                 let time = self.time(error.stamp, arrival);
                 report(error).frame().map(|frame| Arrival::Frame(Frame { time: Some(time), ..frame }))
             }
+            Reading::ErrorFrame(error) => {
+                let time = self.time(error.stamp, arrival);
+                if let Some(confinement) = error.confinement {
+                    // The adapter reports it itself: `watch` must not report it again.
+                    let counters = self.status.and_then(|status| status.counters);
+                    self.status = Some(ControllerStatus { confinement, counters });
+                }
+                Some(Arrival::Frame(Frame { time: Some(time), ..error_frame(error) }))
+            }
             Reading::Lost => {
                 self.lost = self.lost.saturating_add(1);
                 let (place, bus) = (CapturePlace::Now, BusIndex(0));
@@ -159,6 +165,11 @@ fn frame(received: &ReceivedFrame) -> Frame {
         return Frame { id, flags: FrameFlags::REMOTE, length: received.length, ..Frame::EMPTY };
     }
     Frame::data_frame(id, received.data.get(..usize::from(received.length)).unwrap_or(&received.data))
+}
+
+fn error_frame(error: &ErrorFrame) -> Frame {
+    let frame = Frame::data_frame(CanId::extended(error.class), &error.data);
+    Frame { flags: FrameFlags::ERROR, ..frame }
 }
 
 fn report(error: &BusError) -> BusErrorReport {
@@ -212,7 +223,7 @@ impl Connection for Adapter {
     }
 
     fn stamps(&self) -> Stamps {
-        Stamps::Adapter
+        if self.listener.has_stamps() { Stamps::Adapter } else { Stamps::Arrival }
     }
 
     fn controller(&self) -> Option<String> {

@@ -115,3 +115,17 @@ fn states_errors_and_losses_are_reported() {
     assert_eq!(adapter.controller().unwrap(), "error passive, rx 130 tx 0");
     assert_eq!((adapter.lost(), adapter.bit_rate(), adapter.stamps()), (1, Some(250_000), Stamps::Adapter));
 }
+
+/// The adapter reports the state itself; the state that is read afterwards adds no second frame.
+#[test]
+fn an_error_frame_of_the_adapter_is_passed_on_once() {
+    let data = [0, 0x10, 0, 0, 0, 0, 0, 130];
+    let error = ErrorFrame { class: 0x204, data, confinement: Some(Confinement::Passive), stamp: 1_000 };
+    let status = ControllerStatus { confinement: Confinement::Passive, counters: None };
+    let mut adapter = adapter(&[&[Reading::ErrorFrame(error)]], status);
+    let mut items = Vec::new();
+    adapter.read(&mut items, Duration::ZERO).unwrap();
+    let [frame] = frames(&items)[..] else { panic!("{items:?}") };
+    assert_eq!((frame.id, frame.flags, frame.data()), (CanId::extended(0x204), FrameFlags::ERROR, &data[..]));
+    assert_eq!(adapter.controller().unwrap(), "error passive");
+}
