@@ -20,6 +20,7 @@ mod extcap;
 mod filter;
 mod journeys;
 mod live;
+mod mcp;
 mod objects;
 mod output;
 mod panes;

@@ -9,6 +9,7 @@ mod extcap;
 mod formats;
 mod input;
 mod live;
+mod mcp;
 mod notes;
 mod objects;
 mod profiles;
@@ -34,6 +35,7 @@ pub use formats::{Color, DiffFormat, ReportFormat};
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
 pub use live::LiveArgs;
+pub use mcp::McpArgs;
 pub use objects::ObjectsArgs;
 pub use profiles::{PageFormat, ProfilesCommand};
 pub use report::{AttachPlace, FindingArg, PageStyle, ReportArgs};
@@ -216,6 +218,12 @@ pub enum Command {
     /// Nothing is transmitted.
     #[command(after_help = notes::EXTCAP)]
     Extcap(ExtcapArgs),
+    /// Answer the questions of an AI agent about captures (Model Context Protocol)
+    ///
+    /// A read-only server on standard input and output. Its tools are captures, summary, why, findings, events, objects,
+    /// signals, explain and diff; each answer has at most 64 KiB. Only files in the given folders are read.
+    #[command(after_help = notes::MCP)]
+    Mcp(McpArgs),
     /// Print shell completions
     Completions {
         /// Shell
@@ -247,6 +255,7 @@ impl Command {
             | Self::Explain { .. }
             | Self::Profiles { .. }
             | Self::Extcap(_)
+            | Self::Mcp(_)
             | Self::Completions { .. }
             | Self::Man { .. } => return None,
         };
@@ -268,6 +277,7 @@ impl Command {
             Self::Diff(arguments) => &arguments.input.profiles,
             Self::Rules(arguments) => &arguments.profiles,
             Self::Explain { profiles, .. } | Self::Profiles { profiles, .. } => profiles,
+            Self::Mcp(arguments) => &arguments.profiles,
             Self::Extcap(_) | Self::Completions { .. } | Self::Man { .. } => &[],
         }
     }
@@ -292,6 +302,7 @@ impl Command {
             | Self::Explain { .. }
             | Self::Profiles { .. }
             | Self::Extcap(_)
+            | Self::Mcp(_)
             | Self::Completions { .. }
             | Self::Man { .. } => return Ok(()),
         };
@@ -326,7 +337,7 @@ pub fn with_default_command(
 }
 
 /// Names of the subcommands: building the parser only for them would take longer than decoding a small capture.
-const COMMANDS: [&str; 16] = [
+const COMMANDS: [&str; 17] = [
     "view",
     "live",
     "decode",
@@ -341,6 +352,7 @@ const COMMANDS: [&str; 16] = [
     "explain",
     "profiles",
     "extcap",
+    "mcp",
     "completions",
     "man",
 ];

@@ -74,6 +74,9 @@ examples! {
     EXTCAP:
         "cobscope extcap --install",
         "cobscope extcap --install --dir /usr/lib/x86_64-linux-gnu/wireshark/extcap";
+    MCP:
+        "cobscope mcp captures/",
+        "cobscope mcp --profiles devices/ captures/ machines/";
 }
 
 /// Examples of `check`, and the exit statuses.

@@ -15,6 +15,7 @@ mod facts;
 mod frame_comment;
 mod input;
 mod live;
+mod mcp;
 mod messages;
 mod objects;
 mod output;
@@ -88,6 +89,7 @@ pub fn run(cli: Cli) -> Exit {
         Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Extcap(arguments) => extcap::run(&arguments),
+        Command::Mcp(arguments) => mcp::run(&arguments),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man { of } => shell::man(of.as_deref()),
     }

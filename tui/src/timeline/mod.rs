@@ -11,6 +11,7 @@
 //!
 //! Each is a thread. Its results are in [`Shared`]; a [`News`] message reports a change.
 
+mod indexed;
 mod load;
 mod matches;
 mod news;
@@ -35,6 +36,7 @@ use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
+pub use indexed::{IndexedCapture, WalkStart};
 pub use load::{LoadOverTime, LoadStep};
 pub use matches::{Matcher, Matches};
 pub use news::News;
@@ -47,6 +49,7 @@ pub use survey::{
 };
 pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Points, Traces};
+pub use walk::Walk;
 
 pub use crate::bucket::Bucket;
 pub use crate::source::JoinOptions;

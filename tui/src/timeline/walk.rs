@@ -8,13 +8,13 @@ use super::shared::Shared;
 use crate::source::StoreReader;
 
 /// A reader with the state after the last item.
-pub(super) struct Walk {
+pub struct Walk {
     reader: MergedReader<StoreReader>,
     batch: Batch,
     frames: usize,
     notices: usize,
     /// State of the buses at this position.
-    pub(super) world: ReplayState,
+    pub world: ReplayState,
     has_ended: bool,
 }
 
@@ -37,7 +37,10 @@ impl Walk {
     }
 
     /// The next item, if it is a frame.
-    pub(super) fn peek(&mut self) -> Result<Option<&Frame>, CaptureError> {
+    ///
+    /// # Errors
+    /// The capture cannot be read any more.
+    pub fn peek(&mut self) -> Result<Option<&Frame>, CaptureError> {
         let is_notice = |walk: &Self| walk.next_notice().is_some();
         Ok(if self.fill()? && !is_notice(self) { self.batch.frames().get(self.frames) } else { None })
     }
@@ -49,7 +52,10 @@ impl Walk {
     }
 
     /// Processes the next frame or notice. Returns `false` at the end, after closing open conditions.
-    pub(super) fn step(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
+    ///
+    /// # Errors
+    /// The capture cannot be read any more.
+    pub fn step(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
         if !self.fill()? {
             self.close(see);
             return Ok(false);

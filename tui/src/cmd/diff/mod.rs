@@ -2,7 +2,7 @@
 
 mod json;
 mod pair;
-mod quiet;
+pub(super) mod quiet;
 
 pub(super) use pair::one;
 pub(super) use quiet::ComparisonJob;

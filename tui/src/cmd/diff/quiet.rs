@@ -1,9 +1,9 @@
-//! A comparison for the terminal UI: without messages, with the differences by what they concern.
+//! A comparison without messages: for the terminal UI, with the differences by what they concern, and for other programs.
 
-use cobscope_decoder::comparison::{self, DifferenceMarks};
+use cobscope_decoder::comparison::{self, CaptureRecord, DifferenceMarks};
 use cobscope_decoder::session::SessionOptions;
 
-use super::record;
+use super::{json, record};
 use crate::cli::{DiffArgs, DiffFormat, InputArgs};
 use crate::source::Series;
 
@@ -18,6 +18,30 @@ pub(in crate::cmd) struct ComparisonJob {
     pub(in crate::cmd) input: InputArgs,
     /// Options of the decoder.
     pub(in crate::cmd) options: SessionOptions,
+}
+
+/// The comparison as JSON.
+///
+/// # Errors
+/// If a capture cannot be read to its end.
+pub(in crate::cmd) fn compared(
+    [good, bad]: [&Series; 2],
+    arguments: &DiffArgs,
+    options: &SessionOptions,
+) -> anyhow::Result<String> {
+    let [good, bad] = [read(good, arguments, options)?, read(bad, arguments, options)?];
+    let mut compared = comparison::compare(&good, &bad, &options.bus_file.diff);
+    if !arguments.only.is_empty() {
+        compared.keep(&arguments.only);
+    }
+    let mut text = String::new();
+    json::write(&compared, (&good, &bad), &options.bus_file.diff, &mut text);
+    Ok(text)
+}
+
+fn read(series: &Series, arguments: &DiffArgs, options: &SessionOptions) -> anyhow::Result<CaptureRecord> {
+    let (recorded, failure) = record(series, arguments, options, true)?;
+    failure.map_or(Ok(recorded.record), Err)
 }
 
 impl ComparisonJob {
@@ -37,11 +61,7 @@ impl ComparisonJob {
             format: DiffFormat::Text,
             output: None,
         };
-        let read = |series: &Series| {
-            let (recorded, failure) = record(series, &arguments, &options, true)?;
-            failure.map_or(Ok(recorded.record), Err)
-        };
-        let (good, bad) = (read(&good)?, read(&bad)?);
+        let (good, bad) = (read(&good, &arguments, &options)?, read(&bad, &arguments, &options)?);
         let compared = comparison::compare(&good, &bad, &options.bus_file.diff);
         Ok(DifferenceMarks::new(&compared, &good, &bad))
     }

@@ -11,7 +11,7 @@ mod uds;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cobscope_decoder::profile::{self, Device, ProfileError};
+use cobscope_decoder::profile::{self, Catalogue, Device, ProfileError};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use super::messages::{note, warn};
@@ -35,29 +35,45 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
         Ok(device) => device,
         Err(error) => return refuse(&error),
     };
-    let thing = thing.trim();
-    if let Some(rule) = rules::find(&catalogue, thing) {
-        return print(rules::page(&rule).as_bytes());
+    match meaning(thing, catalogue, device) {
+        Ok(text) => print(text.as_bytes()),
+        Err(text) => {
+            note(&format!("explain: {text}"));
+            Exit::Usage
+        }
     }
+}
+
+/// All possible meanings, most likely first.
+///
+/// # Errors
+/// The text has none.
+pub(super) fn meaning(
+    thing: &str,
+    catalogue: Catalogue,
+    device: Option<Arc<Device>>,
+) -> Result<String, String> {
     let asked = LookupScope { catalogue, device };
+    let thing = thing.trim();
+    if let Some(rule) = rules::find(&asked.catalogue, thing) {
+        return Ok(rules::page(&rule));
+    }
     let readings = if thing.contains('#') {
         frame::frame(thing, &asked).into_iter().collect()
     } else {
         code(thing, &asked)
     };
-    if readings.is_empty() {
-        let shown = thing.escape_debug();
-        let text = match rules::meant(&asked.catalogue, thing) {
-            Some(rule) => format!("unknown rule '{shown}'; did you mean '{rule}'?"),
-            None => match frame::defect(thing) {
-                Some(defect) => format!("found \"{shown}\": {defect}"),
-                None => format!("found \"{shown}\"; {FORMS}"),
-            },
-        };
-        note(&format!("explain: {text}"));
-        return Exit::Usage;
+    if !readings.is_empty() {
+        return Ok(readings.join("\n"));
     }
-    print(readings.join("\n").as_bytes())
+    let shown = thing.escape_debug();
+    Err(match rules::meant(&asked.catalogue, thing) {
+        Some(rule) => format!("unknown rule '{shown}'; did you mean '{rule}'?"),
+        None => match frame::defect(thing) {
+            Some(defect) => format!("found \"{shown}\": {defect}"),
+            None => format!("found \"{shown}\"; {FORMS}"),
+        },
+    })
 }
 
 /// Reports a profile error: an unknown profile is a usage error, an invalid one a profile error.

@@ -226,7 +226,13 @@ fn future(node: &Node, object: ObjectAddress) -> String {
 }
 
 /// One object as a JSON record.
-fn record(bus: &Bus, node: &Node, object: ObjectAddress, entry: &Entry, capture: &str) -> serde_json::Value {
+pub(super) fn record(
+    bus: &Bus,
+    node: &Node,
+    object: ObjectAddress,
+    entry: &Entry,
+    capture: &str,
+) -> serde_json::Value {
     let known = node.meaning(object);
     let value = known.as_ref().map(|known| known.decode(&entry.value)).and_then(|value| match value {
         Value::Unsigned(value) => Some(json!(value)),

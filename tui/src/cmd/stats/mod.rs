@@ -17,7 +17,7 @@ use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, Span};
 use crate::words::unknown_bus;
-use report::Report;
+pub(super) use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
@@ -46,6 +46,13 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         }
         Ok(decoded.failure)
     })
+}
+
+/// The object of `-f json`, with its line end.
+pub(super) fn json_of(report: &Report<'_>) -> String {
+    let mut text = String::new();
+    json::write(report, &mut text);
+    text
 }
 
 /// Observer that counts frames and events.

@@ -7,12 +7,12 @@ use cobscope_decoder::statistics::Statistics;
 use crate::cli::StatsArgs;
 
 /// Statistics of one capture, and the decoder after the last frame.
-pub(super) struct Report<'a> {
-    pub(super) capture: String,
-    pub(super) format: &'static str,
-    pub(super) statistics: Statistics,
-    pub(super) decoder: Decoder,
-    pub(super) arguments: &'a StatsArgs,
+pub(in crate::cmd) struct Report<'a> {
+    pub(in crate::cmd) capture: String,
+    pub(in crate::cmd) format: &'static str,
+    pub(in crate::cmd) statistics: Statistics,
+    pub(in crate::cmd) decoder: Decoder,
+    pub(in crate::cmd) arguments: &'a StatsArgs,
 }
 
 impl Report<'_> {

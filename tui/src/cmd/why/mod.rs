@@ -11,7 +11,7 @@ use cobscope_decoder::diagnosis;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge};
-use cobscope_decoder::session::{Bus, Observer, Preview};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::Question;
 use cobscope_decoder::why::text::{self, Setting};
@@ -71,6 +71,16 @@ pub fn run(arguments: &WhyArgs) -> Exit {
         }
         Ok(decoded.failure)
     })
+}
+
+/// The object of `-f json`, about the whole capture.
+pub(super) fn line(
+    answer: &cobscope_decoder::why::Report,
+    buses: Buses<'_>,
+    first: Option<Timestamp>,
+    name: &str,
+) -> String {
+    json::line(answer, buses, first, None, name)
 }
 
 /// A moment as text.

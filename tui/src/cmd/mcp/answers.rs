@@ -1,0 +1,198 @@
+//! Answers from the results of a whole capture.
+
+use anyhow::{Context as _, bail};
+use cobscope_decoder::session::Buses;
+use serde_json::{Map, Value, json};
+
+use super::arguments::Arguments;
+use super::capture::OpenedCapture;
+use super::fit::fit;
+use crate::cli::NodeArg;
+use crate::cmd::objects;
+use crate::select::{Bound, BoundSide};
+
+/// Overview of a capture.
+pub(super) fn summary(capture: &OpenedCapture) -> String {
+    let mut answer = capture.results.statistics.clone();
+    if let Some(members) = answer.as_object_mut() {
+        let titles = list(&capture.results.why, "stories").iter().map(|story| {
+            json!({"story": story["story"], "severity": story["severity"], "title": story["title"], "seconds": story["seconds"]})
+        });
+        members.insert("stories".into(), titles.collect());
+        members.insert("findings".into(), counts(&capture.results.findings));
+        members.insert("warnings".into(), json!(capture.results.warnings));
+    }
+    fit(answer)
+}
+
+/// Number of findings of each rule and severity.
+fn counts(findings: &[Value]) -> Value {
+    let mut counts: Map<String, Value> = Map::new();
+    for finding in findings.iter().filter(|line| counts_as_finding(line)) {
+        let text = |key: &str| finding[key].as_str().unwrap_or_default();
+        let key = format!("{} {}", text("severity"), text("rule"));
+        let count = counts.get(&key).and_then(Value::as_u64).unwrap_or(0);
+        counts.insert(key, json!(count.saturating_add(1)));
+    }
+    Value::Object(counts)
+}
+
+/// Whether a line is a finding that is printed, not one that its bus file suppresses.
+fn counts_as_finding(line: &Value) -> bool {
+    line["kind"] == "finding" && line.get("suppressed").is_none()
+}
+
+fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+    value[key].as_array().map_or(&[], Vec::as_slice)
+}
+
+/// The stories.
+///
+/// # Errors
+/// A bound is not valid in this capture, or no story is left.
+pub(super) fn why(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    let node = arguments.parsed::<NodeArg>("node")?;
+    let at = seconds_of(capture, arguments)?;
+    let wanted = arguments.number("story");
+    let mut stories: Vec<_> = list(&capture.results.why, "stories").to_vec();
+    let count = stories.len();
+    stories.retain(|story| {
+        is_of(story, node.as_ref())
+            && wanted.is_none_or(|wanted| story["story"] == wanted)
+            && at.is_none_or(|at| is_by(story, at))
+    });
+    if at.is_some() {
+        let began = |story: &Value| story["seconds"].as_f64().unwrap_or(0.0);
+        let latest = stories.iter().map(began).fold(f64::MIN, f64::max);
+        stories.retain(|story| began(story) >= latest);
+    }
+    if stories.is_empty() && count > 0 {
+        bail!("none of the {count} stories of this capture is selected");
+    }
+    let mut answer = capture.results.why.clone();
+    if let Some(members) = answer.as_object_mut() {
+        if node.is_some() || at.is_some() || wanted.is_some() {
+            // The rest describes the first story.
+            members
+                .retain(|key, _| ["capture", "notes", "suggestions", "not_canopen"].contains(&key.as_str()));
+        }
+        members.insert("stories".into(), json!(stories));
+    }
+    Ok(fit(answer))
+}
+
+/// A time after which a story begins is too late for it; a frame is compared by its number.
+#[derive(Clone, Copy)]
+enum Latest {
+    Seconds(f64),
+    Frame(u64),
+}
+
+fn seconds_of(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<Option<Latest>> {
+    let Some(at) = arguments.parsed::<Bound>("at")? else { return Ok(None) };
+    #[expect(clippy::cast_precision_loss, reason = "only compared")]
+    let seconds = |nanoseconds: i64| Latest::Seconds(nanoseconds as f64 / 1e9);
+    Ok(Some(match capture.resolve(at, BoundSide::At)? {
+        Bound::Frame(frame) => Latest::Frame(frame),
+        Bound::Offset(offset) => seconds(offset),
+        Bound::Moment(moment) => seconds(moment.since(capture.zero().unwrap_or(moment))),
+        Bound::Clock(_) => bail!("at: the capture has no date"),
+    }))
+}
+
+fn is_by(story: &Value, latest: Latest) -> bool {
+    match latest {
+        Latest::Seconds(at) => story["seconds"].as_f64().is_none_or(|seconds| seconds <= at),
+        Latest::Frame(frame) => {
+            story["frames"].get(0).and_then(Value::as_u64).is_none_or(|first| first <= frame)
+        }
+    }
+}
+
+fn is_of(value: &Value, node: Option<&NodeArg>) -> bool {
+    node.is_none_or(|node| {
+        let is_on = node.bus.as_deref().is_none_or(|bus| value["bus"] == bus);
+        is_on && value["node"] == node.id.number()
+    })
+}
+
+/// Violations of rules.
+///
+/// # Errors
+/// An argument is not valid.
+pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    const ORDER: [&str; 3] = ["error", "warning", "note"];
+    let node = arguments.parsed::<NodeArg>("node")?;
+    let rank = |severity: &str| ORDER.iter().position(|known| *known == severity).unwrap_or(ORDER.len());
+    let least = arguments.text("severity").map_or(ORDER.len(), rank);
+    let rule = arguments.text("rule");
+    let found = capture.results.findings.iter().filter(|line| counts_as_finding(line)).filter(|line| {
+        rank(line["severity"].as_str().unwrap_or_default()) <= least
+            && rule.is_none_or(|rule| line["rule"] == rule)
+            && is_of(line, node.as_ref())
+    });
+    let found: Vec<_> = found.cloned().collect();
+    let summary =
+        capture.results.findings.iter().find(|line| line["kind"] == "summary").unwrap_or(&Value::Null);
+    let rows = list(summary, "rules");
+    let mut verdicts: Map<String, Value> = Map::new();
+    for row in rows {
+        let verdict = row["verdict"].as_str().unwrap_or_default();
+        let count = verdicts.get(verdict).and_then(Value::as_u64).unwrap_or(0);
+        verdicts.insert(verdict.to_owned(), json!(count.saturating_add(1)));
+    }
+    // A rule without a finding passed, or was not exercised: that is a difference.
+    let row = rule.and_then(|rule| rows.iter().find(|row| row["rule"] == rule));
+    Ok(fit(json!({"findings": found, "rules": verdicts, "rule": row, "quality": summary["quality"]})))
+}
+
+/// Object values of nodes.
+///
+/// # Errors
+/// The node is not known, or the time is not in the capture.
+pub(super) fn objects(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    let at = arguments.parsed::<Bound>("at")?;
+    let Some(at) = at else { return objects_of(capture.results.decoder.buses(), capture, arguments) };
+    let at = capture.resolve(at, BoundSide::At)?;
+    let mut walk = capture.indexed.walk(capture.start(Some(at)))?;
+    let first = capture.zero();
+    loop {
+        let is_over = walk.peek()?.is_some_and(|frame| at.is_before(frame, first));
+        if is_over || !walk.step(&mut |_| ())? {
+            return objects_of(walk.world.buses(), capture, arguments);
+        }
+    }
+}
+
+fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    let Some(node) = arguments.parsed::<NodeArg>("node")? else {
+        let nodes = buses.iter().flat_map(|bus| {
+            let count = |node: &cobscope_decoder::session::Node| {
+                json!({"bus": bus.name(), "node": node.id().to_string(), "name": node.name(), "device": node.device_id(), "objects": node.store().len()})
+            };
+            bus.nodes().map(count).collect::<Vec<_>>()
+        });
+        return Ok(fit(json!({"nodes": nodes.collect::<Vec<_>>()})));
+    };
+    let prefix = arguments.text("object").unwrap_or_default().to_uppercase();
+    let prefix = prefix.strip_prefix("0X").unwrap_or(&prefix);
+    let on = buses.iter().filter(|bus| node.bus.as_deref().is_none_or(|name| name == bus.name()));
+    let known: Vec<_> = on.filter_map(|bus| Some((bus, bus.node(node.id)?))).collect();
+    let (bus, found) = known.first().with_context(|| format!("node {}: not in this capture", node.id))?;
+    let all = found.store().sorted();
+    let chosen = all.into_iter().filter(|(object, _)| object.to_string().starts_with(prefix));
+    let records: Vec<_> = chosen
+        .map(|(object, entry)| {
+            let mut record = objects::record(bus, found, object, entry, "");
+            if let Some(members) = record.as_object_mut() {
+                members.retain(|key, value| {
+                    !["capture", "bus", "node"].contains(&key.as_str()) && !value.is_null()
+                });
+            }
+            record
+        })
+        .collect();
+    Ok(fit(
+        json!({"capture": capture.name, "bus": bus.name(), "node": node.id.to_string(), "objects": records}),
+    ))
+}

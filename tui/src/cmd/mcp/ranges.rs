@@ -1,0 +1,282 @@
+//! Answers from a second look at a part of a capture: events, and signals over time.
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::replay::EventPosition;
+use cobscope_decoder::session::Bus;
+use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::{EventSink as _, escape_json};
+use serde_json::{Value, json};
+
+use super::arguments::Arguments;
+use super::capture::{OpenedCapture, SignalName, signal_name};
+use super::fit::{fit, fit_within, written};
+use crate::cli::NodeArg;
+use crate::select::{Bound, BoundSide, ensure_order};
+use crate::timeline::WalkStart;
+
+/// Maximum number of frames that are read for an answer; it takes about half a second.
+const MOST_FRAMES: u64 = 1_500_000;
+
+/// Events and length of their texts in an answer.
+const EVENTS: usize = 50;
+const MOST_TEXT: usize = 62 * 1024;
+
+/// Samples of a signal in an answer, and signals.
+const SAMPLES: usize = 20;
+const MOST_TRACKS: usize = 20;
+
+/// Bounds of a request in one capture.
+struct Range {
+    from: Option<Bound>,
+    to: Option<Bound>,
+    zero: Option<Timestamp>,
+}
+
+impl Range {
+    fn of(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<Self> {
+        let resolve = |name: &str, side| {
+            arguments.parsed::<Bound>(name)?.map(|bound| capture.resolve(bound, side)).transpose()
+        };
+        let (from, to) = (resolve("from", BoundSide::From)?, resolve("to", BoundSide::To)?);
+        ensure_order(from, to).context("the range is empty")?;
+        Ok(Self { from, to, zero: capture.zero() })
+    }
+
+    /// Order of a frame number and time relative to a bound.
+    fn order(&self, bound: Bound, frame: u64, time: Option<Timestamp>) -> Option<Ordering> {
+        match bound {
+            Bound::Frame(number) => Some(frame.cmp(&number)),
+            Bound::Moment(moment) => Some(time?.cmp(&moment)),
+            Bound::Offset(offset) => Some(time?.since(self.zero?).cmp(&offset)),
+            Bound::Clock(_) => None,
+        }
+    }
+
+    fn contains(&self, event: &Event) -> bool {
+        let order = |bound| self.order(bound, event.frames.last, event.time);
+        self.from.is_none_or(|from| order(from).is_some_and(Ordering::is_ge))
+            && self.to.is_none_or(|to| order(to).is_none_or(Ordering::is_le))
+    }
+
+    fn is_over(&self, frame: u64, time: Option<Timestamp>) -> bool {
+        self.to.is_some_and(|to| self.order(to, frame, time).is_some_and(Ordering::is_gt))
+    }
+}
+
+/// A position as text: `604:2`.
+fn position(text: &str) -> anyhow::Result<EventPosition> {
+    let parsed = text.split_once(':').and_then(|(frame, ordinal)| {
+        Some(EventPosition { frame: frame.parse().ok()?, ordinal: ordinal.parse().ok()? })
+    });
+    parsed.with_context(|| format!("after: found {text:?}, expected the value of next, such as 604:2"))
+}
+
+/// Events of a range.
+///
+/// # Errors
+/// An argument is not valid, or the capture cannot be read any more.
+pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    let range = Range::of(capture, arguments)?;
+    let filter = arguments.parsed::<Filter>("filter")?;
+    let after = arguments.text("after").map(position).transpose()?;
+    let limit = arguments.number("limit").unwrap_or(EVENTS);
+    let is_all = arguments.is_set("all");
+    let start = after.map_or(capture.start(range.from), |after| WalkStart::Frame(after.frame));
+    let mut walk = capture.indexed.walk(start)?;
+    let begin = walk.world.frames();
+    let mut found: Vec<String> = Vec::new();
+    let (mut length, mut last, mut is_full) = (0_usize, after, false);
+    let is_complete = loop {
+        let is_left = walk.step(&mut |placed| {
+            let is_new = after.is_none_or(|after| placed.spot > after);
+            if is_full || !is_new || !(is_all || placed.is_news) || !range.contains(placed.event) {
+                return;
+            }
+            if filter.as_ref().is_some_and(|filter| !filter.matches(placed.event, placed.bus, None)) {
+                return;
+            }
+            let text = line(placed.event, placed.bus);
+            let written = written(&text);
+            is_full = found.len() >= limit || length.saturating_add(written) > MOST_TEXT;
+            if !is_full {
+                length = length.saturating_add(written);
+                last = Some(placed.spot);
+                found.push(text);
+            }
+        })?;
+        let (frames, time) = (walk.world.frames(), walk.world.time());
+        if is_full {
+            break false;
+        }
+        if !is_left || range.is_over(frames, time) {
+            break true;
+        }
+        if frames.saturating_sub(begin) >= MOST_FRAMES {
+            last = Some(EventPosition::after(frames));
+            break false;
+        }
+    };
+    let next = last.filter(|_| !is_complete).map(|last| format!("{}:{}", last.frame, last.ordinal));
+    let (next, read) = (json!(next), walk.world.frames().saturating_sub(begin));
+    Ok(format!(
+        "{{\"events\":[{}],\"complete\":{is_complete},\"next\":{next},\"frames_read\":{read}}}",
+        found.join(",")
+    ))
+}
+
+/// An event as a line of `decode -f jsonl`; an event that alone is too long is shortened.
+fn line(event: &Event, bus: &Bus) -> String {
+    let mut line = Vec::new();
+    Jsonl::new(&mut line).write(event, bus);
+    let text = escape_json(String::from_utf8_lossy(&line).trim_end()).into_owned();
+    if written(&text) <= MOST_TEXT {
+        return text;
+    }
+    serde_json::from_slice(&line).map_or(text, |value| fit_within(value, MOST_TEXT))
+}
+
+/// A signal over the range.
+struct Track {
+    name: SignalName,
+    count: u64,
+    /// Value in its unit, time in s, text, frame; of the lowest and of the highest value.
+    least: Option<(f64, Sample)>,
+    most: Option<(f64, Sample)>,
+    samples: Vec<Sample>,
+    /// Every value of so many is kept.
+    stride: u64,
+}
+
+#[derive(Clone)]
+struct Sample {
+    seconds: Option<f64>,
+    frame: u64,
+    text: String,
+}
+
+impl Sample {
+    fn json(&self) -> Value {
+        json!({"seconds": self.seconds, "frame": self.frame, "value": self.text})
+    }
+}
+
+impl Track {
+    fn add(&mut self, number: Option<f64>, sample: Sample, most: usize) {
+        if let Some(number) = number.filter(|number| number.is_finite()) {
+            if self.least.as_ref().is_none_or(|(least, _)| number < *least) {
+                self.least = Some((number, sample.clone()));
+            }
+            if self.most.as_ref().is_none_or(|(most, _)| number > *most) {
+                self.most = Some((number, sample.clone()));
+            }
+        }
+        if self.count.is_multiple_of(self.stride) {
+            self.samples.push(sample);
+        }
+        self.count = self.count.saturating_add(1);
+        if self.samples.len() >= most.saturating_mul(2) {
+            let mut is_kept = false;
+            self.samples.retain(|_| {
+                is_kept = !is_kept;
+                is_kept
+            });
+            self.stride = self.stride.saturating_mul(2);
+        }
+    }
+
+    fn json(&self) -> Value {
+        let (bus, node, object, name, unit) = &self.name;
+        let extreme = |end: &Option<(f64, Sample)>| end.as_ref().map(|(_, sample)| sample.json());
+        json!({
+            "bus": bus, "node": node, "object": object, "name": name, "unit": unit,
+            "count": self.count,
+            "min": extreme(&self.least),
+            "max": extreme(&self.most),
+            "samples": self.samples.iter().map(Sample::json).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Signals over a range, or the list of all signals.
+///
+/// # Errors
+/// An argument is not valid, no signal has the name, or the capture cannot be read any more.
+pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+    let node = arguments.parsed::<NodeArg>("node")?;
+    let wanted = arguments.text("signal").map(str::to_lowercase);
+    let is_wanted = |(bus, of, object, name, _): &SignalName| {
+        node.as_ref().is_none_or(|node| {
+            *of == node.id.to_string() && node.bus.as_ref().is_none_or(|known| known == bus)
+        }) && wanted.as_ref().is_none_or(|wanted| {
+            name.to_lowercase().contains(wanted) || object.to_lowercase().starts_with(wanted.as_str())
+        })
+    };
+    let chosen: Vec<&SignalName> = capture.results.signals.iter().filter(|name| is_wanted(name)).collect();
+    ensure!(!chosen.is_empty(), "no signal with this name; signals without arguments lists all");
+    if wanted.is_none() {
+        let list = chosen.iter().map(|(bus, node, object, name, unit)| {
+            json!({"bus": bus, "node": node, "object": object, "name": name, "unit": unit})
+        });
+        return Ok(fit(json!({"signals": list.collect::<Vec<_>>()})));
+    }
+    let range = Range::of(capture, arguments)?;
+    let most = arguments.number("samples").unwrap_or(SAMPLES);
+    let track = |name: &&SignalName| {
+        let track = Track {
+            name: (*name).clone(),
+            count: 0,
+            least: None,
+            most: None,
+            samples: Vec::new(),
+            stride: 1,
+        };
+        ((*name).clone(), track)
+    };
+    let mut tracks: BTreeMap<SignalName, Track> = chosen.iter().take(MOST_TRACKS).map(track).collect();
+    let mut walk = capture.indexed.walk(capture.start(range.from))?;
+    let begin = walk.world.frames();
+    let is_complete = loop {
+        let is_left = walk.step(&mut |placed| {
+            if range.contains(placed.event) {
+                add(placed.event, placed.bus, &mut tracks, (range.zero, most));
+            }
+        })?;
+        let (frames, time) = (walk.world.frames(), walk.world.time());
+        if !is_left || range.is_over(frames, time) {
+            break true;
+        }
+        if frames.saturating_sub(begin) >= MOST_FRAMES {
+            break false;
+        }
+    };
+    let list: Vec<_> = tracks.values().map(Track::json).collect();
+    let more = chosen.len().saturating_sub(list.len());
+    let next = (!is_complete).then(|| format!("#{}", walk.world.frames().saturating_add(1)));
+    Ok(fit(json!({"signals": list, "more_signals": more, "complete": is_complete, "next_from": next})))
+}
+
+fn add(
+    event: &Event,
+    bus: &Bus,
+    tracks: &mut BTreeMap<SignalName, Track>,
+    (zero, most): (Option<Timestamp>, usize),
+) {
+    let node = event.node.map_or(String::new(), |node| node.to_string());
+    // Most events have none of the signals.
+    if !tracks.keys().any(|(_, of, ..)| *of == node) {
+        return;
+    }
+    for signal in event.signals() {
+        let Some(track) = tracks.get_mut(&signal_name(event, bus, signal.field)) else { continue };
+        #[expect(clippy::cast_precision_loss, reason = "only for display")]
+        let seconds = event.time.zip(zero).map(|(time, zero)| time.since(zero) as f64 / 1e9);
+        let sample = Sample { seconds, frame: event.frames.last, text: signal.text() };
+        track.add(signal.field.plotted(&signal.value), sample, most);
+    }
+}

@@ -1,0 +1,56 @@
+//! Captures with checkpoints and without threads: for requests that are answered one after the other.
+
+use std::sync::PoisonError;
+use std::sync::mpsc::channel;
+
+use cobscope_decoder::capture::CaptureError;
+use cobscope_decoder::frame::Timestamp;
+
+use super::shared::Shared;
+use super::walk::Walk;
+use super::{Captures, lanes, threads};
+
+/// Captures whose index is complete.
+pub struct IndexedCapture {
+    shared: Shared,
+}
+
+/// Where a walk starts.
+#[derive(Debug, Clone, Copy)]
+pub enum WalkStart {
+    /// Before a frame, by its number.
+    Frame(u64),
+    /// Before all frames of this time or later.
+    Time(Timestamp),
+}
+
+impl IndexedCapture {
+    /// Reads captures once and keeps checkpoints.
+    ///
+    /// # Errors
+    /// A capture cannot be opened or has an unknown format.
+    pub fn open(captures: Captures) -> anyhow::Result<Self> {
+        let (lanes, _) = lanes(&captures)?;
+        let shared = Shared::new(lanes, captures.session, captures.read);
+        // Nobody waits for news of the index.
+        let (news, _) = channel();
+        threads::index::run(&shared, &news);
+        Ok(Self { shared })
+    }
+
+    /// A walk from the last checkpoint before `start`.
+    ///
+    /// # Errors
+    /// The capture cannot be read any more.
+    pub fn walk(&self, start: WalkStart) -> Result<Walk, CaptureError> {
+        let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
+        let mark = match start {
+            WalkStart::Frame(frame) => index.before_frame(frame.saturating_sub(1)),
+            WalkStart::Time(time) => index.before_time(time),
+        };
+        match mark {
+            Some(mark) => Walk::resume(&self.shared, mark),
+            None => Walk::start(&self.shared),
+        }
+    }
+}
