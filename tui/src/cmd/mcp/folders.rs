@@ -17,7 +17,7 @@ pub(super) struct Folders(Vec<PathBuf>);
 
 impl Folders {
     /// # Errors
-    /// A path is no folder.
+    /// A path names something else than a folder.
     pub(super) fn open(paths: &[PathBuf]) -> anyhow::Result<Self> {
         let open = |path: &PathBuf| {
             let real = path.canonicalize().with_context(|| shown(path))?;
@@ -31,7 +31,7 @@ impl Folders {
     /// out of the folders.
     ///
     /// # Errors
-    /// The file does not exist, is in none of the folders, or is no ordinary file.
+    /// The file does not exist, lies outside the folders, or is a device or a pipe.
     pub(super) fn file(&self, text: &str) -> anyhow::Result<PathBuf> {
         let path = Path::new(text);
         let candidates: Vec<_> = self.0.iter().map(|folder| folder.join(path)).collect();
