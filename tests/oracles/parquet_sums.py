@@ -18,14 +18,14 @@ import duckdb
 TEXT = ("BYTE_ARRAY", "StringType()")
 NUMBER = ("INT64", None)
 EVENTS = {
-    "time": ("INT64", "TimestampType"), "capture": TEXT, "bus": TEXT, "first_frame": NUMBER, "last_frame": NUMBER,
+    "time": ("INT64", "TimestampType"), "time_ns": NUMBER, "capture": TEXT, "bus": TEXT, "first_frame": NUMBER, "last_frame": NUMBER,
     "kind": TEXT, "protocol": TEXT, "node": NUMBER, "node_name": TEXT, "device": TEXT, "presumed": ("BOOLEAN", None),
-    "routine": ("BOOLEAN", None), "text": TEXT, "json": ("BYTE_ARRAY", "JsonType()"),
+    "routine": ("BOOLEAN", None), "text": TEXT, "json": TEXT,
 }
 SIGNALS = {
-    "time": ("INT64", "TimestampType"), "capture": TEXT, "bus": TEXT, "frame": NUMBER, "node": NUMBER, "device": TEXT,
+    "time": ("INT64", "TimestampType"), "time_ns": NUMBER, "capture": TEXT, "bus": TEXT, "frame": NUMBER, "node": NUMBER, "device": TEXT,
     "group": TEXT, "signal": TEXT, "id": TEXT, "value": ("DOUBLE", None), "text": TEXT, "unit": TEXT, "label": TEXT,
-    "raw": ("INT64", "IntType"),
+    "raw": NUMBER, "raw_hex": TEXT,
 }
 
 
@@ -43,14 +43,12 @@ def check_schema(path, expected):
         wanted = expected[name][1]
         if (logical or "").split("(")[0] != (wanted or "").split("(")[0]:
             sys.exit(f"{name} is {logical}")
-        # Timestamps are nanoseconds in UTC; integers are unsigned.
+        # Timestamps are microseconds in UTC, which every engine reads.
         if logical and logical.startswith("TimestampType"):
-            assert "isAdjustedToUTC=1" in logical and "NANOS=NanoSeconds()" in logical, logical
-        if logical and logical.startswith("IntType"):
-            assert "isSigned=0" in logical, logical
+            assert "isAdjustedToUTC=1" in logical and "MICROS=MicroSeconds()" in logical, logical
     types = dict(duckdb.execute("SELECT column_name, column_type FROM (DESCRIBE SELECT * FROM read_parquet(?))",
                                 [path]).fetchall())
-    same("type of time", types["time"], "TIMESTAMPTZ_NS")
+    same("type of time", types["time"], "TIMESTAMP WITH TIME ZONE")
     version = duckdb.execute("SELECT decode(key), decode(value) FROM parquet_kv_metadata(?)", [path]).fetchall()
     assert [key for key, _ in version] == ["cobscope.version"] and version[0][1], version
 
@@ -73,8 +71,8 @@ def nanoseconds(seconds):
 
 def check_events(path, lines):
     rows = duckdb.execute(
-        "SELECT epoch_ns(time), capture, bus, first_frame, last_frame, kind, protocol, node, node_name, device, presumed,"
-        " routine, text, json FROM read_parquet(?)", [path]).fetchall()
+        "SELECT time_ns, capture, bus, first_frame, last_frame, kind, protocol, node, node_name, device, presumed,"
+        " routine, text, json, epoch_us(time) FROM read_parquet(?)", [path]).fetchall()
     same("events", len(rows), len(lines))
     counts = dict(duckdb.execute("SELECT kind, count(*) FROM read_parquet(?) GROUP BY kind", [path]).fetchall())
     events = [json.loads(line, parse_float=Decimal) for line in lines]
@@ -86,6 +84,7 @@ def check_events(path, lines):
             event["kind"], event["protocol"], event.get("node"), escaped(event.get("node_name")), event.get("device"),
             event.get("presumed", False))
         same(f"event {line}", row[:11], expected)
+        same(f"time of {line}", row[14], None if row[0] is None else row[0] // 1000)
         text = row[12]
         assert text and not any(steers(c) for c in text), text
     return events
@@ -131,7 +130,8 @@ def check_signals(path, events):
         for signal in event.get("signals", ()):
             expected[escaped(group_of(event, buses)), escaped(name_of(signal))].add(signal)
     found = duckdb.execute(
-        'SELECT "group", signal, count(*), count(value), fsum(value), count(text), sum(raw::HUGEINT),'
+        'SELECT "group", signal, count(*), count(value), fsum(value), count(text),'
+        " sum(coalesce(raw::HUGEINT, ('0x' || raw_hex)::UBIGINT::HUGEINT)),"
         " list(DISTINCT unit), min(value), max(value) FROM read_parquet(?) GROUP BY ALL", [path]).fetchall()
     labels = collections.defaultdict(collections.Counter)
     for group, name, label, count in duckdb.execute(

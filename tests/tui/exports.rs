@@ -268,6 +268,27 @@ mod parquet {
         is_as_jsonl("hostile", &["fixtures/malformed/interface_names.log"], 0);
     }
 
+    /// DuckDB, Polars, Arrow, pandas and DataFusion: equal counts, sums and times without options.
+    #[test]
+    fn each_engine_reads_the_same_tables() {
+        let Some(python) = python() else { return skip("python", "no Python for oracles") };
+        let engines = "import datafusion, duckdb, pandas, polars, pyarrow";
+        let has = Command::new(&python).args(["-c", engines]).output();
+        if !has.is_ok_and(|output| output.status.success()) {
+            return skip("python", "it lacks an engine that reads Parquet");
+        }
+        for (name, arguments, least) in [("sydfec", &SYDFEC[..], 400), ("j1939", &PVE[..], 400)] {
+            let stem = folder(&format!("engines-{name}")).join("run");
+            let stem = stem.to_str().unwrap();
+            ok(&[&["decode", "-f", "parquet", "-o", stem], arguments].concat(), "");
+            let script = workspace().join("tests/oracles/parquet_engines.py");
+            let output = Command::new(&python).args([script.to_str().unwrap(), stem]).output().unwrap();
+            assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+            let values: usize = String::from_utf8(output.stdout).unwrap().trim().parse().unwrap();
+            assert!(values >= least, "{name}: {values} values");
+        }
+    }
+
     #[test]
     fn duckdb_finds_those_of_a_real_machine() {
         let path = corpus().join("canopen/canopen-lens__sample_amr_2wheel.log");

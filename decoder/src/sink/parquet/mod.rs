@@ -4,6 +4,9 @@
 //! signals  one row per value, as in CSV; values that are not numbers are in `text`
 //! events   one row per event, with its text line and its JSON Lines object
 //! ```
+//!
+//! Types are those that Spark, DuckDB, Polars, Arrow and `DataFusion` read without options: times in µs, signed integers,
+//! texts.
 
 mod table;
 
@@ -21,6 +24,7 @@ use table::{Cell, Heading, Kind, Table, always, maybe};
 
 const SIGNALS: &[Heading] = &[
     maybe("time", Kind::Time),
+    maybe("time_ns", Kind::Rising),
     maybe("capture", Kind::Name),
     always("bus", Kind::Name),
     always("frame", Kind::Rising),
@@ -33,11 +37,13 @@ const SIGNALS: &[Heading] = &[
     maybe("text", Kind::Name),
     maybe("unit", Kind::Name),
     maybe("label", Kind::Name),
-    always("raw", Kind::Bits),
+    maybe("raw", Kind::Number),
+    maybe("raw_hex", Kind::Name),
 ];
 
 const EVENTS: &[Heading] = &[
     maybe("time", Kind::Time),
+    maybe("time_ns", Kind::Rising),
     maybe("capture", Kind::Name),
     always("bus", Kind::Name),
     always("first_frame", Kind::Rising),
@@ -95,6 +101,7 @@ impl<W: Write + Send> Parquet<W> {
         let json = String::from_utf8_lossy(self.lines.of(event, bus).trim_ascii_end());
         let node = event.node.and_then(|node| bus.node(node));
         self.events.push(&[
+            micros(event),
             time(event),
             Cell::text(self.capture.as_deref()),
             Cell::Text(bus.name()),
@@ -120,7 +127,10 @@ impl<W: Write + Send> Parquet<W> {
             let mut hex = String::new();
             let (value, text) = cells(reading.value, &mut hex);
             let unit = values::unit(signal.field);
+            let mut digits = String::new();
+            let raw = raw_cells(signal.raw, &mut digits);
             self.signals.push(&[
+                micros(event),
                 time(event),
                 Cell::text(self.capture.as_deref()),
                 Cell::Text(bus.name()),
@@ -134,7 +144,8 @@ impl<W: Write + Send> Parquet<W> {
                 text,
                 if unit.is_empty() { Cell::Null } else { Cell::Text(unit) },
                 Cell::text(reading.label),
-                Cell::Number(signal.raw.cast_signed()),
+                raw.0,
+                raw.1,
             ])?;
         }
         Ok(())
@@ -175,6 +186,19 @@ impl<W: Write + Send> EventSink for Parquet<W> {
 
 fn time(event: &Event) -> Cell<'static> {
     event.time.map_or(Cell::Null, |Timestamp(time)| Cell::Number(time))
+}
+
+fn micros(event: &Event) -> Cell<'static> {
+    event.time.map_or(Cell::Null, |Timestamp(time)| Cell::Number(time.div_euclid(1_000)))
+}
+
+/// Transmitted bits as a number, or in hex if they exceed the signed integers that every engine has.
+fn raw_cells(raw: u64, digits: &mut String) -> (Cell<'static>, Cell<'_>) {
+    if let Ok(number) = i64::try_from(raw) {
+        return (Cell::Number(number), Cell::Null);
+    }
+    *digits = format!("{raw:016X}");
+    (Cell::Null, Cell::Text(digits))
 }
 
 fn number(event: &Event) -> Cell<'static> {

@@ -26,14 +26,12 @@ const MOST_BYTES: usize = 8 * 1024 * 1024;
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Time in ns since 1970, UTC.
+    /// Time in µs since 1970, UTC: what every engine reads as a time.
     Time,
     /// Signed integers, mostly rising.
     Rising,
     /// Signed integers.
     Number,
-    /// Unsigned 64-bit integers, stored as [`Cell::Number`] with the same bits.
-    Bits,
     /// Floating-point numbers.
     Real,
     /// Booleans.
@@ -42,7 +40,7 @@ pub(super) enum Kind {
     Name,
     /// Texts that rarely repeat.
     Text,
-    /// JSON, not escaped; all other texts are escaped.
+    /// JSON as text, not escaped; all other texts are escaped.
     Json,
 }
 
@@ -165,7 +163,7 @@ enum Values {
 impl Column {
     fn new(heading: &Heading) -> Self {
         let values = match heading.kind {
-            Kind::Time | Kind::Rising | Kind::Number | Kind::Bits => Values::Numbers(Vec::new()),
+            Kind::Time | Kind::Rising | Kind::Number => Values::Numbers(Vec::new()),
             Kind::Real => Values::Reals(Vec::new()),
             Kind::Truth => Values::Truths(Vec::new()),
             Kind::Name => Values::Names(Names::default()),
@@ -290,13 +288,13 @@ impl Texts {
 fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
     let fields = headings.iter().map(|heading| {
         let (physical, logical) = match heading.kind {
-            Kind::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::NANOS))),
+            // Spark reads no nanoseconds.
+            Kind::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::MICROS))),
             Kind::Rising | Kind::Number => (Physical::INT64, None),
-            Kind::Bits => (Physical::INT64, Some(LogicalType::integer(64, false))),
             Kind::Real => (Physical::DOUBLE, None),
             Kind::Truth => (Physical::BOOLEAN, None),
-            Kind::Name | Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-            Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::Json)),
+            // Polars reads the logical type of JSON as bytes.
+            Kind::Name | Kind::Text | Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let repetition = if heading.is_optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
         let field = Type::primitive_type_builder(heading.name, physical);

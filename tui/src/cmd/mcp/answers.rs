@@ -37,7 +37,7 @@ fn counts(findings: &[Value]) -> Value {
     Value::Object(counts)
 }
 
-/// Whether a line is a finding that is printed, not one that its bus file suppresses.
+/// Whether a line is a printed finding: the bus file does not suppress it.
 fn counts_as_finding(line: &Value) -> bool {
     line["kind"] == "finding" && line.get("suppressed").is_none()
 }

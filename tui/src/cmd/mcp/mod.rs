@@ -38,7 +38,7 @@ use rpc::{ErrorCode, Line, Request, failure, read_line, success};
 /// Versions of the protocol, newest first.
 const VERSIONS: [&str; 3] = ["2025-06-18", "2025-03-26", "2024-11-05"];
 
-/// Captures and comparisons that are kept; the one that was used longest ago is dropped.
+/// Captures and comparisons that are kept; the least recently used capture is dropped.
 const MOST_OPEN: usize = 4;
 
 /// What a client tells its model about this server.
