@@ -2,6 +2,7 @@
 
 mod cut_lines;
 mod cuts;
+mod interruption;
 mod lines;
 mod program;
 mod pump;

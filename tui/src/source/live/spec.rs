@@ -90,11 +90,16 @@ impl FromStr for SourceSpec {
         if let Some(rest) = text.strip_prefix("kvaser:") {
             return adapter(AdapterVendor::Kvaser, rest, "kvaser:0@500k");
         }
-        if text.contains(['/', '\\', '.']) || std::path::Path::new(text).is_file() {
+        if text.contains(['/', '\\', '.']) || has_drive(text) || std::path::Path::new(text).is_file() {
             return Ok(Self::File(text.into()));
         }
         interface(text).map(Self::SocketCan)
     }
+}
+
+/// Whether a path of Windows starts with a drive: `C:run`. Names of other sources have more than one letter before the colon.
+fn has_drive(text: &str) -> bool {
+    matches!(text.as_bytes(), [drive, b':', _, ..] if drive.is_ascii_alphabetic())
 }
 
 fn slcan(text: &str) -> Result<SourceSpec, String> {
@@ -208,7 +213,12 @@ mod tests {
         let server = SourceSpec::Socketcand { address: "box:29536".into(), bus: "can0".into() };
         assert_eq!(spec("socketcand://box:29536/can0"), Ok(server));
         assert_eq!(spec("-"), Ok(SourceSpec::Stdin));
-        assert_eq!(spec("logs/machine.trc"), Ok(SourceSpec::File("logs/machine.trc".into())));
+        for path in
+            ["logs/machine.trc", r"C:\run.log", r"\\server\share\run.log", "C:run.log", "c:run", r"C:\run"]
+        {
+            assert_eq!(spec(path), Ok(SourceSpec::File(path.into())));
+        }
+        assert!(spec("C:").is_ok_and(|found| matches!(found, SourceSpec::SocketCan(_))));
     }
 
     #[test]
