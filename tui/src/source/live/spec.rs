@@ -15,6 +15,10 @@ use std::str::FromStr;
 /// Maximum length of an interface name (IFNAMSIZ without its end mark).
 const LONGEST_NAME: usize = 15;
 
+/// A source with a serial port, for messages.
+pub const SERIAL_EXAMPLE: &str =
+    if cfg!(windows) { "slcan:COM3@500000" } else { "slcan:/dev/ttyACM0@500000" };
+
 /// Flags of a filter identifier in linux/can.h: 29 bits, inverted; then the error classes.
 const EXTENDED: u32 = 0x8000_0000;
 const INVERTED: u32 = 0x2000_0000;
@@ -108,7 +112,7 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
         None => (text, None),
     };
     if device.is_empty() {
-        return Err("found no device, expected slcan:/dev/ttyACM0@500000".into());
+        return Err(format!("found no device, expected {SERIAL_EXAMPLE}"));
     }
     Ok(SourceSpec::Slcan { device: device.into(), bit_rate: rate.map(bit_rate).transpose()? })
 }
