@@ -8,8 +8,10 @@ mod bucket;
 mod cli;
 mod cmd;
 mod config;
+mod device_name;
 mod exit_code;
 mod figures;
+mod file_identity;
 pub mod keymap;
 mod output_file;
 pub mod panes;
@@ -24,6 +26,7 @@ pub mod timeline;
 pub mod widgets;
 mod words;
 
+use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use std::sync::mpsc::Receiver;
@@ -35,7 +38,7 @@ use timeline::News;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
-    let arguments: Vec<_> = std::env::args_os().collect();
+    let arguments = arguments();
     if cli::is_extcap_call(&arguments) {
         return match cli::ExtcapCall::try_parse_from(arguments) {
             Ok(call) => cmd::answer(&call).into(),
@@ -47,6 +50,14 @@ pub fn run() -> ExitCode {
         Ok(cli) => cmd::run(cli).into(),
         Err(error) => cmd::refuse(&error).into(),
     }
+}
+
+/// Arguments of the process. Shells of Windows leave it to programs to expand `*.log`.
+fn arguments() -> Vec<OsString> {
+    #[cfg(windows)]
+    return wild::args_os().collect();
+    #[cfg(not(windows))]
+    return std::env::args_os().collect();
 }
 
 /// Opens the terminal UI for a command line (`view …`) without a terminal; also returns the results of its

@@ -5,6 +5,7 @@
 //!                    └─ full disk, crash: stays
 //! ```
 
+use crate::device_name::{self, DeviceName};
 use crate::path_text::shown;
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata};
@@ -44,14 +45,18 @@ pub fn part_of(path: &Path) -> PathBuf {
 /// # Errors
 /// [`ErrorKind::AlreadyExists`] if the file exists and is to be kept; any error of the file system.
 pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> {
+    if is_device(path)? {
+        return Ok((File::options().write(true).open(path)?, FinalName::at_once()));
+    }
     match path.metadata() {
         Ok(found) if !found.is_file() => {
             let file = File::options().write(true).open(path)?;
             return Ok((file, FinalName { names: None }));
         }
         Ok(found) if existing == Existing::Replace => {
-            // A link stays, and its target is replaced.
-            let place = path.canonicalize()?;
+            // A link stays, and its target is replaced. Other paths stay as typed: Windows lengthens them.
+            let is_link = path.symlink_metadata()?.is_symlink();
+            let place = if is_link { path.canonicalize()? } else { path.to_owned() };
             return begin(place, Some(&found));
         }
         // A link without a target exists, too.
@@ -70,13 +75,26 @@ pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> 
 pub fn create_at_once(path: &Path, existing: Existing) -> io::Result<File> {
     let mut options = File::options();
     options.write(true);
-    if path.metadata().map_or(true, |found| found.is_file()) {
+    if !is_device(path)? && path.metadata().map_or(true, |found| found.is_file()) {
         match existing {
             Existing::Keep => options.create_new(true),
             Existing::Replace => options.create(true).truncate(true),
         };
     }
     options.open(path)
+}
+
+/// Whether a path names a device or a pipe of Windows, which cannot be examined without opening it.
+///
+/// # Errors
+/// The path names a device in place of a file.
+pub fn is_device(path: &Path) -> io::Result<bool> {
+    match device_name::of(path) {
+        Some(DeviceName::Reserved) => {
+            Err(io::Error::new(ErrorKind::InvalidInput, "name of a device; choose another file name"))
+        }
+        name => Ok(name.is_some()),
+    }
 }
 
 /// Creates the part of a file; `replaced` has the permissions of the file whose place it takes.

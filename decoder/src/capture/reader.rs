@@ -218,7 +218,12 @@ fn unrecognised(head: &[u8]) -> CaptureError {
     }
     let known = FORMATS.iter().map(|format| format.title).collect::<Vec<_>>().join(", ");
     let found = head.get(..24).unwrap_or(head).escape_ascii().to_string();
-    CaptureError::Unrecognised { known, found: format!("\"{found}\"") }
+    // Windows PowerShell writes UTF-16 for `>`.
+    let hint = match head {
+        [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => ", the mark of UTF-16; save it as UTF-8",
+        _ => "",
+    };
+    CaptureError::Unrecognised { known, found: format!("\"{found}\"{hint}") }
 }
 
 #[cfg(test)]
@@ -277,6 +282,16 @@ mod tests {
             ids.extend(batch.frames().iter().map(|frame| frame.id.number()));
         }
         ids
+    }
+
+    #[test]
+    fn the_mark_of_utf_16_has_a_remedy() {
+        for (head, is_marked) in
+            [(&b"\xff\xfe(\0"[..], true), (b"\xfe\xff\0(", true), (b"\xff\xff(\0", false)]
+        {
+            let message = unrecognised(head).to_string();
+            assert_eq!(message.ends_with(", the mark of UTF-16; save it as UTF-8"), is_marked, "{message}");
+        }
     }
 
     #[test]

@@ -21,13 +21,10 @@ pub(super) fn assignable(core: &Core, before: &str) -> Vec<Candidate> {
 
 /// Paths of device files, databases and folders that complete a path.
 fn files(before: &str) -> Vec<String> {
-    let (folder, name) = before.rsplit_once('/').map_or(("", before), |(folder, name)| (folder, name));
+    // On Windows both slashes separate, and a folder keeps its last one: `C:` alone is another folder than `C:\`.
+    let name = before.rsplit_once(std::path::is_separator).map_or(before, |(_, name)| name);
     let shown = before.get(..before.len() - name.len()).unwrap_or_default();
-    let path = match (shown, folder) {
-        ("", _) => ".",
-        (_, "") => "/",
-        (_, folder) => folder,
-    };
+    let path = if shown.is_empty() { "." } else { shown };
     let Ok(entries) = std::fs::read_dir(Path::new(path)) else { return Vec::new() };
     let mut found = Vec::new();
     for entry in entries.flatten().take(MOST) {

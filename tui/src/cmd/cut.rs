@@ -61,7 +61,12 @@ pub(super) fn text(
 /// Name of a file for a bus file in the folder `target`: relative if it is inside.
 fn named_from(target: &Path, file: &Path) -> String {
     let file = absolute(file);
-    file.strip_prefix(target).unwrap_or(&file).display().to_string()
+    match file.strip_prefix(target) {
+        // A bus file of Windows can be read on other systems.
+        Ok(inside) if cfg!(windows) => inside.display().to_string().replace('\\', "/"),
+        Ok(inside) => inside.display().to_string(),
+        Err(_) => file.display().to_string(),
+    }
 }
 
 fn absolute(path: &Path) -> PathBuf {

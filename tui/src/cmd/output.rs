@@ -10,6 +10,7 @@ use super::input::files_named;
 use super::messages::{complain, note};
 use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
+use crate::file_identity::FileIdentity;
 use crate::output_file::{self, Existing, FinalName};
 use crate::path_text::shown;
 use crate::record::format::part_of;
@@ -50,18 +51,12 @@ pub(super) fn ensure_not_read<'a>(
 
 /// Whether two paths are the same file; `-` is stdin.
 fn is_same(one: &Path, other: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt as _;
-        let one = if one.as_os_str() == "-" { Path::new("/dev/stdin") } else { one };
-        // A terminal or a pipe can be input and output.
-        let place = |path: &Path| {
-            path.metadata().ok().filter(std::fs::Metadata::is_file).map(|file| (file.dev(), file.ino()))
-        };
-        place(one).is_some_and(|place_of_one| place(other) == Some(place_of_one))
-    }
-    #[cfg(not(unix))]
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+    // A terminal or a pipe can be input and output.
+    let identity = match one.as_os_str() == "-" {
+        true => FileIdentity::of_stdin(),
+        false => FileIdentity::of_regular(one),
+    };
+    identity.is_some() && FileIdentity::of_regular(other) == identity
 }
 
 /// An output of a command.
@@ -140,13 +135,28 @@ pub(super) fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
 /// Whether to colour the output.
 pub(super) fn is_colored(color: Color, is_file: bool) -> bool {
     match color {
-        Color::Always => true,
+        Color::Always => {
+            enable_colors();
+            true
+        }
         Color::Never => false,
         Color::Auto => {
             let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-            wanted && !is_file && io::stdout().is_terminal()
+            wanted && !is_file && io::stdout().is_terminal() && enable_colors()
         }
     }
+}
+
+/// Lets a console of Windows interpret escape sequences; whether it does.
+#[cfg(windows)]
+pub(super) fn enable_colors() -> bool {
+    crossterm::ansi_support::supports_ansi()
+}
+
+/// Terminals interpret escape sequences.
+#[cfg(not(windows))]
+pub(super) const fn enable_colors() -> bool {
+    true
 }
 
 /// Output files of an event format.

@@ -1,5 +1,6 @@
 //! Settings of the terminal UI: options, then the remembered view, then the config file.
 
+use super::output::enable_colors;
 use crate::app::{App, Preferences};
 use crate::cli::{Color, ScreenArgs};
 use crate::config::Config;
@@ -112,7 +113,9 @@ fn depth(color: Color) -> Depth {
         Color::Auto => std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty()),
     };
     let has_many = std::env::var("COLORTERM").is_ok_and(|value| !value.is_empty())
-        || std::env::var("TERM").is_ok_and(|value| value.contains("256") || value.contains("direct"));
+        || std::env::var("TERM").is_ok_and(|value| value.contains("256") || value.contains("direct"))
+        // Consoles of Windows with escape sequences have 256 colours and set no variable.
+        || (cfg!(windows) && enable_colors());
     match (is_plain, has_many) {
         (true, _) => Depth::None,
         (_, true) => Depth::Full,

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
+use crate::output_file;
+
 /// File system for the parts of a capture.
 pub(super) trait Disk: Send {
     /// Creates a file; fails if it exists.
@@ -33,6 +35,8 @@ pub(super) struct Files;
 
 impl Disk for Files {
     fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
+        // Fails for the name of a device of Windows.
+        output_file::is_device(path)?;
         let file = File::options().write(true).create_new(true).open(path)?;
         sync_folder_of(path);
         Ok(Box::new(file))

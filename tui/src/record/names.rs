@@ -14,6 +14,7 @@ use cobscope_decoder::capture::WritableFormat;
 use jiff::civil::DateTime;
 
 use super::format;
+use crate::device_name;
 use crate::path_text::shown;
 
 /// Number of digits of a part number.
@@ -67,7 +68,7 @@ impl Names {
     pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
         let name = shown(path);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        let is_there = folder.as_os_str().is_empty() || folder.is_dir();
+        let is_there = folder.as_os_str().is_empty() || device_name::is_device(path) || folder.is_dir();
         ensure!(is_there, "{name}: folder {} does not exist; create it first", shown(&folder));
         let stem = path.file_stem().with_context(|| format!("{name}: not a file name"))?.to_owned();
         let suffix = path.extension().unwrap_or_default().to_owned();

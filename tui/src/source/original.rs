@@ -18,6 +18,7 @@ use std::time::SystemTime;
 use cobscope_decoder::words::grouped;
 
 use super::positioned::read_at;
+use crate::file_identity::FileIdentity;
 
 /// Bytes of a block: as many as a capture reader requests.
 const BLOCK: u64 = 256 * 1024;
@@ -75,7 +76,7 @@ pub struct OriginalFile {
     path: PathBuf,
     file: File,
     length: u64,
-    identity: (u64, u64),
+    identity: FileIdentity,
     block: u64,
     /// Checksum of each block; 0 before its first reading.
     sums: Vec<AtomicU64>,
@@ -107,7 +108,7 @@ impl OriginalFile {
             path: path.to_owned(),
             file: file.try_clone()?,
             length,
-            identity: identity(&metadata),
+            identity: FileIdentity::of_file(file)?,
             block,
             sums: (0..count).map(|_| AtomicU64::new(0)).collect(),
             state: Mutex::new(Checks { modified, next: 0, left: 0, change: None }),
@@ -142,8 +143,8 @@ impl OriginalFile {
         if metadata.len() < self.length {
             self.note(ContentChange::Shrunk { from: self.length, to: metadata.len() });
         }
-        match std::fs::metadata(&self.path) {
-            Ok(named) if identity(&named) != self.identity => {
+        match FileIdentity::of_path(&self.path) {
+            Ok(named) if named != self.identity => {
                 self.note(ContentChange::Replaced);
             }
             // Its name is back.
@@ -290,18 +291,6 @@ impl Read for OriginalReader {
     }
 }
 
-/// Device and number of a file; both 0 where the system has none.
-#[cfg(unix)]
-fn identity(metadata: &Metadata) -> (u64, u64) {
-    use std::os::unix::fs::MetadataExt as _;
-    (metadata.dev(), metadata.ino())
-}
-
-#[cfg(not(unix))]
-fn identity(_: &Metadata) -> (u64, u64) {
-    (0, 0)
-}
-
 /// Checksum of a block, never 0. It detects changes, not forgeries.
 fn checksum(bytes: &[u8]) -> u64 {
     const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
@@ -407,9 +396,7 @@ mod tests {
         fs::rename(opened.path(), opened.folder.path().join("a.log.1")).unwrap();
         assert_eq!(opened.checked(), Some(ContentChange::Gone));
         fs::write(opened.path(), content('b', 10)).unwrap();
-        if cfg!(unix) {
-            assert_eq!(opened.checked(), Some(ContentChange::Replaced));
-        }
+        assert_eq!(opened.checked(), Some(ContentChange::Replaced));
         assert_eq!(opened.read(0).unwrap(), content('a', 10));
         fs::rename(opened.folder.path().join("a.log.1"), opened.path()).unwrap();
         assert_eq!(opened.checked(), None, "the name is back");

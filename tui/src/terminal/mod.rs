@@ -2,7 +2,7 @@
 
 mod background;
 
-use std::io::{BufWriter, Stdout, Write as _, stdout};
+use std::io::{BufWriter, ErrorKind, Stdout, Write as _, stdout};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
@@ -65,8 +65,9 @@ impl Screen {
         let terminal = Terminal::new(CrosstermBackend::new(output)).context("cannot set up the terminal")?;
         let screen = Self(terminal);
         execute!(stdout(), EnterAlternateScreen).context("cannot write to the terminal")?;
-        execute!(stdout(), EnableMouseCapture, EnableBracketedPaste)
-            .context("cannot write to the terminal")?;
+        // Consoles without escape sequences, in old versions of Windows, refuse what they do not have.
+        let _ = execute!(stdout(), EnableMouseCapture);
+        let _ = execute!(stdout(), EnableBracketedPaste);
         Ok(screen)
     }
 }
@@ -79,8 +80,11 @@ impl Drop for Screen {
 
 /// Restores the terminal, including mouse and paste reports, which ratatui's own hook leaves on.
 fn give_back() {
-    // A terminal that no longer exists needs no restoring.
-    let _ = execute!(stdout(), DisableMouseCapture, DisableBracketedPaste, LeaveAlternateScreen, Show);
+    // A terminal that no longer exists needs no restoring. On Windows a command fails if its setting was refused before;
+    // the others must follow all the same.
+    let _ = execute!(stdout(), DisableMouseCapture);
+    let _ = execute!(stdout(), DisableBracketedPaste);
+    let _ = execute!(stdout(), LeaveAlternateScreen, Show);
     let _ = disable_raw_mode();
 }
 
@@ -163,8 +167,10 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
             match output {
                 Output::Quit => return Ok(()),
                 Output::Copy(text) => {
-                    execute!(stdout(), CopyToClipboard::to_clipboard_from(text))
-                        .context("cannot copy to the clipboard")?;
+                    let copied = execute!(stdout(), CopyToClipboard::to_clipboard_from(text));
+                    if copied.as_ref().is_err_and(|error| error.kind() != ErrorKind::Unsupported) {
+                        copied.context("cannot copy to the clipboard")?;
+                    }
                     stdout().flush().context("cannot copy to the clipboard")?;
                 }
             }

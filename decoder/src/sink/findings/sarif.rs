@@ -288,12 +288,20 @@ fn title_sentence(title: &str) -> String {
 
 /// A path as a URI reference (RFC 3986): relative paths stay relative, special bytes are percent-encoded.
 fn uri(capture: &str) -> String {
-    let path = portable(capture);
-    let mut uri = String::new();
-    if path.starts_with('/') {
-        uri.push_str("file://");
-    }
-    for byte in path.bytes() {
+    reference(&portable(capture), cfg!(windows))
+}
+
+fn reference(path: &str, is_windows: bool) -> String {
+    let (mut uri, rest) = match path.as_bytes() {
+        // RFC 8089: a share is a path of its server, and a drive keeps its colon.
+        [b'/', b'/', ..] if is_windows => ("file:".to_owned(), path),
+        [drive @ b'A'..=b'Z' | drive @ b'a'..=b'z', b':', b'/', ..] if is_windows => {
+            (format!("file:///{}:", char::from(*drive)), path.get(2..).unwrap_or_default())
+        }
+        [b'/', ..] => ("file://".to_owned(), path),
+        _ => (String::new(), path),
+    };
+    for byte in rest.bytes() {
         if byte.is_ascii_alphanumeric() || b"/._~-".contains(&byte) {
             uri.push(char::from(byte));
         } else {
@@ -311,6 +319,10 @@ mod tests {
     fn paths_are_references() {
         assert_eq!(uri("./a b/ä.log"), "a%20b/%C3%A4.log");
         assert_eq!(uri("/tmp/x:1.log"), "file:///tmp/x%3A1.log");
+        let on_windows = |path| reference(path, true);
+        assert_eq!(on_windows("C:/logs/a b:1.log"), "file:///C:/logs/a%20b%3A1.log");
+        assert_eq!(on_windows("//server/share/a.log"), "file://server/share/a.log");
+        assert_eq!(on_windows("logs/a.log"), "logs/a.log");
         assert_eq!(title_sentence("a node is lost"), "A node is lost.");
     }
 }

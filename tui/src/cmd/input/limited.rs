@@ -35,7 +35,11 @@ pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
 pub(in crate::cmd) fn text(path: &Path) -> anyhow::Result<String> {
     String::from_utf8(bytes(path)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to();
-        anyhow::anyhow!("{}: byte {place}: found no UTF-8; expected text", shown(path))
+        let found = match error.as_bytes() {
+            [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => "UTF-16; expected UTF-8",
+            _ => "no UTF-8; expected text",
+        };
+        anyhow::anyhow!("{}: byte {place}: found {found}", shown(path))
     })
 }
 
@@ -56,5 +60,7 @@ mod tests {
         let path = folder.path().join("bus.toml");
         std::fs::write(&path, b"a\n\xff").unwrap();
         assert!(text(&path).unwrap_err().to_string().ends_with("byte 2: found no UTF-8; expected text"));
+        std::fs::write(&path, b"\xff\xfea\0").unwrap();
+        assert!(text(&path).unwrap_err().to_string().ends_with("byte 0: found UTF-16; expected UTF-8"));
     }
 }

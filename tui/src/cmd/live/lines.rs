@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{Frame, Timestamp};
@@ -15,6 +14,7 @@ use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, T
 use cobscope_decoder::words::plural;
 
 use super::cuts::Cuts;
+use super::interruption::interrupted;
 use super::pump::{PendingDeliveries, Pump};
 use super::sources::{is_down, open, recorder, shown};
 use super::triggers;
@@ -113,19 +113,6 @@ fn greet(live: &Live) {
     if let Some(record) = &live.record {
         note(&format!("recording to {}", record.path.display()));
     }
-}
-
-/// Flag that is set by Ctrl-C or a termination signal.
-pub(super) fn interrupted() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    #[cfg(unix)]
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        // A second signal ends the program at once.
-        signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
-            .context("cannot install the signal handler")?;
-    }
-    Ok(flag)
 }
 
 /// State of a live session.

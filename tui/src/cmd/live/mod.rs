@@ -2,6 +2,7 @@
 
 mod cut_lines;
 mod cuts;
+mod interruption;
 mod lines;
 mod program;
 mod pump;
@@ -21,7 +22,7 @@ use super::output::print;
 use crate::cli::LiveArgs;
 use crate::exit_code::Exit;
 use crate::path_text::shown as shown_path;
-use crate::source::live::{adapters, socketcan};
+use crate::source::live::{SERIAL_EXAMPLE, adapters, socketcan};
 use sources::{shown, specs};
 
 /// Runs the command.
@@ -93,8 +94,8 @@ fn list() -> Exit {
     };
     let written = print(text.as_bytes());
     note(&format!(
-        "{hint}other sources: slcan:/dev/ttyACM0@500000 (serial adapter), pcan:USB1@500k (PEAK), kvaser:0@500k \
-         (Kvaser), gs_usb:@500k (candleLight, CANable), socketcand://HOST/can0 (server), - (candump text on stdin)"
+        "{hint}other sources: {SERIAL_EXAMPLE} (serial adapter), pcan:USB1@500k (PEAK), kvaser:0@500k (Kvaser), \
+         gs_usb:@500k (candleLight, CANable), socketcand://HOST/can0 (server), - (candump text on stdin)"
     ));
     if lines.is_empty() { Exit::Capture } else { written }
 }

@@ -77,6 +77,12 @@ fn run_all(program: &Path, inbox: &Receiver<PathBuf>, is_ending: &AtomicBool) {
             // Ctrl-C ends the recording, not the program.
             std::os::unix::process::CommandExt::process_group(&mut command, 0);
         }
+        #[cfg(windows)]
+        {
+            /// CREATE_NEW_PROCESS_GROUP: the same on Windows.
+            const NEW_GROUP: u32 = 0x0200;
+            std::os::windows::process::CommandExt::creation_flags(&mut command, NEW_GROUP);
+        }
         match command.spawn() {
             Err(error) => note(&format!("{place}{error}; not run for {capture_shown}")),
             Ok(child) => match wait(child, is_ending, &mut ending_since) {

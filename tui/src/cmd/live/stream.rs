@@ -14,7 +14,7 @@ use cobscope_decoder::frame::{BusIndex, Frame};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::words::plural;
 
-use super::lines::interrupted;
+use super::interruption::interrupted;
 use super::pump::{PendingDeliveries, Pump};
 use super::sources::open;
 use crate::cli::LiveArgs;
@@ -22,6 +22,7 @@ use crate::cmd::frame_comment::add_event;
 use crate::cmd::input::session_options;
 use crate::cmd::messages::{Refusal, note};
 use crate::cmd::output::refused;
+use crate::device_name;
 use crate::exit_code::Exit;
 use crate::output_file::{self, Existing};
 use crate::path_text::shown;
@@ -35,7 +36,8 @@ const FORMAT: &str = "pcapng";
 
 /// Whether `path` is stdout or a pipe, to which a capture is written as a stream.
 pub(super) fn is_stream(path: &Path) -> bool {
-    path.as_os_str() == "-" || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+    let is_pipe = || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
+    path.as_os_str() == "-" || device_name::is_device(path) || is_pipe()
 }
 
 /// Writes the frames of the sources to `path`, stdout for `-`, until the reader or the user stops; with

@@ -41,7 +41,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
 
 pub use gather::Gather;
-pub use spec::{AdapterSpec, SourceSpec};
+pub use spec::{AdapterSpec, SERIAL_EXAMPLE, SourceSpec};
 pub use state::{Live, LiveState};
 
 /// An item of a source.

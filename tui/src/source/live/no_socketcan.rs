@@ -12,8 +12,8 @@ use super::{BusStatus, Source};
 pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
     let name = specs.first().map_or("", |spec| &spec.name);
     bail!(
-        "{name}: this build cannot open CAN interfaces (needs Linux and feature socketcan). Serial adapters: \
-         slcan:DEVICE@BITRATE; a bus of another machine: ssh MACHINE candump -L any | cobscope live -"
+        "{name}: this build cannot open CAN interfaces (needs Linux and feature socketcan). Adapters: pcan:USB1@500k, \
+         kvaser:0@500k, slcan:PORT@500k; a bus of another machine: ssh MACHINE candump -L any | cobscope live -"
     )
 }
 

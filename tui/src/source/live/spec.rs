@@ -16,6 +16,10 @@ use std::str::FromStr;
 /// Maximum length of an interface name (IFNAMSIZ without its end mark).
 const LONGEST_NAME: usize = 15;
 
+/// A source with a serial port, for messages.
+pub const SERIAL_EXAMPLE: &str =
+    if cfg!(windows) { "slcan:COM3@500000" } else { "slcan:/dev/ttyACM0@500000" };
+
 /// Flags of a filter identifier in linux/can.h: 29 bits, inverted; then the error classes.
 const EXTENDED: u32 = 0x8000_0000;
 const INVERTED: u32 = 0x2000_0000;
@@ -97,11 +101,16 @@ impl FromStr for SourceSpec {
                 return adapter(prefix, rest, example);
             }
         }
-        if text.contains(['/', '\\', '.']) || std::path::Path::new(text).is_file() {
+        if text.contains(['/', '\\', '.']) || has_drive(text) || std::path::Path::new(text).is_file() {
             return Ok(Self::File(text.into()));
         }
         interface(text).map(Self::SocketCan)
     }
+}
+
+/// Whether a path of Windows starts with a drive: `C:run`. Names of other sources have more than one letter before the colon.
+fn has_drive(text: &str) -> bool {
+    matches!(text.as_bytes(), [drive, b':', _, ..] if drive.is_ascii_alphabetic())
 }
 
 fn slcan(text: &str) -> Result<SourceSpec, String> {
@@ -110,7 +119,7 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
         None => (text, None),
     };
     if device.is_empty() {
-        return Err("found no device, expected slcan:/dev/ttyACM0@500000".into());
+        return Err(format!("found no device, expected {SERIAL_EXAMPLE}"));
     }
     Ok(SourceSpec::Slcan { device: device.into(), bit_rate: rate.map(bit_rate).transpose()? })
 }
@@ -218,7 +227,12 @@ mod tests {
         let server = SourceSpec::Socketcand { address: "box:29536".into(), bus: "can0".into() };
         assert_eq!(spec("socketcand://box:29536/can0"), Ok(server));
         assert_eq!(spec("-"), Ok(SourceSpec::Stdin));
-        assert_eq!(spec("logs/machine.trc"), Ok(SourceSpec::File("logs/machine.trc".into())));
+        for path in
+            ["logs/machine.trc", r"C:\run.log", r"\\server\share\run.log", "C:run.log", "c:run", r"C:\run"]
+        {
+            assert_eq!(spec(path), Ok(SourceSpec::File(path.into())));
+        }
+        assert!(spec("C:").is_ok_and(|found| matches!(found, SourceSpec::SocketCan(_))));
     }
 
     #[test]

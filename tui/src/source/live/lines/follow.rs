@@ -1,6 +1,6 @@
 //! Follows a file that grows, is truncated or is replaced.
 
-use std::fs::{File, Metadata};
+use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
@@ -9,6 +9,7 @@ use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
 use super::super::SourceEnd;
 use super::outlet::Outlet;
+use crate::file_identity::FileIdentity;
 use crate::path_text::shown;
 
 /// Interval between two checks of a file without new data.
@@ -56,7 +57,7 @@ fn failed(path: &Path, error: CaptureError) -> SourceEnd {
 struct GrowingFile<'a> {
     path: &'a Path,
     file: File,
-    identity: Identity,
+    identity: FileIdentity,
     position: u64,
     is_over: std::sync::Arc<std::sync::atomic::AtomicBool>,
     /// The last byte read is not a line end.
@@ -74,7 +75,7 @@ impl<'a> GrowingFile<'a> {
         }
         Ok(Self {
             path,
-            identity: identity(&metadata),
+            identity: FileIdentity::of_file(&file)?,
             file,
             position: 0,
             is_over: outlet.flag(),
@@ -87,7 +88,7 @@ impl<'a> GrowingFile<'a> {
     fn look(&self) -> Option<&'static str> {
         // A removed file may be replaced soon.
         let metadata = std::fs::metadata(self.path).ok()?;
-        if identity(&metadata) != self.identity {
+        if FileIdentity::of_path(self.path).ok()? != self.identity {
             return Some("was replaced by another file");
         }
         (metadata.is_file() && metadata.len() < self.position).then_some("was truncated")
@@ -122,24 +123,4 @@ impl Read for GrowingFile<'_> {
             std::thread::sleep(LOOK);
         }
     }
-}
-
-/// Identity of a file independent of its path.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct Identity {
-    device: u64,
-    number: u64,
-    /// Creation time, on systems without file numbers.
-    created: Option<std::time::SystemTime>,
-}
-
-#[cfg(unix)]
-fn identity(metadata: &Metadata) -> Identity {
-    use std::os::unix::fs::MetadataExt as _;
-    Identity { device: metadata.dev(), number: metadata.ino(), created: None }
-}
-
-#[cfg(not(unix))]
-fn identity(metadata: &Metadata) -> Identity {
-    Identity { device: 0, number: 0, created: metadata.created().ok() }
 }
