@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// drop all PDOs of a periodic TPDO in the second half
     "pdo-lost", Error, "periodic TPDO missing",
-    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer", "nmt-command"],
+    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer-communication", "nmt-command"],
     needs: "a periodic TPDO of an operational node",
     is_timing: true,
     word: "LOST",
