@@ -103,7 +103,9 @@ impl Meter {
         self.frames += frames.len() as u64;
         self.last_frame = frames.last().map_or(self.last_frame, |frame| frame.number);
         if self.bit_rate.is_some() {
-            frames.iter().for_each(|frame| self.count(frame));
+            for frame in frames {
+                self.count(frame);
+            }
         }
     }
 
