@@ -57,6 +57,21 @@ impl Decoder {
         }
     }
 
+    /// Decodes the next frames, as [`Self::push`] with each of them.
+    pub fn push_all(&mut self, frames: &[Frame], names: &BusNames, out: &mut dyn Observer) {
+        for of_bus in frames.chunk_by(|frame, next| frame.bus == next.bus) {
+            let (Some(first), Some(last)) = (of_bus.first(), of_bus.last()) else { continue };
+            let index = usize::from(first.bus.0);
+            if index >= self.buses.len() {
+                self.add_buses(index, names);
+            }
+            (self.last_time, self.last_frame) = (last.time, last.number);
+            if let Some(bus) = self.buses.get_mut(index) {
+                bus.push_all(of_bus, out);
+            }
+        }
+    }
+
     #[cold]
     fn add_buses(&mut self, last: usize, names: &BusNames) {
         for index in self.buses.len()..=last {

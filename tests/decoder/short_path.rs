@@ -24,6 +24,9 @@ use crate::support::{corpus, is_readable, skip, workspace};
 /// Frames of a generated capture.
 const GENERATED: usize = 12_000;
 
+/// Frames of a batch.
+const BATCH: usize = 256;
+
 /// Maximum size of a capture of the corpus, in bytes.
 const LARGEST: u64 = 2 << 20;
 
@@ -47,6 +50,11 @@ impl Recording {
         }
         let names = reader.buses().clone();
         items.iter().any(Result::is_ok).then_some(Self { items, names })
+    }
+
+    /// Frames from a place up to the next notice, as many as a batch may have.
+    fn frames(&self, place: usize) -> Vec<Frame> {
+        self.items[place..].iter().map_while(|item| item.as_ref().ok().copied()).take(BATCH).collect()
     }
 
     fn push(&self, decoder: &mut Decoder, place: usize, out: &mut dyn Observer) {
@@ -119,10 +127,15 @@ fn judged(
     let mut decoder = Decoder::new(options.clone());
     let engine = Engine::new(Arc::new(setup));
     let mut judging = Judging { engine, takes_all, events: Vec::new(), skipped: 0 };
+    // Frames are also counted in advance, as a command does with those of a batch.
+    let mut counted = 0;
     for (place, item) in recording.items.iter().enumerate() {
-        if let Ok(frame) = item {
-            judging.engine.frame(frame);
+        match item {
+            Ok(frame) if takes_all => judging.engine.frame(frame),
+            Ok(_) if counted == 0 => counted = judging.engine.frames(&recording.frames(place)),
+            _ => {}
         }
+        counted = counted.saturating_sub(usize::from(item.is_ok()));
         recording.push(&mut decoder, place, &mut judging);
     }
     decoder.finish(&recording.names, &mut judging);
@@ -216,10 +229,18 @@ fn assert_same_statistics(name: &str, recording: &Recording, options: &SessionOp
     let [wanted, found] = [true, false].map(|takes_all| {
         let mut counting = Counting { takes_all, ..Counting::default() };
         let mut decoder = Decoder::new(options.clone());
+        let mut counted = 0;
         for (place, item) in recording.items.iter().enumerate() {
-            if let Ok(frame) = item {
-                counting.statistics.frame(frame);
+            match item {
+                Ok(frame) if takes_all => counting.statistics.frame(frame),
+                Ok(_) if counted == 0 => {
+                    let frames = recording.frames(place);
+                    counting.statistics.frames(&frames);
+                    counted = frames.len();
+                }
+                _ => {}
             }
+            counted = counted.saturating_sub(usize::from(item.is_ok()));
             recording.push(&mut decoder, place, &mut counting);
         }
         decoder.finish(&recording.names, &mut counting);

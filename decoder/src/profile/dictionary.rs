@@ -114,7 +114,10 @@ impl ResolvedObject<'_> {
         let entry = self.entry.filter(|_| self.object.is_record).and_then(|entry| entry.look.name.as_deref());
         match entry {
             Some(entry) if entry != self.object.name => {
-                format!("{}, {}", self.object_name(), self.numbered(entry))
+                let mut name = self.object_name();
+                name.push_str(", ");
+                name.push_str(&self.numbered(entry));
+                name
             }
             _ => self.object_name(),
         }
@@ -129,7 +132,8 @@ impl ResolvedObject<'_> {
 
     /// Replaces `{n}` in a name by the repeat number.
     pub fn numbered(&self, name: &str) -> String {
-        if name.contains("{n}") {
+        // Most names have no number; a single byte is found faster.
+        if name.as_bytes().contains(&b'{') && name.contains("{n}") {
             name.replace("{n}", &self.object.number(self.nth).to_string())
         } else {
             name.to_owned()

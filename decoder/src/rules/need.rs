@@ -22,6 +22,8 @@ pub struct Need {
     pub(super) is_passed_if_changed: bool,
     /// The rule takes the number of PDOs without an event before the next event.
     pub(super) is_counted: bool,
+    /// The answer depends on the usual interval of the PDO, and holds until it is determined again.
+    pub(super) follows_interval: bool,
 }
 
 impl Need {
@@ -36,6 +38,7 @@ impl Need {
         is_passed: false,
         is_passed_if_changed: false,
         is_counted: false,
+        follows_interval: false,
     };
 
     /// Each event.

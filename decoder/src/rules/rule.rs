@@ -30,7 +30,8 @@ pub trait Rule {
     }
 
     /// What the rule needs of the next PDOs or messages with the identifier and the data length of `event`, which it
-    /// received. The answer holds until [`Context::ask_again`], and until node or layout change.
+    /// received. The answer holds until [`Context::ask_again`], and until node or layout change. An answer that depends on
+    /// [`PdoSlot::median`] or its period states this.
     fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
         Need::EACH
     }

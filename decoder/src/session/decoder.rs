@@ -91,13 +91,17 @@ impl BusDecoder {
     }
 
     /// Decodes the next frame and sends its events to `out`.
-    #[inline]
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
-        let identifier = self.shared.bus.routes.find(frame.id);
-        let is_skipped = self.may_skip(frame)
-            && identifier.is_some_and(|identifier| self.is_skipped(identifier, frame, out));
-        if !is_skipped {
-            self.decode(identifier, frame, out);
+        self.push_all(std::slice::from_ref(frame), out);
+    }
+
+    /// Decodes the next frames, as [`Self::push`] with each of them.
+    pub(crate) fn push_all(&mut self, frames: &[Frame], out: &mut dyn Observer) {
+        for frame in frames {
+            let identifier = self.shared.bus.routes.find(frame.id);
+            if !identifier.is_some_and(|identifier| self.take_quickly(identifier, frame, out)) {
+                self.decode(identifier, frame, out);
+            }
         }
     }
 

@@ -65,6 +65,29 @@ pub struct BusStatistics {
 impl BusStatistics {
     /// Counts a frame.
     pub fn frame(&mut self, frame: &Frame) {
+        let bits = self.count_identifier(frame);
+        self.load.add(bits, frame.time.map(|time| time.0));
+    }
+
+    /// Counts frames.
+    pub(super) fn frames(&mut self, frames: &[Frame]) {
+        let mut pending = (0, 0);
+        for frame in frames {
+            let bits = self.count_identifier(frame);
+            let time = frame.time.map(|time| time.0);
+            if time.is_some_and(|time| self.load.continues_at(time)) {
+                pending = (pending.0 + 1, pending.1 + u64::from(bits));
+            } else {
+                self.load.add_many(std::mem::take(&mut pending));
+                self.load.add(bits, time);
+            }
+        }
+        self.load.add_many(pending);
+    }
+
+    /// Counts a frame of its identifier; bits of the frame, 0 if they are unknown.
+    #[inline]
+    fn count_identifier(&mut self, frame: &Frame) -> u32 {
         let time = frame.time.map(|time| time.0);
         let bits = if frame.flags.contains(FrameFlags::ERROR) {
             None
@@ -78,7 +101,7 @@ impl BusStatistics {
             self.other_ids += 1;
             frame_bits(frame)
         };
-        self.load.add(bits.unwrap_or(0), time);
+        bits.unwrap_or(0)
     }
 
     /// Statistics of the identifier of a frame, created if missing; None beyond [`MOST_IDS`].

@@ -32,19 +32,37 @@ impl Load {
     /// Counts a frame of `bits` at `time`.
     pub(super) fn add(&mut self, bits: u32, time: Option<i64>) {
         let bits = u64::from(bits);
-        self.frames += 1;
-        self.bits += bits;
-        let Some(time) = time else { return };
-        let now = time.saturating_add(self.offset);
-        if self.last.is_some_and(|last| (last..self.part_end).contains(&now)) {
-            self.last = Some(now);
-        } else {
+        let Some(time) = time else {
+            self.frames += 1;
+            self.bits += bits;
+            return;
+        };
+        if !self.continues_at(time) {
             self.move_to(time);
         }
-        if let Some(part) = self.parts.get_mut(self.part_index) {
-            *part = (part.0 + 1, part.1 + bits);
+        self.add_many((1, bits));
+    }
+
+    /// Advances to the time of a frame, if it is in the same part of a second as the last one.
+    #[inline]
+    pub(super) fn continues_at(&mut self, time: i64) -> bool {
+        let now = time.saturating_add(self.offset);
+        let continues = self.last.is_some_and(|last| (last..self.part_end).contains(&now));
+        if continues {
+            self.last = Some(now);
         }
-        self.window = (self.window.0 + 1, self.window.1 + bits);
+        continues
+    }
+
+    /// Adds frames and bits at the present time.
+    #[inline]
+    pub(super) fn add_many(&mut self, (frames, bits): (u64, u64)) {
+        self.frames += frames;
+        self.bits += bits;
+        if let Some(part) = self.parts.get_mut(self.part_index) {
+            *part = (part.0 + frames, part.1 + bits);
+        }
+        self.window = (self.window.0 + frames, self.window.1 + bits);
     }
 
     /// Maximum number of frames in one second, and its start in ns.

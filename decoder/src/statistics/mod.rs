@@ -56,6 +56,16 @@ impl Statistics {
         self.bus(frame.bus.0).frame(frame);
     }
 
+    /// Counts frames before the events of the first one.
+    pub fn frames(&mut self, frames: &[Frame]) {
+        self.quality.add_frames(frames);
+        for of_bus in frames.chunk_by(|frame, next| frame.bus == next.bus) {
+            if let Some(first) = of_bus.first() {
+                self.bus(first.bus.0).frames(of_bus);
+            }
+        }
+    }
+
     /// Counts an event.
     pub fn event(&mut self, event: &Event) {
         self.quality.event(event);

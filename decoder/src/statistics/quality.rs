@@ -77,6 +77,37 @@ impl Quality {
         }
     }
 
+    /// Latest timestamp in ns, once a later one changes nothing else.
+    pub(crate) fn latest_final(&self) -> Option<i64> {
+        self.last.filter(|_| self.stamps.count >= JUDGED)
+    }
+
+    /// Counts frames without error frames; their timestamps follow [`Self::latest_final`] in order.
+    pub(crate) fn count_frames(&mut self, frames: &[Frame]) {
+        self.frames += frames.len() as u64;
+        self.last = frames.last().and_then(|frame| frame.time).map_or(self.last, |time| Some(time.0));
+    }
+
+    /// Counts frames.
+    pub(super) fn add_frames(&mut self, mut frames: &[Frame]) {
+        while let Some((first, rest)) = frames.split_first() {
+            self.frame(first);
+            frames = rest;
+            let Some(mut latest) = self.latest_final() else { continue };
+            let is_counted = |frame: &&Frame| {
+                let time = frame.time.map(|time| time.0).filter(|time| *time >= latest);
+                latest = time.unwrap_or(latest);
+                time.is_some() && !frame.flags.contains(FrameFlags::ERROR)
+            };
+            let count = frames.iter().take_while(is_counted).count();
+            let (counted, others) = frames.split_at_checked(count).unwrap_or((frames, &[]));
+            if !counted.is_empty() {
+                self.count_frames(counted);
+            }
+            frames = others;
+        }
+    }
+
     #[cold]
     fn error_frame(&mut self, frame: &Frame) {
         // New counters alone are a state of the controller, not an error on the bus.

@@ -52,6 +52,12 @@ pub(super) trait CaptureObserver: Observer {
         true
     }
 
+    /// Called with the next frames, before the events of the first one. Returns the number of frames of which the observer
+    /// took note; 0 ends the capture before the first one.
+    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
+        usize::from(frames.first().is_some_and(|frame| self.frame(frame, names)))
+    }
+
     /// Whether to call [`CaptureObserver::frame_decoded`] for each frame.
     fn wants_decoded_frames(&self) -> bool {
         false
@@ -228,11 +234,14 @@ fn push_batch(
 ) -> bool {
     let wants_frames = watcher.wants_frames();
     if batch.notices().is_empty() && !watcher.wants_decoded_frames() {
-        for frame in batch.frames() {
-            if wants_frames && !watcher.frame(frame, names) {
+        let mut rest = batch.frames();
+        while !rest.is_empty() {
+            let count = if wants_frames { watcher.frames(rest, names) } else { rest.len() };
+            let Some((next, after)) = rest.split_at_checked(count).filter(|_| count > 0) else {
                 return false;
-            }
-            decoder.push(frame, names, watcher);
+            };
+            decoder.push_all(next, names, watcher);
+            rest = after;
         }
         return true;
     }

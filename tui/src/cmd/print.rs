@@ -94,6 +94,13 @@ impl CaptureObserver for JudgingObserver<'_> {
         true
     }
 
+    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
+        match (&mut self.engine, frames.first()) {
+            (Some(engine), Some(_)) if !self.printer.wants_frames() => engine.frames(frames),
+            (_, first) => usize::from(first.is_some_and(|frame| self.frame(frame, names))),
+        }
+    }
+
     fn notice(&mut self, notice: &Notice, names: &BusNames) {
         self.printer.notice(notice, names);
     }

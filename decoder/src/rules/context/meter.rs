@@ -81,7 +81,7 @@ impl Meter {
     pub(in crate::rules) fn frame(&mut self, frame: &Frame) {
         // The difference to an earlier time is more than any window.
         if let Some(time) = frame.time
-            && time.0.wrapping_sub(self.began).cast_unsigned() >= self.window
+            && !self.is_in_second(time.0)
         {
             self.move_to(time.0, frame.number);
         }
@@ -89,6 +89,23 @@ impl Meter {
         self.last_frame = frame.number;
         if self.bit_rate.is_some() || frame.flags.contains(FrameFlags::ERROR) {
             self.count(frame);
+        }
+    }
+
+    /// Whether a frame at this time has no other effect than its count.
+    #[inline]
+    pub(in crate::rules) fn is_in_second(&self, time: i64) -> bool {
+        time.wrapping_sub(self.began).cast_unsigned() < self.window
+    }
+
+    /// Counts frames for which [`Self::is_in_second`] holds; none of them is an error frame.
+    pub(in crate::rules) fn count_frames(&mut self, frames: &[Frame]) {
+        self.frames += frames.len() as u64;
+        self.last_frame = frames.last().map_or(self.last_frame, |frame| frame.number);
+        if self.bit_rate.is_some() {
+            for frame in frames {
+                self.count(frame);
+            }
         }
     }
 

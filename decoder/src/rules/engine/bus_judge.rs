@@ -29,6 +29,8 @@ pub(super) struct RuleInstance {
     pub(super) rule: Box<dyn Rule>,
     /// Events with frames before and after a hole are not delivered.
     skips_holes: bool,
+    /// The rule receives PDOs while it wants them.
+    has_pdos: bool,
 }
 
 /// Rule instances of one bus with their shared state.
@@ -42,6 +44,8 @@ pub(super) struct BusJudge {
     wants: Vec<Option<bool>>,
     has_turned: bool,
     pub(super) needs: NeedsTable,
+    /// Monotonic time of the bus up to which no frame needs its event because of its time; `i64::MIN` if this is not known.
+    pub(super) quiet_until: i64,
 }
 
 /// State that all rules of one bus share.
@@ -110,16 +114,23 @@ impl BusJudge {
             wants: Vec::new(),
             has_turned: true,
             needs: NeedsTable::new(),
+            quiet_until: i64::MIN,
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
-        let instance = RuleInstance { number: 0, rule: Box::new(devices), skips_holes: false };
+        let instance =
+            RuleInstance { number: 0, rule: Box::new(devices), skips_holes: false, has_pdos: false };
         judge.add(instance, |interests, place| interests.kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(number)) = (is_on, u16::try_from(place)) {
                 let rule = (entry.make)(&setup.policy);
-                let instance = RuleInstance { number, rule, skips_holes: entry.declaration.skips_holes };
+                let instance = RuleInstance {
+                    number,
+                    rule,
+                    skips_holes: entry.declaration.skips_holes,
+                    has_pdos: false,
+                };
                 judge.add(instance, |interests, place| {
                     interests.declared(entry.declaration.kinds, place);
                 });
@@ -128,7 +139,8 @@ impl BusJudge {
         for (number, expectation) in setup.expectations_on(bus.name()) {
             if ledger.rules.get(usize::from(number)).is_some_and(|info| info.is_on) {
                 let kinds = expectation.kinds();
-                let instance = RuleInstance { number, rule: expectation.make(), skips_holes: false };
+                let instance =
+                    RuleInstance { number, rule: expectation.make(), skips_holes: false, has_pdos: false };
                 judge.add(instance, |interests, place| interests.kinds(kinds, place));
             }
         }
@@ -143,6 +155,7 @@ impl BusJudge {
 
     #[inline]
     pub(super) fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+        self.quiet_until = i64::MIN;
         if let Some(stamp) = event.time {
             let monotonic = bus.monotonic(stamp);
             if let EventKind::BusSilent { gap } = event.kind {
@@ -214,13 +227,15 @@ impl BusJudge {
         let mut context = self.shared.context(bus, ledger);
         let is_across_hole = context.is_across_hole(event.frames.first);
         for place in self.interests.of(&event.kind) {
-            if let Some(RuleInstance { number, rule, skips_holes }) = self.rules.get_mut(usize::from(*place))
-                && !(is_across_hole && *skips_holes)
+            if let Some(instance) = self.rules.get_mut(usize::from(*place))
+                && !(is_across_hole && instance.skips_holes)
             {
-                (context.rule, context.place) = (*number, *place);
-                rule.event(event, &mut context);
-                let wants = self.wants.get(usize::from(*place)).copied().flatten();
-                self.has_turned |= wants.is_some_and(|wants| wants != rule.wants_pdos());
+                (context.rule, context.place) = (instance.number, *place);
+                instance.rule.event(event, &mut context);
+                if instance.has_pdos {
+                    let wants = self.wants.get(usize::from(*place)).copied().flatten();
+                    self.has_turned |= wants.is_some_and(|wants| wants != instance.rule.wants_pdos());
+                }
             }
         }
         if std::mem::take(&mut self.shared.has_news) {
@@ -256,9 +271,10 @@ impl BusJudge {
         let mut turned = Vec::new();
         for place in self.interests.with_pdos() {
             let index = usize::from(place);
-            let (Some(instance), Some(known)) = (self.rules.get(index), self.wants.get_mut(index)) else {
+            let (Some(instance), Some(known)) = (self.rules.get_mut(index), self.wants.get_mut(index)) else {
                 continue;
             };
+            instance.has_pdos = true;
             let wants = instance.rule.wants_pdos();
             if known.replace(wants) != Some(wants) {
                 turned.push((place, wants));

@@ -6,6 +6,7 @@ use strum::EnumCount as _;
 use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::profile::PdoDirection;
 use crate::query::KindSet;
+use crate::wire::canopen::ObjectAddress;
 
 /// Combinations of four properties: direction, request or data, payload unchanged or not, mapping confirmed
 /// or not.
@@ -31,10 +32,21 @@ const PDO_WORDS: [(&str, ClassPredicate); 8] = [
     ("pdo-request", |class| class & REQUEST != 0),
 ];
 
+/// Word with which a rule declares SDO transfers of objects in the communication profile area only (CiA 301 §7.4.1).
+const SDO_OF_COMMUNICATION: &str = "sdo-transfer-communication";
+
+/// Name of the event kind of SDO transfers.
+const SDO: &str = "sdo-transfer";
+
+/// Indices of the objects in this area.
+const COMMUNICATION: std::ops::Range<u16> = 0x1000..0x2000;
+
 /// Indices of the rules that receive an event.
 #[derive(Debug)]
 pub(super) struct Interests {
     by_kind: [Vec<u16>; Kind::COUNT],
+    /// Rules that also receive SDO transfers of objects outside of [`COMMUNICATION`].
+    other_objects: Vec<u16>,
     pdo: [Vec<u16>; PDO_CLASSES],
     /// Rules that receive PDOs, in rule order: index, bit mask of the classes, whether the rule wants PDOs
     /// now.
@@ -45,6 +57,7 @@ impl Default for Interests {
     fn default() -> Self {
         Self {
             by_kind: std::array::from_fn(|_| Vec::new()),
+            other_objects: Vec::new(),
             pdo: std::array::from_fn(|_| Vec::new()),
             members: Vec::new(),
         }
@@ -54,8 +67,13 @@ impl Default for Interests {
 impl Interests {
     /// Registers a rule for the event kinds and PDO words that it declares.
     pub(super) fn declared(&mut self, words: &[&str], place: u16) {
-        let kinds = KindSet::by_name(|name| name != "pdo" && words.contains(&name));
+        let is_limited = words.contains(&SDO_OF_COMMUNICATION);
+        let kinds =
+            KindSet::by_name(|name| name != "pdo" && (words.contains(&name) || is_limited && name == SDO));
         self.kinds(kinds, place);
+        if is_limited {
+            self.other_objects.retain(|other| *other != place);
+        }
         let wanted: Vec<_> = PDO_WORDS.iter().filter(|(word, _)| words.contains(word)).collect();
         let classes = (0..PDO_CLASSES).filter(|class| wanted.iter().any(|(_, means)| means(*class)));
         let classes = classes.fold(0_u16, |all, class| all | 1 << class);
@@ -71,6 +89,9 @@ impl Interests {
             if let Some(list) = self.by_kind.get_mut(kind as usize) {
                 list.push(place);
             }
+        }
+        if kinds.contains_name(SDO) {
+            self.other_objects.push(place);
         }
         if kinds.contains_name("pdo") {
             self.members.push((place, u16::MAX, true));
@@ -111,6 +132,10 @@ impl Interests {
         for list in &mut self.by_kind {
             list.retain(|other| *other != place);
         }
+        self.other_objects.retain(|other| *other != place);
+        if kinds.contains_name(SDO) {
+            self.other_objects.insert(0, place);
+        }
         self.members.retain(|(member, ..)| *member != place);
         for kind in kinds.kinds() {
             if let Some(list) = self.by_kind.get_mut(kind as usize) {
@@ -126,7 +151,20 @@ impl Interests {
     /// Rules for an event other than a PDO, in rule order.
     #[inline]
     pub(super) fn of(&self, kind: &EventKind) -> &[u16] {
-        self.by_kind.get(kind.kind() as usize).map_or(&[], Vec::as_slice)
+        match kind {
+            EventKind::SdoTransfer(transfer) => self.of_transfer(transfer.object),
+            _ => self.of_kind(kind.kind()),
+        }
+    }
+
+    fn of_transfer(&self, object: Option<ObjectAddress>) -> &[u16] {
+        let is_of_communication = object.is_some_and(|object| COMMUNICATION.contains(&object.index));
+        if is_of_communication { self.of_kind(Kind::SdoTransfer) } else { &self.other_objects }
+    }
+
+    #[inline]
+    fn of_kind(&self, kind: Kind) -> &[u16] {
+        self.by_kind.get(kind as usize).map_or(&[], Vec::as_slice)
     }
 
     /// Rules for a PDO or message after `event` with another content or the same; `true` for those that receive it only
@@ -161,7 +199,9 @@ fn class(event: &Event, pdo: &Pdo) -> usize {
 
 #[cfg(test)]
 pub(super) fn is_known(word: &str) -> bool {
-    KindSet::ALL.contains_name(word) || PDO_WORDS.iter().any(|(known, _)| *known == word)
+    KindSet::ALL.contains_name(word)
+        || word == SDO_OF_COMMUNICATION
+        || PDO_WORDS.iter().any(|(known, _)| *known == word)
 }
 
 #[cfg(test)]
@@ -176,6 +216,27 @@ mod tests {
                 assert!(is_known(word), "{}: {word}", rule.name);
             }
         }
+    }
+
+    #[test]
+    fn sdo_transfers_of_other_objects_reach_fewer_rules() {
+        let mut interests = Interests::default();
+        interests.declared(&["sdo-transfer"], 1);
+        interests.declared(&["sync", SDO_OF_COMMUNICATION], 2);
+        interests.kinds(KindSet::by_name(|name| name == SDO), 3);
+        let places = |interests: &Interests, object: Option<(u16, u8)>| {
+            let object = object.map(|(index, sub)| ObjectAddress::new(index, sub));
+            interests.of_transfer(object).to_vec()
+        };
+        assert_eq!(places(&interests, Some((0x1017, 0))), [1, 2, 3]);
+        assert_eq!(places(&interests, Some((0x1FFF, 0))), [1, 2, 3]);
+        assert_eq!(places(&interests, Some((0x0FFF, 0))), [1, 3]);
+        assert_eq!(places(&interests, Some((0x2000, 0))), [1, 3]);
+        assert_eq!(places(&interests, None), [1, 3]);
+        interests.renew(3, KindSet::by_name(|name| name == SDO));
+        assert_eq!(places(&interests, None), [3, 1]);
+        interests.renew(3, KindSet::NONE);
+        assert_eq!(places(&interests, None), [1]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use super::ledger::causes::causes;
 use super::ledger::{GroupChange, Ledger, News};
 use crate::event::{Event, EventKind, Protocol};
 use crate::finding::Findings;
-use crate::frame::Frame;
+use crate::frame::{Frame, FrameFlags};
 use crate::query::KindSet;
 use crate::session::{Bus, Buses, Observer, Preview};
 use crate::statistics::{Quality, is_evidence};
@@ -65,6 +65,40 @@ impl Engine {
         self.quality.frame(frame);
         if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
             judge.shared.meter.frame(frame);
+            if judge.shared.meter.is_over() {
+                judge.quiet_until = i64::MIN;
+            }
+        }
+    }
+
+    /// Processes the next frames before the events of the first one: the first frame as [`Self::frame`], or as many as only
+    /// add to counts. Returns their number, 0 only without any frame.
+    pub fn frames(&mut self, frames: &[Frame]) -> usize {
+        let Some(first) = frames.first() else { return 0 };
+        let judge = self.buses.get_mut(usize::from(first.bus.0));
+        let Some((judge, latest)) = judge.zip(self.quality.latest_final()) else {
+            self.frame(first);
+            return 1;
+        };
+        let meter = &mut judge.shared.meter;
+        let mut latest = latest;
+        let is_counted = |frame: &&Frame| {
+            let time =
+                frame.time.map(|time| time.0).filter(|time| *time >= latest && meter.is_in_second(*time));
+            latest = time.unwrap_or(latest);
+            time.is_some() && frame.bus == first.bus && !frame.flags.contains(FrameFlags::ERROR)
+        };
+        match frames.iter().take_while(is_counted).count() {
+            0 => {
+                self.frame(first);
+                1
+            }
+            count => {
+                let counted = frames.get(..count).unwrap_or(frames);
+                meter.count_frames(counted);
+                self.quality.count_frames(counted);
+                count
+            }
         }
     }
 
@@ -80,6 +114,7 @@ impl Engine {
             for judge in &mut self.buses {
                 judge.pass_on_all_skipped(bus, &mut self.ledger);
             }
+            self.end_quiet();
         }
         if let Some(judge) = self.buses.get_mut(index) {
             if self.quality.frames <= STAMPS_JUDGED {
@@ -101,6 +136,7 @@ impl Engine {
         }
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.emit_news(bus, self.quality.has_varied(), out);
+            self.end_quiet();
         }
     }
 
@@ -113,6 +149,7 @@ impl Engine {
             judge.pass_time(bus.now(), bus, &mut self.ledger);
         }
         self.emit_news(bus, true, out);
+        self.end_quiet();
     }
 
     /// Ends the capture: closes open findings and returns all results.
@@ -143,6 +180,7 @@ impl Engine {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
             judge.pass_on_all_skipped(bus, &mut self.ledger);
         }
+        self.end_quiet();
         let mut ledger = self.ledger.clone();
         for bus in buses {
             ledger.close_all(bus);

@@ -83,6 +83,7 @@ impl NeedsOf {
         all.longest = all.longest.min(need.longest);
         all.alternations = all.alternations.min(need.alternations);
         all.frames = all.frames.min(need.frames);
+        all.follows_interval |= need.follows_interval;
         let is_listed = (!need.is_passed || self.passed.add(rule.number))
             && (!need.is_passed_if_changed || self.passed_if_changed.add(rule.number))
             && (!need.is_counted || self.counting.add(rule.place));
@@ -96,13 +97,13 @@ impl NeedsOf {
         let need = rule.need;
         let is_bounded = need.shortest > i64::MIN || need.longest < i64::MAX || need.is_counted;
         let is_listed = !need.is_passed || self.passed_if_changed.add(rule.number);
+        self.need.follows_interval |= need.follows_interval;
         self.need.bits |= if is_bounded || !is_listed { u64::MAX } else { need.bits };
     }
 
-    /// Whether rules need the event of the next PDO at the time `now`, whatever its contents are.
+    /// Whether rules need the event of the next PDO after `interval` ns, whatever its contents are.
     #[inline]
-    fn needs_pdo(&self, pdo: &PdoSlot, now: i64) -> bool {
-        let interval = now.saturating_sub(pdo.last);
+    fn needs_pdo(&self, pdo: &PdoSlot, interval: i64) -> bool {
         interval < self.need.shortest
             || interval > self.need.longest
             || pdo.alternations.saturating_add(1) >= self.need.alternations
@@ -172,7 +173,9 @@ impl NeedsTable {
             return true;
         }
         match known.statistics {
-            Some(place) => pdos.get(usize::from(place)).is_none_or(|pdo| known.needs_pdo(pdo, now)),
+            Some(place) => {
+                pdos.get(usize::from(place)).is_none_or(|pdo| known.needs_pdo(pdo, pdo.interval_at(now)))
+            }
             None => known.needs_message(preview),
         }
     }
@@ -187,11 +190,11 @@ impl NeedsTable {
         match known.statistics {
             Some(place) => {
                 let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else { return false };
-                if known.needs_pdo(pdo, now) {
+                let interval = pdo.interval_at(now);
+                if known.needs_pdo(pdo, interval) {
                     return false;
                 }
-                // Bounds of rules depend on the usual interval.
-                if pdo.skip(preview, now, context) {
+                if pdo.skip(preview, (now, interval), context) && known.need.follows_interval {
                     known.answer = 0;
                 }
             }
@@ -369,6 +372,19 @@ mod tests {
         table.store((2, 0), Some(0), std::iter::empty());
         table.forget_all();
         assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+    }
+
+    #[test]
+    fn an_answer_that_follows_the_interval_holds_until_the_next_median() {
+        let skipped = |need: Need| {
+            let mut table = table(&[(need, false)]);
+            let mut traffic = Traffic::new(0);
+            traffic.add(2, CanId::standard(0x181)).unwrap();
+            (0..20).filter(|number| table.skip(&preview(0), number * 10, &mut traffic)).count()
+        };
+        // The sixteenth PDO is the last one of fifteen intervals.
+        assert_eq!(skipped(Need { follows_interval: true, ..Need::PASSED }), 16);
+        assert_eq!(skipped(Need::PASSED), 20);
     }
 
     #[test]

@@ -21,14 +21,34 @@ impl Engine {
     /// Counts a frame whose event the rules do not need; see [`crate::session::Observer::skip`].
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+        let index = usize::from(bus.index().0);
+        let Some(judge) = self.buses.get_mut(index) else { return false };
+        if preview.now <= judge.quiet_until {
+            return judge.skip(preview);
+        }
+        self.is_quiet(index, preview) && self.buses.get_mut(index).is_some_and(|judge| judge.skip(preview))
+    }
+
+    /// Whether the rules of a bus need no event because of the time of a frame, and no finding waits to be emitted. If so,
+    /// the time until which this holds is stored.
+    #[cold]
+    fn is_quiet(&mut self, index: usize, preview: &Preview) -> bool {
+        let Some(judge) = self.buses.get_mut(index) else { return false };
         if !self.held.is_empty() || !self.ledger.news.is_empty() {
             return false;
         }
-        let Some(judge) = self.buses.get_mut(usize::from(bus.index().0)) else { return false };
-        if self.quality.frames <= STAMPS_JUDGED {
+        let has_resolution = self.quality.frames > STAMPS_JUDGED;
+        if !has_resolution {
             judge.shared.granularity = self.quality.granularity().unwrap_or(0);
         }
-        judge.skip(preview)
+        let is_quiet = judge.time_of(preview).is_some_and(|now| !judge.is_due(now) || judge.postpone(now));
+        judge.quiet_until = if is_quiet && has_resolution { judge.next_wake() } else { i64::MIN };
+        is_quiet
+    }
+
+    /// Evaluates the time of the next frame of each bus again, see [`Self::is_quiet`].
+    pub(super) fn end_quiet(&mut self) {
+        self.buses.iter_mut().for_each(|judge| judge.quiet_until = i64::MIN);
     }
 }
 
@@ -83,13 +103,16 @@ impl BusJudge {
         self.time_of(preview).is_none_or(|now| must_wake(now) || self.needs.has(preview, now, slots))
     }
 
-    /// Counts a frame; `false`, without any effect, if the rules need its event.
+    /// Monotonic time of the bus up to which no wake-up is due.
+    fn next_wake(&self) -> i64 {
+        let next = self.shared.wakes.peek();
+        next.map_or(i64::MAX, |Reverse((due, ..))| due.saturating_add(self.shared.silence))
+    }
+
+    /// Counts a frame before the next wake-up; `false`, without any effect, if the rules need its event.
     #[inline]
     fn skip(&mut self, preview: &Preview) -> bool {
-        let Some(now) = self.time_of(preview) else { return false };
-        if self.is_due(now) && !self.postpone(now) {
-            return false;
-        }
+        let now = preview.now.saturating_sub(self.shared.silence);
         let is_skipped = self.needs.skip(preview, now, &mut self.shared.traffic);
         if is_skipped {
             self.shared.now = self.shared.now.max(now);

@@ -274,6 +274,19 @@ impl Store {
         (!value.is_empty() && value.len() <= 8).then(|| crate::profile::little_endian(value))
     }
 
+    /// Confirms the value of an object; whether it was stale. `None` without any effect if the object has another value.
+    pub(in crate::session) fn confirm(
+        &mut self,
+        address: ObjectAddress,
+        value: &[u8],
+        origin: Origin,
+    ) -> Option<bool> {
+        let known = self.entries.get_mut(&address).filter(|known| known.value == value)?;
+        self.changes = self.changes.wrapping_add(1);
+        (known.size, known.origin) = (value.len() as u64, origin);
+        Some(std::mem::replace(&mut known.stale, false))
+    }
+
     /// Stores a value and returns the previous one. `Err` if the limit of objects or bytes is reached.
     pub(in crate::session) fn set(
         &mut self,
@@ -336,6 +349,10 @@ mod tests {
         let address = ObjectAddress::new(0x1017, 0);
         assert_eq!(store.set(address, &[0xE8, 3], ORIGIN), Ok(None));
         assert_eq!(store.number(address), Some(1000));
+        let later = Origin { frame: 9, ..ORIGIN };
+        assert_eq!(store.confirm(address, &[0, 0], later), None);
+        assert_eq!(store.confirm(address, &[0xE8, 3], later), Some(false));
+        assert_eq!(store.get(address).map(|entry| entry.origin), Some(later));
         let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
         assert_eq!(before.value, [0xE8, 3]);
     }

@@ -168,8 +168,9 @@ fn difference(pdo: &PdoEvent, frame: &Frame) -> Option<u64> {
     (pdo.length != frame.length || pdo.payload() != frame.data()).then_some(u64::MAX)
 }
 
+/// Copies the payload of a frame; at most eight bytes are copied at once.
 #[inline]
-fn copy_payload(bytes: &mut [u8; MAX_DATA], frame: &Frame) {
+pub(in crate::session) fn copy_payload(bytes: &mut [u8; MAX_DATA], frame: &Frame) {
     if frame.length <= 8 {
         if let (Some(target), Some(source)) = (bytes.first_chunk_mut::<8>(), frame.bytes.first_chunk()) {
             *target = *source;

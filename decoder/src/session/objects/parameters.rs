@@ -11,7 +11,13 @@ const INVALID: u64 = 1 << 31;
 /// Default identifier of SYNC (CiA 301 §7.5.2.5).
 const SYNC: u64 = 0x80;
 
+/// Indices of the objects that have an effect here.
+const PARAMETERS: std::ops::RangeInclusive<u16> = 0x1005..=0x1BFF;
+
 pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
+    if !PARAMETERS.contains(&address.index) {
+        return;
+    }
     let Some(number) = bus.object_number(id, address) else { return };
     match (address.index, address.sub) {
         (0x1005, 0) => own_sync(bus, id, number),

@@ -123,7 +123,14 @@ fn set_value(
     cx: &mut Context<'_>,
 ) {
     let Some(node) = cx.bus.node_mut(id) else { return };
-    let Ok(before) = Arc::make_mut(&mut node.store).set(learnt.object, learnt.value, learnt.origin) else {
+    let store = Arc::make_mut(&mut node.store);
+    if let Some(was_stale) = store.confirm(learnt.object, learnt.value, learnt.origin) {
+        if was_stale {
+            cx.bus.routes.refresh_dependents(id, learnt.object);
+        }
+        return apply_object(&mut cx.bus, id, learnt.object);
+    }
+    let Ok(before) = store.set(learnt.object, learnt.value, learnt.origin) else {
         let kind = EventKind::Evicted { what: "object", count: 1 };
         return cx.emit(frame, id, false, kind);
     };

@@ -252,4 +252,15 @@ impl CaptureObserver for Watch {
         }
         true
     }
+
+    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
+        let Some(first) = frames.first() else { return 0 };
+        if self.selected.is_some() {
+            return usize::from(self.frame(first, names));
+        }
+        let count = self.engine.frames(frames);
+        let last = count.checked_sub(1).and_then(|last| frames.get(last));
+        self.last = last.map_or(self.last, |frame| frame.time);
+        count
+    }
 }

@@ -100,6 +100,15 @@ impl CaptureObserver for Counting {
         true
     }
 
+    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
+        let Some(first) = frames.first() else { return 0 };
+        if self.selection.is_limited() || !self.selection.admits_frame(first) {
+            return usize::from(self.frame(first, names));
+        }
+        self.statistics.frames(frames);
+        frames.len()
+    }
+
     fn wants_decoded_frames(&self) -> bool {
         self.selection.has_filter()
     }

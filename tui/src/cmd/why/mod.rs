@@ -151,4 +151,11 @@ impl CaptureObserver for Watch {
         self.engine.frame(frame);
         true
     }
+
+    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
+        match (self.at, frames.first()) {
+            (None, _) => self.engine.frames(frames),
+            (Some(_), first) => usize::from(first.is_some_and(|frame| self.frame(frame, names))),
+        }
+    }
 }

@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// insert a second series of a periodic PDO, half a period later, with other data
     "duplicate-producer", Warning, "two producers on one identifier",
-    kinds: ["pdo", "sdo-transfer"],
+    kinds: ["pdo", "sdo-transfer-communication"],
     needs: "steady PDO intervals, or 18xx:01 of two nodes",
     is_timing: true,
     word: "TWICE",

@@ -242,12 +242,13 @@ impl Rule for CommandGap {
         }
         let Some(slot) = context.traffic.current() else { return Need::EACH };
         let stream = self.streams.get(slot.place).filter(|stream| stream.regular >= REGULAR);
-        match (slot.median, stream) {
+        let need = match (slot.median, stream) {
             (Some(median), Some(_)) => {
                 Need { shortest: median / 2, longest: median.saturating_mul(2), ..Need::PASSED }
             }
             _ => Need::EACH,
-        }
+        };
+        Need { follows_interval: true, ..need }
     }
 
     #[inline]

@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several RPDOs in one SYNC interval",
-    kinds: ["rpdo", "sync", "sdo-transfer", "boot-up", "emcy", "node-identified", "node-id-change"],
+    kinds: ["rpdo", "sync", "sdo-transfer-communication", "boot-up", "emcy", "node-identified", "node-id-change"],
     needs: "SYNC, and RPDOs that take effect at SYNC according to 14xx:02 or the profile",
     word: "SYNC",
     tolerances: &[

@@ -34,7 +34,7 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload of 1003:01
     "emcy-history", Note, "error history differs from the EMCY sent",
-    kinds: ["emcy", "sdo-transfer", "boot-up"],
+    kinds: ["emcy", "sdo-transfer-communication", "boot-up"],
     needs: "an EMCY with an error, then a read of 1003:01",
     cases: &["5.3", "5.6"],
     shows: &["5.6"],

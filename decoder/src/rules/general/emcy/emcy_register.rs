@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload of 1001
     "emcy-register", Warning, "error register differs from the active EMCY",
-    kinds: ["emcy", "sdo-transfer", "boot-up"],
+    kinds: ["emcy", "sdo-transfer-communication", "boot-up"],
     needs: "an EMCY, then a read of 1001:00",
     cases: &["5.2", "5.5"],
     shows: &["5.2"],

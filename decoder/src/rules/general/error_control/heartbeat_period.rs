@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop every fifth heartbeat
     "heartbeat-period", Warning, "wrong heartbeat period or NMT state",
-    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "bus-silent", "sdo-transfer"],
+    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "bus-silent", "sdo-transfer-communication"],
     needs: "heartbeats over 10 s of a node with a known 1017:00",
     cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
     shows: &["7.102"],

@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// change the identifier in the response to an upload of 1200:01
     "cob-id-mismatch", Warning, "service on another identifier than configured",
-    kinds: ["sdo-transfer", "emcy", "node-id-change"],
+    kinds: ["sdo-transfer-communication", "emcy", "node-id-change"],
     needs: "1014:00 or 1200, and the service that uses it",
     cases: &["2.12", "5.1", "6.1", "7.4"],
     word: "COBID",

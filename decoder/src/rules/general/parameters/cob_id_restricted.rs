@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// change an identifier written to 1800:01
     "cob-id-restricted", Warning, "restricted identifier in use",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer-communication"],
     needs: "a written or read COB-ID",
     cases: &["8.10"],
     shows: &["8.10"],

@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// let a read of 1018:01 return the vendor-ID of another maker
     "identity-mismatch", Error, "identity of another device",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer-communication"],
     needs: "a read of 1000:00 or 1018 of a node with an assigned profile",
     word: "IDENT",
 }

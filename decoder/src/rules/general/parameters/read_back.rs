@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload
     "read-back", Warning, "read-back differs from the written value",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer-communication"],
     needs: "a write to a communication object, then a read of it",
     cases: &["2.2", "3.4", "4.9", "7.5"],
     word: "SDO",

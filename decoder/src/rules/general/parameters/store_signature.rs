@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// change a letter of an accepted "save"
     "store-signature", Warning, "wrong handling of the store signature",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer-communication"],
     needs: "a write to 1010 or 1011",
     cases: &["6.10", "8.1", "8.3", "8.5", "8.7"],
     word: "STORE",

@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// change the length of a mapping entry
     "mapping-invalid", Warning, "invalid PDO mapping",
-    kinds: ["sdo-transfer"],
+    kinds: ["sdo-transfer-communication"],
     needs: "a written or read PDO mapping",
     cases: &["3.21", "3.25", "3.26", "3.27", "3.28", "3.29", "3.30", "3.31", "3.32", "3.33"],
     word: "MAP",

@@ -31,7 +31,7 @@ declare_rule! {
     /// # Mutation
     /// drop the download that sets bit 31 of the COB-ID
     "mapping-procedure", Warning, "PDO remapped in the wrong order",
-    kinds: ["sdo-transfer", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
+    kinds: ["sdo-transfer-communication", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
     needs: "a write to a PDO mapping, and the COB-ID of that PDO",
     merge: Merge::Node,
     cases: &["3.22", "3.23", "3.24"],

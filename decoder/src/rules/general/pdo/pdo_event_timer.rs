@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// drop two PDOs of one with an event timer
     "pdo-event-timer", Warning, "TPDO later than its event timer",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     needs: "a TPDO with a known event timer (18xx:05) above 0",
     cases: &["3.5"],
     shows: &["3.5"],

@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// insert further PDOs on an identifier with an inhibit time
     "pdo-inhibit-time", Warning, "TPDO earlier than its inhibit time",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     needs: "a TPDO of type 254 or 255 with a known inhibit time (18xx:03) above 0",
     is_timing: true,
     word: "PDO",

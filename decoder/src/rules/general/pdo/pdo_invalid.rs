@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// write bit 31 of a TPDO's COB-ID while the TPDO continues
     "pdo-invalid", Error, "PDO sent although marked as not valid",
-    kinds: ["pdo", "sdo-transfer", "boot-up", "node-id-change"],
+    kinds: ["pdo", "sdo-transfer-communication", "boot-up", "node-id-change"],
     needs: "a PDO with bit 31 of its COB-ID set",
     cases: &["3.4", "3.20"],
     is_timing: true,

@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// drop all PDOs of a periodic TPDO in the second half
     "pdo-lost", Error, "periodic TPDO missing",
-    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer", "nmt-command"],
+    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer-communication", "nmt-command"],
     needs: "a periodic TPDO of an operational node",
     is_timing: true,
     word: "LOST",
@@ -72,6 +72,8 @@ struct PdoLost {
     changed: NodeMap<i64>,
     /// Number of open findings.
     open: usize,
+    /// A TPDO may be overdue.
+    may_be_overdue: bool,
 }
 
 fn new(policy: &Policy) -> PdoLost {
@@ -83,6 +85,7 @@ fn new(policy: &Policy) -> PdoLost {
         operational: NodeMap::default(),
         changed: NodeMap::default(),
         open: 0,
+        may_be_overdue: false,
     }
 }
 
@@ -152,6 +155,7 @@ impl PdoLost {
             }
         }
         if due > 0 {
+            self.may_be_overdue = true;
             self.judge_overdue(context);
         }
     }
@@ -163,6 +167,7 @@ impl PdoLost {
                 self.judge(place, context);
             }
         }
+        self.may_be_overdue = self.streams.iter().any(|stream| stream.is_overdue);
     }
 
     /// Reports an overdue TPDO if a sign after its silence shows that the node is operational, or if nothing
@@ -324,7 +329,9 @@ impl Rule for PdoLost {
                 Some(node),
             ) => {
                 self.operational.insert(node, context.now);
-                self.judge_overdue(context);
+                if self.may_be_overdue {
+                    self.judge_overdue(context);
+                }
             }
             (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
             (EventKind::NmtCommand { service, target, .. }, _) if *service != NmtService::Start => {
@@ -353,6 +360,7 @@ impl Rule for PdoLost {
         let due = slot.last.saturating_add(limit);
         stream.is_overdue = due <= context.now;
         if stream.is_overdue {
+            self.may_be_overdue = true;
             self.judge(place, context);
         }
         let Some(stream) = self.streams.get_mut(place).filter(|stream| stream.reported.is_none()) else {

@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// duplicate PDOs of an acyclic TPDO
     "pdo-sync-acyclic", Warning, "acyclic TPDO without a SYNC",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     needs: "SYNC, and a TPDO with 18xx:02 = 0",
     cases: &["3.7"],
     shows: &["3.7"],

@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop every third PDO of a synchronous TPDO
     "pdo-sync-cyclic", Warning, "synchronous TPDO out of step with SYNC",
-    kinds: ["tpdo", "sdo-transfer", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
     needs: "SYNC, and 20 TPDOs with 18xx:02 = 1 to 240",
     cases: &["3.6", "3.8", "6.3"],
     shows: &["3.6", "6.3"],

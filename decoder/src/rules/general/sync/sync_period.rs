@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop a SYNC; insert a second stream of SYNC
     "sync-period", Error, "SYNC period out of tolerance",
-    kinds: ["sync", "sdo-transfer", "boot-up"],
+    kinds: ["sync", "sdo-transfer-communication", "boot-up"],
     needs: "SYNC at a steady interval",
     is_timing: true,
     word: "SYNC",

@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// clear bit 30 of 1005 in the middle
     "sync-producer", Warning, "SYNC still sent after producer was disabled",
-    kinds: ["sync", "sdo-transfer", "boot-up", "test-case"],
+    kinds: ["sync", "sdo-transfer-communication", "boot-up", "test-case"],
     needs: "bit 30 of 1005:00 cleared in the capture",
     cases: &["6.2", "6.4", "9.2", "9.3"],
     word: "SYNC",

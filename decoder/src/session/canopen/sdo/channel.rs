@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::transfer::{FrameData, Stage, Transfer};
 use crate::event::{Abort, Direction, Mode, Outcome, SdoIrregularityKind};
-use crate::frame::Frame;
+use crate::frame::{Frame, low_bits};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
 
@@ -135,7 +135,9 @@ impl Channel {
     /// frames of one sender with ascending first bytes are segments: a sender of an SDO command waits for a
     /// response.
     fn block_start_not_seen(&mut self, index: u16, side: Side, message: &Sdo<'_>, frame: &Frame) -> bool {
-        let Some(transfer) = &self.transfer else { return false };
+        let Some(transfer) = self.transfer.as_ref().filter(|open| open.frame_count == 1) else {
+            return false;
+        };
         let Some((before, by_client)) = transfer.opened_by else { return false };
         let own = first_bytes(frame);
         let (Some(start), Some(now)) = (segment_of(&before), segment_of(&own)) else { return false };
@@ -145,7 +147,7 @@ impl Channel {
         }
         let counts_up = now.0 == start.0.wrapping_add(1) && !start.1;
         let is_sender = by_client == (side == Side::Client);
-        if transfer.frame_count != 1 || !is_sender || !counts_up || transfer.stage == Stage::BlockSegments {
+        if !is_sender || !counts_up || transfer.stage == Stage::BlockSegments {
             return false;
         }
         let mut cut = Transfer::new(index, None, frame);
@@ -431,11 +433,9 @@ impl Channel {
 
 /// Data of a frame of at most eight bytes.
 pub(super) fn first_bytes(frame: &Frame) -> FrameData {
-    let mut bytes = [0; 8];
-    for (target, source) in bytes.iter_mut().zip(frame.data()) {
-        *target = *source;
-    }
-    (bytes, frame.length.min(8))
+    let length = if frame.data().is_empty() { 0 } else { frame.length.min(8) };
+    let word = frame.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+    ((word & low_bits(8 * u32::from(length))).to_le_bytes(), frame.length.min(8))
 }
 
 /// A frame read as a segment of a block: sequence number, whether it is the last one, and its data.
