@@ -122,7 +122,21 @@ const LAYERS: &[(&str, &[&str])] = &[
             "decoder",
         ],
     ),
-    ("replay", &["words", "frame", "wire", "capture", "event", "session", "statistics", "sink", "decoder"]),
+    (
+        "replay",
+        &[
+            "words",
+            "frame",
+            "wire",
+            "capture",
+            "profile",
+            "event",
+            "session",
+            "statistics",
+            "sink",
+            "decoder",
+        ],
+    ),
     ("samples", &["words", "bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
 ];
 

@@ -22,6 +22,7 @@ mod journeys;
 mod live;
 mod objects;
 mod output;
+mod page;
 mod panes;
 mod profiles;
 mod readme;
