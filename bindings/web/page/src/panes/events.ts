@@ -25,7 +25,7 @@ export function eventsPane(app: App): Pane & { list: VirtualList<EventRow>; sear
       const { client, list: name } = app.core;
       return (await client.call<{ rows: EventRow[] }>({ do: "rows", list: name, from, count })).rows;
     },
-    rowClass: (row) => `${row.tone}${row.mark ? ` marked-${row.mark}` : ""}`,
+    rowClass: (row) => `tone-${row.tone}${row.mark ? ` marked-${row.mark}` : ""}`,
     onSelect: (row) => {
       app.core.cursor = { frame: row.frame, time: row.time };
       app.core.ordinal = row.ordinal;

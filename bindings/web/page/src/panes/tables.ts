@@ -164,7 +164,7 @@ export function transfersPane(app: App): Pane {
       { title: "Outcome", name: "outcome", cell: (row) => row.outcome },
     ],
     fetch: async (from, count) => (await app.core.client.call<{ rows: TransferRow[] }>({ do: "transfers", from, count })).rows,
-    rowClass: (row) => row.tone,
+    rowClass: (row) => `tone-${row.tone}`,
     onSelect: (row) => app.goTo(row.frame, row.ordinal),
     onOpen: (row) => { app.goTo(row.frame, row.ordinal); app.show("detail"); },
   });
