@@ -33,8 +33,8 @@ export class Page implements App {
   private stateRequest = 0;
   private root: HTMLElement;
   private tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "Panes" });
-  private main = h("main", { class: "main", id: "main" });
-  private side = h("aside", { class: "side", "aria-label": "Detail of the event at the cursor" });
+  private main = h("div", { class: "main", id: "main", role: "tabpanel" });
+  private side = h("section", { class: "side", "aria-label": "Detail of the event at the cursor" });
   private head = h("header", { class: "top" });
   private foot = h("footer", { class: "foot" });
   private position = h("span", { class: "position" });
@@ -189,8 +189,8 @@ export class Page implements App {
       if (next) { this.show(next.name); document.getElementById(`tab-${next.name}`)?.focus(); }
     };
     fill(this.foot, this.position, this.status);
-    fill(this.root, this.head, this.strip.element, this.tabs, this.alert, h("div", { class: "work" }, this.main, this.side), this.foot, this.input, this.help.element);
-    this.main.setAttribute("role", "tabpanel");
+    const stage = h("main", { class: "stage" }, this.strip.element, this.tabs, this.alert, h("div", { class: "work" }, this.main, this.side), this.input);
+    fill(this.root, this.head, stage, this.foot, this.help.element);
     this.alert.hidden = true;
     const detail = this.pane("detail");
     fill(this.side, detail.element);

@@ -34,10 +34,11 @@ export async function open(browser, file, options = {}) {
 
 /** Chooses files and waits for the result: true, or the error shown. */
 export async function choose(page, files, timeout = 120_000) {
+  await page.evaluate(() => document.getElementById("app").append(Object.assign(document.createElement("i"), { id: "before" })));
   await page.setInputFiles("#files", files);
   await page.waitForFunction(() => {
     const root = document.getElementById("app");
-    return root && (root.className.startsWith("open") || (root.className === "empty" && document.querySelector(".welcome .banner")));
+    return root && !document.getElementById("before") && (root.className.startsWith("open") || (root.className === "empty" && document.querySelector(".welcome .banner")));
   }, null, { timeout });
   return page.evaluate(() => document.querySelector(".welcome .banner")?.textContent ?? true);
 }
