@@ -20,6 +20,8 @@ export class Client {
   private worker: Worker;
   private waiting = new Map<number, Waiting>();
   private last = 0;
+  /** Memory of the module in bytes, after the last response. */
+  memory = 0;
   private address: string;
 
   constructor(private onFatal: (error: string) => void) {
@@ -46,6 +48,7 @@ export class Client {
     if (!one) return;
     if (message.kind === "progress") return one.progress?.(message.value, message.bytes);
     this.waiting.delete(message.id);
+    if (message.kind === "result") this.memory = message.memory;
     if (message.kind === "error") one.reject(new PageError(message.error));
     else {
       if (message.bytes) one.progress?.(message.value as Progress, message.bytes);

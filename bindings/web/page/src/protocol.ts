@@ -35,7 +35,7 @@ export type ToWorker =
 
 /** A message of the worker to the page. */
 export type FromWorker =
-  | { kind: "result"; id: number; value: unknown; bytes?: Uint8Array<ArrayBuffer> }
+  | { kind: "result"; id: number; memory: number; value: unknown; bytes?: Uint8Array<ArrayBuffer> }
   | { kind: "error"; id: number; error: string }
   | { kind: "progress"; id: number; value: Progress; bytes?: Uint8Array<ArrayBuffer> }
   | { kind: "fatal"; error: string };

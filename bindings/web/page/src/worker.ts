@@ -111,7 +111,7 @@ async function run(module: Exports, id: number, request: Request): Promise<void>
   const begun = call(module, request);
   if (!report(id, begun)) return;
   if (begun.value.invalid) {
-    scope.postMessage({ kind: "result", id, value: begun.value });
+    scope.postMessage({ kind: "result", id, memory: module.memory.buffer.byteLength, value: begun.value });
     return;
   }
   while (job === id) {
@@ -120,7 +120,7 @@ async function run(module: Exports, id: number, request: Request): Promise<void>
     const value = answer.value as Progress;
     const bytes = request.do === "export" ? call(module, { do: "bytes", what: "export" }).bytes : undefined;
     if (value.phase === "ready" || value.phase === "done" || value.phase === "idle") {
-      scope.postMessage({ kind: "result", id, value, bytes }, bytes ? [bytes.buffer] : []);
+      scope.postMessage({ kind: "result", id, memory: module.memory.buffer.byteLength, value, bytes }, bytes ? [bytes.buffer] : []);
       return;
     }
     scope.postMessage({ kind: "progress", id, value, bytes }, bytes ? [bytes.buffer] : []);
@@ -158,7 +158,8 @@ scope.onmessage = async ({ data }) => {
         const answer = call(module, data.request);
         if (report(data.id, answer)) {
           const { value, bytes } = answer;
-          scope.postMessage({ kind: "result", id: data.id, value, bytes }, bytes ? [bytes.buffer] : []);
+          const memory = module.memory.buffer.byteLength;
+          scope.postMessage({ kind: "result", id: data.id, memory, value, bytes }, bytes ? [bytes.buffer] : []);
         }
       }
     }

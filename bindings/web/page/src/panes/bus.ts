@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 
-import { fill, grouped, h } from "../dom";
+import { bytes, fill, grouped, h } from "../dom";
 import type { BusFacts, IdFigures } from "../protocol";
 import type { App, Pane } from "../state";
 import { Table } from "../table";
@@ -108,6 +108,7 @@ export function busPane(app: App): Pane {
         ["Error frames", grouped(overview.error_frames)],
         ["Lost by the recorder", grouped(overview.lost)],
         ["Unreadable", grouped(overview.unreadable)],
+        ["Memory used", bytes(app.core.client.memory)],
       ];
       fill(
         element,
