@@ -23,6 +23,8 @@ const FORMATS = "candump log, pcap and pcapng, ASC, BLF, TRC, MDF4, MCAP, CSV, B
 export class Page implements App {
   core!: Core;
   private client: Client | null = null;
+  /** A worker whose module is compiled while the user looks for the capture. */
+  private spare: Client | null = null;
   private files: File[] = [];
   private nodes: NodeProfile[] = [];
   private panes: Pane[];
@@ -66,6 +68,7 @@ export class Page implements App {
   // ── empty screen and progress ──────────────────────────────────────────────────────────────────────────────
 
   private welcome(error = ""): void {
+    setTimeout(() => { if (!this.client && !this.spare) this.spare = new Client(() => { this.spare = null; }); }, 300);
     this.root.className = "empty";
     fill(
       this.root,
@@ -140,7 +143,9 @@ export class Page implements App {
     const names = captures.map((file) => file.name).join(", ");
     const { update } = this.working(names);
     this.client?.end();
-    const client = new Client((error) => { if (this.client === client) this.close(`${names}: ${error}`); });
+    const client = this.spare ?? new Client(() => {});
+    this.spare = null;
+    client.onFatal = (error) => { if (this.client === client) this.close(`${names}: ${error}`); };
     this.client = client;
     client.files(files);
     const named = (file: File) => ({ file: files.indexOf(file), name: file.name, size: file.size });
@@ -470,6 +475,7 @@ export class Page implements App {
       case "f": case "F3": event.preventDefault(); this.show("events"); return this.events.search();
       case "v": this.show("events"); return void this.setOnlyNews(!this.onlyNews);
       case "c": return void this.setFilter("");
+      case "w": case "F2": return void this.head.querySelector<HTMLElement>("select")?.focus();
       case "R": return this.saveReport(this.core.finding);
       case "p": return this.show("signals");
       case "Escape": case "Backspace": return this.show(this.current === "detail" ? "events" : "why");

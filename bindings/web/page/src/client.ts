@@ -24,7 +24,7 @@ export class Client {
   memory = 0;
   private address: string;
 
-  constructor(private onFatal: (error: string) => void) {
+  constructor(public onFatal: (error: string) => void) {
     this.address = URL.createObjectURL(new Blob([text("worker-source")], { type: "text/javascript" }));
     this.worker = new Worker(this.address);
     this.worker.onmessage = (event: MessageEvent<FromWorker>) => this.receive(event.data);

@@ -24,6 +24,7 @@ const KEYS: [string, string][] = [
   ["p", "go to the plot"],
   ["+ −", "zoom the plot in or out at the cursor"],
   ["R", "save a report page"],
+  ["w", "go to the export list"],
   ["o", "open files"],
   ["?", "list all keys"],
 ];

@@ -91,6 +91,7 @@ export function signalsPane(app: App): Pane & { replot(): void } {
 
   function marks(chart: uPlot): void {
     const { ctx, bbox } = chart;
+    const labels: number[] = [];
     const line = (time: number, name: string, dash: number[], label: string) => {
       const x = Math.round(chart.valToPos(time, "x", true));
       if (x < bbox.left || x > bbox.left + bbox.width) return;
@@ -104,15 +105,19 @@ export function signalsPane(app: App): Pane & { replot(): void } {
       ctx.lineTo(x, bbox.top + bbox.height);
       ctx.stroke();
       ctx.font = `bold ${11 * devicePixelRatio}px system-ui, sans-serif`;
-      ctx.fillText(label, x + 3 * devicePixelRatio, bbox.top + 11 * devicePixelRatio);
+      // Labels that would overlap are omitted; the line remains.
+      if (labels.every((other) => Math.abs(other - x) > 14 * devicePixelRatio)) {
+        labels.push(x);
+        ctx.fillText(label, x + 3 * devicePixelRatio, bbox.top + 11 * devicePixelRatio);
+      }
       ctx.restore();
     };
     const { overview, cursor } = app.core;
+    if (cursor.time !== null) line(cursor.time, "--text", [], "A");
     for (const one of findingsOf(overview)) {
       const time = since(overview, one.occurrences[0]?.t ?? null);
       if (time !== null && one.severity !== "note") line(time, `--${one.severity}`, [4, 4], one.severity === "error" ? "E" : "w");
     }
-    if (cursor.time !== null) line(cursor.time, "--text", [], "A");
   }
 
   function draw(): void {

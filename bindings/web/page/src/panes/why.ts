@@ -43,7 +43,7 @@ export function whyPane(app: App): Pane {
         " ",
         linked(app, one.title),
       ),
-      h("p", { class: "quiet" }, place, one.rules.length > 0 ? `; rules ${one.rules.join(", ")}` : ""),
+      h("p", { class: "quiet" }, place, one.rules.length > 0 ? `; rules ${[...new Set(one.rules)].join(", ")}` : ""),
       h("dl", {}, terms),
       h(
         "p",
