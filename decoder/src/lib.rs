@@ -57,7 +57,7 @@
 //! # Features
 //!
 //! All features are enabled by default: `gzip` and `zstd` (compressed captures), `mcap` (reads and writes
-//! MCAP), `parquet` (writes Parquet).
+//! MCAP), `parquet` (writes Parquet). Without a C compiler, `rust-codecs` reads zstd and LZ4.
 
 mod ascii;
 pub mod bus_file;

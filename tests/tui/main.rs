@@ -23,6 +23,7 @@ mod live;
 mod mcp;
 mod objects;
 mod output;
+mod page;
 mod panes;
 mod profiles;
 mod readme;

@@ -29,7 +29,7 @@ pub fn decompress<'a>(mut source: impl BufRead + Send + 'a) -> Result<Box<dyn Re
 }
 
 /// Decompressor that reports the position at which a compressed file ends early.
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "rust-codecs"))]
 struct CheckedStream<D> {
     decoder: D,
     /// Compressed unit in the error message: `gzip member` or `zstd frame`.
@@ -38,7 +38,7 @@ struct CheckedStream<D> {
     taken: fn(&D) -> u64,
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "rust-codecs"))]
 impl<D: Read> Read for CheckedStream<D> {
     fn read(&mut self, room: &mut [u8]) -> Result<usize> {
         self.decoder.read(room).map_err(|error| match error.kind() {
@@ -52,13 +52,13 @@ impl<D: Read> Read for CheckedStream<D> {
 }
 
 /// Counts the bytes read from a source.
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "rust-codecs"))]
 struct CountedSource<R> {
     source: R,
     taken: u64,
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "rust-codecs"))]
 impl<R: BufRead> Read for CountedSource<R> {
     fn read(&mut self, room: &mut [u8]) -> Result<usize> {
         let count = self.source.read(room)?;
@@ -67,7 +67,7 @@ impl<R: BufRead> Read for CountedSource<R> {
     }
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "rust-codecs"))]
 impl<R: BufRead> BufRead for CountedSource<R> {
     fn fill_buf(&mut self) -> Result<&[u8]> {
         self.source.fill_buf()
@@ -99,7 +99,18 @@ fn zstd<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a
     Ok(Box::new(CheckedStream { decoder, what: "zstd frame", taken: |decoder| decoder.get_ref().taken }))
 }
 
-#[cfg(not(feature = "zstd"))]
+#[cfg(all(feature = "rust-codecs", not(feature = "zstd")))]
+#[expect(clippy::unnecessary_wraps, reason = "one signature with and without the feature")]
+fn zstd<'a>(source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
+    let counted = CountedSource { source, taken: 0 };
+    let decoder = super::rust_codecs::ZstdFrames::new(counted);
+    let taken = |decoder: &super::rust_codecs::ZstdFrames<CountedSource<_>>| {
+        decoder.get_ref().map_or(0, |source| source.taken)
+    };
+    Ok(Box::new(CheckedStream { decoder, what: "zstd frame", taken }))
+}
+
+#[cfg(not(any(feature = "zstd", feature = "rust-codecs")))]
 fn zstd<'a>(_source: impl BufRead + Send + 'a) -> Result<Box<dyn Read + Send + 'a>> {
     Err(std::io::Error::other("zstd compression; this build lacks the feature `zstd`"))
 }

@@ -1,11 +1,11 @@
 //! zlib streams (RFC 1950), zstd frames (RFC 8878) and LZ4 frames inside binary captures.
 
-#[cfg(any(feature = "zstd", feature = "mcap"))]
+#[cfg(any(feature = "zstd", feature = "mcap", feature = "rust-codecs"))]
 use std::io::Read;
 
 /// Outcome of decompressing a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(not(feature = "gzip"), expect(dead_code, reason = "callers match on it in either build"))]
+#[allow(dead_code, reason = "callers match on it in any build")]
 pub(super) enum Decompression {
     /// Complete; number of compressed bytes used.
     Whole(usize),
@@ -15,8 +15,7 @@ pub(super) enum Decompression {
     Damaged,
     /// The content exceeds the limit.
     TooLong,
-    /// This build lacks the feature `gzip`.
-    #[cfg_attr(feature = "gzip", expect(dead_code, reason = "callers match on it in either build"))]
+    /// This build lacks the feature.
     Unavailable,
 }
 
@@ -46,14 +45,21 @@ impl Codec {
             Self::Zstd => read(zstd::stream::read::Decoder::with_buffer(data), data, bytes, limit),
             #[cfg(feature = "mcap")]
             Self::Lz4 => read(lz4::Decoder::new(data), data, bytes, limit),
-            #[cfg(not(all(feature = "zstd", feature = "mcap")))]
+            #[cfg(all(feature = "rust-codecs", not(feature = "zstd")))]
+            Self::Zstd => read(Ok(super::rust_codecs::ZstdFrames::new(data)), data, bytes, limit),
+            #[cfg(all(feature = "rust-codecs", not(feature = "mcap")))]
+            Self::Lz4 => read(Ok(super::rust_codecs::Lz4Frames::new(data)), data, bytes, limit),
+            #[cfg(not(all(
+                any(feature = "zstd", feature = "rust-codecs"),
+                any(feature = "mcap", feature = "rust-codecs")
+            )))]
             _ => Decompression::Unavailable,
         }
     }
 }
 
 /// Reads a decompressor; its output grows with the data, not with the declared size.
-#[cfg(any(feature = "zstd", feature = "mcap"))]
+#[cfg(any(feature = "zstd", feature = "mcap", feature = "rust-codecs"))]
 fn read(source: std::io::Result<impl Read>, data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Decompression {
     let Ok(source) = source else { return Decompression::Damaged };
     let end = bytes.len().saturating_add(limit);

@@ -30,6 +30,12 @@ mod notice;
 mod parser;
 mod reader;
 mod remark;
+#[cfg(feature = "rust-codecs")]
+#[cfg_attr(
+    any(feature = "zstd", feature = "mcap"),
+    allow(dead_code, reason = "the codecs of these features take precedence")
+)]
+mod rust_codecs;
 #[cfg(test)]
 mod testing;
 mod text;

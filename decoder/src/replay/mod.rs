@@ -10,9 +10,17 @@
 //! memory of the bus state ([`ReplayState::footprint`]).
 
 mod latest;
+mod row;
+mod sampling;
+pub mod signal;
+mod walk;
 mod world;
 
 pub use latest::{Code, Latest, LatestOfNode, Start};
+pub use row::Row;
+pub use sampling::{Bucket, MOST_BUCKETS, Points, Sampler};
+pub use signal::SignalKey;
+pub use walk::Walk;
 pub use world::{Counts, EarlierPayloads, EventPosition, PlacedEvent, ReplayState};
 
 use crate::capture::MergedPosition;

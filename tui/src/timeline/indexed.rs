@@ -7,7 +7,7 @@ use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Timestamp;
 
 use super::shared::Shared;
-use super::walk::Walk;
+use super::walk::{self, TimelineWalk};
 use super::{Captures, lanes, threads};
 
 /// Captures whose index is complete.
@@ -42,15 +42,15 @@ impl IndexedCapture {
     ///
     /// # Errors
     /// The capture cannot be read any more.
-    pub fn walk(&self, start: WalkStart) -> Result<Walk, CaptureError> {
+    pub fn walk(&self, start: WalkStart) -> Result<TimelineWalk, CaptureError> {
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let mark = match start {
             WalkStart::Frame(frame) => index.before_frame(frame.saturating_sub(1)),
             WalkStart::Time(time) => index.before_time(time),
         };
         match mark {
-            Some(mark) => Walk::resume(&self.shared, mark),
-            None => Walk::start(&self.shared),
+            Some(mark) => walk::resume(&self.shared, mark),
+            None => walk::start(&self.shared),
         }
     }
 }

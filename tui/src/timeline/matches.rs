@@ -8,10 +8,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row};
 use regex_lite::Regex;
-
-use super::row::Row;
 
 /// Maximum number of rows kept.
 pub(super) const MOST_ROWS: usize = 10_000;

@@ -12,13 +12,10 @@
 //! Each is a thread. Its results are in [`Shared`]; a [`News`] message reports a change.
 
 mod indexed;
-mod load;
 mod matches;
 mod news;
 mod order;
-mod row;
 mod shared;
-pub mod signal;
 mod survey;
 mod threads;
 mod traces;
@@ -36,20 +33,18 @@ use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
 
+pub use cobscope_decoder::replay::{Points, Row, SignalKey, signal};
+pub use cobscope_decoder::statistics::{LoadOverTime, LoadStep};
 pub use indexed::{IndexedCapture, WalkStart};
-pub use load::{LoadOverTime, LoadStep};
 pub use matches::{Matcher, Matches};
 pub use news::News;
 pub use order::{Order, Search, Target, Window};
-pub use row::Row;
 pub use shared::{Lane, Progress, Shared};
-pub use signal::SignalKey;
 pub use survey::{
     Exchange, FindingOccurrence, MOST_EXCHANGES, NmtMoment, OpenedFinding, Survey, bit_rate_change,
 };
 pub use threads::Export;
-pub use traces::{MOST_SIGNALS, Points, Traces};
-pub use walk::Walk;
+pub use traces::{MOST_SIGNALS, Traces};
 
 pub use crate::bucket::Bucket;
 pub use crate::source::JoinOptions;

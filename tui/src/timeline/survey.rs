@@ -8,10 +8,8 @@ use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::profile::device::Severity;
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::sink::text::Tone;
-use cobscope_decoder::statistics::Statistics;
+use cobscope_decoder::statistics::{LoadOverTime, Statistics};
 use cobscope_decoder::wire::NodeId;
-
-use super::load::LoadOverTime;
 
 /// Maximum number of transfers kept; later ones are only counted.
 pub const MOST_EXCHANGES: usize = 50_000;

@@ -1,12 +1,10 @@
 //! Samples of signals over time: lowest, highest and last value per interval.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::frame::Timestamp;
-
-use super::signal::SignalKey;
-use crate::bucket::Bucket;
+use cobscope_decoder::replay::{Points, SignalKey};
 
 /// Maximum number of signals sampled together.
 pub const MOST_SIGNALS: usize = 12;
@@ -20,19 +18,6 @@ pub struct Traces {
     reached: AtomicI64,
     is_complete: AtomicBool,
     is_over: AtomicBool,
-}
-
-/// Samples of one signal so far.
-#[derive(Clone)]
-pub struct Points {
-    /// Values in time order; the first one may precede the range.
-    pub buckets: Arc<Vec<Bucket>>,
-    /// Length of a bucket, in ns.
-    pub width: i64,
-    /// No bucket contains more than one value.
-    pub is_exact: bool,
-    /// At least one value is presumed.
-    pub is_assumed: bool,
 }
 
 impl Traces {

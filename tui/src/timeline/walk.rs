@@ -1,146 +1,28 @@
-//! Walk through a capture, one frame or notice at a time, from any position.
+//! Walks through the captures of a timeline.
 
-use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader, Notice};
-use cobscope_decoder::frame::Frame;
-use cobscope_decoder::replay::{Checkpoint, PlacedEvent, ReplayState};
+use cobscope_decoder::capture::CaptureError;
+use cobscope_decoder::replay::{Checkpoint, ReplayState, Walk};
 
 use super::shared::Shared;
 use crate::source::StoreReader;
 
-/// A reader with the state after the last item.
-pub struct Walk {
-    reader: MergedReader<StoreReader>,
-    batch: Batch,
-    frames: usize,
-    notices: usize,
-    /// State of the buses at this position.
-    pub world: ReplayState,
-    has_ended: bool,
+/// A walk through the captures of a timeline.
+pub type TimelineWalk = Walk<StoreReader>;
+
+/// Starts at the beginning, or at the first kept mark.
+pub(super) fn start(shared: &Shared) -> Result<TimelineWalk, CaptureError> {
+    if let Some(mark) = shared.first_kept() {
+        return resume(shared, &mark);
+    }
+    Ok(Walk::new(shared.open()?, ReplayState::new(shared.options.clone())))
 }
 
-impl Walk {
-    /// Starts at the beginning, or at the first kept mark.
-    pub(super) fn start(shared: &Shared) -> Result<Self, CaptureError> {
-        if let Some(mark) = shared.first_kept() {
-            return Self::resume(shared, &mark);
-        }
-        Ok(Self::new(shared.open()?, ReplayState::new(shared.options.clone())))
-    }
+/// Starts at a mark.
+pub(super) fn resume(shared: &Shared, mark: &Checkpoint) -> Result<TimelineWalk, CaptureError> {
+    Ok(Walk::new(shared.resume(&mark.position)?, mark.world.clone()))
+}
 
-    /// Starts at a mark.
-    pub(super) fn resume(shared: &Shared, mark: &Checkpoint) -> Result<Self, CaptureError> {
-        Ok(Self::new(shared.resume(&mark.position)?, mark.world.clone()))
-    }
-
-    fn new(reader: MergedReader<StoreReader>, world: ReplayState) -> Self {
-        Self { reader, batch: Batch::new(), frames: 0, notices: 0, world, has_ended: false }
-    }
-
-    /// The next item, if it is a frame.
-    ///
-    /// # Errors
-    /// The capture cannot be read any more.
-    pub fn peek(&mut self) -> Result<Option<&Frame>, CaptureError> {
-        let is_notice = |walk: &Self| walk.next_notice().is_some();
-        Ok(if self.fill()? && !is_notice(self) { self.batch.frames().get(self.frames) } else { None })
-    }
-
-    /// The notice before the next frame.
-    fn next_notice(&self) -> Option<&Notice> {
-        let (before, notice) = self.batch.notices().get(self.notices)?;
-        (*before <= self.frames).then_some(notice)
-    }
-
-    /// Processes the next frame or notice. Returns `false` at the end, after closing open conditions.
-    ///
-    /// # Errors
-    /// The capture cannot be read any more.
-    pub fn step(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
-        if !self.fill()? {
-            self.close(see);
-            return Ok(false);
-        }
-        let names = self.reader.buses();
-        let next = self.batch.notices().get(self.notices).filter(|(before, _)| *before <= self.frames);
-        if let Some((_, notice)) = next {
-            self.notices += 1;
-            self.world.take(&Item::Notice(notice), names, see);
-        } else if let Some(frame) = self.batch.frames().get(self.frames) {
-            self.frames += 1;
-            self.world.take(&Item::Frame(frame), names, see);
-        }
-        Ok(true)
-    }
-
-    /// Closes open conditions at the end, once.
-    pub(super) fn close(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) {
-        if !self.has_ended {
-            self.has_ended = true;
-            self.world.finish(self.reader.buses(), see);
-        }
-    }
-
-    /// Processes the rest of the batch, up to frame `limit`; returns `false` at the end.
-    pub(super) fn leap(
-        &mut self,
-        limit: u64,
-        see: &mut impl FnMut(PlacedEvent<'_>),
-    ) -> Result<bool, CaptureError> {
-        if !self.fill()? {
-            return self.step(see);
-        }
-        if self.frames > 0 || !self.batch.notices().is_empty() || self.last_of_batch() > limit {
-            return self.step(see);
-        }
-        for frame in self.batch.frames() {
-            self.world.push(frame, self.reader.buses(), see);
-        }
-        self.frames = self.batch.frames().len();
-        Ok(true)
-    }
-
-    fn last_of_batch(&self) -> u64 {
-        self.batch.frames().last().map_or(u64::MAX, |frame| frame.number)
-    }
-
-    /// Whether all available frames of a growing capture are processed: the next step would block.
-    pub(super) fn is_at_head(&self, shared: &Shared) -> bool {
-        self.is_drained() && self.offset() >= shared.progress.bytes() && !shared.progress.is_complete()
-    }
-
-    /// Whether the batch is used up, so that the next step reads.
-    pub(super) fn is_drained(&self) -> bool {
-        self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
-    }
-
-    fn fill(&mut self) -> Result<bool, CaptureError> {
-        if self.has_ended {
-            return Ok(false);
-        }
-        if !self.is_drained() {
-            return Ok(true);
-        }
-        (self.frames, self.notices) = (0, 0);
-        self.reader.read(&mut self.batch)
-    }
-
-    /// This position as a mark; None within a batch.
-    pub(super) fn mark(&self) -> Option<Checkpoint> {
-        self.is_drained().then(|| Checkpoint {
-            frames: self.world.frames(),
-            time: self.world.time(),
-            position: self.reader.position(),
-            world: self.world.clone(),
-        })
-    }
-
-    /// Names of all buses so far.
-    pub(super) fn names(&self) -> &[String] {
-        self.reader.buses().names()
-    }
-
-    /// Number of decompressed bytes read.
-    pub(super) fn offset(&self) -> u64 {
-        self.reader.offset()
-    }
+/// Whether all available frames of a growing capture are processed: the next step would block.
+pub(super) fn is_at_head(walk: &TimelineWalk, shared: &Shared) -> bool {
+    walk.is_drained() && walk.offset() >= shared.progress.bytes() && !shared.progress.is_complete()
 }

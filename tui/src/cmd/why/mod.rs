@@ -1,8 +1,6 @@
 //! `cobscope why`: the diagnosis as stories, the changes before the first one, and the gates closed at that
 //! time.
 
-mod json;
-
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -13,8 +11,8 @@ use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge};
 use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::why::Question;
 use cobscope_decoder::why::text::{self, Setting};
+use cobscope_decoder::why::{Question, json};
 
 use super::decoding::{CaptureObserver, decode_capture, report};
 use super::facts::{Facts, diagnosis, question};

@@ -18,7 +18,7 @@ use crate::output_file::{self, Existing, FinalName};
 use crate::path_text::shown;
 use crate::record::format::{self, part_of};
 use crate::timeline::shared::Shared;
-use crate::timeline::walk::Walk;
+use crate::timeline::walk::{self, TimelineWalk};
 use crate::timeline::{Matcher, News};
 
 /// Size of the write buffer, in bytes.
@@ -162,7 +162,7 @@ fn frames(
     let mut count: u64 = 0;
     while !shared.is_over() {
         // A growing capture is written up to its present end.
-        if walk.is_at_head(shared) {
+        if walk::is_at_head(&walk, shared) {
             break;
         }
         let next = walk.peek()?.copied();
@@ -192,7 +192,7 @@ fn events(
     let mut walk = walk_to(shared, export.first)?;
     let (first, last) = (EventPosition::before(export.first), EventPosition::after(export.last));
     let mut count: u64 = 0;
-    while !shared.is_over() && !sink.has_failed() && !walk.is_at_head(shared) {
+    while !shared.is_over() && !sink.has_failed() && !walk::is_at_head(&walk, shared) {
         let next = walk.peek()?.copied();
         if next.is_some_and(|frame| frame.number > export.last) {
             break;
@@ -218,14 +218,14 @@ fn events(
 }
 
 /// Walks from the nearest mark to a frame.
-fn walk_to(shared: &Shared, first: u64) -> anyhow::Result<Walk> {
+fn walk_to(shared: &Shared, first: u64) -> anyhow::Result<TimelineWalk> {
     let before = first.saturating_sub(1);
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
     let mark = index.before_frame(before).cloned();
     drop(index);
     let mut walk = match mark {
-        Some(mark) => Walk::resume(shared, &mark)?,
-        None => Walk::start(shared)?,
+        Some(mark) => walk::resume(shared, &mark)?,
+        None => walk::start(shared)?,
     };
     while walk.world.frames() < before && walk.leap(before, &mut |_| ())? {}
     Ok(walk)

@@ -5,11 +5,11 @@ use std::sync::{Arc, PoisonError};
 
 use crate::timeline::News;
 use crate::timeline::shared::Shared;
-use crate::timeline::walk::Walk;
+use crate::timeline::walk::{self, TimelineWalk};
 
 /// Runs until the capture is read or the timeline ends.
 pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
-    match Walk::start(shared) {
+    match walk::start(shared) {
         Ok(mut walk) => {
             go(shared, &mut walk, news);
             shared.progress.publish(&walk.world, walk.names(), walk.offset());
@@ -23,7 +23,7 @@ pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
     let _ = news.send(News::Indexed);
 }
 
-fn go(shared: &Shared, walk: &mut Walk, news: &Sender<News>) {
+fn go(shared: &Shared, walk: &mut TimelineWalk, news: &Sender<News>) {
     while !shared.is_over() {
         let is_due = shared.index.read().unwrap_or_else(PoisonError::into_inner).is_due(walk.world.frames());
         if is_due && let Some(mark) = walk.mark() {

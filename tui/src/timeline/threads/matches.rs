@@ -8,7 +8,7 @@ use cobscope_decoder::replay::PlacedEvent;
 use crate::timeline::matches::Matches;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
-use crate::timeline::walk::Walk;
+use crate::timeline::walk;
 
 /// Number of frames between two checks for cancellation.
 const STRIDE: u64 = 4_096;
@@ -16,7 +16,7 @@ const STRIDE: u64 = 4_096;
 /// Searches the whole capture.
 pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
     shared.wait_for_index();
-    if let Ok(mut walk) = Walk::start(shared) {
+    if let Ok(mut walk) = walk::start(shared) {
         let mut see = |told: PlacedEvent<'_>| {
             if matches.matcher.takes(&told) {
                 matches.add(&told);

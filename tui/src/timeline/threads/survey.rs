@@ -13,17 +13,16 @@ use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::text::{Line, TransferWords};
-use cobscope_decoder::statistics::Statistics;
+use cobscope_decoder::statistics::{LoadOverTime, Statistics};
 
 use super::diagnosing::{Diagnosing, diagnose};
-use crate::timeline::load::LoadOverTime;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
 use crate::timeline::survey::{
     Exchange, FindingOccurrence, MOST_ERRORS, MOST_EXCHANGES, MOST_NEWS, MOST_NMT, NmtMoment, OpenedFinding,
     bit_rate_change, nmt_moment,
 };
-use crate::timeline::walk::Walk;
+use crate::timeline::walk;
 
 /// Number of frames between two publications.
 const STRIDE: u64 = 65_536;
@@ -33,7 +32,7 @@ const TELL: Duration = Duration::from_millis(200);
 
 /// Surveys the whole capture.
 pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
-    if let Ok(mut walk) = Walk::start(shared) {
+    if let Ok(mut walk) = walk::start(shared) {
         let mut surveyor = Surveyor::new(setup);
         let mut next = STRIDE;
         let mut told = Instant::now();

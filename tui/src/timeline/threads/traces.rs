@@ -1,33 +1,17 @@
 //! Samples signals over their time range.
-//!
-//! ```text
-//! mark ──decode──▶ │ from │▂▂│▃▅│▅▅│▂ │ … │ to │      a few more buckets than a screen can show
-//!   └ value before the range
-//! ```
-//!
-//! Without a known end the buckets start short and double whenever there are too many.
 
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 
 use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::frame::{BusIndex, CanId, Timestamp};
-use cobscope_decoder::profile::Layout;
-use cobscope_decoder::replay::{PlacedEvent, ReplayState};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::{PlacedEvent, Sampler};
 
-use crate::bucket::Bucket;
 use crate::timeline::news::News;
 use crate::timeline::shared::Shared;
-use crate::timeline::signal::{SignalKey, carried, is_assumed};
-use crate::timeline::traces::{Points, Traces};
-use crate::timeline::walk::Walk;
-
-/// Maximum number of buckets per signal.
-pub const MOST_BUCKETS: i64 = 4_096;
-
-/// Initial length of a bucket if the end is unknown, in ns.
-const FIRST_WIDTH: i64 = 10_000;
+use crate::timeline::traces::Traces;
+use crate::timeline::walk::{self, TimelineWalk};
 
 /// Number of frames between two publications; it doubles from the first to the second value.
 const STRIDES: (u64, u64) = (16_384, 262_144);
@@ -40,12 +24,12 @@ const SLACK: i64 = 1_000_000_000;
 
 /// Samples the signals over their range.
 pub(in crate::timeline) fn run(shared: &Shared, traces: &Arc<Traces>, news: &Sender<News>) {
-    let mut follower = Follower::new(traces);
+    let mut sampler = Sampler::new(&traces.signals, traces.from, traces.to);
     // The index reports read errors.
-    if let Ok(mut walk) = begin(shared, traces, &mut follower) {
-        go(shared, traces, &mut follower, &mut walk, news);
+    if let Ok(mut walk) = begin(shared, traces, &mut sampler) {
+        go(shared, traces, &mut sampler, &mut walk, news);
     }
-    follower.publish(traces);
+    traces.set_points(sampler.points());
     traces.complete();
     shared.tracing.fetch_sub(1, Ordering::Release);
     // The application may have ended.
@@ -53,25 +37,25 @@ pub(in crate::timeline) fn run(shared: &Shared, traces: &Arc<Traces>, news: &Sen
 }
 
 /// Starts at the last mark before the range, with the values that apply there.
-fn begin(shared: &Shared, traces: &Traces, follower: &mut Follower) -> Result<Walk, CaptureError> {
+fn begin(shared: &Shared, traces: &Traces, sampler: &mut Sampler) -> Result<TimelineWalk, CaptureError> {
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
     match index.before_time(Timestamp(traces.from)) {
         Some(mark) => {
-            let walk = Walk::resume(shared, mark)?;
+            let walk = walk::resume(shared, mark)?;
             drop(index);
-            follower.take_world(&walk.world);
+            sampler.take_world(&walk.world);
             Ok(walk)
         }
-        None => Walk::start(shared),
+        None => walk::start(shared),
     }
 }
 
-fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk, news: &Sender<News>) {
+fn go(shared: &Shared, traces: &Traces, sampler: &mut Sampler, walk: &mut TimelineWalk, news: &Sender<News>) {
     let end = traces.to.map_or(i64::MAX, |to| to.saturating_add(SLACK));
     let (mut stride, most) = STRIDES;
     let (mut next, mut told) = (walk.world.frames() + stride, i64::MIN);
     while !shared.is_over() && !traces.is_stopped() {
-        match walk.leap(u64::MAX, &mut |told: PlacedEvent<'_>| follower.take(&told)) {
+        match walk.leap(u64::MAX, &mut |told: PlacedEvent<'_>| sampler.take(&told)) {
             Ok(true) => {}
             Ok(false) => return,
             Err(error) => return shared.fail(&error),
@@ -86,260 +70,10 @@ fn go(shared: &Shared, traces: &Traces, follower: &mut Follower, walk: &mut Walk
         if frames >= next || is_at_head {
             stride = if is_at_head { stride } else { most.min(stride * 2) };
             (next, told) = (frames + stride, time);
-            follower.publish(traces);
+            traces.set_points(sampler.points());
             if news.send(News::Traced).is_err() {
                 return;
             }
         }
-    }
-}
-
-/// The signals while they are sampled.
-struct Follower {
-    tracks: Vec<Track>,
-    /// One bit per identifier modulo 64, to skip most other events.
-    identifiers: u64,
-}
-
-impl Follower {
-    fn new(traces: &Traces) -> Self {
-        let identifiers = traces.signals.iter().fold(0, |bits, signal| bits | bit(signal.id));
-        let track = |signal: &SignalKey| Track {
-            signal: signal.clone(),
-            layout: None,
-            place: None,
-            buckets: Buckets::new(traces.from, traces.to),
-            is_assumed: false,
-        };
-        Self { tracks: traces.signals.iter().map(track).collect(), identifiers }
-    }
-
-    #[inline]
-    fn take(&mut self, told: &PlacedEvent<'_>) {
-        let Some((id, layout, payload)) = carried(told.event) else { return };
-        if self.identifiers & bit(id) == 0 {
-            return;
-        }
-        if let Some(time) = told.event.time {
-            self.values(told.event.bus, id, layout, payload, time.0);
-        }
-    }
-
-    /// Takes the last values of each identifier.
-    fn take_world(&mut self, world: &ReplayState) {
-        for row in world.identifiers().rows().iter().filter(|row| !row.is_remote) {
-            if let (Some(layout), Some(time)) = (&row.layout, row.last_time) {
-                self.values(row.bus, row.id, layout, row.payload(), time.0);
-            }
-        }
-    }
-
-    fn values(&mut self, bus: BusIndex, id: CanId, layout: &Arc<Layout>, payload: &[u8], time: i64) {
-        for track in &mut self.tracks {
-            if track.signal.id == id && track.signal.bus == bus {
-                track.take(layout, payload, time);
-            }
-        }
-    }
-
-    fn publish(&self, traces: &Traces) {
-        traces.set_points(self.tracks.iter().map(Track::points).collect());
-    }
-}
-
-fn bit(id: CanId) -> u64 {
-    1 << (id.number() % 64)
-}
-
-/// One signal while it is sampled.
-struct Track {
-    signal: SignalKey,
-    /// The current layout, and the index of the signal in it.
-    layout: Option<Arc<Layout>>,
-    place: Option<usize>,
-    buckets: Buckets,
-    is_assumed: bool,
-}
-
-impl Track {
-    fn take(&mut self, layout: &Arc<Layout>, payload: &[u8], time: i64) {
-        if !self.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout)) {
-            let found = self.signal.field_in(layout);
-            self.is_assumed |= found.is_some_and(|(_, field)| is_assumed(layout, field));
-            self.place = found.map(|(place, _)| place);
-            self.layout = Some(Arc::clone(layout));
-        }
-        // The identifier no longer carries the signal: the line ends.
-        let Some(place) = self.place else { return self.buckets.add(time, f64::NAN) };
-        // In another branch of a multiplexed message the previous value still applies.
-        if let Some(signal) = layout.signal(place, payload) {
-            self.buckets.add(time, signal.field.plotted(&signal.value).unwrap_or(f64::NAN));
-        }
-    }
-
-    fn points(&self) -> Points {
-        let Buckets { before, slots, width, is_exact, .. } = &self.buckets;
-        let buckets = before.iter().chain(slots.iter().flatten()).copied().collect();
-        Points { buckets: Arc::new(buckets), width: *width, is_exact: *is_exact, is_assumed: self.is_assumed }
-    }
-}
-
-/// Buckets of one signal.
-struct Buckets {
-    from: i64,
-    to: Option<i64>,
-    width: i64,
-    /// The last value before the range.
-    before: Option<Bucket>,
-    slots: Vec<Option<Bucket>>,
-    is_exact: bool,
-}
-
-impl Buckets {
-    fn new(from: i64, to: Option<i64>) -> Self {
-        let width = to.map_or(FIRST_WIDTH, |to| to.saturating_sub(from) / MOST_BUCKETS + 1);
-        Self { from, to, width: width.max(1), before: None, slots: Vec::new(), is_exact: true }
-    }
-
-    fn add(&mut self, time: i64, value: f64) {
-        let new = Bucket { t: time, min: value, max: value, last: value };
-        if time < self.from {
-            self.before = Some(new);
-            return;
-        }
-        if self.to.is_some_and(|to| time > to) {
-            return;
-        }
-        let since = time.saturating_sub(self.from);
-        while since / self.width >= MOST_BUCKETS {
-            self.halve();
-        }
-        let Ok(place) = usize::try_from(since / self.width) else { return };
-        if self.slots.len() <= place {
-            self.slots.resize(place + 1, None);
-        }
-        if let Some(slot) = self.slots.get_mut(place) {
-            self.is_exact &= slot.is_none();
-            *slot = join(*slot, Some(new));
-        }
-    }
-
-    fn halve(&mut self) {
-        self.width = self.width.saturating_mul(2);
-        let mut is_exact = self.is_exact;
-        let pair = |pair: &[Option<Bucket>]| {
-            let (first, second) = (pair.first().copied().flatten(), pair.get(1).copied().flatten());
-            is_exact &= first.is_none() || second.is_none();
-            join(first, second)
-        };
-        self.slots = self.slots.chunks(2).map(pair).collect();
-        self.is_exact = is_exact;
-    }
-}
-
-/// Merges two buckets; NaN does not affect minimum and maximum.
-fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
-    match (first, second) {
-        (Some(first), Some(second)) => Some(Bucket {
-            t: first.t.min(second.t),
-            min: first.min.min(second.min),
-            max: first.max.max(second.max),
-            last: second.last,
-        }),
-        (first, second) => first.or(second),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use cobscope_decoder::profile::{DataType, Factor, Field, Meaning};
-    use cobscope_decoder::wire::canopen::ObjectAddress;
-
-    use super::*;
-
-    fn kept(buckets: &Buckets) -> Vec<Bucket> {
-        buckets.slots.iter().flatten().copied().collect()
-    }
-
-    #[test]
-    fn without_an_end_pieces_become_longer_and_nothing_is_lost() {
-        let mut buckets = Buckets::new(0, None);
-        for millisecond in 0..10_000 {
-            let value = if millisecond == 5_003 { -7.0 } else { f64::from(millisecond % 10) };
-            buckets.add(i64::from(millisecond) * 1_000_000, value);
-        }
-        // 10 s in at most 4,096 buckets: 2.56 ms, which is 10 µs doubled eight times.
-        assert_eq!((buckets.width, buckets.is_exact), (2_560_000, false));
-        let kept = kept(&buckets);
-        assert!((2_048..=4_096).contains(&kept.len()));
-        assert_eq!(kept.iter().map(|bucket| bucket.min).reduce(f64::min), Some(-7.0));
-        assert_eq!(kept.iter().map(|bucket| bucket.max).reduce(f64::max), Some(9.0));
-        // 0, 1 and 2 ms.
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 0.0, max: 2.0, last: 2.0 }));
-    }
-
-    #[test]
-    fn before_a_range_only_the_last_value_counts_and_behind_it_none() {
-        let mut buckets = Buckets::new(100, Some(200));
-        for (time, value) in [(10, 1.0), (90, 2.0), (100, 3.0), (200, 4.0), (201, 5.0)] {
-            buckets.add(time, value);
-        }
-        assert_eq!(buckets.before.map(|bucket| bucket.last), Some(2.0));
-        assert_eq!(kept(&buckets).iter().map(|bucket| bucket.last).collect::<Vec<_>>(), [3.0, 4.0]);
-        assert!(buckets.is_exact);
-    }
-
-    /// A layout of one-byte fields by object, unit and factor.
-    fn layout(fields: &[(u16, &str, f64)]) -> Arc<Layout> {
-        let field = |(at, (index, unit, factor)): (u16, &(u16, &str, f64))| {
-            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None, is_reciprocal: false });
-            let object = ObjectAddress::new(*index, 0);
-            let meaning = Meaning { unit: (*unit).into(), scale, ..Meaning::default() };
-            let field = Field::of_object(object, at * 8, 8, DataType::Unsigned8);
-            Field { meaning: Some(Arc::new(meaning)), ..field }
-        };
-        Arc::new(Layout { fields: (0..).zip(fields).map(field).collect(), ..Layout::default() })
-    }
-
-    #[test]
-    fn a_signal_is_found_in_each_layout_by_what_it_is() {
-        let first = layout(&[(0x6000, "bar", 1.0), (0x6001, "%", 0.5)]);
-        let signal = SignalKey::new(BusIndex(0), CanId::standard(0x181), &first, 0).unwrap();
-        let rescaled = layout(&[(0x6001, "%", 0.5), (0x6000, "bar", 2.0)]);
-        let of_mode = layout(&[(0x6000, "l/min", 0.1), (0x6001, "%", 0.5)]);
-        let without = layout(&[(0x6001, "%", 0.5)]);
-        let traces = Traces::new(vec![signal.clone()], Timestamp(0), None);
-        let mut follower = Follower::new(&traces);
-        // The last payload is too short for the field, so the previous value still applies.
-        let payloads: [(&Arc<Layout>, &[u8]); 6] = [
-            (&first, &[10, 20]),
-            (&rescaled, &[20, 10]),
-            (&of_mode, &[10, 20]),
-            (&rescaled, &[20, 11]),
-            (&without, &[20]),
-            (&first, &[]),
-        ];
-        for (second, (layout, payload)) in (0..).zip(payloads) {
-            follower.values(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
-        }
-        // Values of other signals are ignored.
-        follower.values(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
-        follower.publish(&traces);
-        let points = traces.points(&signal).unwrap();
-        let values: Vec<_> = points.buckets.iter().map(|bucket| bucket.last).collect();
-        assert_eq!(format!("{values:?}"), "[10.0, 20.0, NaN, 22.0, NaN]");
-        assert_eq!(SignalKey::new(signal.bus, signal.id, &rescaled, 1).as_ref(), Some(&signal));
-        assert_ne!(SignalKey::new(signal.bus, signal.id, &of_mode, 0).unwrap(), signal);
-    }
-
-    #[test]
-    fn what_is_no_number_ends_the_line_and_has_no_part_in_the_range() {
-        let mut buckets = Buckets::new(0, Some(4_095 * 10));
-        for (time, value) in [(0, 1.0), (1, f64::NAN), (2, 3.0), (100, f64::NAN)] {
-            buckets.add(time, value);
-        }
-        let kept = kept(&buckets);
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 1.0, max: 3.0, last: 3.0 }));
-        assert!(kept.get(1).is_some_and(|bucket| bucket.last.is_nan()));
     }
 }

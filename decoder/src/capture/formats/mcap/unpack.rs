@@ -40,7 +40,12 @@ fn zstd(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     }
 }
 
-#[cfg(not(feature = "zstd"))]
+#[cfg(all(feature = "rust-codecs", not(feature = "zstd")))]
+fn zstd(packed: &[u8], size: u64) -> ChunkRecords<'_> {
+    read(crate::capture::rust_codecs::ZstdFrames::new(packed), size)
+}
+
+#[cfg(not(any(feature = "zstd", feature = "rust-codecs")))]
 fn zstd(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
     failed("zstd compression: this build lacks the feature `zstd`".into())
 }
@@ -53,7 +58,12 @@ fn lz4(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     }
 }
 
-#[cfg(not(feature = "mcap"))]
+#[cfg(all(feature = "rust-codecs", not(feature = "mcap")))]
+fn lz4(packed: &[u8], size: u64) -> ChunkRecords<'_> {
+    read(crate::capture::rust_codecs::Lz4Frames::new(packed), size)
+}
+
+#[cfg(not(any(feature = "mcap", feature = "rust-codecs")))]
 fn lz4(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
     failed("lz4 compression: this build lacks the feature `mcap`".into())
 }
@@ -64,7 +74,10 @@ fn not_unpacked(error: &std::io::Error) -> String {
 }
 
 /// Decompresses in steps: the declared size is not allocated in advance.
-#[cfg_attr(not(feature = "zstd"), expect(dead_code, reason = "no compression is supported"))]
+#[cfg_attr(
+    not(any(feature = "zstd", feature = "rust-codecs")),
+    expect(dead_code, reason = "no compression is supported")
+)]
 fn read(mut source: impl Read, size: u64) -> ChunkRecords<'static> {
     let most = usize::try_from(size).unwrap_or(usize::MAX).min(LARGEST);
     let mut records = Vec::new();

@@ -21,7 +21,7 @@ use cobscope_decoder::replay::{Checkpoint, EventPosition, PlacedEvent};
 
 use crate::timeline::order::{Order, Target, Window};
 use crate::timeline::shared::Shared;
-use crate::timeline::walk::Walk;
+use crate::timeline::walk::{self, TimelineWalk};
 use crate::timeline::{Matcher, Matches, News, Row};
 
 /// Time the index may take for its first frames before the pane is shown as empty.
@@ -187,7 +187,7 @@ impl Seeker {
     }
 
     /// A walk at a frame, started at the nearest mark before it.
-    fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<Walk> {
+    fn walk_to(&mut self, frame: u64, is_stale: &mut impl FnMut() -> bool) -> Answer<TimelineWalk> {
         let kept = self.shared.kept_from();
         self.near.retain(|mark| mark.position.offsets().next().is_some_and(|offset| offset >= kept));
         let near = self.near.iter().filter(|mark| mark.frames <= frame).max_by_key(|mark| mark.frames);
@@ -196,8 +196,8 @@ impl Seeker {
         let mark = near.into_iter().chain(far).max_by_key(|mark| mark.frames).cloned();
         drop(index);
         let mut walk = match mark {
-            Some(mark) => Walk::resume(&self.shared, &mark)?,
-            None => Walk::start(&self.shared)?,
+            Some(mark) => walk::resume(&self.shared, &mark)?,
+            None => walk::start(&self.shared)?,
         };
         let mut next = walk.world.frames() + NEAR;
         while walk.world.frames() < frame {
@@ -211,7 +211,7 @@ impl Seeker {
         Ok(Some(walk))
     }
 
-    fn remember(&mut self, walk: &Walk) {
+    fn remember(&mut self, walk: &TimelineWalk) {
         let frames = walk.world.frames();
         let is_known = self.near.iter().any(|mark| mark.frames.abs_diff(frames) < NEAR / 2);
         if is_known {
@@ -226,7 +226,12 @@ impl Seeker {
     }
 
     /// Stores a mark at intervals and checks for a newer order.
-    fn is_stale_at(&mut self, walk: &Walk, next: &mut u64, is_stale: &mut impl FnMut() -> bool) -> bool {
+    fn is_stale_at(
+        &mut self,
+        walk: &TimelineWalk,
+        next: &mut u64,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> bool {
         if walk.world.frames() < *next {
             return false;
         }
@@ -238,7 +243,7 @@ impl Seeker {
     /// Walks past the position and collects the rows on both sides.
     fn look(
         &mut self,
-        mut walk: Walk,
+        mut walk: TimelineWalk,
         order: &Order,
         spot: EventPosition,
         matches: Option<&Matches>,
@@ -246,7 +251,9 @@ impl Seeker {
     ) -> Answer<Window> {
         let mut found = NeighbourRows::default();
         let mut next = walk.world.frames() + NEAR;
-        while !walk.is_at_head(&self.shared) && walk.peek()?.is_none_or(|next| next.number <= spot.frame) {
+        while !walk::is_at_head(&walk, &self.shared)
+            && walk.peek()?.is_none_or(|next| next.number <= spot.frame)
+        {
             if !walk.step(&mut |told: PlacedEvent<'_>| found.take(order, spot, &told))? {
                 break;
             }
@@ -299,14 +306,14 @@ impl Seeker {
     /// Collects the rows after the position.
     fn go_on(
         &mut self,
-        mut walk: Walk,
+        mut walk: TimelineWalk,
         order: &Order,
         matches: Option<&Matches>,
         found: &mut NeighbourRows,
         is_stale: &mut impl FnMut() -> bool,
     ) -> Result<(), CaptureError> {
         let mut next = walk.world.frames() + NEAR;
-        while found.after.len() < order.after && !walk.is_at_head(&self.shared) {
+        while found.after.len() < order.after && !walk::is_at_head(&walk, &self.shared) {
             let place = walk.world.frames();
             if let Some(hit) = matches.and_then(|matches| matches.next_frame(place + 1))
                 && hit > place + NEAR

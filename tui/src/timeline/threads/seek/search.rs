@@ -4,7 +4,7 @@ use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 
 use super::{Answer, FIRST_SPAN, NEAR, Seeker};
 use crate::timeline::order::{Order, Search};
-use crate::timeline::walk::Walk;
+use crate::timeline::walk::TimelineWalk;
 
 impl Seeker {
     /// Position of the next match: `Some(None)` without a match, None if a newer order arrived.
@@ -34,7 +34,7 @@ impl Seeker {
     /// The first match after `from`, or the last one before it.
     fn search_from(
         &mut self,
-        mut walk: Walk,
+        mut walk: TimelineWalk,
         order: &Order,
         search: &Search,
         from: EventPosition,

@@ -1,20 +1,19 @@
 //! The report as one JSON object; events have the form of `decode -f jsonl`.
 
-use cobscope_decoder::diagnosis::{Story, StoryLine};
-use cobscope_decoder::event::{Certainty, Event};
-use cobscope_decoder::finding::Occurrence;
-use cobscope_decoder::frame::{BusIndex, Timestamp};
-use cobscope_decoder::session::{Bus, Buses};
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::{EventSink as _, escape_json};
-use cobscope_decoder::why::{
-    FaultGrade, Moment, NodeState, PointState, Reaction, Report, Rhythm, StoppedMessage,
-};
-use cobscope_decoder::wire::NodeId;
 use serde_json::{Value, json};
 
+use super::{FaultGrade, Moment, NodeState, PointState, Reaction, Report, Rhythm, StoppedMessage};
+use crate::diagnosis::{Story, StoryLine};
+use crate::event::{Certainty, Event};
+use crate::finding::Occurrence;
+use crate::frame::{BusIndex, Timestamp};
+use crate::session::{Bus, Buses};
+use crate::sink::jsonl::Jsonl;
+use crate::sink::{EventSink as _, escape_json};
+use crate::wire::NodeId;
+
 /// One line without its end. Events are inserted as text, because their times have more digits than a float.
-pub(super) fn line(
+pub fn line(
     report: &Report,
     buses: Buses<'_>,
     first: Option<Timestamp>,

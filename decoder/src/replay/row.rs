@@ -1,11 +1,11 @@
 //! A row of the Events pane with its event.
 
-use cobscope_decoder::event::{Event, EventKind, FrameRange};
-use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags};
-use cobscope_decoder::replay::{EventPosition, PlacedEvent};
-use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::{Line, MessageChanges, Tone, TransferWords};
-use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
+use super::{EventPosition, PlacedEvent};
+use crate::event::{Event, EventKind, FrameRange};
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags};
+use crate::sink::escape;
+use crate::sink::text::{Line, MessageChanges, Tone, TransferWords};
+use crate::wire::j1939::{J1939Id, Pgn};
 
 /// Number of payload bytes in a row.
 const SHOWN_BYTES: usize = 8;

@@ -6,10 +6,10 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::frame::{BusIndex, CanId, FrameFlags};
-use cobscope_decoder::profile::{Field, Layout, SignalId, Value};
-use cobscope_decoder::sink::escape;
+use crate::event::{Event, EventKind};
+use crate::frame::{BusIndex, CanId, FrameFlags};
+use crate::profile::{Field, Layout, SignalId, Value};
+use crate::sink::escape;
 
 /// A signal: a field in the payload of an identifier.
 #[derive(Debug, Clone)]

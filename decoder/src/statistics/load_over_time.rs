@@ -1,7 +1,7 @@
 //! Bus load over time in a bounded number of steps.
 
-use cobscope_decoder::frame::{Frame, FrameFlags};
-use cobscope_decoder::statistics::frame_bits;
+use super::frame_bits;
+use crate::frame::{Frame, FrameFlags};
 
 /// Initial length of a step, in ns.
 const FIRST_STEP: i64 = 100_000_000;
@@ -107,7 +107,7 @@ impl LoadOverTime {
 
 #[cfg(test)]
 mod tests {
-    use cobscope_decoder::frame::{CanId, Timestamp};
+    use crate::frame::{CanId, Timestamp};
 
     use super::*;
 

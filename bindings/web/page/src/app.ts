@@ -1,0 +1,526 @@
+// The page: what is open, the cursor in time, and the panes.
+
+import { Client, PageError } from "./client";
+import { bytes, fill, grouped, h, plural, seconds } from "./dom";
+import { formatLink, parseLink } from "./hash";
+import { helpDialog, PANE_KEYS } from "./help";
+import { busPane } from "./panes/bus";
+import { detailPane } from "./panes/detail";
+import { eventsPane } from "./panes/events";
+import { signalsPane } from "./panes/signals";
+import { findingsPane, framesPane, nodesPane, objectsPane, transfersPane } from "./panes/tables";
+import { whyPane } from "./panes/why";
+import type { BusState, ListName, NodeProfile, Overview, Progress } from "./protocol";
+import { download } from "./save";
+import { findingsOf, since, type App, type Core, type Pane, type PaneName } from "./state";
+import { Strip } from "./strip";
+
+/** Suffixes of files beside a capture. */
+const BESIDE = /\.(toml|eds|dcf|xdd|xdc|dbc|json)$/i;
+
+const FORMATS = "candump log, pcap and pcapng, ASC, BLF, TRC, MDF4, MCAP, CSV, BUSMASTER, CRTD and others; plain or gzip";
+
+export class Page implements App {
+  core!: Core;
+  private client: Client | null = null;
+  /** A worker whose module is compiled while the user looks for the capture. */
+  private spare: Client | null = null;
+  private files: File[] = [];
+  private nodes: NodeProfile[] = [];
+  private panes: Pane[];
+  private events: ReturnType<typeof eventsPane>;
+  private signals: ReturnType<typeof signalsPane>;
+  private current: PaneName = "why";
+  private strip = new Strip(this);
+  private stateRequest = 0;
+  private root: HTMLElement;
+  private tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "Panes" });
+  private main = h("div", { class: "main", id: "main", role: "tabpanel" });
+  private side = h("section", { class: "side", "aria-label": "Detail of the event at the cursor" });
+  private head = h("header", { class: "top" });
+  private foot = h("footer", { class: "foot" });
+  private position = h("span", { class: "position" });
+  private status = h("p", { class: "status", role: "status" });
+  private alert = h("p", { class: "banner error alert", role: "alert", hidden: true });
+  private input = h("input", { type: "file", multiple: true, id: "files", class: "hidden-input", onchange: () => void this.take([...(this.input.files ?? [])]) });
+  private help = helpDialog();
+
+  constructor(root: HTMLElement) {
+    this.root = root;
+    this.events = eventsPane(this);
+    this.signals = signalsPane(this);
+    this.panes = [
+      whyPane(this), nodesPane(this), this.events, framesPane(this), detailPane(this),
+      this.signals, transfersPane(this), objectsPane(this), findingsPane(this), busPane(this),
+    ];
+    addEventListener("dragover", (event) => { event.preventDefault(); document.body.classList.add("over"); });
+    addEventListener("dragleave", (event) => { if (!event.relatedTarget) document.body.classList.remove("over"); });
+    addEventListener("drop", (event) => {
+      event.preventDefault();
+      document.body.classList.remove("over");
+      void this.take([...(event.dataTransfer?.files ?? [])]);
+    });
+    addEventListener("keydown", (event) => this.key(event));
+    addEventListener("hashchange", () => this.follow(location.hash));
+    this.welcome();
+  }
+
+  // ── empty screen and progress ──────────────────────────────────────────────────────────────────────────────
+
+  private welcome(error = ""): void {
+    setTimeout(() => { if (!this.client && !this.spare) this.spare = new Client(() => { this.spare = null; }); }, 300);
+    this.root.className = "empty";
+    fill(
+      this.root,
+      h(
+        "main",
+        { class: "welcome" },
+        h("h1", {}, "cobscope"),
+        h("p", { class: "lead" }, "Drop a CAN capture here. It is decoded and checked in this browser and never leaves this computer."),
+        error && h("p", { class: "banner error", role: "alert" }, error),
+        h("label", { class: "choose", for: "files" }, "Choose files"),
+        this.input,
+        h("p", { class: "quiet" }, "CANopen, J1939, ISOBUS, UDS. ", FORMATS, "."),
+        h("p", { class: "quiet" }, "Add a bus file (TOML), EDS, DCF, XDD or DBC by dropping it together with the capture. ",
+          "The page stores nothing, loads nothing and works offline. ",
+          h("kbd", {}, "o"), " opens, ", h("kbd", {}, "?"), " lists all keys."),
+      ),
+      this.help.element,
+    );
+  }
+
+  private working(names: string): { update(value: Progress): void } {
+    this.root.className = "working";
+    const bar = h("progress", { max: 1, "aria-label": "Progress" });
+    const text = h("p", { role: "status" }, "Starting");
+    fill(
+      this.root,
+      h("main", { class: "welcome" }, h("h1", {}, names), bar, text, h("button", { type: "button", onclick: () => this.close() }, "Cancel")),
+    );
+    return {
+      update: (value) => {
+        if (value.phase === "unpack") text.textContent = `Decompressing, ${bytes(value.bytes ?? 0)}`;
+        if (value.phase !== "read") return;
+        const share = (value.bytes ?? 0) / Math.max(1, value.size ?? 1);
+        if (share <= 1) bar.value = share;
+        else bar.removeAttribute("value");
+        text.textContent = `${grouped(value.frames ?? 0)} frames, ${bytes(value.bytes ?? 0)}, ${plural(value.findings ?? 0, "finding")} so far`;
+      },
+    };
+  }
+
+  private close(error = ""): void {
+    try { history.replaceState(null, "", "#"); } catch { /* see write */ }
+    this.client?.end();
+    this.client = null;
+    this.files = [];
+    this.nodes = [];
+    this.input.value = "";
+    document.title = "cobscope";
+    this.welcome(error);
+  }
+
+  /** Files were dropped or chosen: captures replace those that are open, others are added to them. */
+  private async take(files: File[]): Promise<void> {
+    if (files.length === 0) return;
+    const captures = files.filter((file) => !BESIDE.test(file.name));
+    const beside = files.filter((file) => BESIDE.test(file.name));
+    if (captures.length === 0) {
+      const open = this.files.filter((file) => !BESIDE.test(file.name));
+      if (open.length === 0) return this.close(`${beside.map((file) => file.name).join(", ")}: no capture; drop one together with it`);
+      const known = this.files.filter((file) => BESIDE.test(file.name) && !beside.some((one) => one.name === file.name));
+      this.files = [...open, ...known, ...beside];
+    } else {
+      this.files = [...captures, ...beside];
+      this.nodes = [];
+    }
+    await this.open();
+  }
+
+  private async open(): Promise<void> {
+    const { files, nodes } = this;
+    const captures = files.filter((file) => !BESIDE.test(file.name));
+    const names = captures.map((file) => file.name).join(", ");
+    const { update } = this.working(names);
+    this.client?.end();
+    const client = this.spare ?? new Client(() => {});
+    this.spare = null;
+    client.onFatal = (error) => { if (this.client === client) this.close(`${names}: ${error}`); };
+    this.client = client;
+    client.files(files);
+    const named = (file: File) => ({ file: files.indexOf(file), name: file.name, size: file.size });
+    const beside = files.filter((file) => BESIDE.test(file.name));
+    const now = new Date();
+    const today = `${now.getFullYear()}-${String(now.getMonth() + 1).padStart(2, "0")}-${String(now.getDate()).padStart(2, "0")}`;
+    const request = { do: "open" as const, captures: captures.map(named), beside: beside.map(named), nodes, today };
+    try {
+      await client.job(request, update);
+      if (this.client !== client) return;
+      const overview = await client.call<Overview>({ do: "overview" });
+      if (this.client === client) this.ready(client, overview, beside.map((file) => file.name));
+    } catch (error) {
+      if (this.client === client) this.close(error instanceof Error ? error.message : String(error));
+    }
+  }
+
+  // ── an open capture ────────────────────────────────────────────────────────────────────────────────────────
+
+  private ready(client: Client, overview: Overview, beside: string[]): void {
+    const list: ListName = "all";
+    this.core = {
+      client, overview, beside, nodes: this.nodes,
+      cursor: { frame: 0, time: 0 }, ordinal: 0, list, filter: "", total: overview.events,
+      state: null, node: null, signals: [], finding: null,
+    };
+    document.title = `${overview.name} – cobscope`;
+    this.root.className = "open";
+    this.header();
+    this.tabs.replaceChildren(
+      ...this.panes.map((pane, place) =>
+        h(
+          "button",
+          { type: "button", role: "tab", id: `tab-${pane.name}`, "aria-controls": "main", "aria-selected": "false", tabindex: -1, onclick: () => this.show(pane.name) },
+          h("kbd", { "aria-hidden": "true" }, String(place)), ` ${pane.title}`,
+          pane.name === "findings" ? this.badge() : null,
+        ),
+      ),
+    );
+    this.tabs.onkeydown = (event) => {
+      const place = this.panes.findIndex((pane) => pane.name === this.current);
+      const step = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
+      if (step === 0) return;
+      event.preventDefault();
+      const next = this.panes[(place + step + this.panes.length) % this.panes.length];
+      if (next) { this.show(next.name); document.getElementById(`tab-${next.name}`)?.focus(); }
+    };
+    fill(this.foot, this.position, this.status);
+    const stage = h("main", { class: "stage" }, this.strip.element, this.tabs, this.alert, h("div", { class: "work" }, this.main, this.side), this.input);
+    fill(this.root, this.head, stage, this.foot, this.help.element);
+    this.alert.hidden = true;
+    const detail = this.pane("detail");
+    fill(this.side, detail.element);
+    this.events.list.reset(overview.events);
+    const story = overview.why?.stories[0];
+    const first = story?.frames?.[1] ?? findingsOf(overview)[0]?.occurrences[0]?.frames[1] ?? 1;
+    // Showing a pane writes the link, so that the one of the address is read first.
+    const link = location.hash;
+    this.show("why");
+    if (!this.follow(link)) this.goTo(first);
+  }
+
+  private badge(): HTMLElement | null {
+    const { errors, warnings } = this.core.overview;
+    const text = [errors > 0 ? `${errors} E` : "", warnings > 0 ? `${warnings} w` : ""].filter(Boolean).join(" ");
+    return text ? h("span", { class: `badge ${errors > 0 ? "error" : "warning"}` }, text) : null;
+  }
+
+  private header(): void {
+    const { overview, beside } = this.core;
+    const verdict = overview.errors + overview.warnings === 0 ? "no error or warning"
+      : [overview.errors > 0 ? plural(overview.errors, "error") : "", overview.warnings > 0 ? plural(overview.warnings, "warning") : ""].filter(Boolean).join(", ");
+    const format = h("select", { "aria-label": "Export", onchange: () => { const name = format.value; format.value = ""; if (name) void this.export(name); } });
+    for (const [value, text] of [["", "Export…"], ["cut", "cut-out capture (pcapng)"], ["csv", "values (CSV)"], ["jsonl", "events (JSON Lines)"], ["text", "events (text)"], ["link", "link to this position"]]) {
+      format.append(h("option", { value: value ?? "" }, text ?? ""));
+    }
+    fill(
+      this.head,
+      h("h1", { title: overview.name }, overview.name),
+      h("p", { class: "facts" },
+        h("span", { class: `severity ${overview.errors > 0 ? "error" : overview.warnings > 0 ? "warning" : "good"}` }, verdict),
+        ` ${plural(overview.frames, "frame")}${overview.duration === null ? "" : ` in ${seconds(overview.duration)} s`}, ${overview.format}`,
+        beside.length > 0 ? `; with ${beside.join(", ")}` : "",
+        overview.failure ? [h("span", { class: "severity error" }, " INCOMPLETE")] : []),
+      h("p", { class: "buttons" },
+        h("button", { type: "button", class: "primary", onclick: () => this.saveReport(this.core.finding) }, "Save report"),
+        format,
+        h("label", { class: "choose small", for: "files" }, "Open"),
+        h("button", { type: "button", onclick: () => this.help.open() }, "Keys")),
+    );
+  }
+
+  private pane(name: PaneName): Pane {
+    return this.panes.find((pane) => pane.name === name) ?? this.panes[0]!;
+  }
+
+  private get hasSide(): boolean {
+    return getComputedStyle(this.side).display !== "none";
+  }
+
+  show(name: PaneName): void {
+    this.current = name;
+    const pane = this.pane(name);
+    for (const tab of this.tabs.children) {
+      const isOwn = tab.id === `tab-${name}`;
+      tab.setAttribute("aria-selected", String(isOwn));
+      (tab as HTMLElement).tabIndex = isOwn ? 0 : -1;
+      if (isOwn) tab.scrollIntoView({ block: "nearest", inline: "nearest" });
+    }
+    this.root.classList.toggle("without-side", name === "detail");
+    this.main.setAttribute("aria-labelledby", `tab-${name}`);
+    const detail = this.pane("detail");
+    if (name === "detail") fill(this.main, detail.element);
+    else {
+      fill(this.main, pane.element);
+      if (!this.side.contains(detail.element)) fill(this.side, detail.element);
+    }
+    pane.open();
+    this.refresh();
+    pane.focus();
+    this.write();
+  }
+
+  // ── cursor ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+  goTo(frame: number, ordinal = 0): void {
+    void this.locate({ frame }, frame, ordinal).catch((error) => this.fail(error));
+  }
+
+  goToTime(time: number): void {
+    void this.locate({ time }).catch((error) => this.fail(error));
+  }
+
+  private async locate(at: { frame: number } | { time: number }, frame?: number, ordinal = 0): Promise<void> {
+    const { client, list, total } = this.core;
+    const found = await client.call<{ row: number; frame: number }>({ do: "locate", list: total > 0 ? list : "all", at });
+    const target = frame ?? found.frame;
+    this.events.list.reveal(found.row);
+    this.core.cursor = { frame: target, time: "time" in at ? at.time : null };
+    this.core.ordinal = ordinal;
+    await this.refreshState();
+    if ("frame" in at && this.core.state) this.core.cursor.time = this.core.state.time;
+    this.moved();
+  }
+
+  changed(): void {
+    this.moved();
+    void this.refreshState().then(() => this.pane(this.current).moved()).catch((error) => this.fail(error));
+  }
+
+  private async refreshState(): Promise<void> {
+    const { client, cursor } = this.core;
+    const request = ++this.stateRequest;
+    const state = await client.call<BusState>({ do: "state", frame: cursor.frame });
+    if (request === this.stateRequest && client === this.core.client) this.core.state = state;
+  }
+
+  private refresh(): void {
+    const { cursor, overview } = this.core;
+    this.position.textContent = `t ${seconds(cursor.time)} s  #${cursor.frame}/${overview.frames}`;
+    this.strip.draw();
+  }
+
+  private moved(): void {
+    this.refresh();
+    this.pane(this.current).moved();
+    if (this.hasSide && this.current !== "detail") this.pane("detail").moved();
+    this.write();
+  }
+
+  private write(): void {
+    const { cursor, filter } = this.core;
+    const link = formatLink({ time: cursor.time, frame: cursor.frame, pane: this.current, filter });
+    // A file:// page may refuse to change its history.
+    try { history.replaceState(null, "", link); } catch { /* the link is still in the export menu */ }
+  }
+
+  /** Goes to the place of a link; false if it has none. */
+  private follow(hash: string): boolean {
+    if (!this.root.className.startsWith("open")) return false;
+    const link = parseLink(hash, this.panes.map((pane) => pane.name));
+    if (link.filter) void this.setFilter(link.filter);
+    if (link.pane) this.show(link.pane as PaneName);
+    if (link.frame !== null) this.goTo(link.frame);
+    else if (link.time !== null) this.goToTime(link.time);
+    return link.frame !== null || link.time !== null;
+  }
+
+  // ── filter ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+  async setFilter(text: string): Promise<void> {
+    this.core.filter = text;
+    await this.select(this.core.list === "news" || (this.core.list === "filter" && this.onlyNews));
+  }
+
+  private onlyNews = false;
+
+  async setOnlyNews(onlyNews: boolean): Promise<void> {
+    await this.select(onlyNews);
+  }
+
+  private async select(onlyNews: boolean): Promise<void> {
+    const { core } = this;
+    const { client } = core;
+    this.onlyNews = onlyNews;
+    const problem = this.events as unknown as { showProblem(text: string): void };
+    problem.showProblem("");
+    try {
+      if (core.filter === "") {
+        core.list = onlyNews ? "news" : "all";
+        core.total = onlyNews ? core.overview.news : core.overview.events;
+      } else {
+        const done = await client.job({ do: "filter", text: core.filter, only_news: onlyNews }, (value) => {
+          this.say(`Filtering, ${Math.round((100 * (value.frames ?? 0)) / Math.max(1, value.size ?? 1))} %`);
+        });
+        const invalid = (done as unknown as { invalid?: { reason: string; start: number } }).invalid;
+        if (invalid) {
+          problem.showProblem(`${invalid.reason} (character ${invalid.start + 1})`);
+          return;
+        }
+        if (done.phase !== "done") return;
+        core.list = "filter";
+        core.total = done.total ?? 0;
+        this.say(`${grouped(core.total)} events match`);
+      }
+      this.events.list.reset(core.total);
+      this.events.open();
+      if (core.total > 0) {
+        const found = await client.call<{ row: number }>({ do: "locate", list: core.list, at: { frame: core.cursor.frame } });
+        this.events.list.reveal(found.row);
+      }
+      this.write();
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  // ── results to keep ────────────────────────────────────────────────────────────────────────────────────────
+
+  private stem(): string {
+    return this.core.overview.name.split(",")[0]!.replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "_").slice(0, 80) || "capture";
+  }
+
+  private async report(finding: number | null): Promise<Progress> {
+    const done = await this.core.client.job(
+      { do: "report", finding, page: finding === null ? "cobscope.html, report of all stories" : `cobscope.html, report of finding ${finding}` },
+      (value) => this.say(`Report, ${Math.round((100 * (value.frames ?? 0)) / Math.max(1, value.size ?? 1))} %`),
+    );
+    return done;
+  }
+
+  saveReport(finding: number | null): void {
+    const { client } = this.core;
+    void (async () => {
+      const done = await this.report(finding);
+      if (done.phase !== "done") return;
+      const content = await client.call<Uint8Array<ArrayBuffer>>({ do: "bytes", what: "report" });
+      const name = `${this.stem()}${finding === null ? "" : `-finding-${finding}`}.report.html`;
+      download(name, [content], "text/html");
+      this.say(`${name} saved (${bytes(content.length)})`);
+    })().catch((error) => this.fail(error));
+  }
+
+  private async export(format: string): Promise<void> {
+    const { client, list, overview } = this.core;
+    try {
+      if (format === "link") {
+        const link = formatLink({ time: this.core.cursor.time, frame: this.core.cursor.frame, pane: this.current, filter: this.core.filter });
+        await navigator.clipboard?.writeText(link).catch(() => {});
+        return this.say(`Link for whoever has ${overview.name}: ${link}`);
+      }
+      if (format === "cut") {
+        const done = await this.report(this.core.finding);
+        if (done.phase !== "done") return;
+        if (!done.cut) return this.say("No story with frames: no capture was cut out");
+        const content = await client.call<Uint8Array<ArrayBuffer>>({ do: "bytes", what: "cut" });
+        download(`${this.stem()}.cut.pcapng`, [content], "application/octet-stream");
+        return this.say(`${this.stem()}.cut.pcapng saved (${bytes(content.length)})`);
+      }
+      const parts: Uint8Array<ArrayBuffer>[] = [];
+      const done = await client.job({ do: "export", format, list }, (value, part) => {
+        if (part && part.length > 0) parts.push(part);
+        this.say(`Export, ${Math.round((100 * (value.frames ?? 0)) / Math.max(1, value.size ?? 1))} %`);
+      });
+      if (done.phase !== "done") return;
+      const name = `${this.stem()}.${format === "csv" ? "values.csv" : format === "jsonl" ? "events.jsonl" : "events.txt"}`;
+      download(name, parts, format === "csv" ? "text/csv" : "text/plain");
+      this.say(`${name} saved (${bytes(parts.reduce((sum, part) => sum + part.length, 0))})`);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  assign(profile: NodeProfile | null, node: { bus: string; node: number; j1939: boolean }): void {
+    const number = (one: NodeProfile) => ("j1939" in one.node ? one.node.j1939 : one.node.canopen);
+    const others = this.nodes.filter((one) => one.bus !== node.bus || number(one) !== node.node || "j1939" in one.node !== node.j1939);
+    this.nodes = profile ? [...others, profile] : others;
+    void this.open();
+  }
+
+  say(text: string): void {
+    this.status.textContent = text;
+  }
+
+  fail(error: unknown): void {
+    const text = error instanceof PageError || error instanceof Error ? error.message : String(error);
+    this.alert.textContent = text;
+    this.alert.hidden = false;
+  }
+
+  // ── keys ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+  private key(event: KeyboardEvent): void {
+    const target = event.target as HTMLElement;
+    const isText = target.matches("input[type=text], input[type=search], select, textarea");
+    if (isText || event.ctrlKey || event.metaKey || event.altKey || this.help.isOpen()) return;
+    if (event.key === "?" || event.key === "F1") { event.preventDefault(); return this.help.open(); }
+    if (event.key === "o" || event.key === "O") return this.input.click();
+    if (!this.root.className.startsWith("open")) return;
+    const pane = PANE_KEYS[event.key];
+    if (pane !== undefined) return this.show(pane);
+    if (this.pane(this.current).key?.(event)) return;
+    switch (event.key) {
+      case "]": case "[": return this.finding(event.key === "]" ? 1 : -1);
+      case "}": case "{": return this.story(event.key === "}" ? 1 : -1);
+      case ":": event.preventDefault(); return this.ask();
+      case "f": case "F3": event.preventDefault(); this.show("events"); return this.events.search();
+      case "v": this.show("events"); return void this.setOnlyNews(!this.onlyNews);
+      case "c": return void this.setFilter("");
+      case "w": case "F2": return void this.head.querySelector<HTMLElement>("select")?.focus();
+      case "R": return this.saveReport(this.core.finding);
+      case "p": return this.show("signals");
+      case "Escape": case "Backspace": return this.show(this.current === "detail" ? "events" : "why");
+      default:
+    }
+  }
+
+  private finding(step: number): void {
+    const all = findingsOf(this.core.overview)
+      .flatMap((one) => one.occurrences.map((it) => ({ id: one.finding, frame: it.frames[1], text: one.text, time: since(this.core.overview, it.t) })))
+      .sort((one, other) => one.frame - other.frame);
+    const { frame } = this.core.cursor;
+    const found = step > 0 ? all.find((one) => one.frame > frame) : all.reverse().find((one) => one.frame < frame);
+    if (!found) return this.say(step > 0 ? "No later finding" : "No earlier finding");
+    this.core.finding = found.id;
+    this.goTo(found.frame);
+    this.say(found.text);
+  }
+
+  private story(step: number): void {
+    const stories = this.core.overview.why?.stories ?? [];
+    const { frame } = this.core.cursor;
+    const all = stories.filter((one) => one.frames).sort((one, other) => one.frames![1] - other.frames![1]);
+    const found = step > 0 ? all.find((one) => one.frames![1] > frame) : all.reverse().find((one) => one.frames![1] < frame);
+    if (!found?.frames) return this.say(step > 0 ? "No later story" : "No earlier story");
+    this.core.finding = found.findings[0] ?? null;
+    this.goTo(found.frames[1]);
+    this.say(found.title);
+  }
+
+  /** Asks for a position: `12.5` (seconds), `#1234` (frame). */
+  private ask(): void {
+    const field = h("input", { type: "text", id: "place", "aria-label": "Go to: 12.5 (seconds) or #1234 (frame)", placeholder: "12.5 or #1234" });
+    const form = h("form", { class: "ask", onsubmit: (event: Event) => {
+      event.preventDefault();
+      const text = field.value.trim();
+      form.remove();
+      const number = Number(text.replace(/^#/, ""));
+      if (!Number.isFinite(number) || text === "") return this.say(`${text}: expected 12.5 (seconds) or #1234 (frame)`);
+      if (text.startsWith("#")) this.goTo(number);
+      else this.goToTime(number);
+      this.pane(this.current).focus();
+    } }, h("label", { for: "place" }, "Go to"), field);
+    field.onkeydown = (event) => { if (event.key === "Escape") { form.remove(); this.pane(this.current).focus(); } event.stopPropagation(); };
+    this.foot.append(form);
+    field.focus();
+  }
+}

@@ -1,0 +1,167 @@
+//! Events in a format of the library, written in steps.
+
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::event::Event;
+use cobscope_decoder::query::Filter;
+use cobscope_decoder::rules::{Engine, Judge, Setup};
+use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::sink::text::TextOptions;
+use cobscope_decoder::sink::{EVENT_FORMATS, EventSink, Output, OutputFiles, SinkOptions, SpoolFile};
+
+use crate::files::Source;
+
+/// Bytes after which a step ends, so that the page can fetch them.
+const MOST_WAITING: usize = 8 << 20;
+
+/// Output in memory, shared with a sink.
+#[derive(Clone, Default)]
+struct Buffer(Arc<Mutex<Vec<u8>>>);
+
+impl Buffer {
+    fn len(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Buffer {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Files of a sink: a single one, in memory.
+struct SingleFile(Buffer);
+
+impl OutputFiles for SingleFile {
+    fn whole(&mut self) -> io::Result<Output> {
+        Ok(Box::new(self.0.clone()))
+    }
+
+    fn part(&mut self, _content: &str) -> io::Result<Output> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+}
+
+/// Events that are written while the capture is read.
+pub struct Exporting {
+    reader: MergedReader<Source>,
+    batch: Batch,
+    decoder: Decoder,
+    engine: Option<Engine>,
+    sink: FilteredSink,
+    buffer: Buffer,
+}
+
+struct FilteredSink {
+    sink: Box<dyn EventSink + Send>,
+    filter: Option<Filter>,
+}
+
+impl Observer for FilteredSink {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        if self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None)) {
+            self.sink.write(event, bus);
+        }
+    }
+}
+
+impl Exporting {
+    /// Starts to write in a format of `EVENT_FORMATS`, with the findings among the events.
+    ///
+    /// # Errors
+    /// If the format is unknown, or not a single file.
+    pub fn new(
+        reader: MergedReader<Source>,
+        (session, setup): (SessionOptions, &Arc<Setup>),
+        format: &str,
+        filter: Option<Filter>,
+    ) -> Result<Self, String> {
+        let found = EVENT_FORMATS.iter().find(|known| known.name == format);
+        let format = found.ok_or_else(|| format!("{format}: unknown format"))?;
+        let buffer = Buffer::default();
+        let options = SinkOptions {
+            text: TextOptions { all: filter.is_some(), ..TextOptions::default() },
+            ..SinkOptions::default()
+        };
+        let sink = (format.sink)(&mut SingleFile(buffer.clone()), &options);
+        let sink = sink.map_err(|error| format!("{}: {error}", format.name))?;
+        Ok(Self {
+            reader,
+            batch: Batch::new(),
+            decoder: Decoder::new(session),
+            engine: Some(Engine::new(Arc::clone(setup))),
+            sink: FilteredSink { sink, filter },
+            buffer,
+        })
+    }
+
+    /// Frames read so far.
+    pub fn frames(&self) -> u64 {
+        self.decoder.frames()
+    }
+
+    /// Reads up to about `frames` more frames, until enough bytes wait; `false` at the end.
+    ///
+    /// # Errors
+    /// If the output cannot be written.
+    pub fn step(&mut self, frames: u64) -> Result<bool, String> {
+        let limit = self.decoder.frames().saturating_add(frames);
+        while self.decoder.frames() < limit && self.buffer.len() < MOST_WAITING {
+            // An error that ends the capture is in the overview.
+            if !matches!(self.batch(), Ok(true)) {
+                self.finish()?;
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn batch(&mut self) -> Result<bool, CaptureError> {
+        let more = self.reader.read(&mut self.batch)?;
+        let names = self.reader.buses();
+        let Some(engine) = &mut self.engine else { return Ok(false) };
+        for item in self.batch.items() {
+            match item {
+                Item::Frame(frame) => {
+                    engine.frame(frame);
+                    self.sink.sink.observe_time(frame.time);
+                    self.decoder.push(frame, names, &mut Judge { engine, out: &mut self.sink });
+                }
+                Item::Notice(notice) => {
+                    self.decoder.notice(notice, names, &mut Judge { engine, out: &mut self.sink });
+                }
+            }
+        }
+        Ok(more)
+    }
+
+    fn finish(&mut self) -> Result<(), String> {
+        if let Some(mut engine) = self.engine.take() {
+            self.decoder.finish(self.reader.buses(), &mut Judge { engine: &mut engine, out: &mut self.sink });
+            engine.finish(self.decoder.buses(), &mut self.sink);
+            self.sink.sink.finish().map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Bytes written since the last call.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.buffer.take()
+    }
+}

@@ -1,0 +1,189 @@
+//! The report page of a finding, with the cut-out capture: the second reading.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader};
+use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::report::{Draft, Ground, HashedFile, Provenance, html};
+use cobscope_decoder::session::Bus;
+use sha2::{Digest as _, Sha256};
+
+use crate::capture::Captures;
+use crate::files::{BLOCK, Files, Source};
+use crate::request::NamedFile;
+use crate::survey::Survey;
+
+/// Role of a file and the file.
+pub type RoledFile = (&'static str, NamedFile);
+
+/// A report in preparation.
+pub struct Reporting {
+    reader: MergedReader<Source>,
+    decoder: Decoder,
+    batch: Batch,
+    draft: Draft,
+    is_read: bool,
+    hashing: Hashing,
+    page: String,
+}
+
+/// A finished report.
+pub struct WrittenReport {
+    /// The page.
+    pub page: String,
+    /// Frames around the claims, as pcapng; empty without a claim.
+    pub cut: Vec<u8>,
+}
+
+impl Reporting {
+    /// Starts the second reading; `finding` selects its story.
+    ///
+    /// # Errors
+    /// If there is no such story, or the capture can no longer be read.
+    pub fn new(
+        captures: &Captures,
+        survey: &Survey,
+        (finding, name, page): (Option<u64>, &str, String),
+        (files, all): (&Arc<dyn Files>, Vec<RoledFile>),
+    ) -> Result<Self, String> {
+        let buses = survey.end.buses();
+        let setting = Setting { zero: survey.zero(), ..Setting::default() };
+        let mut diagnosis = Diagnosis::of(&survey.findings, survey.findings.counting(), setting);
+        if let Some(finding) = finding {
+            diagnosis.stories.retain(|story| story.findings.contains(&finding));
+            if diagnosis.stories.is_empty() {
+                return Err(format!("finding {finding}: a note, or no such finding; no report"));
+            }
+        }
+        let answer = survey.why.clone().report(diagnosis, buses, &captures.options().catalogue);
+        let draft = Draft::new(&Ground {
+            answer: &answer,
+            findings: &survey.findings,
+            statistics: &survey.statistics,
+            buses,
+            first: survey.zero(),
+            capture: name,
+            format: captures.format,
+            failure: survey.failure.as_deref(),
+        });
+        Ok(Self {
+            reader: captures.reader().map_err(|error| error.to_string())?,
+            decoder: Decoder::new(captures.options().clone()),
+            batch: Batch::new(),
+            draft,
+            is_read: false,
+            hashing: Hashing::new(Arc::clone(files), all),
+            page,
+        })
+    }
+
+    /// Frames read so far.
+    pub fn frames(&self) -> u64 {
+        self.decoder.frames()
+    }
+
+    /// Reads up to about `frames` more frames, then hashes the files; `false` at the end.
+    pub fn step(&mut self, frames: u64) -> bool {
+        let limit = self.decoder.frames().saturating_add(frames);
+        while !self.is_read && self.decoder.frames() < limit {
+            // An error that ends the capture is in the report of the first reading.
+            self.is_read = !matches!(self.batch(), Ok(true));
+        }
+        !self.is_read || self.hashing.step()
+    }
+
+    fn batch(&mut self) -> Result<bool, CaptureError> {
+        let more = self.reader.read(&mut self.batch)?;
+        let names = self.reader.buses();
+        for item in self.batch.items() {
+            match item {
+                Item::Frame(frame) => {
+                    let place = usize::from(frame.bus.0);
+                    self.draft.frame(frame, names.names().get(place).map_or("", String::as_str));
+                    self.decoder.push(frame, names, &mut self.draft);
+                    if let Some(bus) = self.decoder.buses().get(place) {
+                        self.draft.frame_decoded(frame, bus);
+                    }
+                }
+                Item::Notice(notice) => self.decoder.notice(notice, names, &mut self.draft),
+            }
+        }
+        Ok(more)
+    }
+
+    /// The page and the cut-out capture.
+    ///
+    /// # Errors
+    /// If the cut-out capture cannot be written.
+    pub fn finish(mut self) -> Result<WrittenReport, String> {
+        self.decoder.finish(self.reader.buses(), &mut self.draft);
+        let mut files = self.hashing.done;
+        let nodes = self.decoder.buses().iter().flat_map(Bus::nodes);
+        let used = nodes.filter(|node| node.last_seen().0 > 0 && node.assigned().is_some());
+        let profiles: BTreeSet<String> = used.map(|node| node.device().id.clone()).collect();
+        files.extend(profiles.into_iter().map(|name| HashedFile {
+            role: "profile",
+            name,
+            size: 0,
+            sha256: "part of the program".to_owned(),
+        }));
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        let provenance = Provenance { command: self.page, version, files };
+        let (report, excerpt) = self.draft.finish(self.decoder.buses(), provenance);
+        let cut = if excerpt.is_empty() { Ok(Vec::new()) } else { excerpt.pcapng() };
+        let cut = cut.map_err(|error| format!("cut-out capture: {error}"))?;
+        Ok(WrittenReport { page: html::write(&report), cut })
+    }
+}
+
+/// Hashes of the files, in steps.
+struct Hashing {
+    files: Arc<dyn Files>,
+    waiting: Vec<RoledFile>,
+    current: Option<(RoledFile, u64, Sha256)>,
+    done: Vec<HashedFile>,
+}
+
+impl Hashing {
+    fn new(files: Arc<dyn Files>, mut waiting: Vec<RoledFile>) -> Self {
+        waiting.reverse();
+        Self { files, waiting, current: None, done: Vec::new() }
+    }
+
+    /// Hashes up to 8 MB; `false` at the end.
+    fn step(&mut self) -> bool {
+        let mut block = vec![0; BLOCK];
+        for _ in 0..8 {
+            let Some((file, offset, mut hash)) =
+                self.current.take().or_else(|| self.waiting.pop().map(|file| (file, 0, Sha256::new())))
+            else {
+                return false;
+            };
+            match self.files.read(file.1.file, offset, &mut block) {
+                Ok(0) => self.done.push(hashed(file, offset, hex(&hash.finalize()))),
+                Ok(count) => {
+                    hash.update(block.get(..count).unwrap_or_default());
+                    self.current = Some((file, offset.saturating_add(count as u64), hash));
+                }
+                Err(error) => self.done.push(hashed(file, 0, format!("not available: {error}"))),
+            }
+        }
+        true
+    }
+}
+
+fn hashed((role, file): RoledFile, size: u64, sha256: String) -> HashedFile {
+    HashedFile { role, name: file.name, size, sha256 }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    for byte in bytes {
+        // Writing to a string does not fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
+}

@@ -1,0 +1,458 @@
+//! All state of the page's worker: what is opened, and what is in progress.
+//!
+//! ```text
+//! open ─▶ Unpack ─▶ Survey ─▶ ready ─▶ rows, state, …      at once
+//!                               └────▶ filter, plot, report, export    in steps
+//! ```
+
+use std::sync::Arc;
+
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::EventPosition;
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
+use serde_json::{Value, json};
+
+use crate::capture::{Captures, READ_OPTIONS};
+use crate::counts::RowCounts;
+use crate::detail::detail;
+use crate::export::Exporting;
+use crate::files::{Content, Files};
+use crate::filter::{self, FilterResult, Filtering, Matcher};
+use crate::input;
+use crate::overview::{Opened, overview};
+use crate::plot::{self, Plotting};
+use crate::report::{Reporting, RoledFile, WrittenReport};
+use crate::request::{ListName, NamedFile, OpenRequest, Place, Product, Request, SignalName};
+use crate::rows::{FindingMarks, RowList, seconds, tone};
+use crate::seek::Seek;
+use crate::state;
+use crate::survey::{Survey, Surveying};
+use crate::unpack::{Unpacking, is_packed};
+
+/// Maximum number of transfers per request.
+const MOST_TRANSFERS: usize = 500;
+
+/// State of the worker.
+pub struct Session {
+    files: Arc<dyn Files>,
+    opening: Option<Opening>,
+    ready: Option<Ready>,
+}
+
+/// Captures that are being opened and read for the first time.
+struct Opening {
+    name: String,
+    files: Vec<RoledFile>,
+    waiting: Vec<NamedFile>,
+    contents: Vec<(String, Content)>,
+    unpacking: Option<(NamedFile, Unpacking)>,
+    surveying: Option<(Captures, Surveying)>,
+    options: Option<SessionOptions>,
+    setup: Arc<Setup>,
+    problems: Vec<String>,
+    size: u64,
+}
+
+/// Captures that were read once.
+struct Ready {
+    name: String,
+    files: Vec<RoledFile>,
+    captures: Captures,
+    setup: Arc<Setup>,
+    problems: Vec<String>,
+    survey: Survey,
+    marks: FindingMarks,
+    seek: Seek,
+    all: Matcher,
+    news: Matcher,
+    filtered: Option<FilterResult>,
+    filter: Option<String>,
+    job: Option<Job>,
+    curves: Value,
+    report: Option<WrittenReport>,
+    bytes: Vec<u8>,
+}
+
+/// Work in steps.
+enum Job {
+    Filter(Box<Filtering>),
+    Plot(Box<Plotting>),
+    Report(Box<Reporting>),
+    Export(Box<Exporting>),
+}
+
+/// Response to a request.
+pub struct Response {
+    /// JSON.
+    pub value: Value,
+    /// Content of a product.
+    pub bytes: Vec<u8>,
+}
+
+type Answer = Result<Value, String>;
+
+impl Session {
+    /// Nothing is opened yet.
+    pub fn new(files: Arc<dyn Files>) -> Self {
+        Self { files, opening: None, ready: None }
+    }
+
+    /// Response to a request as JSON; an error has the key `error`.
+    pub fn call(&mut self, request: &[u8]) -> Response {
+        let request = serde_json::from_slice(request).map_err(|error| format!("request: {error}"));
+        let answer = match request {
+            Ok(Request::Bytes { what }) => match self.bytes(what) {
+                Ok(bytes) => return Response { value: json!({"length": bytes.len()}), bytes },
+                Err(error) => Err(error),
+            },
+            Ok(request) => self.answer(request),
+            Err(error) => Err(error),
+        };
+        let value = answer.unwrap_or_else(|error| json!({"error": error}));
+        Response { value, bytes: Vec::new() }
+    }
+
+    fn answer(&mut self, request: Request) -> Answer {
+        match request {
+            Request::Open(request) => self.open(&request),
+            Request::Step { frames } => self.step(frames),
+            Request::Complete { text } => Ok(filter::complete(&text)),
+            request => {
+                let files = Arc::clone(&self.files);
+                self.ready()?.answer(request, &files)
+            }
+        }
+    }
+
+    fn ready(&mut self) -> Result<&mut Ready, String> {
+        self.ready.as_mut().ok_or_else(|| "no capture is open".to_owned())
+    }
+
+    fn bytes(&mut self, what: Product) -> Result<Vec<u8>, String> {
+        let ready = self.ready()?;
+        let report = || ready.report.as_ref().ok_or_else(|| "no report was written".to_owned());
+        match what {
+            Product::Report => Ok(report()?.page.clone().into_bytes()),
+            Product::Cut => Ok(report()?.cut.clone()),
+            Product::Export => Ok(std::mem::take(&mut ready.bytes)),
+        }
+    }
+
+    fn open(&mut self, request: &OpenRequest) -> Answer {
+        (self.opening, self.ready) = (None, None);
+        let input = input::read(&*self.files, request)?;
+        let names: Vec<_> = request.captures.iter().map(|file| file.name.as_str()).collect();
+        let mut waiting = request.captures.clone();
+        waiting.reverse();
+        let role = |file: &NamedFile| match input::BesideKind::of(&file.name) {
+            Some(input::BesideKind::BusFile) => "bus file",
+            Some(input::BesideKind::DeviceFile) => "device file",
+            _ => "database",
+        };
+        let captures = request.captures.iter().map(|file| ("capture", file.clone()));
+        let beside = request.beside.iter().map(|file| (role(file), file.clone()));
+        self.opening = Some(Opening {
+            name: names.join(", "),
+            files: captures.chain(beside).collect(),
+            waiting,
+            contents: Vec::new(),
+            unpacking: None,
+            surveying: None,
+            options: Some(input.session),
+            setup: input.setup,
+            problems: input.problems,
+            size: request.captures.iter().map(|file| file.size).sum(),
+        });
+        Ok(json!({}))
+    }
+
+    fn step(&mut self, frames: u64) -> Answer {
+        if let Some(opening) = &mut self.opening {
+            if let Some(progress) = opening.step(&self.files, frames)? {
+                return Ok(progress);
+            }
+            self.ready = self.opening.take().and_then(Opening::finish);
+            return Ok(json!({"phase": "ready"}));
+        }
+        self.ready()?.step(frames)
+    }
+}
+
+impl Opening {
+    /// Works on the next part; `None` when everything is read.
+    fn step(&mut self, files: &Arc<dyn Files>, frames: u64) -> Result<Option<Value>, String> {
+        if let Some((file, mut unpacking)) = self.unpacking.take() {
+            let mut failure = None;
+            match unpacking.step() {
+                Ok(true) => {
+                    let progress = json!({"phase": "unpack", "bytes": unpacking.size()});
+                    self.unpacking = Some((file, unpacking));
+                    return Ok(Some(progress));
+                }
+                Ok(false) => {}
+                Err((error, true)) => failure = Some(error),
+                Err((error, false)) => return Err(format!("{}: {error}", file.name)),
+            }
+            self.contents.push((file.name, unpacking.finish(failure.as_deref())));
+        } else if let Some(file) = self.waiting.pop() {
+            let named = |error: String| format!("{}: {error}", file.name);
+            if is_packed(&**files, file.file).map_err(named)? {
+                let unpacking = Unpacking::new(files, file.file, &READ_OPTIONS).map_err(named)?;
+                self.unpacking = Some((file, unpacking));
+            } else {
+                let content = Content::File(Arc::clone(files), file.file);
+                self.contents.push((file.name, content));
+            }
+        } else if let Some(options) = self.options.take() {
+            let captures = Captures::open(std::mem::take(&mut self.contents), options)?;
+            let walk = captures.start().map_err(|error| error.to_string())?;
+            self.surveying = Some((captures, Surveying::new(walk, &self.setup)));
+        } else if let Some((_, surveying)) = &mut self.surveying {
+            let more = surveying.step(frames);
+            let (frames, bytes, findings) = surveying.progress();
+            let progress = json!({
+                "phase": "read",
+                "frames": frames,
+                "bytes": bytes,
+                "size": self.size,
+                "findings": findings,
+            });
+            return Ok(more.then_some(progress));
+        }
+        Ok(Some(json!({"phase": "open"})))
+    }
+
+    fn finish(self) -> Option<Ready> {
+        let (captures, surveying) = self.surveying?;
+        let survey = surveying.finish(&captures.options().catalogue);
+        let marks = FindingMarks::of(&survey.findings);
+        Some(Ready {
+            name: self.name,
+            files: self.files,
+            captures,
+            setup: self.setup,
+            problems: self.problems,
+            survey,
+            marks,
+            seek: Seek::default(),
+            all: Matcher::new(false),
+            news: Matcher::new(true),
+            filtered: None,
+            filter: None,
+            job: None,
+            curves: Value::Null,
+            report: None,
+            bytes: Vec::new(),
+        })
+    }
+}
+
+impl Ready {
+    fn answer(&mut self, request: Request, files: &Arc<dyn Files>) -> Answer {
+        let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
+        match request {
+            Request::Overview => {
+                let Self { name, captures, problems, .. } = self;
+                Ok(overview(&self.survey, &Opened { name, captures, problems }))
+            }
+            Request::Rows { list, from, count } => {
+                let (seek, rows) = self.list(list)?;
+                let total = rows.counts.total();
+                rows.rows(seek, from, count).map(|rows| json!({"rows": rows, "total": total})).map_err(text)
+            }
+            Request::Locate { list, at } => self.locate(list, at),
+            Request::Filter { text, only_news } => self.start_filter(text, only_news),
+            Request::State { frame } => {
+                let next = frame.saturating_add(1);
+                let walk = self.seek.before(&self.captures, &self.survey, next).map_err(text)?;
+                Ok(state::state(&walk.world))
+            }
+            Request::Objects { frame, bus, node } => {
+                let next = frame.saturating_add(1);
+                let walk = self.seek.before(&self.captures, &self.survey, next).map_err(text)?;
+                Ok(state::objects(&walk.world, bus, node.into()))
+            }
+            Request::Event { frame, ordinal } => {
+                let walk = self.seek.before(&self.captures, &self.survey, frame).map_err(text)?;
+                detail(walk, EventPosition { frame, ordinal }, self.survey.zero()).map_err(text)
+            }
+            Request::Transfers { from, count } => Ok(self.transfers(from, count)),
+            Request::Plot { signals, from, to } => self.start_plot(&signals, from, to),
+            Request::Curves => match &self.job {
+                Some(Job::Plot(plotting)) => Ok(plotting.curves()),
+                _ => Ok(self.curves.clone()),
+            },
+            Request::Report { finding, page } => self.start_report(finding, page, files),
+            Request::Export { format, list } => self.start_export(&format, list),
+            Request::Open(_) | Request::Step { .. } | Request::Complete { .. } | Request::Bytes { .. } => {
+                Err("request of another state".to_owned())
+            }
+        }
+    }
+
+    fn list(&mut self, list: ListName) -> Result<(&mut Seek, RowList<'_>), String> {
+        let Self { captures, survey, marks, seek, all, news, filtered, .. } = self;
+        let (counts, matcher, kept): (&RowCounts, &Matcher, _) = match list {
+            ListName::All => (&survey.all, &*all, None),
+            ListName::News => (&survey.news, &*news, None),
+            ListName::Filter => {
+                let result = filtered.as_ref().ok_or_else(|| "no filter was searched".to_owned())?;
+                (&result.counts, &result.matcher, result.kept.as_deref())
+            }
+        };
+        Ok((seek, RowList { captures, survey, marks, counts, matcher, kept }))
+    }
+
+    fn locate(&mut self, list: ListName, at: Place) -> Answer {
+        let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
+        let spot = match at {
+            Place::Frame(frame) => EventPosition::before(frame),
+            Place::Time(time) => {
+                let Self { captures, survey, seek, .. } = self;
+                let time = stamp(survey.zero(), time);
+                EventPosition::before(seek.frame_at(captures, survey, time).map_err(text)?)
+            }
+        };
+        let (seek, rows) = self.list(list)?;
+        rows.locate(seek, spot).map(|row| json!({"row": row, "frame": spot.frame})).map_err(text)
+    }
+
+    fn start_filter(&mut self, text: String, only_news: bool) -> Answer {
+        match Matcher::parse(&text, only_news) {
+            Ok(matcher) => {
+                let walk = self.captures.start().map_err(|error| error.to_string())?;
+                (self.filtered, self.filter) = (None, Some(text));
+                self.job = Some(Job::Filter(Box::new(Filtering::new(walk, matcher))));
+                Ok(json!({}))
+            }
+            Err(problem) => Ok(json!({"invalid": problem})),
+        }
+    }
+
+    fn start_plot(&mut self, signals: &[SignalName], from: Option<f64>, to: Option<f64>) -> Answer {
+        let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
+        let Self { captures, survey, seek, .. } = self;
+        let Some(zero) = survey.zero() else { return Err("a capture without timestamps".to_owned()) };
+        let mut keys = Vec::new();
+        for signal in signals.iter().take(plot::MOST_SIGNALS) {
+            let walk = seek.before(captures, survey, signal.frame.saturating_add(1)).map_err(text)?;
+            keys.extend(plot::signal(&walk.world, signal));
+        }
+        let end = survey.end.time().unwrap_or(zero).0;
+        let range =
+            (from.map_or(zero.0, |it| stamp(Some(zero), it).0), to.map_or(end, |it| stamp(Some(zero), it).0));
+        let mark = survey.index.before_time(Timestamp(range.0));
+        let walk = match mark {
+            Some(mark) => captures.resume(mark),
+            None => captures.start(),
+        };
+        self.job = Some(Job::Plot(Box::new(Plotting::new(walk.map_err(text)?, keys, zero, range))));
+        Ok(json!({}))
+    }
+
+    fn start_report(&mut self, finding: Option<u64>, page: String, files: &Arc<dyn Files>) -> Answer {
+        let started = Reporting::new(
+            &self.captures,
+            &self.survey,
+            (finding, &self.name, page),
+            (files, self.files.clone()),
+        )?;
+        self.job = Some(Job::Report(Box::new(started)));
+        Ok(json!({}))
+    }
+
+    fn start_export(&mut self, format: &str, list: ListName) -> Answer {
+        let filter = self.filter.as_deref().filter(|_| list == ListName::Filter);
+        let filter = filter.map(str::parse).transpose();
+        let filter = filter.map_err(|error: cobscope_decoder::query::FilterError| error.to_string())?;
+        let reader = self.captures.reader().map_err(|error| error.to_string())?;
+        let options = (self.captures.options().clone(), &self.setup);
+        let exporting = Exporting::new(reader, options, format, filter)?;
+        self.bytes = Vec::new();
+        self.job = Some(Job::Export(Box::new(exporting)));
+        Ok(json!({}))
+    }
+
+    /// Works on the job; a finished one leaves its result.
+    fn step(&mut self, frames: u64) -> Answer {
+        let (zero, size) = (self.survey.zero(), self.survey.end.frames());
+        let progress = |what: &str, frames: u64| json!({"phase": what, "frames": frames, "size": size});
+        let done = |what: &str| json!({"phase": "done", "what": what});
+        match self.job.take() {
+            Some(Job::Filter(mut job)) => {
+                if job.step(frames, &self.marks, zero).map_err(|error| error.to_string())? {
+                    let value = progress("filter", job.frames());
+                    self.job = Some(Job::Filter(job));
+                    return Ok(value);
+                }
+                let result = job.finish();
+                let total = result.counts.total();
+                self.filtered = Some(result);
+                Ok(json!({"phase": "done", "what": "filter", "total": total}))
+            }
+            Some(Job::Plot(mut job)) => {
+                if job.step(frames).map_err(|error| error.to_string())? {
+                    let value = progress("plot", job.frames());
+                    self.job = Some(Job::Plot(job));
+                    return Ok(value);
+                }
+                self.curves = job.curves();
+                Ok(done("plot"))
+            }
+            Some(Job::Report(mut job)) => {
+                if job.step(frames) {
+                    let value = progress("report", job.frames());
+                    self.job = Some(Job::Report(job));
+                    return Ok(value);
+                }
+                let written = job.finish()?;
+                let cut = written.cut.len();
+                self.report = Some(written);
+                Ok(json!({"phase": "done", "what": "report", "cut": cut}))
+            }
+            Some(Job::Export(mut job)) => {
+                let more = job.step(frames)?;
+                self.bytes.extend(job.bytes());
+                if more {
+                    let value = progress("export", job.frames());
+                    self.job = Some(Job::Export(job));
+                    return Ok(value);
+                }
+                Ok(done("export"))
+            }
+            None => Ok(json!({"phase": "idle"})),
+        }
+    }
+
+    fn transfers(&self, from: usize, count: usize) -> Value {
+        let transfers = &self.survey.transfers;
+        let shown = transfers.kept.iter().skip(from).take(count.min(MOST_TRANSFERS));
+        let zero = self.survey.zero();
+        #[expect(clippy::cast_precision_loss, reason = "for display")]
+        let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
+        let rows = shown.map(|it| {
+            json!({
+                "frame": it.spot.frame,
+                "ordinal": it.spot.ordinal,
+                "time": seconds(it.time, zero),
+                "bus": it.bus,
+                "who": it.who,
+                "kind": it.kind,
+                "text": it.text,
+                "duration": it.duration.map(millis),
+                "size": it.size,
+                "outcome": it.outcome,
+                "tone": tone(it.tone),
+            })
+        });
+        json!({"rows": rows.collect::<Vec<_>>(), "total": transfers.kept.len(), "more": transfers.more})
+    }
+}
+
+/// Time of a number of seconds after the first frame.
+fn stamp(zero: Option<Timestamp>, seconds: f64) -> Timestamp {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let nanoseconds = (seconds * 1e9).round() as i64;
+    zero.unwrap_or_default().plus(nanoseconds)
+}

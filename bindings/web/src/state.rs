@@ -1,0 +1,200 @@
+//! State of nodes, identifiers, signals and objects at a position.
+
+use cobscope_decoder::event::Certainty;
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::replay::{ReplayState, signal};
+use cobscope_decoder::session::{Bus, GateStatus, Node, Watch};
+use cobscope_decoder::sink::escape;
+use cobscope_decoder::statistics::IdentifierRow;
+use cobscope_decoder::wire::NodeId;
+use serde_json::{Value, json};
+
+use crate::rows::seconds;
+
+/// Maximum number of bytes shown per payload or value.
+const SHOWN_BYTES: usize = 64;
+
+/// Nodes, identifiers and signals.
+pub fn state(world: &ReplayState) -> Value {
+    let buses = world.buses();
+    let nodes = buses.iter().flat_map(|bus| bus.nodes().map(move |node| (bus, node)));
+    let nodes = nodes.filter(|(_, node)| node.last_seen().0 > 0 || node.was_present());
+    let rows = world.identifiers().rows();
+    let zero = world.zero();
+    let name = |row: &IdentifierRow| {
+        let bus = buses.get(usize::from(row.bus.0));
+        (
+            bus.map_or(String::new(), |bus| escape(bus.name()).into_owned()),
+            bus.map_or(String::new(), |bus| escape(&bus.describe_id(row.id)).into_owned()),
+        )
+    };
+    let frames = rows.iter().map(|row| {
+        let (bus, message) = name(row);
+        frame(row, bus, message, world.time())
+    });
+    let signals = rows.iter().filter(|row| !row.is_remote).filter_map(|row| {
+        let bus = buses.get(usize::from(row.bus.0))?;
+        Some(signals(bus, row))
+    });
+    json!({
+        "frame": world.frames(),
+        "time": seconds(world.time(), zero),
+        "nodes": nodes.map(|(bus, own)| node(world, bus, own)).collect::<Vec<_>>(),
+        "frames": frames.collect::<Vec<_>>(),
+        "signals": signals.flatten().collect::<Vec<_>>(),
+    })
+}
+
+/// `5/05`, `SA 80`.
+fn number(id: NodeId) -> String {
+    match id {
+        NodeId::Canopen(id) => format!("{id}/{id:02X}"),
+        NodeId::J1939(address) => format!("SA {address:02X}"),
+    }
+}
+
+fn node(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
+    let text = |text: Option<&str>| text.map(|text| escape(text).into_owned());
+    let states = node.device_states().map(|(channel, state)| {
+        let name = escape(&state.name);
+        json!({
+            "text": channel.map_or(name.to_string(), |channel| format!("c{channel} {name}")),
+            "tone": if state.fault { "bad" } else if state.active { "good" } else { "plain" },
+        })
+    });
+    let points = node.set_points().map(|point| {
+        json!({
+            "name": escape(&point.meaning.name),
+            "value": format!("{}{}", escape(&point.quantity.text), if point.is_assumed { "?" } else { "" }),
+            "effective": point.effective.name(),
+        })
+    });
+    let gates = bus.gates(node.id());
+    let gates = gates.iter().filter(|gate| gate.status != GateStatus::Open).map(|gate| {
+        json!({
+            "set_point": escape(&gate.name),
+            "gate": escape(&gate.gate),
+            "status": gate.status.name(),
+            "detail": escape(&gate.detail),
+            "advice": escape(&gate.advice()),
+        })
+    });
+    let dtcs = node.active_dtcs().map(|(spn, fmi)| format!("{spn}/{fmi}"));
+    let errors = node.active_errors().iter().map(|code| format!("{code:04X}")).chain(dtcs);
+    let start = world.latest().of(bus.index(), node.id()).and_then(|latest| latest.start());
+    json!({
+        "bus": bus.index().0,
+        "bus_name": escape(bus.name()),
+        "node": node.id().number(),
+        "j1939": matches!(node.id(), NodeId::J1939(_)),
+        "number": number(node.id()),
+        "name": text(node.name()),
+        "device": text(node.device_title()),
+        "profile": text(node.device_id()),
+        "assigned": node.assigned().map(|by| by.name()),
+        "nmt": node.nmt().map(|nmt| nmt.state.name()),
+        "presumed": node.nmt().is_some_and(|nmt| nmt.certainty == Certainty::Presumed),
+        "lost": node.is_lost(),
+        "states": states.collect::<Vec<_>>(),
+        "set_points": points.collect::<Vec<_>>(),
+        "gates": gates.collect::<Vec<_>>(),
+        "alive": alive(world, bus, node),
+        "errors": errors.collect::<Vec<_>>(),
+        "boots": node.boots(),
+        "boot_frame": start.map(|start| start.frame),
+        "objects": node.store().len(),
+    })
+}
+
+/// Age of the last sign of life, its limit, and whether it is exceeded.
+fn alive(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
+    let Some(sign) = bus.sign_of_life(node.id()) else { return json!({"text": "never", "tone": "caution"}) };
+    let Some(past) = bus.stamp_of(sign.last).zip(world.time()).map(|(last, now)| now.since(last)) else {
+        return Value::Null;
+    };
+    let kind = match &sign.by {
+        Watch::Heartbeat => "HB".to_owned(),
+        Watch::Guarding => "GD".to_owned(),
+        Watch::Message(name) => escape(name).into_owned(),
+        Watch::Boot => "boot".to_owned(),
+        Watch::Any => "rx".to_owned(),
+    };
+    #[expect(clippy::cast_precision_loss, reason = "for display")]
+    let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
+    let expected = sign.expected.map_or(String::new(), |it| format!(" of {} s", seconds(it)));
+    let is_past = |limit: Option<i64>| limit.is_some_and(|limit| past > limit);
+    let tone = match () {
+        () if node.is_lost() || is_past(sign.limit) => "bad",
+        () if is_past(sign.expected.map(|expected| expected.saturating_mul(3) / 2)) => "caution",
+        () => "plain",
+    };
+    json!({"text": format!("{kind} {:.1}{expected}", seconds(past)), "tone": tone})
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let shown = bytes.iter().take(SHOWN_BYTES).map(|byte| format!("{byte:02X}"));
+    let more = if bytes.len() > SHOWN_BYTES { " …" } else { "" };
+    format!("{}{more}", shown.collect::<Vec<_>>().join(" "))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "for display")]
+fn frame(row: &IdentifierRow, bus: String, message: String, now: Option<Timestamp>) -> Value {
+    let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
+    json!({
+        "bus": bus,
+        "id": row.id.to_string(),
+        "remote": row.is_remote,
+        "message": message,
+        "count": row.count,
+        "mean": row.intervals.mean().map(millis),
+        "jitter": row.intervals.jitter().map(millis),
+        "age": now.zip(row.last_time).map(|(now, last)| millis(now.since(last)) / 1e3),
+        "data": hex(row.payload()),
+    })
+}
+
+fn signals(bus: &Bus, row: &IdentifierRow) -> Vec<Value> {
+    let Some(layout) = &row.layout else { return Vec::new() };
+    let all = signal::SignalKey::all(row.bus, row.id, layout);
+    let one = |key: signal::SignalKey| {
+        let value = layout.signal(key.field, row.payload());
+        let field = layout.fields.get(key.field)?;
+        let shown = value.as_ref().map(|value| signal::text(layout, field, &value.value));
+        Some(json!({
+            "bus": row.bus.0,
+            "bus_name": escape(bus.name()),
+            "id": row.id.to_string(),
+            "from": escape(&bus.describe_id(row.id)),
+            "node": row.node.map(number),
+            "field": key.field,
+            "name": key.name,
+            "unit": key.unit,
+            "value": shown,
+        }))
+    };
+    all.filter_map(one).collect()
+}
+
+/// Known objects of a node.
+pub fn objects(world: &ReplayState, bus: u8, node: NodeId) -> Value {
+    let buses = world.buses();
+    let Some(node) = buses.get(usize::from(bus)).and_then(|bus| bus.node(node)) else { return json!([]) };
+    let zero = world.zero();
+    let one = |(address, entry): &(_, &cobscope_decoder::session::Entry)| {
+        let meaning = node.meaning(*address);
+        let value = meaning.as_ref().map(|meaning| meaning.show(&meaning.decode(&entry.value)));
+        let waiting = node.store().waiting(*address);
+        json!({
+            "object": address.to_string(),
+            "name": meaning.as_ref().map(|meaning| escape(&meaning.name).into_owned()),
+            "value": value.map(|value| format!("{}{}", escape(&value), if entry.stale { "?" } else { "" })),
+            "raw": hex(&entry.value),
+            "origin": entry.origin.kind.verb(),
+            "frame": entry.origin.frame,
+            "time": seconds(entry.origin.time, zero),
+            "persists": node.persists(*address),
+            "pending": waiting.map(|pending| hex(&pending.value)),
+        })
+    };
+    Value::Array(node.store().sorted().iter().map(one).collect())
+}
