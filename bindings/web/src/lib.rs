@@ -19,6 +19,8 @@ mod export;
 pub mod files;
 mod filter;
 mod input;
+mod jobs;
+mod opening;
 mod overview;
 mod plot;
 mod report;

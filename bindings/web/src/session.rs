@@ -10,25 +10,24 @@ use std::sync::Arc;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::rules::Setup;
-use cobscope_decoder::session::SessionOptions;
 use serde_json::{Value, json};
 
-use crate::capture::{Captures, READ_OPTIONS};
+use crate::capture::Captures;
 use crate::counts::RowCounts;
 use crate::detail::detail;
 use crate::export::Exporting;
-use crate::files::{Content, Files};
+use crate::files::Files;
 use crate::filter::{self, FilterResult, Filtering, Matcher};
-use crate::input;
+use crate::jobs::{Job, JobResult};
+use crate::opening::{Opening, ReadCaptures};
 use crate::overview::{Opened, overview};
 use crate::plot::{self, Plotting};
 use crate::report::{Reporting, RoledFile, WrittenReport};
-use crate::request::{ListName, NamedFile, OpenRequest, Place, Product, Request, SignalName};
+use crate::request::{ListName, OpenRequest, Place, Product, Request, SignalName};
 use crate::rows::{FindingMarks, RowList, seconds, tone};
 use crate::seek::Seek;
 use crate::state;
-use crate::survey::{Survey, Surveying};
-use crate::unpack::{Unpacking, is_packed};
+use crate::survey::Survey;
 
 /// Maximum number of transfers per request.
 const MOST_TRANSFERS: usize = 500;
@@ -38,20 +37,6 @@ pub struct Session {
     files: Arc<dyn Files>,
     opening: Option<Opening>,
     ready: Option<Ready>,
-}
-
-/// Captures that are being opened and read for the first time.
-struct Opening {
-    name: String,
-    files: Vec<RoledFile>,
-    waiting: Vec<NamedFile>,
-    contents: Vec<(String, Content)>,
-    unpacking: Option<(NamedFile, Unpacking)>,
-    surveying: Option<(Captures, Surveying)>,
-    options: Option<SessionOptions>,
-    setup: Arc<Setup>,
-    problems: Vec<String>,
-    size: u64,
 }
 
 /// Captures that were read once.
@@ -72,14 +57,6 @@ struct Ready {
     curves: Value,
     report: Option<WrittenReport>,
     bytes: Vec<u8>,
-}
-
-/// Work in steps.
-enum Job {
-    Filter(Box<Filtering>),
-    Plot(Box<Plotting>),
-    Report(Box<Reporting>),
-    Export(Box<Exporting>),
 }
 
 /// Response to a request.
@@ -141,29 +118,7 @@ impl Session {
 
     fn open(&mut self, request: &OpenRequest) -> Answer {
         (self.opening, self.ready) = (None, None);
-        let input = input::read(&*self.files, request)?;
-        let names: Vec<_> = request.captures.iter().map(|file| file.name.as_str()).collect();
-        let mut waiting = request.captures.clone();
-        waiting.reverse();
-        let role = |file: &NamedFile| match input::BesideKind::of(&file.name) {
-            Some(input::BesideKind::BusFile) => "bus file",
-            Some(input::BesideKind::DeviceFile) => "device file",
-            _ => "database",
-        };
-        let captures = request.captures.iter().map(|file| ("capture", file.clone()));
-        let beside = request.beside.iter().map(|file| (role(file), file.clone()));
-        self.opening = Some(Opening {
-            name: names.join(", "),
-            files: captures.chain(beside).collect(),
-            waiting,
-            contents: Vec::new(),
-            unpacking: None,
-            surveying: None,
-            options: Some(input.session),
-            setup: input.setup,
-            problems: input.problems,
-            size: request.captures.iter().map(|file| file.size).sum(),
-        });
+        self.opening = Some(Opening::new(&*self.files, request)?);
         Ok(json!({}))
     }
 
@@ -172,68 +127,23 @@ impl Session {
             if let Some(progress) = opening.step(&self.files, frames)? {
                 return Ok(progress);
             }
-            self.ready = self.opening.take().and_then(Opening::finish);
+            self.ready = self.opening.take().and_then(Opening::finish).map(Ready::new);
             return Ok(json!({"phase": "ready"}));
         }
         self.ready()?.step(frames)
     }
 }
 
-impl Opening {
-    /// Works on the next part; `None` when everything is read.
-    fn step(&mut self, files: &Arc<dyn Files>, frames: u64) -> Result<Option<Value>, String> {
-        if let Some((file, mut unpacking)) = self.unpacking.take() {
-            let mut failure = None;
-            match unpacking.step() {
-                Ok(true) => {
-                    let progress = json!({"phase": "unpack", "bytes": unpacking.size()});
-                    self.unpacking = Some((file, unpacking));
-                    return Ok(Some(progress));
-                }
-                Ok(false) => {}
-                Err((error, true)) => failure = Some(error),
-                Err((error, false)) => return Err(format!("{}: {error}", file.name)),
-            }
-            self.contents.push((file.name, unpacking.finish(failure.as_deref())));
-        } else if let Some(file) = self.waiting.pop() {
-            let named = |error: String| format!("{}: {error}", file.name);
-            if is_packed(&**files, file.file).map_err(named)? {
-                let unpacking = Unpacking::new(files, file.file, &READ_OPTIONS).map_err(named)?;
-                self.unpacking = Some((file, unpacking));
-            } else {
-                let content = Content::File(Arc::clone(files), file.file);
-                self.contents.push((file.name, content));
-            }
-        } else if let Some(options) = self.options.take() {
-            let captures = Captures::open(std::mem::take(&mut self.contents), options)?;
-            let walk = captures.start().map_err(|error| error.to_string())?;
-            self.surveying = Some((captures, Surveying::new(walk, &self.setup)));
-        } else if let Some((_, surveying)) = &mut self.surveying {
-            let more = surveying.step(frames);
-            let (frames, bytes, findings) = surveying.progress();
-            let progress = json!({
-                "phase": "read",
-                "frames": frames,
-                "bytes": bytes,
-                "size": self.size,
-                "findings": findings,
-            });
-            return Ok(more.then_some(progress));
-        }
-        Ok(Some(json!({"phase": "open"})))
-    }
-
-    fn finish(self) -> Option<Ready> {
-        let (captures, surveying) = self.surveying?;
-        let survey = surveying.finish(&captures.options().catalogue);
-        let marks = FindingMarks::of(&survey.findings);
-        Some(Ready {
-            name: self.name,
-            files: self.files,
-            captures,
-            setup: self.setup,
-            problems: self.problems,
-            survey,
+impl Ready {
+    fn new(read: ReadCaptures) -> Self {
+        let marks = FindingMarks::of(&read.survey.findings);
+        Self {
+            name: read.name,
+            files: read.files,
+            captures: read.captures,
+            setup: read.setup,
+            problems: read.problems,
+            survey: read.survey,
             marks,
             seek: Seek::default(),
             all: Matcher::new(false),
@@ -244,11 +154,9 @@ impl Opening {
             curves: Value::Null,
             report: None,
             bytes: Vec::new(),
-        })
+        }
     }
-}
 
-impl Ready {
     fn answer(&mut self, request: Request, files: &Arc<dyn Files>) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         match request {
@@ -279,10 +187,9 @@ impl Ready {
             }
             Request::Transfers { from, count } => Ok(self.transfers(from, count)),
             Request::Plot { signals, from, to } => self.start_plot(&signals, from, to),
-            Request::Curves => match &self.job {
-                Some(Job::Plot(plotting)) => Ok(plotting.curves()),
-                _ => Ok(self.curves.clone()),
-            },
+            Request::Curves => {
+                Ok(self.job.as_ref().and_then(Job::curves).unwrap_or_else(|| self.curves.clone()))
+            }
             Request::Report { finding, page } => self.start_report(finding, page, files),
             Request::Export { format, list } => self.start_export(&format, list),
             Request::Open(_) | Request::Step { .. } | Request::Complete { .. } | Request::Bytes { .. } => {
@@ -376,53 +283,30 @@ impl Ready {
 
     /// Works on the job; a finished one leaves its result.
     fn step(&mut self, frames: u64) -> Answer {
+        let Some(mut job) = self.job.take() else { return Ok(json!({"phase": "idle"})) };
         let (zero, size) = (self.survey.zero(), self.survey.end.frames());
-        let progress = |what: &str, frames: u64| json!({"phase": what, "frames": frames, "size": size});
-        let done = |what: &str| json!({"phase": "done", "what": what});
-        match self.job.take() {
-            Some(Job::Filter(mut job)) => {
-                if job.step(frames, &self.marks, zero).map_err(|error| error.to_string())? {
-                    let value = progress("filter", job.frames());
-                    self.job = Some(Job::Filter(job));
-                    return Ok(value);
-                }
-                let result = job.finish();
-                let total = result.counts.total();
-                self.filtered = Some(result);
-                Ok(json!({"phase": "done", "what": "filter", "total": total}))
-            }
-            Some(Job::Plot(mut job)) => {
-                if job.step(frames).map_err(|error| error.to_string())? {
-                    let value = progress("plot", job.frames());
-                    self.job = Some(Job::Plot(job));
-                    return Ok(value);
-                }
-                self.curves = job.curves();
-                Ok(done("plot"))
-            }
-            Some(Job::Report(mut job)) => {
-                if job.step(frames) {
-                    let value = progress("report", job.frames());
-                    self.job = Some(Job::Report(job));
-                    return Ok(value);
-                }
-                let written = job.finish()?;
-                let cut = written.cut.len();
-                self.report = Some(written);
-                Ok(json!({"phase": "done", "what": "report", "cut": cut}))
-            }
-            Some(Job::Export(mut job)) => {
-                let more = job.step(frames)?;
-                self.bytes.extend(job.bytes());
-                if more {
-                    let value = progress("export", job.frames());
-                    self.job = Some(Job::Export(job));
-                    return Ok(value);
-                }
-                Ok(done("export"))
-            }
-            None => Ok(json!({"phase": "idle"})),
+        let more = job.step(frames, &self.marks, zero)?;
+        self.bytes.extend(job.bytes());
+        let what = job.name();
+        if more {
+            let value = json!({"phase": what, "frames": job.frames(), "size": size});
+            self.job = Some(job);
+            return Ok(value);
         }
+        let (mut total, mut cut) = (None, None);
+        match job.finish()? {
+            JobResult::Filter(result) => {
+                total = Some(result.counts.total());
+                self.filtered = Some(result);
+            }
+            JobResult::Plot(curves) => self.curves = curves,
+            JobResult::Report(written) => {
+                cut = Some(written.cut.len());
+                self.report = Some(written);
+            }
+            JobResult::Export => {}
+        }
+        Ok(json!({"phase": "done", "what": what, "total": total, "cut": cut}))
     }
 
     fn transfers(&self, from: usize, count: usize) -> Value {

@@ -2,8 +2,8 @@
 
 use cobscope_decoder::event::Certainty;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{ReplayState, signal};
-use cobscope_decoder::session::{Bus, GateStatus, Node, Watch};
+use cobscope_decoder::replay::{LatestOfNode, ReplayState, signal};
+use cobscope_decoder::session::{AssignedBy, Bus, GateStatus, Node, Watch};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
@@ -30,7 +30,7 @@ pub fn state(world: &ReplayState) -> Value {
     };
     let frames = rows.iter().map(|row| {
         let (bus, message) = name(row);
-        frame(row, bus, message, world.time())
+        frame(row, (&bus, &message), world.time())
     });
     let signals = rows.iter().filter(|row| !row.is_remote).filter_map(|row| {
         let bus = buses.get(usize::from(row.bus.0))?;
@@ -81,7 +81,7 @@ fn node(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
     });
     let dtcs = node.active_dtcs().map(|(spn, fmi)| format!("{spn}/{fmi}"));
     let errors = node.active_errors().iter().map(|code| format!("{code:04X}")).chain(dtcs);
-    let start = world.latest().of(bus.index(), node.id()).and_then(|latest| latest.start());
+    let start = world.latest().of(bus.index(), node.id()).and_then(LatestOfNode::start);
     json!({
         "bus": bus.index().0,
         "bus_name": escape(bus.name()),
@@ -91,7 +91,7 @@ fn node(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
         "name": text(node.name()),
         "device": text(node.device_title()),
         "profile": text(node.device_id()),
-        "assigned": node.assigned().map(|by| by.name()),
+        "assigned": node.assigned().map(AssignedBy::name),
         "nmt": node.nmt().map(|nmt| nmt.state.name()),
         "presumed": node.nmt().is_some_and(|nmt| nmt.certainty == Certainty::Presumed),
         "lost": node.is_lost(),
@@ -138,7 +138,7 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "for display")]
-fn frame(row: &IdentifierRow, bus: String, message: String, now: Option<Timestamp>) -> Value {
+fn frame(row: &IdentifierRow, (bus, message): (&str, &str), now: Option<Timestamp>) -> Value {
     let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
     json!({
         "bus": bus,

@@ -32,7 +32,8 @@ export class Page implements App {
   private signals: ReturnType<typeof signalsPane>;
   private current: PaneName = "why";
   private strip = new Strip(this);
-  private stateRequest = 0;
+  private stateLoop: Promise<void> | null = null;
+  private isStateStale = false;
   private root: HTMLElement;
   private tabs = h("div", { class: "tabs", role: "tablist", "aria-label": "Panes" });
   private main = h("div", { class: "main", id: "main", role: "tabpanel" });
@@ -42,7 +43,12 @@ export class Page implements App {
   private position = h("span", { class: "position" });
   private status = h("p", { class: "status", role: "status" });
   private alert = h("p", { class: "banner error alert", role: "alert", hidden: true });
-  private input = h("input", { type: "file", multiple: true, id: "files", class: "hidden-input", onchange: () => void this.take([...(this.input.files ?? [])]) });
+  private input = h("input", { type: "file", multiple: true, id: "files", class: "hidden-input", onchange: () => {
+    const files = [...(this.input.files ?? [])];
+    // The same files can be chosen again after they were changed.
+    this.input.value = "";
+    void this.take(files);
+  } });
   private help = helpDialog();
 
   constructor(root: HTMLElement) {
@@ -172,6 +178,7 @@ export class Page implements App {
       cursor: { frame: 0, time: 0 }, ordinal: 0, list, filter: "", total: overview.events,
       state: null, node: null, signals: [], finding: null,
     };
+    this.stateLoop = null;
     document.title = `${overview.name} – cobscope`;
     this.root.className = "open";
     this.header();
@@ -296,11 +303,18 @@ export class Page implements App {
     void this.refreshState().then(() => this.pane(this.current).moved()).catch((error) => this.fail(error));
   }
 
-  private async refreshState(): Promise<void> {
-    const { client, cursor } = this.core;
-    const request = ++this.stateRequest;
-    const state = await client.call<BusState>({ do: "state", frame: cursor.frame });
-    if (request === this.stateRequest && client === this.core.client) this.core.state = state;
+  /** Reads the state at the cursor; a cursor that moves meanwhile is read once, when the response arrives. */
+  private refreshState(): Promise<void> {
+    this.isStateStale = true;
+    this.stateLoop ??= (async () => {
+      while (this.isStateStale) {
+        this.isStateStale = false;
+        const { client, cursor } = this.core;
+        const state = await client.call<BusState>({ do: "state", frame: cursor.frame });
+        if (client === this.core.client) this.core.state = state;
+      }
+    })().finally(() => { this.stateLoop = null; });
+    return this.stateLoop;
   }
 
   private refresh(): void {

@@ -81,7 +81,7 @@ function call(module: Exports, request: Request): { value: any; bytes?: Uint8Arr
   const length = module.call();
   const response = module.response();
   const value = JSON.parse(decoder.decode(new Uint8Array(module.memory.buffer, response, length)));
-  if (request.do !== "bytes" || value.error) return { value };
+  if (request.do !== "bytes" || value?.error) return { value };
   const bytes = module.bytes();
   return { value, bytes: new Uint8Array(module.memory.buffer, bytes, value.length).slice() };
 }
@@ -98,7 +98,7 @@ function pause(): Promise<void> {
 }
 
 function report(id: number, answer: { value: any; bytes?: Uint8Array<ArrayBuffer> }): boolean {
-  if (answer.value.error) {
+  if (answer.value?.error) {
     scope.postMessage({ kind: "error", id, error: String(answer.value.error) });
     return false;
   }
@@ -110,7 +110,7 @@ async function run(module: Exports, id: number, request: Request): Promise<void>
   job = id;
   const begun = call(module, request);
   if (!report(id, begun)) return;
-  if (begun.value.invalid) {
+  if (begun.value?.invalid) {
     scope.postMessage({ kind: "result", id, memory: module.memory.buffer.byteLength, value: begun.value });
     return;
   }

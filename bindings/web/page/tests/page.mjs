@@ -106,6 +106,9 @@ async function compare(browser, path) {
     const own = readFileSync(file, "utf8").split("\n").slice(0, COMPARED);
     equal(own, decoded.stdout.split("\n").slice(0, COMPARED), `${path}: events`);
     equal(problems, [], `${path}: problems`);
+  } catch (error) {
+    const alert = await page.textContent(".alert, .welcome .banner", { timeout: 100 }).catch(() => "");
+    throw new Error(`${path}: the page shows "${alert}"\n    ${error.message}`);
   } finally {
     await context.close();
   }

@@ -68,10 +68,14 @@ async function frameTimes(page, act) {
 
 const browser = await launch();
 try {
-  const first = await open(browser, html);
-  const painted = await first.page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0]?.startTime ?? performance.now());
-  figure("empty screen", painted, "ms", 100);
-  await first.context.close();
+  const painted = [];
+  for (let n = 0; n < 5; n += 1) {
+    const { context, page } = await open(browser, html);
+    await page.waitForFunction(() => performance.getEntriesByName("first-contentful-paint").length > 0);
+    painted.push(await page.evaluate(() => performance.getEntriesByName("first-contentful-paint")[0].startTime));
+    await context.close();
+  }
+  figure("empty screen, median of 5", painted.sort((a, b) => a - b)[2], "ms", 100);
 
   const small = join(folder, "small.log");
   const size = write(small, 690_000);

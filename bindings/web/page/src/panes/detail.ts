@@ -46,16 +46,34 @@ export function detailPane(app: App): Pane {
     );
   }
 
-  const safely = () => void show().catch((error) => app.fail(error));
+  let isRunning = false;
+  let isStale = false;
+
+  /** Moves that occur while an event is read are answered once. */
+  async function safely(): Promise<void> {
+    isStale = true;
+    if (isRunning) return;
+    isRunning = true;
+    try {
+      while (isStale) {
+        isStale = false;
+        await show();
+      }
+    } catch (error) {
+      app.fail(error);
+    } finally {
+      isRunning = false;
+    }
+  }
   return {
     name: "detail",
     title: "Detail",
     element,
     open() {
       shown = "";
-      safely();
+      void safely();
     },
-    moved: safely,
+    moved: () => void safely(),
     focus: () => element.focus({ preventScroll: true }),
   };
 }
