@@ -295,7 +295,7 @@ fn reference(path: &str, is_windows: bool) -> String {
     let (mut uri, rest) = match path.as_bytes() {
         // RFC 8089: a share is a path of its server, and a drive keeps its colon.
         [b'/', b'/', ..] if is_windows => ("file:".to_owned(), path),
-        [drive @ b'A'..=b'Z' | drive @ b'a'..=b'z', b':', b'/', ..] if is_windows => {
+        [drive @ (b'A'..=b'Z' | b'a'..=b'z'), b':', b'/', ..] if is_windows => {
             (format!("file:///{}:", char::from(*drive)), path.get(2..).unwrap_or_default())
         }
         [b'/', ..] => ("file://".to_owned(), path),

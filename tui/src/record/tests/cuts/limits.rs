@@ -57,7 +57,7 @@ fn a_full_disk_is_tried_again_and_missing_frames_are_counted() {
     bench.frame(0);
     bench.fault(1);
     assert!(memory.names().is_empty());
-    assert!(bench.writer.status().failure.as_ref().unwrap().reason.contains("No space left"));
+    assert!(bench.writer.status().failure.as_ref().unwrap().reason.contains("(os error 28)"));
     // The frames wait in the ring until there is room.
     memory.set(|inner| inner.room = 100_000);
     bench.now += RETRY_AFTER;

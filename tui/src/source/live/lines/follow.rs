@@ -68,11 +68,10 @@ struct GrowingFile<'a> {
 
 impl<'a> GrowingFile<'a> {
     fn open(path: &'a Path, outlet: &Outlet) -> io::Result<Self> {
-        let file = File::open(path)?;
-        let metadata = file.metadata()?;
-        if metadata.is_dir() {
+        if path.is_dir() {
             return Err(io::Error::new(ErrorKind::IsADirectory, "found a folder, expected a file"));
         }
+        let file = File::open(path)?;
         Ok(Self {
             path,
             identity: FileIdentity::of_file(&file)?,
