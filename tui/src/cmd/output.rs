@@ -52,10 +52,8 @@ pub(super) fn ensure_not_read<'a>(
 /// Whether two paths are the same file; `-` is stdin.
 fn is_same(one: &Path, other: &Path) -> bool {
     // A terminal or a pipe can be input and output.
-    let identity = match one.as_os_str() == "-" {
-        true => FileIdentity::of_stdin(),
-        false => FileIdentity::of_regular(one),
-    };
+    let is_stdin = one.as_os_str() == "-";
+    let identity = if is_stdin { FileIdentity::of_stdin() } else { FileIdentity::of_regular(one) };
     identity.is_some() && FileIdentity::of_regular(other) == identity
 }
 
