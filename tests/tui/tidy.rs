@@ -18,7 +18,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("file_identity", &["device_name"]),
     ("output_file", &["device_name", "path_text"]),
     ("record", &["device_name", "figures", "output_file", "path_text"]),
-    ("source", &["figures", "file_identity", "path_text", "record"]),
+    ("source", &["device_name", "figures", "file_identity", "path_text", "record"]),
     ("widgets", &["bucket", "theme"]),
     ("timeline", &["bucket", "output_file", "path_text", "record", "source"]),
     ("state", &["figures", "theme", "words", "select", "timeline"]),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Meaning of a name that is not a file.
+/// Meaning of a name without a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeviceName {
     /// A device or pipe that an output may be written to: `NUL`, `\\.\pipe\name`.

@@ -6,13 +6,13 @@ use std::path::Path;
 
 /// Volume of a file, and its number there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FileIdentity {
+pub struct StorageIdentity {
     volume: u64,
     number: u64,
 }
 
 #[cfg(unix)]
-impl FileIdentity {
+impl StorageIdentity {
     /// Identity of an open file.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl FileIdentity {
 }
 
 #[cfg(windows)]
-impl FileIdentity {
+impl StorageIdentity {
     /// Identity of an open file.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl FileIdentity {
     }
 }
 
-impl FileIdentity {
+impl StorageIdentity {
     /// Identity of a regular file; `None` for a folder, a terminal, a device or a pipe.
     pub fn of_regular(path: &Path) -> Option<Self> {
         if crate::device_name::is_device(path) || !path.is_file() {
@@ -96,15 +96,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [one, other] = ["a.log", "b.log"].map(|name| folder.path().join(name));
         fs::write(&one, "1").unwrap();
-        let opened = FileIdentity::of_file(&File::open(&one).unwrap()).unwrap();
-        assert_eq!(FileIdentity::of_regular(&one), Some(opened));
+        let opened = StorageIdentity::of_file(&File::open(&one).unwrap()).unwrap();
+        assert_eq!(StorageIdentity::of_regular(&one), Some(opened));
         fs::hard_link(&one, &other).unwrap();
-        assert_eq!(FileIdentity::of_path(&other).unwrap(), opened);
+        assert_eq!(StorageIdentity::of_path(&other).unwrap(), opened);
         fs::rename(&one, folder.path().join("c.log")).unwrap();
         // A new file of the same name, even of the same time.
         fs::write(&one, "1").unwrap();
-        assert_ne!(FileIdentity::of_path(&one).unwrap(), opened);
-        assert_eq!(FileIdentity::of_regular(folder.path()), None);
-        assert!(FileIdentity::of_path(&folder.path().join("d.log")).is_err());
+        assert_ne!(StorageIdentity::of_path(&one).unwrap(), opened);
+        assert_eq!(StorageIdentity::of_regular(folder.path()), None);
+        assert!(StorageIdentity::of_path(&folder.path().join("d.log")).is_err());
     }
 }

@@ -136,7 +136,10 @@ impl FinalName {
         let Some((part, path)) = self.names else { return Ok(()) };
         let renamed = fs::rename(&part, &path);
         renamed.map_err(|error| {
-            let text = format!("cannot be renamed from {}: {error}", shown(&part));
+            // Windows refuses it while another program has opened the file without sharing it.
+            let is_in_use = cfg!(windows) && path.exists();
+            let remedy = if is_in_use { "; close programs that have the file open" } else { "" };
+            let text = format!("cannot be renamed from {}: {error}{remedy}", shown(&part));
             io::Error::new(error.kind(), text)
         })
     }
@@ -176,7 +179,7 @@ mod tests {
         let (mut file, name) = create(&path, Existing::Replace).unwrap();
         file.write_all(b"2").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"1");
-        drop(name);
+        drop((file, name));
         // A later run replaces the part.
         let (_, name) = create(&path, Existing::Replace).unwrap();
         assert_eq!(fs::read(part_of(&path)).unwrap(), b"");

@@ -80,9 +80,12 @@ mod tests {
 
     #[test]
     fn names_of_files_are_relative_inside_the_folder() {
-        let target = Path::new("/case/7");
-        assert_eq!(named_from(target, Path::new("/case/7/eds/pump.eds")), "eds/pump.eds");
-        assert_eq!(named_from(target, Path::new("/case/pump.eds")), "/case/pump.eds");
+        // On Windows, a path without a drive is not absolute.
+        let root = absolute(Path::new("/"));
+        let target = root.join("case").join("7");
+        assert_eq!(named_from(&target, &target.join("eds").join("pump.eds")), "eds/pump.eds");
+        let outside = root.join("case").join("pump.eds");
+        assert_eq!(named_from(&target, &outside), outside.to_str().unwrap());
         let here = absolute(Path::new(""));
         assert_eq!(named_from(&here, Path::new("pump.eds")), "pump.eds");
     }

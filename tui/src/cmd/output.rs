@@ -10,7 +10,7 @@ use super::input::files_named;
 use super::messages::{complain, note};
 use crate::cli::{Color, InputArgs};
 use crate::exit_code::Exit;
-use crate::file_identity::FileIdentity;
+use crate::file_identity::StorageIdentity;
 use crate::output_file::{self, Existing, FinalName};
 use crate::path_text::shown;
 use crate::record::format::part_of;
@@ -52,11 +52,9 @@ pub(super) fn ensure_not_read<'a>(
 /// Whether two paths are the same file; `-` is stdin.
 fn is_same(one: &Path, other: &Path) -> bool {
     // A terminal or a pipe can be input and output.
-    let identity = match one.as_os_str() == "-" {
-        true => FileIdentity::of_stdin(),
-        false => FileIdentity::of_regular(one),
-    };
-    identity.is_some() && FileIdentity::of_regular(other) == identity
+    let is_stdin = one.as_os_str() == "-";
+    let identity = if is_stdin { StorageIdentity::of_stdin() } else { StorageIdentity::of_regular(one) };
+    identity.is_some() && StorageIdentity::of_regular(other) == identity
 }
 
 /// An output of a command.

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{WRITABLE, WritableFormat};
 
-/// The suffix of a file name after its last dot; empty without one.
-pub fn suffix(path: &Path) -> &str {
-    path.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default()
+/// The suffix of a file name after its last dot, in lower case; empty without one.
+pub fn suffix(path: &Path) -> String {
+    path.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
 /// The capture format of a file name.
@@ -33,17 +33,31 @@ pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
 pub fn is_of_captures(path: &Path) -> bool {
     const ONLY_READ: [&str; 5] = ["pcap", "blf", "mf4", "mdf", "crtd"];
     const COMPRESSED: [&str; 2] = ["gz", "zst"];
-    let name = Path::new(if COMPRESSED.contains(&suffix(path)) {
+    let name = Path::new(if COMPRESSED.contains(&suffix(path).as_str()) {
         path.file_stem().unwrap_or_default()
     } else {
         path.as_os_str()
     });
     let suffix = suffix(name);
-    ONLY_READ.contains(&suffix) || suffixes().any(|(known, _)| known == suffix)
+    ONLY_READ.contains(&suffix.as_str()) || suffixes().any(|(known, _)| known == suffix)
 }
 
 /// Error text for an unknown suffix; `known` are the available ones.
 pub fn unknown(known: impl Iterator<Item = (&'static str, &'static str)>) -> String {
     let known: Vec<_> = known.map(|(suffix, title)| format!(".{suffix} ({title})")).collect();
     format!("unknown suffix; expected {}", known.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn suffixes_are_compared_without_case() {
+        let format = |name: &str| of(Path::new(name)).map(|format| format.name);
+        assert_eq!((format("RUN.LOG"), format("run.log")), (Some("candump"), Some("candump")));
+        assert_eq!((format("run"), format("run.docx")), (None, None));
+        assert!(is_of_captures(Path::new("RUN.BLF")) && is_of_captures(Path::new("run.Asc.GZ")));
+        assert!(!is_of_captures(Path::new("run.GZ")));
+    }
 }

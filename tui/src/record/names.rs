@@ -173,10 +173,10 @@ mod tests {
     fn an_impossible_name_is_reported_with_a_remedy() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let shown = folder.path().display();
+        let (missing, run) = (path("no"), path("no").join("run.log"));
         assert_eq!(
-            called(&path("no/run.log"), false).unwrap_err(),
-            format!("{shown}/no/run.log: folder {shown}/no does not exist; create it first")
+            called(&run, false).unwrap_err(),
+            format!("{}: folder {} does not exist; create it first", run.display(), missing.display())
         );
         let unknown = called(&path("run.log.gz"), false).unwrap_err();
         assert!(unknown.contains("run.log.gz: unknown suffix; expected .log ("), "{unknown}");

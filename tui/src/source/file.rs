@@ -13,6 +13,7 @@ use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
 use super::ahead::{Frames, ReadAhead};
 use super::original::OriginalFile;
 use super::progress::Progress;
+use crate::device_name;
 use crate::path_text::shown;
 
 /// Bytes buffered to detect compression; larger reads bypass the buffer.
@@ -54,8 +55,8 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     let (source, size): (Box<dyn Read + Send>, _) = if path.as_os_str() == "-" {
         (Box::new(std::io::stdin()), None)
     } else {
-        let file = File::open(path).with_context(|| format!("{}: cannot be opened", shown(path)))?;
         ensure_no_folder(path)?;
+        let file = File::open(path).with_context(|| format!("{}: cannot be opened", shown(path)))?;
         let original = OriginalFile::of(path, &file).with_context(|| shown(path))?.map(Arc::new);
         match original {
             Some(original) => {
@@ -74,10 +75,10 @@ pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
     Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
 }
 
-/// Rejects a folder: it can be opened but not read.
+/// Rejects a folder: on Unix it can be opened but not read, on Windows neither.
 pub(super) fn ensure_no_folder(path: &Path) -> anyhow::Result<()> {
     ensure!(
-        !path.is_dir(),
+        device_name::is_device(path) || !path.is_dir(),
         "{}: a folder; name the captures in it, or use check for all of them",
         shown(path)
     );

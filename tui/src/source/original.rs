@@ -18,7 +18,7 @@ use std::time::SystemTime;
 use cobscope_decoder::words::grouped;
 
 use super::positioned::read_at;
-use crate::file_identity::FileIdentity;
+use crate::file_identity::StorageIdentity;
 
 /// Bytes of a block: as many as a capture reader requests.
 const BLOCK: u64 = 256 * 1024;
@@ -76,7 +76,7 @@ pub struct OriginalFile {
     path: PathBuf,
     file: File,
     length: u64,
-    identity: FileIdentity,
+    identity: StorageIdentity,
     block: u64,
     /// Checksum of each block; 0 before its first reading.
     sums: Vec<AtomicU64>,
@@ -108,7 +108,7 @@ impl OriginalFile {
             path: path.to_owned(),
             file: file.try_clone()?,
             length,
-            identity: FileIdentity::of_file(file)?,
+            identity: StorageIdentity::of_file(file)?,
             block,
             sums: (0..count).map(|_| AtomicU64::new(0)).collect(),
             state: Mutex::new(Checks { modified, next: 0, left: 0, change: None }),
@@ -143,7 +143,7 @@ impl OriginalFile {
         if metadata.len() < self.length {
             self.note(ContentChange::Shrunk { from: self.length, to: metadata.len() });
         }
-        match FileIdentity::of_path(&self.path) {
+        match StorageIdentity::of_path(&self.path) {
             Ok(named) if named != self.identity => {
                 self.note(ContentChange::Replaced);
             }

@@ -74,8 +74,8 @@ impl Store {
         if path.as_os_str() == "-" {
             return Self::spooled(name, None, Box::new(io::stdin()));
         }
-        let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
         ensure_no_folder(path)?;
+        let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
         let original =
             OriginalFile::of(path, &file).with_context(|| format!("{name}: cannot read the file size"))?;
         let Some(original) = original.map(Arc::new) else { return Self::spooled(name, None, Box::new(file)) };

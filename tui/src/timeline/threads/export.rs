@@ -130,7 +130,7 @@ impl OutputFiles for ExportFiles<'_> {
 
     fn part(&mut self, content: &str) -> io::Result<Output> {
         let suffix = format::suffix(self.path);
-        let path = part_of(self.path, content, suffix).ok_or(ErrorKind::InvalidFilename)?;
+        let path = part_of(self.path, content, &suffix).ok_or(ErrorKind::InvalidFilename)?;
         let name = shown(&path);
         self.open(path).map_err(|error| io::Error::other(format!("{name}: {error}")))
     }

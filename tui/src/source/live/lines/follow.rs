@@ -9,7 +9,7 @@ use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
 use super::super::SourceEnd;
 use super::outlet::Outlet;
-use crate::file_identity::FileIdentity;
+use crate::file_identity::StorageIdentity;
 use crate::path_text::shown;
 
 /// Interval between two checks of a file without new data.
@@ -57,7 +57,7 @@ fn failed(path: &Path, error: CaptureError) -> SourceEnd {
 struct GrowingFile<'a> {
     path: &'a Path,
     file: File,
-    identity: FileIdentity,
+    identity: StorageIdentity,
     position: u64,
     is_over: std::sync::Arc<std::sync::atomic::AtomicBool>,
     /// The last byte read is not a line end.
@@ -68,14 +68,13 @@ struct GrowingFile<'a> {
 
 impl<'a> GrowingFile<'a> {
     fn open(path: &'a Path, outlet: &Outlet) -> io::Result<Self> {
-        let file = File::open(path)?;
-        let metadata = file.metadata()?;
-        if metadata.is_dir() {
+        if path.is_dir() {
             return Err(io::Error::new(ErrorKind::IsADirectory, "found a folder, expected a file"));
         }
+        let file = File::open(path)?;
         Ok(Self {
             path,
-            identity: FileIdentity::of_file(&file)?,
+            identity: StorageIdentity::of_file(&file)?,
             file,
             position: 0,
             is_over: outlet.flag(),
@@ -88,7 +87,7 @@ impl<'a> GrowingFile<'a> {
     fn look(&self) -> Option<&'static str> {
         // A removed file may be replaced soon.
         let metadata = std::fs::metadata(self.path).ok()?;
-        if FileIdentity::of_path(self.path).ok()? != self.identity {
+        if StorageIdentity::of_path(self.path).ok()? != self.identity {
             return Some("was replaced by another file");
         }
         (metadata.is_file() && metadata.len() < self.position).then_some("was truncated")
