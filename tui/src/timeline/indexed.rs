@@ -32,7 +32,7 @@ impl IndexedCapture {
     pub fn open(captures: Captures) -> anyhow::Result<Self> {
         let (lanes, _) = lanes(&captures)?;
         let shared = Shared::new(lanes, captures.session, captures.read);
-        // Nobody waits for news of the index.
+        // News of the index has no receiver.
         let (news, _) = channel();
         threads::index::run(&shared, &news);
         Ok(Self { shared })

@@ -21,7 +21,7 @@ impl Folders {
     pub(super) fn open(paths: &[PathBuf]) -> anyhow::Result<Self> {
         let open = |path: &PathBuf| {
             let real = path.canonicalize().with_context(|| shown(path))?;
-            ensure!(real.is_dir(), "{}: is no folder", shown(path));
+            ensure!(real.is_dir(), "{}: expected a folder", shown(path));
             Ok(real)
         };
         paths.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
@@ -31,7 +31,7 @@ impl Folders {
     /// out of the folders.
     ///
     /// # Errors
-    /// The file does not exist, lies outside the folders, or is a device or a pipe.
+    /// The file does not exist, is outside the folders, or is a device or a pipe.
     pub(super) fn file(&self, text: &str) -> anyhow::Result<PathBuf> {
         let path = Path::new(text);
         let candidates: Vec<_> = self.0.iter().map(|folder| folder.join(path)).collect();
@@ -40,7 +40,7 @@ impl Folders {
         let Some(real) = real.filter(|real| self.0.iter().any(|folder| real.starts_with(folder))) else {
             bail!("{}: no such file in the folders of this server", shown(path));
         };
-        ensure!(real.is_file(), "{}: is no file", shown(path));
+        ensure!(real.is_file(), "{}: expected a file", shown(path));
         Ok(real)
     }
 
@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(folders.list(), (vec![real], false));
         for path in ["../secret", "b.log", "/etc/passwd", "a.log/../../secret", "", "\0"] {
             let error = folders.file(path).unwrap_err().to_string();
-            assert!(error.contains("no such file in the folders") || error.contains("is no file"), "{error}");
+            assert!(error.contains("no such file in the folders") || error.contains("expected a file"), "{error}");
         }
     }
 
