@@ -234,7 +234,10 @@ fn bad_requests_are_answered_and_nothing_outside_is_read() {
     let mut client = Client::start(&inner);
     for path in ["../secret.log", "/etc/passwd", "", "no.log", "-"] {
         let error = client.tool("why", &json!({"capture": path})).unwrap_err();
-        assert!(error.contains("no such file in the folders") || error.contains("expected a file"), "{error}");
+        assert!(
+            error.contains("no such file in the folders") || error.contains("expected a file"),
+            "{error}"
+        );
     }
     for arguments in [
         json!({"capture": "broken.log", "eds": ["5=../secret.log"]}),

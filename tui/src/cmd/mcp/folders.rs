@@ -94,7 +94,10 @@ mod tests {
         assert_eq!(folders.list(), (vec![real], false));
         for path in ["../secret", "b.log", "/etc/passwd", "a.log/../../secret", "", "\0"] {
             let error = folders.file(path).unwrap_err().to_string();
-            assert!(error.contains("no such file in the folders") || error.contains("expected a file"), "{error}");
+            assert!(
+                error.contains("no such file in the folders") || error.contains("expected a file"),
+                "{error}"
+            );
         }
     }
 
