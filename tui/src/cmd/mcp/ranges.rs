@@ -218,7 +218,11 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
         })
     };
     let chosen: Vec<&SignalName> = capture.results.signals.iter().filter(|name| is_wanted(name)).collect();
-    ensure!(!chosen.is_empty(), "no signal with this name; signals without arguments lists all");
+    ensure!(
+        !capture.results.signals.is_empty(),
+        "no signals: neither a mapping nor a profile, EDS or DBC describes the messages of this capture"
+    );
+    ensure!(!chosen.is_empty(), "no signal with this name or node; signals without arguments lists all");
     if wanted.is_none() {
         let list = chosen.iter().map(|(bus, node, object, name, unit)| {
             json!({"bus": bus, "node": node, "object": object, "name": name, "unit": unit})
