@@ -150,6 +150,8 @@ test("keyboard: find the fault, plot it, save the report", async (browser) => {
   equal(await choose(page, pve), true, "opened");
   await page.keyboard.press("2");
   await page.keyboard.press("g");
+  // The first row is read before it is selected.
+  await page.waitForFunction(() => /#1\//.test(document.querySelector(".position").textContent));
   await page.keyboard.press("]");
   await page.waitForFunction(() => /#104\//.test(document.querySelector(".position").textContent));
   await page.keyboard.press("5");
