@@ -31,7 +31,10 @@ const REQUEST: Duration = Duration::from_secs(1);
 pub(super) fn devices() -> Result<Vec<(Device, DeviceInfo)>, OpenError> {
     let listed = match nusb::list_devices().wait() {
         Ok(listed) => listed,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        // A kernel without USB has no folder of devices: error 2 of Linux.
+        Err(error) if error.kind() == ErrorKind::NotFound || error.os_error() == Some(2) => {
+            return Ok(Vec::new());
+        }
         Err(error) => return Err(failed("list of USB devices", &error.to_string())),
     };
     let ours = listed.filter(|info| PRODUCTS.contains(&(info.vendor_id(), info.product_id())));

@@ -47,7 +47,8 @@ pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn Source>> {
 }
 
 fn refused(kind: AdapterKind, channel: &str, error: &OpenError) -> ConnectError {
-    let message = anyhow!("{}:{channel}: {error}", kind.prefix());
+    let colon = if channel.is_empty() { "" } else { ":" };
+    let message = anyhow!("{}{colon}{channel}: {error}", kind.prefix());
     if error.is_temporary() { ConnectError::Again(message) } else { ConnectError::Never(message) }
 }
 
