@@ -263,6 +263,13 @@ fn bad_requests_are_answered_and_nothing_outside_is_read() {
     assert_eq!(client.receive()["error"]["code"], -32_700);
     client.send(&vec![b'x'; 2 << 20]);
     assert_eq!(client.receive()["error"]["code"], -32_600);
+    // A damaged capture without a finding is no clean one.
+    std::fs::write(inner.join("damaged.log"), "(1.0) can0 705#05\nrubbish\n(2.0) can0 705#05\n").unwrap();
+    for tool in ["why", "findings", "summary"] {
+        let answer = client.ask(tool, &json!({"capture": "damaged.log"}));
+        assert!(texts(&answer["warnings"]).contains("1 line or record unreadable"), "{answer}");
+    }
+    std::fs::remove_file(inner.join("damaged.log")).unwrap();
     let files = client.ask("captures", &json!({}));
     assert_eq!(files["files"].as_array().unwrap().len(), 1);
     client.end();

@@ -87,14 +87,20 @@ pub(super) struct DecodedCapture {
 impl DecodedCapture {
     /// Reports unreadable lines and records, if the output does not contain them as events.
     pub(super) fn report_unreadable(&self, name: &str) {
-        let UnreadableInput { count, first: Some(first) } = &self.unreadable else { return };
-        let text = match count {
+        if let Some(text) = self.unreadable_text(name) {
+            warn(&text);
+        }
+    }
+
+    /// Number of unreadable lines and records, with the first one; `None` without any.
+    pub(super) fn unreadable_text(&self, name: &str) -> Option<String> {
+        let UnreadableInput { count, first: Some(first) } = &self.unreadable else { return None };
+        Some(match count {
             1 => format!("{name}: 1 line or record unreadable ({first}); all others decoded"),
             count => {
                 format!("{name}: {count} lines or records unreadable (first: {first}); all others decoded")
             }
-        };
-        warn(&text);
+        })
     }
 }
 

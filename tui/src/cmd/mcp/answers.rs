@@ -77,6 +77,8 @@ pub(super) fn why(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Res
                 .retain(|key, _| ["capture", "notes", "suggestions", "not_canopen"].contains(&key.as_str()));
         }
         members.insert("stories".into(), json!(stories));
+        // Without a story, a damaged capture must not look like a good one.
+        members.insert("warnings".into(), json!(capture.results.warnings));
     }
     Ok(fit(answer))
 }
@@ -143,7 +145,10 @@ pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow
     }
     // A rule without a finding passed, or was not exercised: that is a difference.
     let row = rule.and_then(|rule| rows.iter().find(|row| row["rule"] == rule));
-    Ok(fit(json!({"findings": found, "rules": verdicts, "rule": row, "quality": summary["quality"]})))
+    let warnings = &capture.results.warnings;
+    Ok(fit(json!({
+        "findings": found, "rules": verdicts, "rule": row, "quality": summary["quality"], "warnings": warnings,
+    })))
 }
 
 /// Object values of nodes.

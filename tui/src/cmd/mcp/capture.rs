@@ -144,7 +144,9 @@ impl Results {
             findings,
             ..CaptureResult::default()
         })?;
+        let unreadable = read.unreadable_text(&name);
         let mut warnings = read.warnings;
+        warnings.extend(unreadable);
         warnings.extend(read.failure.map(|failure| format!("{failure:#}")));
         let (statistics, decoder) =
             statistics_of((name, input), read.format, (statistics, read.decoder), select)?;
