@@ -1,6 +1,6 @@
 //! SDO transfers, J1939 transport sessions and UDS exchanges of a capture.
 
-use cobscope_decoder::event::{EventKind, MessageOutcome};
+use cobscope_decoder::event::TransferFigures;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 use cobscope_decoder::sink::escape;
@@ -57,16 +57,7 @@ impl Transfer {
     /// The transfer of an event; `None` for other events.
     pub fn of(placed: &PlacedEvent<'_>) -> Option<Self> {
         let event = placed.event;
-        let (duration, size, outcome) = match &event.kind {
-            EventKind::SdoTransfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-            EventKind::J1939Transfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-            EventKind::UdsExchange(exchange) => (exchange.duration, 0, exchange.outcome.name()),
-            // Complete ISO-TP messages belong to a UDS exchange.
-            EventKind::IsoTpTransfer(transfer) if transfer.outcome != MessageOutcome::Complete => {
-                (transfer.duration, transfer.size, transfer.outcome.name())
-            }
-            _ => return None,
-        };
+        let TransferFigures { duration, size, outcome } = event.transfer_figures()?;
         let line = Line::of(event, placed.bus);
         let text =
             TransferWords::of(event, placed.bus).map_or_else(|| line.what.clone(), |words| words.news());

@@ -4,6 +4,7 @@
 //! deadline. The names of kinds and their keys in output are defined in `query/`.
 
 mod device;
+mod figures;
 mod finding;
 mod frame_range;
 mod j1939;
@@ -18,6 +19,7 @@ pub use device::{
     BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
     PROCEDURE_FAILED_EARLIER, Path, ProcedureEvent, Quantity, SetPoint,
 };
+pub use figures::TransferFigures;
 pub use finding::FindingNews;
 pub use frame_range::FrameRange;
 pub use j1939::{

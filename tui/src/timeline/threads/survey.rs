@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, MessageOutcome, Outcome,
+    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, Outcome, TransferFigures,
 };
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
@@ -267,16 +267,7 @@ fn is_error(event: &Event) -> bool {
 /// The row of a transfer.
 fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
     let event = told.event;
-    let (duration, size, outcome) = match &event.kind {
-        EventKind::SdoTransfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-        EventKind::J1939Transfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-        EventKind::UdsExchange(exchange) => (exchange.duration, 0, exchange.outcome.name()),
-        // Complete ISO-TP messages belong to a UDS exchange.
-        EventKind::IsoTpTransfer(transfer) if transfer.outcome != MessageOutcome::Complete => {
-            (transfer.duration, transfer.size, transfer.outcome.name())
-        }
-        _ => return None,
-    };
+    let TransferFigures { duration, size, outcome } = event.transfer_figures()?;
     let line = Line::of(event, told.bus);
     let news = TransferWords::of(event, told.bus).map_or_else(|| line.what.clone(), |words| words.news());
     Some(Exchange {
