@@ -10,6 +10,7 @@ use super::history::History;
 use super::output::Output;
 use super::preferences::Preferences;
 use super::requests::{Compare, WriteReport};
+use crate::action::Action;
 use crate::keymap::Keymap;
 use crate::panes::{Arrangement, PaneId, Panes};
 use crate::state::{Core, JumpPlace, NodeKey};
@@ -65,6 +66,8 @@ pub struct App {
     pub(super) is_surveyed: bool,
     /// The view opens at the first story: no position was requested and no key pressed.
     pub(super) opens_at_story: bool,
+    /// A jump whose target was not known when it was requested.
+    pub(super) awaited_jump: Option<Action>,
 }
 
 /// Input mode: the meaning of keys.
@@ -123,6 +126,7 @@ impl App {
             }
             News::Indexed | News::Traced => {}
         }
+        self.jump_if_known();
         self.refresh_panes();
     }
 
@@ -210,7 +214,6 @@ mod tests {
     use super::super::preferences::Preferences;
     use super::super::start::Start;
     use super::*;
-    use crate::action::Action;
     use crate::keymap::Keymap;
     use crate::source::Store;
     use crate::source::live::LiveState;

@@ -4,10 +4,12 @@ use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::sink::escape;
 
 use super::application::App;
+use crate::action::Action;
 use crate::panes::filtered_places;
 use crate::state::JumpPlace;
 
 impl App {
+    /// Goes to the next or previous finding.
     pub(super) fn finding(&mut self, is_forward: bool) {
         let cursor = self.core.cursor.frame;
         let survey = self.core.timeline.survey();
@@ -23,8 +25,6 @@ impl App {
         };
         // Without a filter nothing is between the cursor and the next place.
         let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
-        let has_filtered = self.core.timeline.matches().is_none_or(|matches| matches.is_complete());
-        let is_complete = survey.is_complete && has_filtered;
         drop(survey);
         match next {
             Some(place) => {
@@ -32,10 +32,41 @@ impl App {
                 let text = self.core.finding_text(place.id);
                 self.core.notify(&format!("{}{text}", skipped_text(skipped)));
             }
-            None if is_complete => self.core.refuse(&nothing_further("finding", skipped)),
-            None => self.core.refuse("no further finding yet; rules and filter still run"),
+            None => {
+                let action = if is_forward { Action::NextFinding } else { Action::PreviousFinding };
+                self.nothing_further("finding", action, skipped);
+            }
         }
         self.refresh_panes();
+    }
+
+    /// Without a target in the results so far: waits for the remaining ones, or reports that none exists.
+    fn nothing_further(&mut self, what: &str, action: Action, skipped: usize) {
+        if self.has_all_results() {
+            return self.core.refuse(&match skipped {
+                0 => format!("no further {what} in this direction"),
+                _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
+            });
+        }
+        // A growing capture may never have another one; a jump much later would surprise.
+        if self.core.timeline.grows() {
+            return self.core.refuse(&format!("no further {what} so far"));
+        }
+        self.awaited_jump = Some(action);
+        self.core.notify(&format!("goes to the next {what} when it is known; any key stops this"));
+    }
+
+    /// Whether the rules and the search for the shown events have reached the end.
+    fn has_all_results(&self) -> bool {
+        let is_searched = self.core.timeline.matches().is_none_or(|matches| matches.is_complete());
+        is_searched && self.core.timeline.survey().is_complete
+    }
+
+    /// Tries a jump again that was requested before its target was known.
+    pub(super) fn jump_if_known(&mut self) {
+        if let Some(action) = self.awaited_jump.take() {
+            self.act(action);
+        }
     }
 
     /// Goes to the story that is `by` stories after the one at the cursor; without one at the cursor, to the first.
@@ -43,7 +74,11 @@ impl App {
         let survey = self.core.timeline.survey();
         let Some(diagnosis) = &survey.diagnosis else {
             drop(survey);
-            return self.core.refuse("no story yet; the rules still run");
+            return self.nothing_further(
+                "story",
+                if by < 0 { Action::PreviousStory } else { Action::NextStory },
+                0,
+            );
         };
         let frames: Vec<u64> = diagnosis.stories.iter().map(|story| story.began.frames.last).collect();
         drop(survey);
@@ -54,7 +89,11 @@ impl App {
         };
         let count = frames.len();
         let Some((next, (frame, title))) = next.and_then(|next| Some((next, self.story(next)?))) else {
-            return self.core.refuse("no further story in this direction");
+            return self.nothing_further(
+                "story",
+                if by < 0 { Action::PreviousStory } else { Action::NextStory },
+                0,
+            );
         };
         self.core.go(JumpPlace::Frame(frame));
         self.core.notify(&format!("story {} of {count}: {title}", next.saturating_add(1)));
@@ -69,9 +108,13 @@ impl App {
         Some((frame, escape(&story.title).into_owned()))
     }
 
+    /// Goes to the next or previous error.
     pub(super) fn error(&mut self, is_forward: bool) {
         let cursor = self.core.cursor;
         let matches = self.core.timeline.matches().filter(|_| self.core.matcher.filter.is_some());
+        // Beyond the frames searched so far it is unknown what the filter hides.
+        let known =
+            matches.as_ref().filter(|matches| !matches.is_complete()).map(|matches| matches.scanned());
         let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has(*spot));
         let survey = self.core.timeline.survey();
         let at = survey.errors.partition_point(|spot| *spot <= cursor);
@@ -86,7 +129,7 @@ impl App {
             skipped += usize::from(!is_shown(spot));
             is_shown(spot)
         });
-        let next = next.copied();
+        let next = next.copied().filter(|spot| known.is_none_or(|frames| spot.frame <= frames));
         drop(survey);
         match next {
             Some(spot) => {
@@ -95,7 +138,10 @@ impl App {
                     self.core.notify(skipped_text(skipped).trim_end_matches("; "));
                 }
             }
-            None => self.core.refuse(&nothing_further("error", skipped)),
+            None => {
+                let action = if is_forward { Action::NextError } else { Action::PreviousError };
+                self.nothing_further("error", action, skipped);
+            }
         }
     }
 }
@@ -103,11 +149,4 @@ impl App {
 /// Number of places outside the filter, before another text.
 fn skipped_text(skipped: usize) -> String {
     if skipped == 0 { String::new() } else { format!("{skipped} outside the filter skipped; ") }
-}
-
-fn nothing_further(what: &str, skipped: usize) -> String {
-    match skipped {
-        0 => format!("no further {what} in this direction"),
-        _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
-    }
 }

@@ -90,6 +90,7 @@ impl App {
             early: Vec::new(),
             is_surveyed: false,
             opens_at_story: start.at.is_none() && !start.follows,
+            awaited_jump: None,
         };
         app.history = History::starting(app.shown());
         app.start_comparison();

@@ -42,6 +42,7 @@ impl App {
             return;
         }
         self.core.said = None;
+        self.awaited_jump = None;
         match &mut self.mode {
             Mode::Panes => {
                 if let Some(action) = self.keymap.action(&key) {
@@ -87,6 +88,7 @@ impl App {
     pub fn mouse(&mut self, event: MouseEvent) {
         if !matches!(event.kind, MouseEventKind::Moved) {
             self.opens_at_story = false;
+            self.awaited_jump = None;
         }
         // Some terminals report coordinate 0 as 65535.
         let x = event.column.min(self.area.width.saturating_sub(1));
