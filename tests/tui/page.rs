@@ -250,3 +250,65 @@ fn errors_name_the_file_and_the_remedy() {
         1
     );
 }
+
+/// Position that a search found.
+fn sought(session: &mut Session, text: &str, from: u64, backward: bool) -> Value {
+    let from = json!({"frame": from, "ordinal": 0});
+    let request = json!({"do": "search", "text": text, "list": "all", "from": from, "backward": backward});
+    call(session, &request);
+    finish(session).0.get("place").cloned().unwrap_or_default()
+}
+
+#[test]
+fn a_search_finds_rows_in_both_directions_across_checkpoints() {
+    // Emergencies in frames 5 and 139,990 among heartbeats; checkpoints are 65,536 frames apart.
+    let capture: Vec<u8> = (1..=140_000_u32)
+        .flat_map(|n| {
+            let frame = match n {
+                5 => "085#1082010000000000",
+                139_990 => "085#0000000000000000",
+                _ => "705#05",
+            };
+            format!("({}.{:03}) can0 {frame}\n", 100 + n / 1_000, n % 1_000).into_bytes()
+        })
+        .collect();
+    let mut session = open(&[("a.log", &capture)]).unwrap();
+    assert_eq!(sought(&mut session, "emcy", 1, false), json!({"frame": 5, "ordinal": 0}));
+    assert_eq!(sought(&mut session, "emcy", 5, false), json!({"frame": 139_990, "ordinal": 0}));
+    assert_eq!(sought(&mut session, "emcy", 139_990, false), Value::Null);
+    assert_eq!(sought(&mut session, "emcy", 140_000, true), json!({"frame": 139_990, "ordinal": 0}));
+    assert_eq!(sought(&mut session, "8210", 140_000, true), json!({"frame": 5, "ordinal": 0}));
+    assert_eq!(sought(&mut session, "emcy", 5, true), Value::Null);
+    let request = json!({"do": "search", "text": "[", "list": "all", "from": {"frame": 1, "ordinal": 0}, "backward": false});
+    assert!(call(&mut session, &request).0["invalid"]["reason"].is_string());
+    // The error register of frame 139,990 is clear: the only error event is in frame 5.
+    let error = |session: &mut Session, frame: u64, backward: bool| {
+        let from = json!({"frame": frame, "ordinal": 0});
+        call(session, &json!({"do": "error", "from": from, "backward": backward})).0
+    };
+    assert_eq!(error(&mut session, 1, false)["frame"], 5);
+    assert_eq!(error(&mut session, 5, false), Value::Null);
+    assert_eq!(error(&mut session, 140_000, true)["frame"], 5);
+}
+
+#[test]
+fn selected_frames_are_written_as_capture_and_as_events() {
+    let mut session = open(&[("lost.log", &lost())]).unwrap();
+    let mut written = |format: &str, frames: Value| {
+        call(&mut session, &json!({"do": "export", "format": format, "list": "all", "frames": frames}));
+        finish(&mut session).1
+    };
+    let cut = written("pcapng", json!([2, 3]));
+    let whole = written("pcapng", Value::Null);
+    let events = String::from_utf8(written("jsonl", json!([2, 2]))).unwrap();
+    let frames = |bytes: &[u8]| {
+        let mut session = open(&[("cut.pcapng", bytes)]).unwrap();
+        overview(&mut session)["frames"].clone()
+    };
+    assert_eq!(frames(&cut), 2);
+    let all =
+        open(&[("lost.log", &lost())]).map(|mut session| overview(&mut session)["frames"].clone()).unwrap();
+    assert_eq!(frames(&whole), all);
+    let seen: Vec<_> = lines(&events).iter().map(|event| event["frames"][1].clone()).collect();
+    assert!(!seen.is_empty() && seen.iter().all(|frame| frame == 2), "{seen:?}");
+}

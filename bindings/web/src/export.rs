@@ -19,14 +19,15 @@ const MOST_WAITING: usize = 8 << 20;
 
 /// Output in memory, shared with a sink.
 #[derive(Clone, Default)]
-struct Buffer(Arc<Mutex<Vec<u8>>>);
+pub struct Buffer(Arc<Mutex<Vec<u8>>>);
 
 impl Buffer {
     fn len(&self) -> usize {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
 
-    fn take(&self) -> Vec<u8> {
+    /// Removes and returns what was written.
+    pub fn take(&self) -> Vec<u8> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
@@ -71,18 +72,24 @@ pub struct Exporting {
 struct FilteredSink {
     sink: Box<dyn EventSink + Send>,
     filter: Option<Filter>,
+    /// First and last frame whose events are written.
+    frames: Option<(u64, u64)>,
 }
 
 impl Observer for FilteredSink {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None)) {
+        let is_inside = |(first, last)| (first..=last).contains(&event.frames.last);
+        if self.frames.is_none_or(is_inside)
+            && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None))
+        {
             self.sink.write(event, bus);
         }
     }
 }
 
 impl Exporting {
-    /// Starts to write in a format of `EVENT_FORMATS`, with the findings among the events.
+    /// Starts to write in a format of `EVENT_FORMATS`, with the findings among the events; of some frames, if
+    /// they are stated.
     ///
     /// # Errors
     /// If the format is unknown, or not a single file.
@@ -90,13 +97,13 @@ impl Exporting {
         reader: MergedReader<Source>,
         (session, setup): (SessionOptions, &Arc<Setup>),
         format: &str,
-        filter: Option<Filter>,
+        (filter, frames): (Option<Filter>, Option<(u64, u64)>),
     ) -> Result<Self, String> {
         let found = EVENT_FORMATS.iter().find(|known| known.name == format);
         let format = found.ok_or_else(|| format!("{format}: unknown format"))?;
         let buffer = Buffer::default();
         let options = SinkOptions {
-            text: TextOptions { all: filter.is_some(), ..TextOptions::default() },
+            text: TextOptions { all: filter.is_some() || frames.is_some(), ..TextOptions::default() },
             ..SinkOptions::default()
         };
         let sink = (format.sink)(&mut SingleFile(buffer.clone()), &options);
@@ -106,7 +113,7 @@ impl Exporting {
             batch: Batch::new(),
             decoder: Decoder::new(session),
             engine: Some(Engine::new(Arc::clone(setup))),
-            sink: FilteredSink { sink, filter },
+            sink: FilteredSink { sink, filter, frames },
             buffer,
         })
     }

@@ -3,11 +3,13 @@
 use cobscope_decoder::frame::Timestamp;
 use serde_json::Value;
 
+use crate::cut::Cutting;
 use crate::export::Exporting;
 use crate::filter::{FilterResult, Filtering};
 use crate::plot::Plotting;
 use crate::report::{Reporting, WrittenReport};
 use crate::rows::FindingMarks;
+use crate::search::{Found, Searching};
 
 /// Work in steps.
 pub enum Job {
@@ -19,6 +21,10 @@ pub enum Job {
     Report(Box<Reporting>),
     /// Writing of events.
     Export(Box<Exporting>),
+    /// Writing of frames.
+    Cut(Box<Cutting>),
+    /// Search for a row.
+    Search(Box<Searching>),
 }
 
 /// Result of a job.
@@ -31,6 +37,8 @@ pub enum JobResult {
     Report(WrittenReport),
     /// All bytes are written.
     Export,
+    /// The row, or what remains to be searched.
+    Search(Found),
 }
 
 impl Job {
@@ -40,7 +48,8 @@ impl Job {
             Self::Filter(_) => "filter",
             Self::Plot(_) => "plot",
             Self::Report(_) => "report",
-            Self::Export(_) => "export",
+            Self::Export(_) | Self::Cut(_) => "export",
+            Self::Search(_) => "search",
         }
     }
 
@@ -51,6 +60,8 @@ impl Job {
             Self::Plot(job) => job.frames(),
             Self::Report(job) => job.frames(),
             Self::Export(job) => job.frames(),
+            Self::Cut(job) => job.frames(),
+            Self::Search(job) => job.frames(),
         }
     }
 
@@ -69,6 +80,8 @@ impl Job {
             Self::Plot(job) => job.step(frames),
             Self::Report(job) => return Ok(job.step(frames)),
             Self::Export(job) => return job.step(frames),
+            Self::Cut(job) => return job.step(frames),
+            Self::Search(job) => job.step(frames),
         };
         step.map_err(|error| error.to_string())
     }
@@ -77,6 +90,7 @@ impl Job {
     pub fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Export(job) => job.bytes(),
+            Self::Cut(job) => job.bytes(),
             _ => Vec::new(),
         }
     }
@@ -98,7 +112,8 @@ impl Job {
             Self::Filter(job) => JobResult::Filter(job.finish()),
             Self::Plot(job) => JobResult::Plot(job.curves()),
             Self::Report(job) => JobResult::Report(job.finish()?),
-            Self::Export(_) => JobResult::Export,
+            Self::Export(_) | Self::Cut(_) => JobResult::Export,
+            Self::Search(job) => JobResult::Search(job.finish()),
         })
     }
 }

@@ -14,6 +14,7 @@
 mod abi;
 mod capture;
 mod counts;
+mod cut;
 mod detail;
 mod export;
 pub mod files;
@@ -26,6 +27,7 @@ mod plot;
 mod report;
 mod request;
 mod rows;
+mod search;
 mod seek;
 mod session;
 mod state;

@@ -1,5 +1,6 @@
 //! Requests of the page, one JSON object each.
 
+use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::wire::NodeId;
 use serde::Deserialize;
 
@@ -35,8 +36,12 @@ pub enum Request {
     Curves,
     /// Starts to write a report.
     Report { finding: Option<u64>, page: String },
-    /// Starts to write events.
-    Export { format: String, list: ListName },
+    /// Starts to write events, or frames as `pcapng`; of the frames `frames` only, if they are stated.
+    Export { format: String, list: ListName, frames: Option<(u64, u64)> },
+    /// Position of the next error event after a position, or of the previous one.
+    Error { from: Spot, backward: bool },
+    /// Starts to search for the next row with a text, or for the previous one.
+    Search { text: String, list: ListName, from: Spot, backward: bool },
     /// Next bytes of a finished report or of an export in progress.
     Bytes { what: Product },
 }
@@ -111,12 +116,27 @@ pub enum ListName {
     Filter,
 }
 
+/// Position of an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub struct Spot {
+    /// Number of the frame.
+    pub frame: u64,
+    /// Number of the event among those of the frame.
+    pub ordinal: u32,
+}
+
+impl From<Spot> for EventPosition {
+    fn from(spot: Spot) -> Self {
+        Self { frame: spot.frame, ordinal: spot.ordinal }
+    }
+}
+
 /// Position in a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Place {
-    /// Number of a frame.
-    Frame(u64),
+    /// An event, or the first one after it.
+    Spot(Spot),
     /// Seconds since the first frame.
     Time(f64),
 }

@@ -131,6 +131,8 @@ pub fn value(row: &Row, place: u64, marks: &FindingMarks, zero: Option<Timestamp
         "data": row.data(),
         "tone": tone(row.tone),
         "mark": marks.at(row.event.frames.last),
+        "filter": row.filter(),
+        "line": row.text(),
     })
 }
 

@@ -8,12 +8,13 @@
 use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::EventPosition;
+use cobscope_decoder::replay::{EventPosition, RowPattern};
 use cobscope_decoder::rules::Setup;
 use serde_json::{Value, json};
 
 use crate::capture::Captures;
 use crate::counts::RowCounts;
+use crate::cut::Cutting;
 use crate::detail::detail;
 use crate::export::Exporting;
 use crate::files::Files;
@@ -25,6 +26,7 @@ use crate::plot::{self, Plotting};
 use crate::report::{Reporting, RoledFile, WrittenReport};
 use crate::request::{ListName, OpenRequest, Place, Product, Request, SignalName};
 use crate::rows::{FindingMarks, RowList, seconds, tone};
+use crate::search::{self, Found, Question, Searching};
 use crate::seek::Seek;
 use crate::state;
 use crate::survey::Survey;
@@ -191,7 +193,19 @@ impl Ready {
                 Ok(self.job.as_ref().and_then(Job::curves).unwrap_or_else(|| self.curves.clone()))
             }
             Request::Report { finding, page } => self.start_report(finding, page, files),
-            Request::Export { format, list } => self.start_export(&format, list),
+            Request::Export { format, list, frames } => self.start_export(&format, list, frames),
+            Request::Error { from, backward } => Ok(search::place(self.survey.error(from.into(), backward))),
+            Request::Search { text, list, from, backward } => {
+                let pattern = match RowPattern::new(&text) {
+                    Ok(pattern) => pattern,
+                    Err(reason) => return Ok(json!({"invalid": {"reason": reason, "start": 0}})),
+                };
+                let matcher = self.list(list)?.1.matcher.clone();
+                let from: EventPosition = from.into();
+                let question = Question { pattern, matcher, from, is_backward: backward };
+                let (start, last) = if backward { (from.frame, from.frame) } else { (from.frame, u64::MAX) };
+                self.start_search(question, start, last)
+            }
             Request::Open(_) | Request::Step { .. } | Request::Complete { .. } | Request::Bytes { .. } => {
                 Err("request of another state".to_owned())
             }
@@ -214,7 +228,7 @@ impl Ready {
     fn locate(&mut self, list: ListName, at: Place) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         let spot = match at {
-            Place::Frame(frame) => EventPosition::before(frame),
+            Place::Spot(spot) => spot.into(),
             Place::Time(time) => {
                 let Self { captures, survey, seek, .. } = self;
                 let time = stamp(survey.zero(), time);
@@ -269,14 +283,31 @@ impl Ready {
         Ok(json!({}))
     }
 
-    fn start_export(&mut self, format: &str, list: ListName) -> Answer {
+    /// Searches from the last checkpoint before frame `start` to frame `last`.
+    fn start_search(&mut self, question: Question, start: u64, last: u64) -> Answer {
+        let walk = match self.survey.mark(start.saturating_sub(1)) {
+            Some(mark) => self.captures.resume(mark),
+            None => self.captures.start(),
+        };
+        let walk = walk.map_err(|error| error.to_string())?;
+        self.job = Some(Job::Search(Box::new(Searching::new(walk, question, last))));
+        Ok(json!({}))
+    }
+
+    fn start_export(&mut self, format: &str, list: ListName, frames: Option<(u64, u64)>) -> Answer {
+        self.bytes = Vec::new();
+        if format == "pcapng" {
+            let reader = self.captures.reader().map_err(|error| error.to_string())?;
+            let cutting = Cutting::new(reader, frames.unwrap_or((0, u64::MAX)))?;
+            self.job = Some(Job::Cut(Box::new(cutting)));
+            return Ok(json!({}));
+        }
         let filter = self.filter.as_deref().filter(|_| list == ListName::Filter);
         let filter = filter.map(str::parse).transpose();
         let filter = filter.map_err(|error: cobscope_decoder::query::FilterError| error.to_string())?;
         let reader = self.captures.reader().map_err(|error| error.to_string())?;
         let options = (self.captures.options().clone(), &self.setup);
-        let exporting = Exporting::new(reader, options, format, filter)?;
-        self.bytes = Vec::new();
+        let exporting = Exporting::new(reader, options, format, (filter, frames))?;
         self.job = Some(Job::Export(Box::new(exporting)));
         Ok(json!({}))
     }
@@ -293,7 +324,7 @@ impl Ready {
             self.job = Some(job);
             return Ok(value);
         }
-        let (mut total, mut cut) = (None, None);
+        let (mut total, mut cut, mut place) = (None, None, None);
         match job.finish()? {
             JobResult::Filter(result) => {
                 total = Some(result.counts.total());
@@ -305,8 +336,13 @@ impl Ready {
                 self.report = Some(written);
             }
             JobResult::Export => {}
+            JobResult::Search(Found::Row(found)) => place = Some(search::place(found)),
+            JobResult::Search(Found::Further(question, last)) => {
+                self.start_search(question, last, last)?;
+                return Ok(json!({"phase": what, "frames": size.saturating_sub(last), "size": size}));
+            }
         }
-        Ok(json!({"phase": "done", "what": what, "total": total, "cut": cut}))
+        Ok(json!({"phase": "done", "what": what, "total": total, "cut": cut, "place": place}))
     }
 
     fn transfers(&self, from: usize, count: usize) -> Value {

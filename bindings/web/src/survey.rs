@@ -14,7 +14,7 @@ use cobscope_decoder::event::{Event, EventKind, Kind};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::profile::Catalogue;
-use cobscope_decoder::replay::{Checkpoint, Index, PlacedEvent, ReplayState, Walk};
+use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, PlacedEvent, ReplayState, Walk};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::statistics::{LoadOverTime, Statistics};
@@ -26,6 +26,9 @@ use crate::transfers::{Transfer, Transfers};
 
 /// Frames between the first checkpoints; doubled whenever there are too many.
 const FIRST_INTERVAL: u64 = 65_536;
+
+/// Maximum number of positions of error events.
+const MOST_ERRORS: usize = 200_000;
 
 /// Results of the first reading.
 pub struct Survey {
@@ -47,6 +50,8 @@ pub struct Survey {
     pub news: RowCounts,
     /// Transfers in order of their end.
     pub transfers: Transfers,
+    /// Positions of error events, in order.
+    pub errors: Vec<EventPosition>,
     /// Checkpoints.
     pub index: Index,
     /// State after the last frame.
@@ -73,6 +78,7 @@ struct SeenEvents {
     all: RowCounts,
     news: RowCounts,
     transfers: Transfers,
+    errors: Vec<EventPosition>,
     opened: u64,
 }
 
@@ -111,6 +117,9 @@ impl SeenEvents {
         if placed.is_news {
             self.news.add(placed.spot.frame);
         }
+        if event.is_error() && self.errors.len() < MOST_ERRORS {
+            self.errors.push(placed.spot);
+        }
         if let Some(transfer) = Transfer::of(placed) {
             self.transfers.add(transfer);
         }
@@ -131,6 +140,7 @@ impl Surveying {
             all: RowCounts::default(),
             news: RowCounts::default(),
             transfers: Transfers::default(),
+            errors: Vec::new(),
             opened: 0,
         };
         let (engine, index) = (Engine::new(Arc::clone(setup)), Index::every(FIRST_INTERVAL));
@@ -199,6 +209,7 @@ impl Surveying {
             all: seen.all,
             news: seen.news,
             transfers: seen.transfers,
+            errors: seen.errors,
             index,
             end: world,
             failure,
@@ -210,6 +221,13 @@ impl Survey {
     /// Time of the first frame.
     pub fn zero(&self) -> Option<Timestamp> {
         self.end.zero()
+    }
+
+    /// The next error event after a position, or the previous one before it.
+    pub fn error(&self, from: EventPosition, is_backward: bool) -> Option<EventPosition> {
+        let at = self.errors.partition_point(|spot| if is_backward { *spot < from } else { *spot <= from });
+        let at = if is_backward { at.checked_sub(1)? } else { at };
+        self.errors.get(at).copied()
     }
 
     /// The last checkpoint at or before a frame.

@@ -1,6 +1,6 @@
-//! Figures that all transfers of data have: SDO, J1939 transport, ISO-TP, UDS.
+//! What events of several kinds have in common: figures of transfers (SDO, J1939 transport, ISO-TP, UDS), and errors.
 
-use super::{Event, EventKind, MessageOutcome};
+use super::{DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome};
 
 /// Duration, size and outcome of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,5 +26,29 @@ impl Event {
             _ => return None,
         };
         Some(TransferFigures { duration, size, outcome })
+    }
+
+    /// Whether the event reports an error: of a device, of a transfer, of the bus, or of the capture.
+    pub fn is_error(&self) -> bool {
+        match &self.kind {
+            EventKind::Emcy(emergency) => emergency.action == EmcyAction::Raised,
+            EventKind::Dtc(dtc) => dtc.action == DtcAction::Raised,
+            EventKind::NodeLost(_)
+            | EventKind::CanError(_)
+            | EventKind::LostFrames { .. }
+            | EventKind::Malformed { .. }
+            | EventKind::MessageGap(_) => true,
+            EventKind::DeviceState(state) => state.fault,
+            EventKind::SdoTransfer(transfer) => {
+                matches!(transfer.outcome, Outcome::Aborted | Outcome::Timeout)
+            }
+            EventKind::J1939Transfer(transfer) => {
+                !matches!(transfer.outcome, Outcome::Complete | Outcome::Unfinished)
+            }
+            EventKind::UdsExchange(exchange) => {
+                matches!(exchange.outcome, ExchangeOutcome::Negative | ExchangeOutcome::NoAnswer)
+            }
+            _ => false,
+        }
     }
 }

@@ -10,6 +10,7 @@
 //! memory of the bus state ([`ReplayState::footprint`]).
 
 mod latest;
+mod pattern;
 mod row;
 mod sampling;
 pub mod signal;
@@ -17,7 +18,8 @@ mod walk;
 mod world;
 
 pub use latest::{Code, Latest, LatestOfNode, Start};
-pub use row::Row;
+pub use pattern::RowPattern;
+pub use row::{Row, node_filter};
 pub use sampling::{Bucket, MOST_BUCKETS, Points, Sampler};
 pub use signal::SignalKey;
 pub use walk::Walk;

@@ -5,6 +5,7 @@ use crate::event::{Event, EventKind, FrameRange};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags};
 use crate::sink::escape;
 use crate::sink::text::{Line, MessageChanges, Tone, TransferWords};
+use crate::wire::NodeId;
 use crate::wire::j1939::{J1939Id, Pgn};
 
 /// Number of payload bytes in a row.
@@ -129,6 +130,15 @@ impl Row {
         self.frame.filter(|frame| !frame.flags.contains(FrameFlags::ERROR)).map(|frame| frame.id)
     }
 
+    /// Filter expression for events like this one: of its node, and of its kind.
+    pub fn filter(&self) -> String {
+        let kind = format!("kind == {:?}", self.event.kind.name());
+        match self.event.node {
+            Some(node) => format!("{} && {kind}", node_filter(node)),
+            None => kind,
+        }
+    }
+
     /// First bytes of the frame.
     pub fn data(&self) -> String {
         let Some(frame) = &self.frame else { return String::new() };
@@ -145,6 +155,14 @@ impl Row {
         let id = self.id().map_or(String::new(), |id| id.to_string());
         let (what, unchanged) = (&self.what, &self.unchanged);
         format!("{} {id} {} {} {what} {unchanged} {}", self.bus, self.who, self.kind, self.data())
+    }
+}
+
+/// Filter expression for the events of a node.
+pub fn node_filter(node: NodeId) -> String {
+    match node {
+        NodeId::Canopen(id) => format!("node == {id}"),
+        NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
     }
 }
 

@@ -5,7 +5,7 @@ use cobscope_decoder::query::Filter;
 use super::application::{App, Mode, PromptPurpose};
 use super::report::has_format as has_report_format;
 use crate::select::Bound;
-use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay, pattern};
+use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay};
 use crate::timeline::{Export, Matcher};
 use crate::widgets::prompt::{Prompt, PromptEvent};
 
@@ -136,8 +136,7 @@ impl App {
         match asking {
             PromptPurpose::Filter => self.filter(text),
             PromptPurpose::Search => {
-                self.core.sought =
-                    pattern(text).ok().map(|pattern| SearchPattern { text: text.to_owned(), pattern });
+                self.core.sought = SearchPattern::new(text).ok();
                 self.core.search(false);
             }
             PromptPurpose::GoTo => match bound(&self.core, text) {
@@ -212,7 +211,7 @@ pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, Str
             Ok(_) => Ok(()),
             Err(error) => Err((error.at().start, error.reason().to_owned())),
         },
-        PromptPurpose::Search => pattern(text).map(|_| ()).map_err(|error| (0, error)),
+        PromptPurpose::Search => SearchPattern::new(text).map(|_| ()).map_err(|error| (0, error)),
         PromptPurpose::Export => {
             let known: Vec<_> =
                 Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();

@@ -26,16 +26,13 @@ impl App {
         // Without a filter nothing is between the cursor and the next place.
         let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
         drop(survey);
-        match next {
-            Some(place) => {
-                self.core.go(JumpPlace::Frame(place.frame));
-                let text = self.core.finding_text(place.id);
-                self.core.notify(&format!("{}{text}", skipped_text(skipped)));
-            }
-            None => {
-                let action = if is_forward { Action::NextFinding } else { Action::PreviousFinding };
-                self.nothing_further("finding", action, skipped);
-            }
+        if let Some(place) = next {
+            self.core.go(JumpPlace::Frame(place.frame));
+            let text = self.core.finding_text(place.id);
+            self.core.notify(&format!("{}{text}", skipped_text(skipped)));
+        } else {
+            let action = if is_forward { Action::NextFinding } else { Action::PreviousFinding };
+            self.nothing_further("finding", action, skipped);
         }
         self.refresh_panes();
     }
@@ -131,17 +128,14 @@ impl App {
         });
         let next = next.copied().filter(|spot| known.is_none_or(|frames| spot.frame <= frames));
         drop(survey);
-        match next {
-            Some(spot) => {
-                self.core.go(JumpPlace::Event(spot));
-                if skipped > 0 {
-                    self.core.notify(skipped_text(skipped).trim_end_matches("; "));
-                }
+        if let Some(spot) = next {
+            self.core.go(JumpPlace::Event(spot));
+            if skipped > 0 {
+                self.core.notify(skipped_text(skipped).trim_end_matches("; "));
             }
-            None => {
-                let action = if is_forward { Action::NextError } else { Action::PreviousError };
-                self.nothing_further("error", action, skipped);
-            }
+        } else {
+            let action = if is_forward { Action::NextError } else { Action::PreviousError };
+            self.nothing_further("error", action, skipped);
         }
     }
 }

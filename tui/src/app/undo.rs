@@ -5,7 +5,7 @@
 use super::application::{App, Mode};
 use super::history::{PaneShown, Shown};
 use crate::panes::PaneId;
-use crate::state::{SearchPattern, pattern};
+use crate::state::SearchPattern;
 use crate::timeline::Matcher;
 
 impl App {
@@ -49,11 +49,7 @@ impl App {
                 pane.search(&sought, &self.core);
             }
         }
-        let search = |text: String| {
-            let pattern = pattern(&text).ok()?;
-            Some(SearchPattern { text, pattern })
-        };
-        self.core.sought = shown.sought.and_then(search);
+        self.core.sought = shown.sought.and_then(|text| SearchPattern::new(&text).ok());
         if (&self.core.filter, self.core.matcher.only_news) != (&shown.filter, shown.only_news) {
             let filter = shown.filter.parse().ok();
             self.core.filter = shown.filter;

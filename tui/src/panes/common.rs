@@ -10,7 +10,6 @@ use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::wire::NodeId;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
@@ -68,13 +67,6 @@ pub(super) fn ahead(core: &Core, time: Option<Timestamp>) -> String {
     let ahead = time.since(cursor);
     let sign = if ahead > 0 { "+" } else { "" };
     format!("{sign}{}", seconds(ahead))
-}
-
-pub(super) fn node_filter(node: NodeId) -> String {
-    match node {
-        NodeId::Canopen(id) => format!("node == {id}"),
-        NodeId::J1939(address) => format!("source_address == 0x{address:02X}"),
-    }
 }
 
 /// The state at the end of the capture if it is read, else at the cursor: it has the most buses.

@@ -11,6 +11,7 @@
 use std::borrow::Cow;
 use std::cmp::Ordering;
 
+use cobscope_decoder::replay::node_filter;
 use cobscope_decoder::statistics::{BusStatistics, Distribution};
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
@@ -18,8 +19,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{
-    bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, node_filter, time, time_title,
-    time_width,
+    bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, time, time_title, time_width,
 };
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};

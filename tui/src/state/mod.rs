@@ -12,4 +12,4 @@ pub use against::{Against, DIFFERS, both_values, other_value};
 pub use clock::TimeDisplay;
 pub use core::Core;
 pub use place::{JumpPlace, NodeKey};
-pub use search::{SearchPattern, pattern};
+pub use search::SearchPattern;

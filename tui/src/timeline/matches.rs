@@ -8,29 +8,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row};
-use regex_lite::Regex;
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row, RowPattern};
 
 /// Maximum number of rows kept.
 pub(super) const MOST_ROWS: usize = 10_000;
 
 /// Conditions for a shown event.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Matcher {
     /// Filter expression.
     pub filter: Option<Filter>,
     /// Changes only.
     pub only_news: bool,
     /// Pattern for the text of the row.
-    pub text: Option<Regex>,
-}
-
-impl PartialEq for Matcher {
-    fn eq(&self, other: &Self) -> bool {
-        self.filter == other.filter
-            && self.only_news == other.only_news
-            && self.text.as_ref().map(Regex::as_str) == other.text.as_ref().map(Regex::as_str)
-    }
+    pub text: Option<RowPattern>,
 }
 
 impl Matcher {

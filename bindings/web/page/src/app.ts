@@ -2,6 +2,7 @@
 
 import { Client, PageError } from "./client";
 import { bytes, fill, grouped, h, plural, seconds } from "./dom";
+import { moment } from "./clock";
 import { formatLink, parseLink } from "./hash";
 import { helpDialog, PANE_KEYS } from "./help";
 import { busPane } from "./panes/bus";
@@ -10,15 +11,22 @@ import { eventsPane } from "./panes/events";
 import { signalsPane } from "./panes/signals";
 import { findingsPane, framesPane, nodesPane, objectsPane, transfersPane } from "./panes/tables";
 import { whyPane } from "./panes/why";
-import type { BusState, ListName, NodeProfile, Overview, Progress } from "./protocol";
-import { download } from "./save";
-import { findingsOf, since, type App, type Core, type Pane, type PaneName } from "./state";
+import type { BusState, ListName, NodeProfile, Place, Overview, Progress } from "./protocol";
+import { Navigation } from "./navigation";
+import { copy, download } from "./save";
+import { findingsOf, type App, type Core, type Pane, type PaneName } from "./state";
 import { Strip } from "./strip";
 
 /** Suffixes of files beside a capture. */
 const BESIDE = /\.(toml|eds|dcf|xdd|xdc|dbc|json)$/i;
 
+/** Suffixes of exported files. */
+const SUFFIXES: Record<string, string> = { csv: "values.csv", jsonl: "events.jsonl", text: "events.txt", pcapng: "frames.pcapng" };
+
 const FORMATS = "candump log, pcap and pcapng, ASC, BLF, TRC, MDF4, MCAP, CSV, BUSMASTER, CRTD and others; plain or gzip";
+
+/** Selection of the events. */
+interface Shown { filter: string; onlyNews: boolean }
 
 export class Page implements App {
   core!: Core;
@@ -50,6 +58,12 @@ export class Page implements App {
     void this.take(files);
   } });
   private help = helpDialog();
+  private navigation = new Navigation(this, this.foot);
+  /** Moves and the keys typed after them, in order. */
+  private turn: Promise<void> = Promise.resolve();
+  /** Filters before and after the present one. */
+  private before: Shown[] = [];
+  private after: Shown[] = [];
 
   constructor(root: HTMLElement) {
     this.root = root;
@@ -176,8 +190,10 @@ export class Page implements App {
     this.core = {
       client, overview, beside, nodes: this.nodes,
       cursor: { frame: 0, time: 0 }, ordinal: 0, list, filter: "", total: overview.events,
-      state: null, node: null, signals: [], finding: null,
+      state: null, node: null, signals: [], finding: null, clock: "seconds", selection: null, second: null,
     };
+    this.navigation.reset();
+    [this.before, this.after, this.onlyNews] = [[], [], false];
     this.stateLoop = null;
     document.title = `${overview.name} – cobscope`;
     this.root.className = "open";
@@ -212,7 +228,7 @@ export class Page implements App {
     // Showing a pane writes the link, so that the one of the address is read first.
     const link = location.hash;
     this.show("why");
-    if (!this.follow(link)) this.goTo(first);
+    if (!this.follow(link)) this.inTurn(() => this.goTo(first));
   }
 
   private badge(): HTMLElement | null {
@@ -226,7 +242,7 @@ export class Page implements App {
     const verdict = overview.errors + overview.warnings === 0 ? "no error or warning"
       : [overview.errors > 0 ? plural(overview.errors, "error") : "", overview.warnings > 0 ? plural(overview.warnings, "warning") : ""].filter(Boolean).join(", ");
     const format = h("select", { "aria-label": "Export", onchange: () => { const name = format.value; format.value = ""; if (name) void this.export(name); } });
-    for (const [value, text] of [["", "Export…"], ["cut", "cut-out capture (pcapng)"], ["csv", "values (CSV)"], ["jsonl", "events (JSON Lines)"], ["text", "events (text)"], ["link", "link to this position"]]) {
+    for (const [value, text] of [["", "Export…"], ["cut", "cut-out capture of the story (pcapng)"], ["pcapng", "frames (pcapng)"], ["csv", "values (CSV)"], ["jsonl", "events (JSON Lines)"], ["text", "events (text)"], ["link", "link to this position"]]) {
       format.append(h("option", { value: value ?? "" }, text ?? ""));
     }
     fill(
@@ -278,15 +294,28 @@ export class Page implements App {
 
   // ── cursor ─────────────────────────────────────────────────────────────────────────────────────────────────
 
-  goTo(frame: number, ordinal = 0): void {
-    void this.locate({ frame }, frame, ordinal).catch((error) => this.fail(error));
+  async goTo(frame: number, ordinal = 0): Promise<void> {
+    await this.locate({ spot: { frame, ordinal } }, frame, ordinal).catch((error) => this.fail(error));
   }
 
-  goToTime(time: number): void {
-    void this.locate({ time }).catch((error) => this.fail(error));
+  async goToTime(time: number): Promise<void> {
+    await this.locate({ time }).catch((error) => this.fail(error));
   }
 
-  private async locate(at: { frame: number } | { time: number }, frame?: number, ordinal = 0): Promise<void> {
+  inTurn(action: () => Promise<void> | void): void {
+    this.turn = this.turn.then(() => this.events.list.settled()).then(action).catch((error) => this.fail(error));
+  }
+
+  focus(): void {
+    this.pane(this.current).focus();
+  }
+
+  redraw(): void {
+    this.events.list.repaint();
+    this.moved();
+  }
+
+  private async locate(at: { spot: Place } | { time: number }, frame?: number, ordinal = 0): Promise<void> {
     const { client, list, total } = this.core;
     const found = await client.call<{ row: number; frame: number }>({ do: "locate", list: total > 0 ? list : "all", at });
     const target = frame ?? found.frame;
@@ -294,7 +323,7 @@ export class Page implements App {
     this.core.cursor = { frame: target, time: "time" in at ? at.time : null };
     this.core.ordinal = ordinal;
     await this.refreshState();
-    if ("frame" in at && this.core.state) this.core.cursor.time = this.core.state.time;
+    if ("spot" in at && this.core.state) this.core.cursor.time = this.core.state.time;
     this.moved();
   }
 
@@ -318,8 +347,10 @@ export class Page implements App {
   }
 
   private refresh(): void {
-    const { cursor, overview } = this.core;
-    this.position.textContent = `t ${seconds(cursor.time)} s  #${cursor.frame}/${overview.frames}`;
+    const { cursor, overview, clock, selection } = this.core;
+    const unit = clock === "seconds" ? " s" : clock === "UTC" ? " UTC" : "";
+    const selected = selection === null ? "" : `  selected from #${selection}`;
+    this.position.textContent = `t ${moment(cursor.time, clock, overview)}${unit}  #${cursor.frame}/${overview.frames}${selected}`;
     this.strip.draw();
   }
 
@@ -343,22 +374,57 @@ export class Page implements App {
     const link = parseLink(hash, this.panes.map((pane) => pane.name));
     if (link.filter) void this.setFilter(link.filter);
     if (link.pane) this.show(link.pane as PaneName);
-    if (link.frame !== null) this.goTo(link.frame);
-    else if (link.time !== null) this.goToTime(link.time);
+    const { frame, time } = link;
+    if (frame !== null) this.inTurn(() => this.goTo(frame));
+    else if (time !== null) this.inTurn(() => this.goToTime(time));
     return link.frame !== null || link.time !== null;
   }
 
   // ── filter ─────────────────────────────────────────────────────────────────────────────────────────────────
 
   async setFilter(text: string): Promise<void> {
+    if (text !== this.core.filter) this.keep();
     this.core.filter = text;
-    await this.select(this.core.list === "news" || (this.core.list === "filter" && this.onlyNews));
+    await this.select(this.onlyNews);
   }
 
   private onlyNews = false;
 
   async setOnlyNews(onlyNews: boolean): Promise<void> {
+    if (onlyNews !== this.onlyNews) this.keep();
     await this.select(onlyNews);
+  }
+
+  /** Keeps the present selection for undo. */
+  private keep(): void {
+    this.before.push({ filter: this.core.filter, onlyNews: this.onlyNews });
+    this.after = [];
+  }
+
+  private async undo(from: Shown[], to: Shown[]): Promise<void> {
+    const shown = from.pop();
+    if (!shown) return this.say(from === this.before ? "Nothing to undo" : "Nothing to redo");
+    to.push({ filter: this.core.filter, onlyNews: this.onlyNews });
+    this.core.filter = shown.filter;
+    await this.select(shown.onlyNews);
+    this.say(shown.filter === "" ? "No filter" : `Filter ${shown.filter}`);
+  }
+
+  /** Filters by node and kind of the selected event. */
+  private async filterLikeThis(): Promise<void> {
+    const wanted = this.events.list.row(this.events.list.selected)?.filter;
+    if (!wanted) return this.say("No event is selected");
+    const { filter } = this.core;
+    const text = filter === "" || filter.includes(wanted) ? wanted : `(${filter}) && ${wanted}`;
+    this.show("events");
+    await this.setFilter(text);
+  }
+
+  private async copyLine(): Promise<void> {
+    const row = this.events.list.row(this.events.list.selected);
+    if (!row) return this.say("No event is selected");
+    const isCopied = await copy(`${moment(row.time, this.core.clock, this.core.overview, 6)} ${row.line}`);
+    this.say(isCopied ? "Copied" : "The browser does not allow copying");
   }
 
   private async select(onlyNews: boolean): Promise<void> {
@@ -375,7 +441,7 @@ export class Page implements App {
         const done = await client.job({ do: "filter", text: core.filter, only_news: onlyNews }, (value) => {
           this.say(`Filtering, ${Math.round((100 * (value.frames ?? 0)) / Math.max(1, value.size ?? 1))} %`);
         });
-        const invalid = (done as unknown as { invalid?: { reason: string; start: number } }).invalid;
+        const { invalid } = done;
         if (invalid) {
           problem.showProblem(`${invalid.reason} (character ${invalid.start + 1})`);
           return;
@@ -388,7 +454,8 @@ export class Page implements App {
       this.events.list.reset(core.total);
       this.events.open();
       if (core.total > 0) {
-        const found = await client.call<{ row: number }>({ do: "locate", list: core.list, at: { frame: core.cursor.frame } });
+        const at = { spot: { frame: core.cursor.frame, ordinal: core.ordinal } };
+        const found = await client.call<{ row: number }>({ do: "locate", list: core.list, at });
         this.events.list.reveal(found.row);
       }
       this.write();
@@ -428,7 +495,7 @@ export class Page implements App {
     try {
       if (format === "link") {
         const link = formatLink({ time: this.core.cursor.time, frame: this.core.cursor.frame, pane: this.current, filter: this.core.filter });
-        await navigator.clipboard?.writeText(link).catch(() => {});
+        await copy(link);
         return this.say(`Link for whoever has ${overview.name}: ${link}`);
       }
       if (format === "cut") {
@@ -440,13 +507,15 @@ export class Page implements App {
         return this.say(`${this.stem()}.cut.pcapng saved (${bytes(content.length)})`);
       }
       const parts: Uint8Array<ArrayBuffer>[] = [];
-      const done = await client.job({ do: "export", format, list }, (value, part) => {
+      const { selection, cursor } = this.core;
+      const frames: [number, number] | null = selection === null ? null : [Math.min(selection, cursor.frame), Math.max(selection, cursor.frame)];
+      const done = await client.job({ do: "export", format, list, frames }, (value, part) => {
         if (part && part.length > 0) parts.push(part);
         this.say(`Export, ${Math.round((100 * (value.frames ?? 0)) / Math.max(1, value.size ?? 1))} %`);
       });
       if (done.phase !== "done") return;
-      const name = `${this.stem()}.${format === "csv" ? "values.csv" : format === "jsonl" ? "events.jsonl" : "events.txt"}`;
-      download(name, parts, format === "csv" ? "text/csv" : "text/plain");
+      const name = `${this.stem()}.${SUFFIXES[format] ?? format}`;
+      download(name, parts, format === "pcapng" ? "application/octet-stream" : format === "csv" ? "text/csv" : "text/plain");
       this.say(`${name} saved (${bytes(parts.reduce((sum, part) => sum + part.length, 0))})`);
     } catch (error) {
       this.fail(error);
@@ -476,16 +545,21 @@ export class Page implements App {
     const target = event.target as HTMLElement;
     const isText = target.matches("input[type=text], input[type=search], select, textarea");
     if (isText || event.ctrlKey || event.metaKey || event.altKey || this.help.isOpen()) return;
+    if (this.navigation.letter(event.key)) return event.preventDefault();
     if (event.key === "?" || event.key === "F1") { event.preventDefault(); return this.help.open(); }
     if (event.key === "o" || event.key === "O") return this.input.click();
     if (!this.root.className.startsWith("open")) return;
     const pane = PANE_KEYS[event.key];
     if (pane !== undefined) return this.show(pane);
     if (this.pane(this.current).key?.(event)) return;
+    if (this.navigation.key(event.key)) return event.preventDefault();
     switch (event.key) {
-      case "]": case "[": return this.finding(event.key === "]" ? 1 : -1);
-      case "}": case "{": return this.story(event.key === "}" ? 1 : -1);
-      case ":": event.preventDefault(); return this.ask();
+      case "=": return this.inTurn(() => this.filterLikeThis());
+      case "u": return this.inTurn(() => this.undo(this.before, this.after));
+      case "U": return this.inTurn(() => this.undo(this.after, this.before));
+      case "y": return this.inTurn(() => this.copyLine());
+      case "a": this.show("nodes"); return this.main.querySelector<HTMLElement>("select")?.focus();
+      case "i": this.strip.element.hidden = !this.strip.element.hidden; return this.strip.draw();
       case "f": case "F3": event.preventDefault(); this.show("events"); return this.events.search();
       case "v": this.show("events"); return void this.setOnlyNews(!this.onlyNews);
       case "c": return void this.setFilter("");
@@ -495,46 +569,5 @@ export class Page implements App {
       case "Escape": case "Backspace": return this.show(this.current === "detail" ? "events" : "why");
       default:
     }
-  }
-
-  private finding(step: number): void {
-    const all = findingsOf(this.core.overview)
-      .flatMap((one) => one.occurrences.map((it) => ({ id: one.finding, frame: it.frames[1], text: one.text, time: since(this.core.overview, it.t) })))
-      .sort((one, other) => one.frame - other.frame);
-    const { frame } = this.core.cursor;
-    const found = step > 0 ? all.find((one) => one.frame > frame) : all.reverse().find((one) => one.frame < frame);
-    if (!found) return this.say(step > 0 ? "No later finding" : "No earlier finding");
-    this.core.finding = found.id;
-    this.goTo(found.frame);
-    this.say(found.text);
-  }
-
-  private story(step: number): void {
-    const stories = this.core.overview.why?.stories ?? [];
-    const { frame } = this.core.cursor;
-    const all = stories.filter((one) => one.frames).sort((one, other) => one.frames![1] - other.frames![1]);
-    const found = step > 0 ? all.find((one) => one.frames![1] > frame) : all.reverse().find((one) => one.frames![1] < frame);
-    if (!found?.frames) return this.say(step > 0 ? "No later story" : "No earlier story");
-    this.core.finding = found.findings[0] ?? null;
-    this.goTo(found.frames[1]);
-    this.say(found.title);
-  }
-
-  /** Asks for a position: `12.5` (seconds), `#1234` (frame). */
-  private ask(): void {
-    const field = h("input", { type: "text", id: "place", "aria-label": "Go to: 12.5 (seconds) or #1234 (frame)", placeholder: "12.5 or #1234" });
-    const form = h("form", { class: "ask", onsubmit: (event: Event) => {
-      event.preventDefault();
-      const text = field.value.trim();
-      form.remove();
-      const number = Number(text.replace(/^#/, ""));
-      if (!Number.isFinite(number) || text === "") return this.say(`${text}: expected 12.5 (seconds) or #1234 (frame)`);
-      if (text.startsWith("#")) this.goTo(number);
-      else this.goToTime(number);
-      this.pane(this.current).focus();
-    } }, h("label", { for: "place" }, "Go to"), field);
-    field.onkeydown = (event) => { if (event.key === "Escape") { form.remove(); this.pane(this.current).focus(); } event.stopPropagation(); };
-    this.foot.append(form);
-    field.focus();
   }
 }

@@ -7,7 +7,7 @@ export type Request =
   | { do: "step"; frames: number }
   | { do: "overview" }
   | { do: "rows"; list: ListName; from: number; count: number }
-  | { do: "locate"; list: ListName; at: { frame: number } | { time: number } }
+  | { do: "locate"; list: ListName; at: { spot: Place } | { time: number } }
   | { do: "filter"; text: string; only_news: boolean }
   | { do: "complete"; text: string }
   | { do: "state"; frame: number }
@@ -17,9 +17,13 @@ export type Request =
   | { do: "plot"; signals: SignalName[]; from: number | null; to: number | null }
   | { do: "curves" }
   | { do: "report"; finding: number | null; page: string }
-  | { do: "export"; format: string; list: ListName }
+  | { do: "export"; format: string; list: ListName; frames: [number, number] | null }
+  | { do: "error"; from: Place; backward: boolean }
+  | { do: "search"; text: string; list: ListName; from: Place; backward: boolean }
   | { do: "bytes"; what: "report" | "cut" | "export" };
 
+/** Position of an event. */
+export interface Place { frame: number; ordinal: number }
 export interface NamedFile { file: number; name: string; size: number; node?: number }
 export type NodeName = { canopen: number } | { j1939: number };
 export interface NodeProfile { bus: string | null; node: NodeName; profile: string }
@@ -49,6 +53,8 @@ export interface Progress {
   findings?: number;
   total?: number;
   cut?: number;
+  place?: Place | null;
+  invalid?: { reason: string; start: number };
 }
 
 export type Severity = "error" | "warning" | "note";
@@ -162,6 +168,8 @@ export interface EventRow {
   data: string;
   tone: Tone;
   mark: Severity | null;
+  filter: string;
+  line: string;
 }
 
 export interface NodeState {

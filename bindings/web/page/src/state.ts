@@ -1,7 +1,10 @@
 // State shared by all panes: what is open, and the cursor in time.
 
 import type { Client } from "./client";
+import type { Clock } from "./clock";
 import type { BusState, Finding, ListName, NodeProfile, Overview, SignalName } from "./protocol";
+
+export type { Place } from "./protocol";
 
 export interface Cursor { frame: number; time: number | null }
 
@@ -25,13 +28,24 @@ export interface Core {
   node: { bus: number; node: number; j1939: boolean } | null;
   signals: ChosenSignal[];
   finding: number | null;
+  clock: Clock;
+  /** First frame of the selection; it ends at the cursor. */
+  selection: number | null;
+  /** Time of cursor B in the plot. */
+  second: number | null;
 }
 
 export interface App {
   core: Core;
-  goTo(frame: number, ordinal?: number): void;
-  goToTime(time: number): void;
+  goTo(frame: number, ordinal?: number): Promise<void>;
+  goToTime(time: number): Promise<void>;
+  /** Does something after the moves before it. */
+  inTurn(action: () => Promise<void> | void): void;
   show(pane: PaneName): void;
+  /** Gives the keyboard to the pane. */
+  focus(): void;
+  /** Draws everything again. */
+  redraw(): void;
   saveReport(finding: number | null): void;
   setFilter(text: string): Promise<void>;
   setOnlyNews(onlyNews: boolean): Promise<void>;

@@ -57,14 +57,14 @@ export class Strip {
     const colour = (name: string) => style.getPropertyValue(name).trim();
     const duration = Math.max(this.duration(), 1e-9);
     const place = (time: number) => (time / duration) * width;
-    for (const bus of core.overview.buses.slice(0, 1)) {
-      const load = bus.load;
-      if (!load) continue;
-      const most = load.bits.reduce((a, b) => Math.max(a, b), 1);
-      context.fillStyle = colour("--line");
+    // Bars of several buses overlap: the highest load shows, as in the terminal UI.
+    const loads = core.overview.buses.flatMap((bus) => (bus.load ? [bus.load] : []));
+    const most = loads.flatMap((load) => load.bits.map((bits) => bits / load.step)).reduce((a, b) => Math.max(a, b), 1);
+    context.fillStyle = colour("--line");
+    for (const load of loads) {
       load.bits.forEach((bits, index) => {
         const left = place(load.start + index * load.step);
-        const tall = (bits / most) * (height - 10);
+        const tall = (bits / load.step / most) * (height - 10);
         context.fillRect(left, height - tall, Math.max(1, place(load.step)), tall);
       });
     }

@@ -39,6 +39,8 @@ export class VirtualList<T> {
   private total = 0;
   private top = 0;
   private epoch = 0;
+  /** How the cells are written. */
+  private version = 0;
   private height = 24;
   private expected = 0;
   private drawn = false;
@@ -80,6 +82,7 @@ export class VirtualList<T> {
     this.epoch += 1;
     this.pages.clear();
     this.asked.clear();
+    this.settle();
     this.total = total;
     this.selected = total > 0 ? Math.min(index, total - 1) : -1;
     this.scroller.setAttribute("aria-rowcount", String(total));
@@ -176,13 +179,31 @@ export class VirtualList<T> {
     this.plan();
   }
 
-  private tell(): void {
-    const row = this.row(this.selected);
-    if (row) this.options.onSelect(row, this.selected);
-    else this.pendingTell = this.selected;
+  /** Paints all rows in view again. */
+  repaint(): void {
+    this.version += 1;
+    this.plan();
   }
 
+  /** Waits until the selected row is read. */
+  async settled(): Promise<void> {
+    if (this.pendingTell >= 0 && this.scroller.isConnected) await new Promise<void>((resolve) => this.waiting.push(resolve));
+  }
+
+  private tell(): void {
+    const row = this.row(this.selected);
+    this.pendingTell = row ? -1 : this.selected;
+    if (row) this.options.onSelect(row, this.selected);
+  }
+
+  private settle(): void {
+    this.pendingTell = -1;
+    this.waiting.splice(0).forEach((resolve) => resolve());
+  }
+
+  /** Selected row that is not read yet. */
   private pendingTell = -1;
+  private waiting: (() => void)[] = [];
 
   row(index: number): T | undefined {
     return this.pages.get(Math.floor(index / PAGE))?.[index % PAGE];
@@ -197,7 +218,8 @@ export class VirtualList<T> {
   }
 
   private draw(): void {
-    if (!this.scroller.isConnected || this.scroller.clientHeight === 0) return;
+    // A list that is not shown reads nothing.
+    if (!this.scroller.isConnected || this.scroller.clientHeight === 0) return this.settle();
     if (!this.drawn) {
       this.drawn = true;
       this.resize();
@@ -235,7 +257,7 @@ export class VirtualList<T> {
   private paint(element: HTMLElement, index: number): void {
     const row = this.row(index);
     const isSelected = index === this.selected;
-    const key = `${this.epoch}:${index}:${row ? 1 : 0}:${isSelected ? 1 : 0}`;
+    const key = `${this.epoch}:${this.version}:${index}:${row ? 1 : 0}:${isSelected ? 1 : 0}`;
     if (element.dataset.key === key) return;
     element.dataset.key = key;
     element.dataset.index = String(index);
@@ -273,10 +295,10 @@ export class VirtualList<T> {
           if (Math.floor(this.pendingTell / PAGE) === page) {
             const row = this.row(this.pendingTell);
             if (row && this.pendingTell === this.selected) this.options.onSelect(row, this.selected);
-            this.pendingTell = -1;
+            this.settle();
           }
         })
-        .catch(() => {})
+        .catch(() => this.settle())
         .finally(() => {
           if (epoch !== this.epoch) return;
           this.asked.delete(page);

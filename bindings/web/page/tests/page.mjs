@@ -149,9 +149,8 @@ test("keyboard: find the fault, plot it, save the report", async (browser) => {
   const { context, page, problems } = await open(browser, html);
   equal(await choose(page, pve), true, "opened");
   await page.keyboard.press("2");
+  // Keys that move wait for the moves before them.
   await page.keyboard.press("g");
-  // The first row is read before it is selected.
-  await page.waitForFunction(() => /#1\//.test(document.querySelector(".position").textContent));
   await page.keyboard.press("]");
   await page.waitForFunction(() => /#104\//.test(document.querySelector(".position").textContent));
   await page.keyboard.press("5");
@@ -166,6 +165,51 @@ test("keyboard: find the fault, plot it, save the report", async (browser) => {
   await page.keyboard.press("Enter");
   const path = await saved(page, () => page.keyboard.press("R"));
   assert(readFileSync(path, "utf8").includes("<h1>"), "a report");
+  equal(problems, [], "problems");
+  await context.close();
+});
+
+test("keyboard: errors, marks, search, undo, selection, as in the terminal", async (browser) => {
+  const { context, page, problems } = await open(browser, html);
+  equal(await choose(page, pve), true, "opened");
+  const press = async (...keys) => { for (const key of keys) await page.keyboard.press(key); };
+  const at = (frame) => page.waitForFunction((wanted) => document.querySelector(".position").textContent.includes(`#${wanted}/`), frame);
+  const events = run("decode", "-f", "jsonl", "--frames", pve).stdout.split("\n").filter(Boolean).map((line) => JSON.parse(line));
+  const emergencies = events.filter((one) => one.kind === "emcy").map((one) => one.frames[1]);
+  const raised = events.find((one) => one.kind === "emcy" && one.action === "raised").frames[1];
+  // The first error event after the start is the emergency, or an event before it.
+  await press("2", "g", "e");
+  await page.waitForFunction(() => !/#1\//.test(document.querySelector(".position").textContent));
+  const first = Number((await page.textContent(".position")).match(/#(\d+)\//)[1]);
+  assert(first <= raised, `first error in frame ${first}, emergency in ${raised}`);
+  // A search in both directions, from a mark.
+  await press("g", "m", "a", "/");
+  await page.waitForSelector("#sought");
+  await page.keyboard.type("EMCY");
+  await press("Enter");
+  await at(emergencies[0]);
+  await press("n");
+  await at(emergencies[1]);
+  await press("N");
+  await at(emergencies[0]);
+  await press("'", "a");
+  await at(1);
+  // The filter of the selected event, and back.
+  const all = await page.textContent(".count");
+  const counted = (text) => page.waitForFunction((wanted) => document.querySelector(".count").textContent === wanted, text);
+  await press("n", "=");
+  await counted(`${emergencies.length} events`);
+  await press("u");
+  await counted(all);
+  // The selected frames, as a capture.
+  await press("g", "V", "n");
+  await at(emergencies[0]);
+  const file = await saved(page, () => page.selectOption("select[aria-label=Export]", "pcapng"));
+  const frames = run("stats", "-f", "json", file).stdout;
+  equal(JSON.parse(frames).buses.reduce((sum, bus) => sum + bus.frames, 0), emergencies[0], "selected frames");
+  // Times in UTC need a date; this capture starts in 2023 or has none.
+  await press("V", "t");
+  await page.waitForFunction(() => /UTC|no wall-clock time/.test(document.body.textContent));
   equal(problems, [], "problems");
   await context.close();
 });

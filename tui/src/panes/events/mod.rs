@@ -9,12 +9,13 @@
 mod cells;
 mod columns;
 
+use cobscope_decoder::replay::node_filter;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use self::cells::CellWidths;
 use self::columns::columns;
-use super::common::{node_filter, time};
+use super::common::time;
 use super::detail::Detail;
 use super::legend::{self, Legend};
 use super::{Effect, Pane};
@@ -223,10 +224,7 @@ impl Pane for Events {
         let event = &row.event;
         let kind = format!("kind == {:?}", event.kind.name());
         Some(match self.column {
-            None => match event.node {
-                Some(node) => format!("{} && {kind}", node_filter(node)),
-                None => kind,
-            },
+            None => row.filter(),
             Some(columns::NUMBER) => format!("frames == {}", event.frames.last),
             Some(columns::BUS) => format!("bus == {:?}", row.bus),
             Some(columns::NODE) => node_filter(event.node?),

@@ -19,6 +19,7 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use cobscope_decoder::finding::Verdict;
+use cobscope_decoder::replay::node_filter;
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -29,7 +30,7 @@ use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{
     ahead, bus_name, bus_short, bus_title, bus_width, chosen as chosen_columns, divider, move_in,
-    node_filter, severity_role, time, time_width,
+    severity_role, time, time_width,
 };
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};

@@ -20,7 +20,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use crate::panes::common::chosen;
-use crate::state::{Core, SearchPattern, pattern};
+use crate::state::{Core, SearchPattern};
 use crate::theme::{Glyph, Role};
 use crate::timeline::{SignalKey, signal};
 use crate::widgets::draw;
@@ -99,9 +99,9 @@ impl List {
 
     /// Lists only signals that match `text`; all if it is empty.
     pub(super) fn search(&mut self, text: &str) {
-        self.sought = match pattern(text) {
+        self.sought = match SearchPattern::new(text) {
             _ if text.trim().is_empty() => None,
-            Ok(pattern) => Some(SearchPattern { text: text.to_owned(), pattern }),
+            Ok(pattern) => Some(pattern),
             // An incomplete pattern: keep the last valid one.
             Err(_) => return,
         };

@@ -4,9 +4,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::event::{
-    DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, Kind, Outcome, TransferFigures,
-};
+use cobscope_decoder::event::{Event, EventKind, Kind, TransferFigures};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
@@ -167,7 +165,7 @@ impl Surveyor {
         if let Some(change) = bit_rate_change(told.event) {
             self.bit_rate_change = Some((escape(told.bus.name()).into_owned(), escape(change).into_owned()));
         }
-        if is_error(told.event) && self.kept.0 < MOST_ERRORS {
+        if told.event.is_error() && self.kept.0 < MOST_ERRORS {
             self.kept.0 += 1;
             self.errors.push(told.spot);
         }
@@ -237,30 +235,6 @@ impl Surveyor {
         survey.statistics.withdraw(buses);
         survey.findings = Some(findings);
         survey.buses = names;
-    }
-}
-
-/// Whether an event reports an error.
-fn is_error(event: &Event) -> bool {
-    match &event.kind {
-        EventKind::Emcy(emergency) => emergency.action == EmcyAction::Raised,
-        EventKind::Dtc(dtc) => dtc.action == DtcAction::Raised,
-        EventKind::NodeLost(_)
-        | EventKind::CanError(_)
-        | EventKind::LostFrames { .. }
-        | EventKind::Malformed { .. }
-        | EventKind::MessageGap(_) => true,
-        EventKind::DeviceState(state) => state.fault,
-        EventKind::SdoTransfer(transfer) => {
-            matches!(transfer.outcome, Outcome::Aborted | Outcome::Timeout)
-        }
-        EventKind::J1939Transfer(transfer) => {
-            !matches!(transfer.outcome, Outcome::Complete | Outcome::Unfinished)
-        }
-        EventKind::UdsExchange(exchange) => {
-            matches!(exchange.outcome, ExchangeOutcome::Negative | ExchangeOutcome::NoAnswer)
-        }
-        _ => false,
     }
 }
 

@@ -114,6 +114,7 @@ export function signalsPane(app: App): Pane & { replot(): void } {
     };
     const { overview, cursor } = app.core;
     if (cursor.time !== null) line(cursor.time, "--text", [], "A");
+    if (app.core.second !== null) line(app.core.second, "--text", [2, 4], "B");
     for (const one of findingsOf(overview)) {
       const time = since(overview, one.occurrences[0]?.t ?? null);
       if (time !== null && one.severity !== "note") line(time, `--${one.severity}`, [4, 4], one.severity === "error" ? "E" : "w");
@@ -130,7 +131,7 @@ export function signalsPane(app: App): Pane & { replot(): void } {
       return;
     }
     box.hidden = false;
-    status.textContent = "Click in the plot moves the cursor; drag zooms, double click shows all.";
+    status.textContent = `${distance()}Click in the plot moves the cursor; drag zooms, double click shows all.`;
     box.setAttribute("aria-label", `Plot of ${curves.map((curve) => `${curve.name} ${range(curve)} ${curve.unit}`).join("; ")}`);
     const units = [...new Set(curves.map((curve) => curve.unit))];
     const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 0.6 }, ticks: { stroke: colour("--line") } };
@@ -163,6 +164,12 @@ export function signalsPane(app: App): Pane & { replot(): void } {
       const left = plot?.cursor.left;
       if (plot && left !== undefined && left >= 0) app.goToTime(plot.posToVal(left, "x"));
     });
+  }
+
+  /** Time from cursor B to the cursor. */
+  function distance(): string {
+    const { cursor, second } = app.core;
+    return cursor.time === null || second === null ? "" : `A − B = ${seconds(cursor.time - second)} s. `;
   }
 
   function range(curve: Curve): string {
@@ -201,6 +208,7 @@ export function signalsPane(app: App): Pane & { replot(): void } {
     moved() {
       list();
       plot?.redraw(false);
+      if (plot && app.core.second !== null) status.textContent = distance();
     },
     key(event) {
       if (event.key === "/" || event.key === "F7") {
@@ -226,5 +234,3 @@ export function signalsPane(app: App): Pane & { replot(): void } {
     focus: () => table.focus(),
   };
 }
-
-export { seconds };

@@ -1,0 +1,24 @@
+// Display of times: seconds since the first frame, UTC or local time.
+
+import { seconds } from "./dom";
+import type { Overview } from "./protocol";
+
+export type Clock = "seconds" | "UTC" | "local";
+
+const NEXT: Record<Clock, Clock> = { seconds: "UTC", UTC: "local", local: "seconds" };
+
+/** The display after this one; a capture without dates has only seconds. */
+export function nextClock(clock: Clock, overview: Overview): Clock {
+  return overview.start === null ? "seconds" : NEXT[clock];
+}
+
+/** A time in s since the first frame, as the clock shows it: `7.204`, or `2023-11-14 22:13:27.204`. */
+export function moment(time: number | null | undefined, clock: Clock, overview: Overview, digits = 3): string {
+  if (clock === "seconds" || overview.zero === null || time === null || time === undefined) return seconds(time, digits);
+  const date = new Date(Math.floor((Number(overview.zero) + time) * 1000));
+  if (Number.isNaN(date.getTime())) return seconds(time, digits);
+  if (clock === "UTC") return date.toISOString().replace("T", " ").replace("Z", "");
+  const two = (value: number) => String(value).padStart(2, "0");
+  const day = `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
+  return `${day} ${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}.${String(date.getMilliseconds()).padStart(3, "0")}`;
+}

@@ -1,0 +1,93 @@
+//! Search for the next or previous row with a text.
+
+use cobscope_decoder::capture::CaptureError;
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row, RowPattern, Walk};
+use serde_json::{Value, json};
+
+use crate::files::Source;
+use crate::filter::Matcher;
+
+/// What is searched.
+#[derive(Clone)]
+pub struct Question {
+    /// Pattern for the text of the row.
+    pub pattern: RowPattern,
+    /// Rows of the list.
+    pub matcher: Matcher,
+    /// Position at which the search starts.
+    pub from: EventPosition,
+    /// Towards the start of the capture.
+    pub is_backward: bool,
+}
+
+/// A search in progress: forward to the end, or backward through the frames between two checkpoints.
+pub struct Searching {
+    walk: Walk<Source>,
+    question: Question,
+    /// Frames before this part.
+    start: u64,
+    /// Last frame of this part.
+    last: u64,
+    met: Option<EventPosition>,
+}
+
+/// Result of a search.
+pub enum Found {
+    /// The row, or none in this direction.
+    Row(Option<EventPosition>),
+    /// None in this part; the frames up to `.1` remain.
+    Further(Question, u64),
+}
+
+impl Searching {
+    /// Starts where `walk` is; reads up to frame `last`.
+    pub fn new(walk: Walk<Source>, question: Question, last: u64) -> Self {
+        let start = walk.world.frames();
+        Self { walk, question, start, last, met: None }
+    }
+
+    /// Frames read so far.
+    pub fn frames(&self) -> u64 {
+        self.walk.world.frames()
+    }
+
+    /// Reads up to about `frames` more frames; `false` at the end.
+    ///
+    /// # Errors
+    /// If the capture can no longer be read.
+    pub fn step(&mut self, frames: u64) -> Result<bool, CaptureError> {
+        let Self { walk, question, last, met, .. } = self;
+        let Question { pattern, matcher, from, is_backward } = question;
+        let limit = walk.world.frames().saturating_add(frames);
+        let mut see = |placed: PlacedEvent<'_>| {
+            let is_beyond =
+                if *is_backward { placed.spot < *from } else { placed.spot > *from && met.is_none() };
+            if is_beyond
+                && matcher.takes(&placed)
+                && pattern.is_match(&Row::new(&placed, matcher.only_news()).text())
+            {
+                *met = Some(placed.spot);
+            }
+        };
+        while walk.world.frames() < limit {
+            if walk.world.frames() > *last || !walk.leap(last.saturating_add(1), &mut see)? {
+                return Ok(false);
+            }
+        }
+        Ok(*is_backward || met.is_none())
+    }
+
+    /// The result.
+    pub fn finish(self) -> Found {
+        let Self { question, start, met, .. } = self;
+        if met.is_none() && question.is_backward && start > 0 {
+            return Found::Further(question, start);
+        }
+        Found::Row(met)
+    }
+}
+
+/// A position as JSON; null for none.
+pub fn place(spot: Option<EventPosition>) -> Value {
+    spot.map_or(Value::Null, |spot| json!({"frame": spot.frame, "ordinal": spot.ordinal}))
+}
