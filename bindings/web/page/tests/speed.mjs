@@ -2,13 +2,15 @@
 //
 //   - time to the empty screen, before the module is compiled
 //   - time to decode and check 30 MB of candump text
+//   - memory of the module for a compressed capture; refusal of one that does not fit
 //   - frame times while 10 million rows are scrolled at 1280×800, and the memory of the module
 //
 // With LIMITS=1 a figure above its limit is a failure.
 
-import { closeSync, mkdtempSync, openSync, rmSync, statSync, writeSync } from "node:fs";
+import { closeSync, mkdtempSync, openSync, readFileSync, rmSync, statSync, writeFileSync, writeSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { gzipSync } from "node:zlib";
 
 import { choose, hasChromium, launch, open } from "./browser.mjs";
 
@@ -66,6 +68,14 @@ async function frameTimes(page, act) {
   return times[Math.floor(times.length * 0.95)];
 }
 
+/** Memory of the module in MB, as the Bus pane shows it. */
+async function memory(page) {
+  await page.keyboard.press("9");
+  const text = await page.evaluate(() => [...document.querySelectorAll(".bus dt")].find((term) => term.textContent === "Memory used")?.nextElementSibling.textContent ?? "");
+  const [amount, unit] = text.split(" ");
+  return Number(amount) * ({ KB: 1 / 1024, MB: 1, GB: 1024 }[unit] ?? NaN);
+}
+
 const browser = await launch();
 try {
   const painted = [];
@@ -85,6 +95,22 @@ try {
   figure(`${(size / 1e6).toFixed(1)} MB decoded and checked`, (Date.now() - start) / 1000, "s", 3);
   await second.context.close();
   rmSync(small);
+
+  const medium = join(folder, "medium.log");
+  const unpacked = write(medium, 4_000_000) / (1 << 20);
+  writeFileSync(`${medium}.gz`, gzipSync(readFileSync(medium), { level: 1 }));
+  const third = await open(browser, html);
+  if ((await choose(third.page, `${medium}.gz`)) !== true) throw new Error("medium.log.gz does not open");
+  figure(`memory of the module, ${unpacked.toFixed(0)} MB compressed`, await memory(third.page), "MB", Math.round(1.5 * unpacked + 200));
+  // Frames without end, in some MB: members of gzip one after another.
+  const member = gzipSync(Buffer.from("(1700000000.000000) can0 123#0011223344556677\n".repeat(2_000_000)), { level: 1 });
+  writeFileSync(`${medium}.gz`, Buffer.concat(Array.from({ length: 30 }, () => member)));
+  const refusal = String(await choose(third.page, `${medium}.gz`));
+  if (!refusal.includes("max 2048 MB in a browser")) throw new Error(`a bomb of frames: ${refusal}`);
+  console.log(`${(30 * member.length / 1e6).toFixed(0)} MB that contain 2.8 GB: ${refusal}`);
+  await third.context.close();
+  rmSync(medium);
+  rmSync(`${medium}.gz`);
 
   const big = join(folder, "big.log");
   const bytes = write(big, Number(count));
@@ -119,11 +145,7 @@ try {
   await page.keyboard.press("End");
   await page.waitForSelector(`.row[aria-rowindex="${last}"]:not(.waiting)`);
   console.log(`${last} rows; the last one is reached`);
-  await page.keyboard.press("9");
-  const memory = await page.evaluate(() => [...document.querySelectorAll(".bus dt")].find((term) => term.textContent === "Memory used")?.nextElementSibling.textContent ?? "");
-  const units = { KB: 1 / 1024, MB: 1, GB: 1024 };
-  const [amount, unit] = memory.split(" ");
-  figure("memory of the module", Number(amount) * (units[unit] ?? NaN), "MB", 400);
+  figure("memory of the module", await memory(page), "MB", 400);
   if (problems.length > 0) throw new Error(problems.join("\n"));
   await context.close();
 } finally {
