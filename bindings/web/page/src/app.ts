@@ -2,7 +2,7 @@
 
 import { Client, PageError } from "./client";
 import { bytes, fill, grouped, h, plural, seconds } from "./dom";
-import { moment } from "./clock";
+import { moment, shortMoment } from "./clock";
 import { formatLink, parseLink } from "./hash";
 import { helpDialog, PANE_KEYS } from "./help";
 import { busPane } from "./panes/bus";
@@ -311,6 +311,9 @@ export class Page implements App {
   }
 
   redraw(): void {
+    const { clock, overview } = this.core;
+    // Times with a day are wider.
+    this.events.element.classList.toggle("days", shortMoment(0, clock, overview).includes(" "));
     this.events.list.repaint();
     this.moved();
   }

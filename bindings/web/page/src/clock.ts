@@ -22,3 +22,11 @@ export function moment(time: number | null | undefined, clock: Clock, overview: 
   const day = `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
   return `${day} ${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}.${String(date.getMilliseconds()).padStart(3, "0")}`;
 }
+
+/** The same for a row: without the year, and without the day if the capture has only one. */
+export function shortMoment(time: number | null | undefined, clock: Clock, overview: Overview, digits = 3): string {
+  const text = moment(time, clock, overview, digits);
+  if (clock === "seconds" || !text.includes(" ")) return text;
+  const day = (at: number) => moment(at, clock, overview).slice(0, 10);
+  return day(0) === day(overview.duration ?? 0) ? text.slice(11) : text.slice(5);
+}

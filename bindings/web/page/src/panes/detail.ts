@@ -1,6 +1,7 @@
 // All fields of the event at the cursor, with its payload.
 
-import { fill, h, seconds } from "../dom";
+import { moment } from "../clock";
+import { fill, h } from "../dom";
 import type { EventDetail } from "../protocol";
 import { findingsOf, type App, type Pane } from "../state";
 
@@ -21,8 +22,8 @@ export function detailPane(app: App): Pane {
   let shown = "";
 
   async function show(): Promise<void> {
-    const { client, cursor, ordinal, overview } = app.core;
-    const key = `${cursor.frame}/${ordinal}`;
+    const { client, cursor, ordinal, overview, clock } = app.core;
+    const key = `${cursor.frame}/${ordinal}/${clock}`;
     if (key === shown) return;
     shown = key;
     let found: EventDetail | null = await client.call<EventDetail | null>({ do: "event", frame: cursor.frame, ordinal });
@@ -39,7 +40,7 @@ export function detailPane(app: App): Pane {
     fill(
       element,
       h("h2", {}, `${String(event["kind"])} in frame ${frames && frames[0] !== frames[1] ? `${frames[0]} to ${frames[1]}` : cursor.frame}`),
-      h("p", { class: "quiet" }, `${seconds(found.time, 6)} s on ${String(event["bus"])}`, found.id ? `, identifier ${found.id}` : "", found.meaning ? `: ${found.meaning}` : ""),
+      h("p", { class: "quiet" }, `${moment(found.time, clock, overview, 6)}${clock === "seconds" ? " s" : ""} on ${String(event["bus"])}`, found.id ? `, identifier ${found.id}` : "", found.meaning ? `: ${found.meaning}` : ""),
       own.map((one) => h("p", {}, h("span", { class: `severity ${one.severity}` }, one.severity), ` ${one.text} [${one.rule}]`)),
       found.bytes && h("p", { class: "payload" }, found.bytes.map((byte, place) => h("span", { title: `byte ${place}` }, byte))),
       h("dl", { class: "fields" }, fields.flatMap(([name, content]) => [h("dt", {}, name), h("dd", {}, value(content))])),

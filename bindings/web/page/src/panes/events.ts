@@ -1,6 +1,6 @@
 // The event list: any number of rows, decoded when they are shown.
 
-import { moment } from "../clock";
+import { shortMoment } from "../clock";
 import { grouped, h } from "../dom";
 import type { EventRow } from "../protocol";
 import type { App, Pane } from "../state";
@@ -14,7 +14,7 @@ export function eventsPane(app: App): Pane & { list: VirtualList<EventRow>; sear
     columns: [
       { title: "", name: "mark", cell: (row) => (row.mark ? MARKS[row.mark] ?? "" : "") },
       { title: "No", name: "no", cell: (row) => String(row.frame) },
-      { title: "Time", name: "time", cell: (row) => moment(row.time, app.core.clock, app.core.overview, 6) },
+      { title: "Time", name: "time", cell: (row) => shortMoment(row.time, app.core.clock, app.core.overview, 6) },
       { title: "Bus", name: "busname", cell: (row) => row.bus },
       { title: "ID", name: "id", cell: (row) => row.id ?? "" },
       { title: "Node", name: "who", cell: (row) => row.who },

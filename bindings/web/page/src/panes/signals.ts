@@ -115,7 +115,9 @@ export function signalsPane(app: App): Pane & { replot(): void } {
     const { overview, cursor } = app.core;
     if (cursor.time !== null) line(cursor.time, "--text", [], "A");
     if (app.core.second !== null) line(app.core.second, "--text", [2, 4], "B");
-    for (const one of findingsOf(overview)) {
+    // Errors first: their labels take precedence.
+    const found = findingsOf(overview).sort((one, other) => Number(other.severity === "error") - Number(one.severity === "error"));
+    for (const one of found) {
       const time = since(overview, one.occurrences[0]?.t ?? null);
       if (time !== null && one.severity !== "note") line(time, `--${one.severity}`, [4, 4], one.severity === "error" ? "E" : "w");
     }
