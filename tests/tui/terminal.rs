@@ -141,6 +141,21 @@ fn start_filter_jump_and_quit() {
 }
 
 #[test]
+fn keys_typed_ahead_act_one_after_the_other() {
+    let session = Session::view(PVE);
+    session.wait_text("BOOT");
+    // Findings after 7.3 s begin with frame 110, the last one is in frame 154; EMCY is in the rows of 3, 104 and 105.
+    session.send(":7.3\r]");
+    session.wait_text("#110/190");
+    session.send("G[");
+    session.wait_text("#154/190");
+    session.send("g/EMCY\rnn");
+    session.wait_text("#105/190");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
 fn a_line_is_copied_through_the_terminal() {
     let session = Session::view(PVE);
     session.wait_text("BOOT");

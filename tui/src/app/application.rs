@@ -60,7 +60,7 @@ pub struct App {
     pub(super) command: String,
     /// Position of the last click, to detect a double click.
     pub(super) clicked: Option<(u16, u16)>,
-    /// Keys pressed before the first content was shown.
+    /// Keys pressed before the position they act on was known.
     pub(super) early: Vec<KeyEvent>,
     /// The survey has reported its end.
     pub(super) is_surveyed: bool,

@@ -26,7 +26,9 @@ impl App {
         // Without a filter nothing is between the cursor and the next place.
         let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
         drop(survey);
-        if let Some(place) = next {
+        // Until the end only the first occurrence of a finding is known: a later one may be nearer, backwards.
+        let is_known = is_forward || self.core.timeline.grows() || self.has_all_results();
+        if let Some(place) = next.filter(|_| is_known) {
             self.core.go(JumpPlace::Frame(place.frame));
             let text = self.core.finding_text(place.id);
             self.core.notify(&format!("{}{text}", skipped_text(skipped)));

@@ -12,7 +12,7 @@ use crate::state::JumpPlace;
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
 
-/// Maximum number of keys kept until the first content is shown.
+/// Maximum number of keys kept until the position before them is known.
 const MOST_EARLY: usize = 64;
 
 /// Rows per step of the mouse wheel.
@@ -35,10 +35,7 @@ impl App {
 
     fn one_key(&mut self, key: KeyEvent) {
         self.opens_at_story = false;
-        if self.core.window.is_none() && self.keymap.action(&key) != Some(Action::Quit) {
-            if self.early.len() < MOST_EARLY {
-                self.early.push(key);
-            }
+        if self.is_early(key) {
             return;
         }
         self.core.said = None;
@@ -73,6 +70,25 @@ impl App {
                 _ => self.mode = Mode::Panes,
             },
         }
+    }
+
+    /// Keeps a key whose meaning depends on a position that is not known yet. Quit acts at once, and Back ends the
+    /// move.
+    fn is_early(&mut self, key: KeyEvent) -> bool {
+        let is_moving = matches!(self.mode, Mode::Panes) && self.core.is_moving();
+        if !is_moving && self.core.window.is_some() {
+            return false;
+        }
+        match self.keymap.action(&key) {
+            Some(Action::Quit) => return false,
+            Some(Action::Back) if is_moving => {
+                self.early.clear();
+                self.core.stay();
+            }
+            _ if self.early.len() < MOST_EARLY => self.early.push(key),
+            _ => {}
+        }
+        true
     }
 
     /// Handles pasted text.

@@ -63,6 +63,8 @@ pub struct Core {
     /// Position requested by the user until it is reached; it may not exist.
     asked: Option<Bound>,
     is_waiting: bool,
+    /// The outstanding window is the result of a search.
+    is_searching: bool,
     /// Number of running exports.
     exports: usize,
     /// Last event when the cursor last moved to the end.
@@ -97,6 +99,7 @@ impl Core {
             target: Target::Event(EventPosition::default()),
             asked: None,
             is_waiting: false,
+            is_searching: false,
             exports: 0,
             followed: EventPosition::default(),
         }
@@ -160,6 +163,7 @@ impl Core {
         self.serial += 1;
         self.preview = None;
         self.is_waiting = true;
+        self.is_searching = search.is_some();
         let rows = usize::from(self.screen_height).max(20);
         self.timeline.order(Order {
             serial: self.serial,
@@ -218,6 +222,19 @@ impl Core {
     /// Whether a window or an export is outstanding.
     pub fn is_waiting(&self) -> bool {
         self.is_waiting || self.exports > 0
+    }
+
+    /// Whether the cursor is about to move to an event that is not known yet: the end, a time, or a match.
+    pub fn is_moving(&self) -> bool {
+        self.is_waiting && (self.is_searching || !matches!(self.target, Target::Event(_)))
+    }
+
+    /// Stays at the cursor instead of moving to an event that is not known yet.
+    pub fn stay(&mut self) {
+        self.pause();
+        self.target = Target::Event(self.cursor);
+        self.asked = None;
+        self.ask(None);
     }
 
     /// Moves to the end while following, and requests a position again that was not read yet.
