@@ -14,7 +14,7 @@ import { whyPane } from "./panes/why";
 import type { BusState, ListName, NodeProfile, Place, Overview, Progress } from "./protocol";
 import { Navigation } from "./navigation";
 import { copy, download } from "./save";
-import { findingsOf, type App, type Core, type Pane, type PaneName } from "./state";
+import { countingOf, type App, type Core, type Pane, type PaneName } from "./state";
 import { Strip } from "./strip";
 
 /** Suffixes of files beside a capture. */
@@ -224,7 +224,7 @@ export class Page implements App {
     fill(this.side, detail.element);
     this.events.list.reset(overview.events);
     const story = overview.why?.stories[0];
-    const first = story?.frames?.[1] ?? findingsOf(overview)[0]?.occurrences[0]?.frames[1] ?? 1;
+    const first = story?.frames?.[1] ?? countingOf(overview)[0]?.occurrences[0]?.frames[1] ?? 1;
     // Showing a pane writes the link, so that the one of the address is read first.
     const link = location.hash;
     this.show("why");

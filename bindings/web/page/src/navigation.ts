@@ -2,7 +2,7 @@
 
 import { nextClock } from "./clock";
 import { h } from "./dom";
-import { findingsOf, since, type App, type Place } from "./state";
+import { countingOf, since, type App, type Place } from "./state";
 
 export class Navigation {
   private marks = new Map<string, Place>();
@@ -60,7 +60,7 @@ export class Navigation {
 
   private async finding(step: number): Promise<void> {
     const { app } = this;
-    const all = findingsOf(app.core.overview)
+    const all = countingOf(app.core.overview)
       .flatMap((one) => one.occurrences.map((it) => ({ id: one.finding, frame: it.frames[1], text: one.text, time: since(app.core.overview, it.t) })))
       .sort((one, other) => one.frame - other.frame);
     const { frame } = app.core.cursor;

@@ -72,6 +72,11 @@ export function findingsOf(overview: Overview): Finding[] {
   return overview.findings.filter((one): one is Finding => one.kind === "finding");
 }
 
+/** Findings that count: neither suppressed nor part of another one. */
+export function countingOf(overview: Overview): Finding[] {
+  return findingsOf(overview).filter((one) => one.standing !== "suppressed" && one.standing !== "absorbed");
+}
+
 /** Seconds since the first frame of an absolute time of a finding. */
 export function since(overview: Overview, time: number | null): number | null {
   if (time === null || overview.zero === null) return null;

@@ -1,7 +1,7 @@
 // The strip of time: load, findings and the cursor over the whole capture.
 
 import { h, seconds } from "./dom";
-import { findingsOf, since, type App } from "./state";
+import { countingOf, since, type App } from "./state";
 
 export class Strip {
   private canvas = h("canvas", { "aria-hidden": "true" });
@@ -68,7 +68,7 @@ export class Strip {
         context.fillRect(left, height - tall, Math.max(1, place(load.step)), tall);
       });
     }
-    for (const one of findingsOf(core.overview)) {
+    for (const one of countingOf(core.overview)) {
       context.fillStyle = colour(`--${one.severity}`);
       for (const occurrence of one.occurrences) {
         const time = since(core.overview, occurrence.t);

@@ -4,7 +4,7 @@ import uPlot from "uplot";
 
 import { fill, h, seconds } from "../dom";
 import type { Curve, SignalState } from "../protocol";
-import { findingsOf, since, type App, type ChosenSignal, type Pane } from "../state";
+import { countingOf, since, type App, type ChosenSignal, type Pane } from "../state";
 import { Table } from "../table";
 
 /** Signals plotted together at most. */
@@ -116,7 +116,7 @@ export function signalsPane(app: App): Pane & { replot(): void } {
     if (cursor.time !== null) line(cursor.time, "--text", [], "A");
     if (app.core.second !== null) line(app.core.second, "--text", [2, 4], "B");
     // Errors first: their labels take precedence.
-    const found = findingsOf(overview).sort((one, other) => Number(other.severity === "error") - Number(one.severity === "error"));
+    const found = countingOf(overview).sort((one, other) => Number(other.severity === "error") - Number(one.severity === "error"));
     for (const one of found) {
       const time = since(overview, one.occurrences[0]?.t ?? null);
       if (time !== null && one.severity !== "note") line(time, `--${one.severity}`, [4, 4], one.severity === "error" ? "E" : "w");
