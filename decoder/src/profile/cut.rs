@@ -35,6 +35,11 @@ impl IntegerPosition {
         })
     }
 
+    /// Its bits within eight bytes; bit 0 is the lowest bit of byte 0.
+    pub const fn bits(self) -> u64 {
+        u64::MAX << self.others >> self.above
+    }
+
     /// Raw bits; the payload must be long enough.
     #[inline]
     pub fn raw(self, word: u64) -> u64 {

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
 use super::kinds::{self, frames, messages};
-use super::node::LastValue;
 use super::node_judge::{NodeJudge, Occasion};
 use super::pdo_targets::PdoTarget;
 use super::plan::triggers;
+use super::values::LastValue;
 use crate::event::{Event, J1939Message, Pdo};
 use crate::profile::Field;
 use crate::profile::device::{Direction, Trigger, TriggerEvent, UpdateSource, ValueUpdate};
@@ -28,7 +28,10 @@ impl NodeJudge<'_> {
             return;
         }
         let payload = CarrierPayload::new(pdo.layout.as_ref(), pdo.payload(), &pdo.bytes);
-        self.on_values(&TriggerEvent::Pdo(target.name), &target.plan, &payload, event, context);
+        if !self.on_repeated_values(target, &payload, event, context) {
+            let carrier = (TriggerEvent::Pdo(target.name), target.carrier);
+            self.on_values(carrier, &target.plan, &payload, event, context);
+        }
         if !target.plan.constants.is_empty() {
             self.on_fixed_bits(target, &payload, occasion, context);
         }
@@ -100,7 +103,7 @@ impl NodeJudge<'_> {
             CarrierPlan::new(message.layout.as_deref(), &|_| true, source, rules, &self.own.record.plan)
         });
         let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
-        self.on_values(&TriggerEvent::Message(name), &plan, &payload, event, context);
+        self.on_values((TriggerEvent::Message(name), None), &plan, &payload, event, context);
         self.own.carriers.put(message, plan);
         self.note_last_frame(context);
     }
@@ -108,7 +111,7 @@ impl NodeJudge<'_> {
     /// Stores all values of a PDO or message before the rules run, since conditions see them together.
     fn on_values(
         &mut self,
-        carrier: &TriggerEvent<'_>,
+        (carrier, number): (TriggerEvent<'_>, Option<u16>),
         plan: &CarrierPlan,
         payload: &CarrierPayload<'_>,
         event: &Event,
@@ -126,14 +129,22 @@ impl NodeJudge<'_> {
                 if field.decides {
                     self.own.record.last.count_value(before != now, self.node.store().changes());
                 }
-                self.own.record.last.put(field.place, LastValue { raw, time, frame, is_sent });
+                let value = LastValue { raw, time, frame, is_sent };
+                self.own.record.last.put(field.place, value, number.zip(field.cut));
+            } else {
+                self.own.record.last.keep(field.place);
             }
             numbers.push((before, now));
+        }
+        if let Some(number) = number {
+            let payload = (payload.word, payload.bytes.len());
+            self.own.record.last.carry(number, payload, (time, frame));
+            self.list_awake(number, plan, time);
         }
         for number in plan.rules.iter().copied() {
             if !self.facts(time).rests(number) {
                 self.judge_one(number, occasion, context, |case, progress, context| {
-                    kinds::judge_event(case, progress, carrier, context);
+                    kinds::judge_event(case, progress, &carrier, context);
                 });
             }
         }
@@ -149,6 +160,69 @@ impl NodeJudge<'_> {
             self.follow_values(plan, &numbers, occasion, context);
         }
         self.own.scratch = numbers;
+    }
+
+    /// Determines which rules about a PDO do not rest, until conditions may change.
+    fn list_awake(&mut self, number: u16, plan: &CarrierPlan, time: i64) {
+        let age = self.facts(time).age();
+        let Some(carrier) = self.own.record.last.carrier_mut(number) else { return };
+        let mut awake = std::mem::take(&mut carrier.awake);
+        if awake.age != Some(age) {
+            let rests = |number: usize| self.facts(time).rests(number);
+            awake.age = Some(age);
+            awake.rules.clear();
+            awake.rules.extend(plan.rules.iter().copied().filter(|rule| !rests(*rule)));
+            awake.clauses.clear();
+            for (place, field) in plan.fields.iter().enumerate() {
+                let clauses = field.clauses.iter().enumerate();
+                let each = clauses.filter(|(_, clause)| clause.is_for_each() && !rests(clause.number));
+                awake.clauses.extend(each.map(|(clause, _)| (place, clause)));
+            }
+        }
+        if let Some(carrier) = self.own.record.last.carrier_mut(number) {
+            carrier.awake = awake;
+        }
+    }
+
+    /// Runs the rules on a PDO without a change that concerns conditions or rules about changes; `false`, without any
+    /// effect, for all others.
+    #[inline]
+    fn on_repeated_values(
+        &mut self,
+        target: &PdoTarget,
+        payload: &CarrierPayload<'_>,
+        event: &Event,
+        context: &mut Context<'_>,
+    ) -> bool {
+        let (plan, time) = (&target.plan, context.now);
+        let (Some(number), Some(watched)) = (target.carrier, plan.watched) else { return false };
+        let (age, length) = (self.facts(time).age(), payload.bytes.len());
+        let moment = (time, event.frames.last);
+        let last = &mut self.own.record.last;
+        let Some(before) = last.repeat(number, (payload.word, length), watched, age, moment) else {
+            return false;
+        };
+        let Some(carrier) = last.carrier_mut(number).filter(|carrier| !carrier.awake.is_empty()) else {
+            return true;
+        };
+        let awake = std::mem::take(&mut carrier.awake);
+        let occasion = Occasion::of(event);
+        for number in awake.rules.iter().copied() {
+            self.judge_one(number, occasion, context, |case, progress, context| {
+                kinds::judge_event(case, progress, &TriggerEvent::Pdo(target.name), context);
+            });
+        }
+        for (place, clause) in awake.clauses.iter().copied() {
+            let Some(field) = plan.fields.get(place) else { continue };
+            let (Some(clause), Some(cut)) = (field.clauses.get(clause), field.cut) else { continue };
+            let (before, now) = (cut.number(before, length), cut.number(payload.word, length));
+            let Some(raw) = now.filter(|raw| clause.judges(before, *raw)) else { continue };
+            self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
+        }
+        if let Some(carrier) = self.own.record.last.carrier_mut(number) {
+            carrier.awake = awake;
+        }
+        true
     }
 
     /// Runs one rule on one value of a PDO or message.

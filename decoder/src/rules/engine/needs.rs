@@ -10,7 +10,7 @@ const LISTED: usize = 4;
 
 /// A few rules, by number or by place.
 #[derive(Debug, Clone, Copy, Default)]
-struct RuleList {
+pub(super) struct RuleList {
     rules: [u16; LISTED],
     count: u8,
 }
@@ -25,7 +25,7 @@ impl RuleList {
     }
 
     #[inline]
-    fn all(&self) -> &[u16] {
+    pub(super) fn all(&self) -> &[u16] {
         self.rules.get(..usize::from(self.count)).unwrap_or(&[])
     }
 }
@@ -35,8 +35,9 @@ impl RuleList {
 pub(super) struct NeedsOf {
     /// Number of the answers; older ones are not valid.
     answer: u32,
-    /// Service and layout of the identifier for which the answers hold.
+    /// Service and layout of the identifier, and data length in bytes, for which the answers hold.
     version: u32,
+    length: usize,
     /// Index of the PDO statistics; `None` for a J1939 message.
     statistics: Option<u16>,
     /// All answers as one.
@@ -46,6 +47,8 @@ pub(super) struct NeedsOf {
     passed_if_changed: RuleList,
     /// Places of the rules that take the number of frames.
     counting: RuleList,
+    /// Places of the rules that need each event; the other fields are about the other rules.
+    each: RuleList,
     /// Frames since the last event.
     skipped: SkippedFrames,
 }
@@ -60,16 +63,18 @@ pub(super) struct SkippedFrames {
 }
 
 impl NeedsOf {
-    fn new(answer: u32, version: u32, statistics: Option<u16>) -> Self {
-        let (passed, passed_if_changed, counting) = Default::default();
+    fn new(answer: u32, (version, length): (u32, usize), statistics: Option<u16>) -> Self {
+        let (passed, passed_if_changed, counting, each) = Default::default();
         Self {
             answer,
             version,
+            length,
             statistics,
             need: Need::NOTHING,
             passed,
             passed_if_changed,
             counting,
+            each,
             skipped: SkippedFrames::default(),
         }
     }
@@ -77,6 +82,11 @@ impl NeedsOf {
     /// Adds the answer of a rule that receives all frames of the identifier.
     fn add(&mut self, rule: &Answer) {
         let (all, need) = (&mut self.need, rule.need);
+        // Messages have no intervals, and their events no short path of their own.
+        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+            all.follows_interval |= need.follows_interval;
+            return;
+        }
         all.bits |= need.bits;
         all.codes = all.codes.or(need.codes);
         all.shortest = all.shortest.max(need.shortest);
@@ -142,6 +152,17 @@ impl NeedsOf {
     }
 }
 
+/// Rules that need the event of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Recipients {
+    /// No rule.
+    None,
+    /// Only rules that need each event of the identifier; for the others, the frame is counted.
+    Few,
+    /// Perhaps all rules.
+    All,
+}
+
 /// Answer of a rule.
 pub(super) struct Answer {
     pub(super) number: u16,
@@ -169,7 +190,7 @@ impl NeedsTable {
     #[inline]
     pub(super) fn has(&self, preview: &Preview, now: i64, pdos: &[PdoSlot]) -> bool {
         let Some(known) = self.identifiers.get(preview.identifier) else { return true };
-        if known.answer != self.valid || preview.change & known.need.bits != 0 {
+        if known.answer != self.valid || known.each.count > 0 || preview.change & known.need.bits != 0 {
             return true;
         }
         match known.statistics {
@@ -180,31 +201,40 @@ impl NeedsTable {
         }
     }
 
-    /// Counts a frame at the time `now` of the rules; `false`, without any effect, if rules need its event.
+    /// Counts a frame at the time `now` of the rules, unless its event is for [`Recipients::All`].
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> bool {
-        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return false };
+    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> Recipients {
+        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return Recipients::All };
         if known.answer != self.valid || preview.change & known.need.bits != 0 {
-            return false;
+            return Recipients::All;
         }
         match known.statistics {
             Some(place) => {
-                let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else { return false };
+                let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else {
+                    return Recipients::All;
+                };
                 let interval = pdo.interval_at(now);
                 if known.needs_pdo(pdo, interval) {
-                    return false;
+                    return Recipients::All;
                 }
                 if pdo.skip(preview, (now, interval), context) && known.need.follows_interval {
                     known.answer = 0;
                 }
             }
-            None if known.needs_message(preview) => return false,
+            None if known.needs_message(preview) => return Recipients::All,
             None => {}
         }
         known.skipped.count = known.skipped.count.saturating_add(1);
         known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
         known.need.frames = known.need.frames.saturating_sub(1);
-        true
+        if known.each.count > 0 { Recipients::Few } else { Recipients::None }
+    }
+
+    /// Places of the rules that need each event of an identifier, and the index of its PDO statistics.
+    #[inline]
+    pub(super) fn each(&self, identifier: usize) -> Option<(RuleList, usize)> {
+        let known = self.identifiers.get(identifier)?;
+        Some((known.each, known.statistics()?))
     }
 
     /// Counts a PDO with an event.
@@ -217,9 +247,11 @@ impl NeedsTable {
 
     /// Whether the rules must be asked about an identifier.
     #[inline]
-    pub(super) fn is_unknown(&self, identifier: usize, version: u32) -> bool {
+    pub(super) fn is_unknown(&self, identifier: usize, version: u32, length: usize) -> bool {
         let known = self.identifiers.get(identifier);
-        known.is_none_or(|known| known.answer != self.valid || known.version != version)
+        known.is_none_or(|known| {
+            known.answer != self.valid || known.version != version || known.length != length
+        })
     }
 
     /// Drops the answers about one identifier.
@@ -237,7 +269,8 @@ impl NeedsTable {
     /// Stores the answers of the rules about an identifier.
     pub(super) fn store(
         &mut self,
-        (identifier, version): (usize, u32),
+        identifier: usize,
+        (version, length): (u32, usize),
         statistics: Option<usize>,
         answers: impl Iterator<Item = Answer>,
     ) {
@@ -245,7 +278,7 @@ impl NeedsTable {
             Some(number) => (number.ok(), number.is_ok()),
             None => (None, true),
         };
-        let mut known = NeedsOf::new(self.valid, version, number);
+        let mut known = NeedsOf::new(self.valid, (version, length), number);
         for answer in answers {
             if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add(&answer) }
         }
@@ -257,8 +290,8 @@ impl NeedsTable {
             known.need = Need::EACH;
         }
         if self.identifiers.len() <= identifier {
-            let Some(length) = identifier.checked_add(1) else { return };
-            self.identifiers.resize(length, NeedsOf::new(0, 0, None));
+            let Some(count) = identifier.checked_add(1) else { return };
+            self.identifiers.resize(count, NeedsOf::new(0, (0, 0), None));
         }
         if let Some(place) = self.identifiers.get_mut(identifier) {
             known.skipped = place.skipped;
@@ -291,7 +324,7 @@ mod tests {
             need: *need,
             is_for_changes: *is_for_changes,
         });
-        table.store((2, 0), Some(0), answers);
+        table.store(2, (0, 8), Some(0), answers);
         table
     }
 
@@ -309,7 +342,7 @@ mod tests {
         let mut traffic = Traffic::new(0);
         traffic.add(2, CanId::standard(0x181)).unwrap();
         let is_needed = table.has(&preview(change), 10, traffic.slots());
-        let is_skipped = table.skip(&preview(change), 10, &mut traffic);
+        let is_skipped = table.skip(&preview(change), 10, &mut traffic) == Recipients::None;
         assert_eq!(is_skipped, !is_needed);
         assert_eq!(traffic.of(2).unwrap().count, u64::from(is_skipped));
         is_skipped
@@ -329,7 +362,7 @@ mod tests {
     #[test]
     fn one_rule_that_needs_each_decides() {
         let needs = table(&[(Need::PASSED, false), (Need::EACH, false), (Need::PASSED, false)]);
-        assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0));
+        assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0, 8));
         let of_changes = table(&[(Need::PASSED, false), (Need::EACH, true)]);
         assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
     }
@@ -366,12 +399,13 @@ mod tests {
     #[test]
     fn answers_are_dropped() {
         let mut table = table(&[(Need::PASSED, false)]);
-        assert!(table.is_unknown(2, 1), "another layout");
+        assert!(table.is_unknown(2, 1, 8), "another layout");
+        assert!(table.is_unknown(2, 0, 7), "another length");
         table.forget(2);
-        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
-        table.store((2, 0), Some(0), std::iter::empty());
+        assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
+        table.store(2, (0, 8), Some(0), std::iter::empty());
         table.forget_all();
-        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+        assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
     }
 
     #[test]
@@ -380,7 +414,10 @@ mod tests {
             let mut table = table(&[(need, false)]);
             let mut traffic = Traffic::new(0);
             traffic.add(2, CanId::standard(0x181)).unwrap();
-            (0..20).filter(|number| table.skip(&preview(0), number * 10, &mut traffic)).count()
+            (0..20).filter(|number| {
+                    table.skip(&preview(0), number * 10, &mut traffic) == Recipients::None
+                })
+                .count()
         };
         // The sixteenth PDO is the last one of fifteen intervals.
         assert_eq!(skipped(Need { follows_interval: true, ..Need::PASSED }), 16);
@@ -394,7 +431,7 @@ mod tests {
                 |need| {
                     let mut table = NeedsTable::new();
                     let answer = Answer { number: 10, place: 0, need, is_for_changes: false };
-                    table.store((2, 0), None, std::iter::once(answer));
+                    table.store(2, (0, 8), None, std::iter::once(answer));
                     is_needed(&table, 10, 0)
                 },
             );
