@@ -10,6 +10,7 @@ mod order;
 mod times;
 mod values;
 
+pub(super) use self::counts::end_count;
 use super::case::RuleCase;
 use super::progress::RuleProgress;
 use crate::profile::device::{RuleKind, TriggerEvent};
