@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
 use super::kinds::{self, frames, messages};
+use super::node::NodeRules;
 use super::node_judge::{NodeJudge, Occasion};
 use super::pdo_targets::PdoTarget;
 use super::plan::triggers;
+use super::progress::{FrameTime, PdoTask};
 use super::values::LastValue;
 use crate::event::{Event, J1939Message, Pdo};
-use crate::profile::Field;
 use crate::profile::device::{Direction, Trigger, TriggerEvent, UpdateSource, ValueUpdate};
+use crate::profile::{Field, PdoName};
 use crate::rules::Context;
 use crate::wire::j1939::ALL;
 
@@ -136,10 +138,10 @@ impl NodeJudge<'_> {
             }
             numbers.push((before, now));
         }
-        if let Some(number) = number {
+        if let (Some(number), TriggerEvent::Pdo(name)) = (number, carrier) {
             let payload = (payload.word, payload.bytes.len());
             self.own.record.last.carry(number, payload, (time, frame));
-            self.list_awake(number, plan, time);
+            self.list_awake((number, name), plan, time);
         }
         for number in plan.rules.iter().copied() {
             if !self.facts(time).rests(number) {
@@ -163,7 +165,7 @@ impl NodeJudge<'_> {
     }
 
     /// Determines which rules about a PDO do not rest, until conditions may change.
-    fn list_awake(&mut self, number: u16, plan: &CarrierPlan, time: i64) {
+    fn list_awake(&mut self, (number, name): (u16, PdoName), plan: &CarrierPlan, time: i64) {
         let age = self.facts(time).age();
         let Some(carrier) = self.own.record.last.carrier_mut(number) else { return };
         let mut awake = std::mem::take(&mut carrier.awake);
@@ -171,7 +173,8 @@ impl NodeJudge<'_> {
             let rests = |number: usize| self.facts(time).rests(number);
             awake.age = Some(age);
             awake.rules.clear();
-            awake.rules.extend(plan.rules.iter().copied().filter(|rule| !rests(*rule)));
+            let rules = plan.rules.iter().copied().filter(|rule| !rests(*rule));
+            awake.rules.extend(rules.map(|rule| (rule, self.task_of(rule, name))));
             awake.clauses.clear();
             for (place, field) in plan.fields.iter().enumerate() {
                 let clauses = field.clauses.iter().enumerate();
@@ -181,6 +184,48 @@ impl NodeJudge<'_> {
         }
         if let Some(carrier) = self.own.record.last.carrier_mut(number) {
             carrier.awake = awake;
+        }
+    }
+
+    /// What a PDO does to a rule that does not rest before values change.
+    fn task_of(&self, number: usize, name: PdoName) -> PdoTask {
+        let record = &self.own.record;
+        let (Some((rule, _)), Some(proof)) = (record.plan.rule(number), record.proofs.get(number)) else {
+            return PdoTask::Evaluate;
+        };
+        let is_lasting = rule.during.0.is_empty() || proof.may_rest && proof.during.are_all;
+        if is_lasting { kinds::task_of(rule, name) } else { PdoTask::Evaluate }
+    }
+
+    /// Runs a rule on a PDO.
+    #[inline]
+    fn run_task(
+        &mut self,
+        (number, task): (usize, PdoTask),
+        name: PdoName,
+        occasion: Occasion<'_>,
+        context: &mut Context<'_>,
+    ) {
+        if task == PdoTask::Evaluate {
+            return self.judge_one(number, occasion, context, |case, progress, context| {
+                kinds::judge_event(case, progress, &TriggerEvent::Pdo(name), context);
+            });
+        }
+        let is_operational = task == PdoTask::Count && self.facts(context.now).is_operational();
+        let NodeRules { record, progress, .. } = &mut *self.own;
+        let (Some((_, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number)) else {
+            return;
+        };
+        if task == PdoTask::Count {
+            progress.has_begun = true;
+            if is_operational {
+                let moment = FrameTime { time: context.now, frame: occasion.frames.last };
+                kinds::count_pdo(progress, moment);
+            }
+        } else if kinds::answer(progress) {
+            let before = std::mem::replace(&mut context.rule, place);
+            context.pass();
+            context.rule = before;
         }
     }
 
@@ -202,25 +247,24 @@ impl NodeJudge<'_> {
         let Some(before) = last.repeat(number, (payload.word, length), watched, age, moment) else {
             return false;
         };
-        let Some(carrier) = last.carrier_mut(number).filter(|carrier| !carrier.awake.is_empty()) else {
-            return true;
-        };
-        let awake = std::mem::take(&mut carrier.awake);
         let occasion = Occasion::of(event);
-        for number in awake.rules.iter().copied() {
-            self.judge_one(number, occasion, context, |case, progress, context| {
-                kinds::judge_event(case, progress, &TriggerEvent::Pdo(target.name), context);
-            });
+        // The rules do not change the lists.
+        let mut place = 0;
+        while let Some(rule) = self.own.record.last.awake(number).and_then(|it| it.rules.get(place)).copied()
+        {
+            self.run_task(rule, target.name, occasion, context);
+            place += 1;
         }
-        for (place, clause) in awake.clauses.iter().copied() {
+        let mut next = 0;
+        while let Some((place, clause)) =
+            self.own.record.last.awake(number).and_then(|it| it.clauses.get(next)).copied()
+        {
+            next += 1;
             let Some(field) = plan.fields.get(place) else { continue };
             let (Some(clause), Some(cut)) = (field.clauses.get(clause), field.cut) else { continue };
             let (before, now) = (cut.number(before, length), cut.number(payload.word, length));
             let Some(raw) = now.filter(|raw| clause.judges(before, *raw)) else { continue };
             self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
-        }
-        if let Some(carrier) = self.own.record.last.carrier_mut(number) {
-            carrier.awake = awake;
         }
         true
     }

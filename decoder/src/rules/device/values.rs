@@ -3,6 +3,7 @@
 //! Most PDOs repeat their values, or change only measured ones that no rule checks. Their values are not stored one by
 //! one, but read from the last payload on demand.
 
+use super::progress::PdoTask;
 use super::proofs::ProofAge;
 use crate::profile::{IntegerPosition, PdoName};
 
@@ -58,17 +59,10 @@ pub(super) struct Carrier {
 #[derive(Debug, Default)]
 pub(super) struct AwakeRules {
     pub(super) age: Option<ProofAge>,
-    /// Rules about the PDO itself.
-    pub(super) rules: Vec<usize>,
+    /// Rules about the PDO itself, with what it does to them.
+    pub(super) rules: Vec<(usize, PdoTask)>,
     /// Places of fields, and of rules that check each of their values.
     pub(super) clauses: Vec<(usize, usize)>,
-}
-
-impl AwakeRules {
-    /// Whether all rules rest.
-    pub(super) const fn is_empty(&self) -> bool {
-        self.rules.is_empty() && self.clauses.is_empty()
-    }
 }
 
 impl LastValues {
@@ -164,7 +158,8 @@ impl LastValues {
 
     /// Index of a PDO with an identifier, before its first payload.
     pub(super) fn add_carrier(&mut self, identifier: usize, name: PdoName) -> Option<u16> {
-        let known = self.carriers.iter().position(|known| (known.identifier, known.name) == (identifier, name));
+        let known =
+            self.carriers.iter().position(|known| (known.identifier, known.name) == (identifier, name));
         let place = known.unwrap_or(self.carriers.len());
         let number = u16::try_from(place).ok()?;
         self.keep_all(|of| of == number);
@@ -175,6 +170,12 @@ impl LastValues {
             None => self.carriers.push(new),
         }
         Some(number)
+    }
+
+    /// Rules that do not rest at a PDO.
+    #[inline]
+    pub(super) fn awake(&self, number: u16) -> Option<&AwakeRules> {
+        self.carriers.get(usize::from(number)).map(|carrier| &carrier.awake)
     }
 
     /// A PDO by index.
@@ -207,12 +208,7 @@ impl LastValues {
     }
 
     /// Stores the payload of a PDO after [`Self::put`] for all its values.
-    pub(super) fn carry(
-        &mut self,
-        number: u16,
-        (word, length): (u64, usize),
-        (time, frame): (i64, u64),
-    ) {
+    pub(super) fn carry(&mut self, number: u16, (word, length): (u64, usize), (time, frame): (i64, u64)) {
         let held = Some(self.handovers);
         if let Some(carrier) = self.carriers.get_mut(usize::from(number)) {
             (carrier.word, carrier.length) = (word, length);

@@ -6,11 +6,11 @@ use crate::rules::need::Need;
 use crate::session::Preview;
 
 /// Maximum number of rules in one of the lists of an identifier; with more, each event is needed.
-const LISTED: usize = 4;
+const LISTED: usize = 6;
 
 /// A few rules, by number or by place.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct RuleList {
+struct RuleList {
     rules: [u16; LISTED],
     count: u8,
 }
@@ -25,7 +25,7 @@ impl RuleList {
     }
 
     #[inline]
-    pub(super) fn all(&self) -> &[u16] {
+    fn all(&self) -> &[u16] {
         self.rules.get(..usize::from(self.count)).unwrap_or(&[])
     }
 }
@@ -49,6 +49,8 @@ pub(super) struct NeedsOf {
     counting: RuleList,
     /// Places of the rules that need each event; the other fields are about the other rules.
     each: RuleList,
+    /// Bit n is set if the n-th of them receives only frames with changed payload.
+    if_changed: u8,
     /// Frames since the last event.
     skipped: SkippedFrames,
 }
@@ -75,6 +77,7 @@ impl NeedsOf {
             passed_if_changed,
             counting,
             each,
+            if_changed: 0,
             skipped: SkippedFrames::default(),
         }
     }
@@ -105,6 +108,12 @@ impl NeedsOf {
     /// Adds the answer of a rule that receives only frames with changed payload.
     fn add_if_changed(&mut self, rule: &Answer) {
         let need = rule.need;
+        let place = self.each.count;
+        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+            self.if_changed |= 1 << place;
+            self.need.follows_interval |= need.follows_interval;
+            return;
+        }
         let is_bounded = need.shortest > i64::MIN || need.longest < i64::MAX || need.is_counted;
         let is_listed = !need.is_passed || self.passed_if_changed.add(rule.number);
         self.need.follows_interval |= need.follows_interval;
@@ -118,6 +127,14 @@ impl NeedsOf {
             || interval > self.need.longest
             || pdo.alternations.saturating_add(1) >= self.need.alternations
             || self.need.frames <= 1
+    }
+
+    /// Whether some rules need each event of a frame, with changed payload or not.
+    #[inline]
+    const fn has_few(&self, is_changed: bool) -> bool {
+        let all = (1_u8 << self.each.count) - 1;
+        let few = if is_changed { all } else { all & !self.if_changed };
+        few != 0
     }
 
     /// Whether rules need the event of the next message.
@@ -163,6 +180,27 @@ pub(super) enum Recipients {
     All,
 }
 
+/// Rules that need each event of an identifier.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Few {
+    rules: RuleList,
+    if_changed: u8,
+}
+
+impl Few {
+    /// Places of the rules that receive a frame with changed or unchanged payload.
+    #[inline]
+    pub(super) fn places(&self, is_changed: bool) -> impl Iterator<Item = u16> {
+        let is_meant = move |number: &usize| is_changed || self.if_changed >> *number & 1 == 0;
+        self.rules
+            .all()
+            .iter()
+            .enumerate()
+            .filter(move |(number, _)| is_meant(number))
+            .map(|(_, place)| *place)
+    }
+}
+
 /// Answer of a rule.
 pub(super) struct Answer {
     pub(super) number: u16,
@@ -190,7 +228,8 @@ impl NeedsTable {
     #[inline]
     pub(super) fn has(&self, preview: &Preview, now: i64, pdos: &[PdoSlot]) -> bool {
         let Some(known) = self.identifiers.get(preview.identifier) else { return true };
-        if known.answer != self.valid || known.each.count > 0 || preview.change & known.need.bits != 0 {
+        let is_changed = preview.change != 0;
+        if known.answer != self.valid || known.has_few(is_changed) || preview.change & known.need.bits != 0 {
             return true;
         }
         match known.statistics {
@@ -227,14 +266,14 @@ impl NeedsTable {
         known.skipped.count = known.skipped.count.saturating_add(1);
         known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
         known.need.frames = known.need.frames.saturating_sub(1);
-        if known.each.count > 0 { Recipients::Few } else { Recipients::None }
+        if known.has_few(preview.change != 0) { Recipients::Few } else { Recipients::None }
     }
 
-    /// Places of the rules that need each event of an identifier, and the index of its PDO statistics.
+    /// Rules that need each event of an identifier, and the index of its PDO statistics.
     #[inline]
-    pub(super) fn each(&self, identifier: usize) -> Option<(RuleList, usize)> {
+    pub(super) fn few(&self, identifier: usize) -> Option<(Few, usize)> {
         let known = self.identifiers.get(identifier)?;
-        Some((known.each, known.statistics()?))
+        Some((Few { rules: known.each, if_changed: known.if_changed }, known.statistics()?))
     }
 
     /// Counts a PDO with an event.
@@ -414,9 +453,8 @@ mod tests {
             let mut table = table(&[(need, false)]);
             let mut traffic = Traffic::new(0);
             traffic.add(2, CanId::standard(0x181)).unwrap();
-            (0..20).filter(|number| {
-                    table.skip(&preview(0), number * 10, &mut traffic) == Recipients::None
-                })
+            (0..20)
+                .filter(|number| table.skip(&preview(0), number * 10, &mut traffic) == Recipients::None)
                 .count()
         };
         // The sixteenth PDO is the last one of fifteen intervals.

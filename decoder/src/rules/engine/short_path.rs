@@ -149,12 +149,12 @@ impl BusJudge {
 
     /// Runs the few rules that need each event of an identifier.
     fn event_for_few(&mut self, identifier: usize, event: &Event, bus: &Bus, ledger: &mut Ledger) -> bool {
-        let Some((few, place)) = self.needs.each(identifier) else { return false };
+        let Some((few, place)) = self.needs.few(identifier) else { return false };
         self.shared.traffic.select(place);
         let mut context = self.shared.context(bus, ledger);
-        for place in few.all() {
-            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
-                (context.rule, context.place) = (*number, *place);
+        for place in few.places(!event.routine) {
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(place)) {
+                (context.rule, context.place) = (*number, place);
                 rule.event(event, &mut context);
             }
         }

@@ -43,12 +43,7 @@ fn judge_per_sync(
 ) {
     let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
     if progress.is_counting && case.on(event).is_some() && is_heard() && case.is_due() {
-        progress.count = progress.count.saturating_add(1);
-        let frame = case.frames.last;
-        if progress.count == 1 {
-            progress.first = frame;
-        }
-        progress.last = Some(FrameTime { time: context.now, frame });
+        count(progress, FrameTime { time: context.now, frame: case.frames.last });
     }
     if !matches!(event, TriggerEvent::Sync) {
         return;
@@ -69,6 +64,27 @@ fn judge_per_sync(
     alarm.report(|| with_details(text, &format!("count {count}, limit {most}")));
 }
 
+fn count(progress: &mut RuleProgress, moment: FrameTime) {
+    progress.count = progress.count.saturating_add(1);
+    if progress.count == 1 {
+        progress.first = moment.frame;
+    }
+    progress.last = Some(moment);
+}
+
+/// Counts a PDO of an operational node for a rule that applies, see [`is_per_sync`].
+#[inline]
+pub(in crate::rules::device) fn count_pdo(progress: &mut RuleProgress, moment: FrameTime) {
+    if progress.is_counting {
+        count(progress, moment);
+    }
+}
+
+/// Whether a rule counts events between SYNCs.
+pub(super) fn is_per_sync(rule: &DeviceRule) -> bool {
+    rule.per == Some(SYNC)
+}
+
 /// At SYNC: the number of events since the last one, and whether they were counted from there.
 #[inline]
 fn take_count(progress: &mut RuleProgress, now: i64) -> (u32, bool) {
@@ -87,8 +103,8 @@ pub(in crate::rules::device) fn end_count(
     progress: &mut RuleProgress,
     now: i64,
 ) -> Option<bool> {
-    let is_per_sync = rule.kind == RuleKind::MaxCount && rule.per == Some(SYNC);
-    if !is_per_sync || progress.count > most(rule) || rule.on.0.contains(&Trigger::Sync) {
+    let is_counted = rule.kind == RuleKind::MaxCount && is_per_sync(rule);
+    if !is_counted || progress.count > most(rule) || rule.on.0.contains(&Trigger::Sync) {
         return None;
     }
     let (count, was_counting) = take_count(progress, now);
