@@ -78,6 +78,7 @@ mod tests {
             for length in 0..=8 {
                 let raw = field.extract(&payload[..length]);
                 let number = raw.and_then(|raw| integer(&field.value(raw)));
+                assert_eq!(cut.bits(), field.payload_bits());
                 assert!(raw.is_none_or(|raw| cut.raw(u64::from_le_bytes(payload)) == raw));
                 assert_eq!(
                     cut.number(u64::from_le_bytes(payload), length),

@@ -216,3 +216,77 @@ impl LastValues {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::{DataType, Field, PdoDirection};
+    use crate::wire::canopen::ObjectAddress;
+
+    const AGE: ProofAge = (0, 0);
+    const NAME: PdoName = PdoName { direction: PdoDirection::Transmit, number: 1 };
+
+    const fn value(raw: i64) -> LastValue {
+        LastValue { raw, time: 5, frame: 50, is_sent: true }
+    }
+
+    /// Byte 0 is object 0, byte 1 is object 1.
+    fn positions() -> [IntegerPosition; 2] {
+        let object = ObjectAddress::new(0x2000, 0);
+        let field = |bit| Field::of_object(object, bit, 8, DataType::Unsigned8);
+        [0, 8].map(|bit| IntegerPosition::of(&field(bit)).unwrap())
+    }
+
+    /// Values of a PDO with the contents 01 02 at the time 5.
+    fn carried() -> (LastValues, u16) {
+        let mut last = LastValues::new(3);
+        let number = last.add_carrier(7, NAME).unwrap();
+        let [first, second] = positions();
+        last.put(0, value(1), Some((number, first)));
+        last.put(1, value(2), Some((number, second)));
+        last.carry(number, (0x0201, 2), (5, 50));
+        last.carrier_mut(number).unwrap().awake.age = Some(AGE);
+        (last, number)
+    }
+
+    fn raw(last: &LastValues) -> [Option<i64>; 2] {
+        [last.raw(0), last.raw(1)]
+    }
+
+    #[test]
+    fn values_are_read_from_the_last_payload() {
+        let (mut last, number) = carried();
+        assert_eq!(last.repeat(number, (0x0301, 2), 0xFF, AGE, (6, 60)), Some(0x0201));
+        assert_eq!(last.get(1), Some(LastValue { raw: 3, time: 6, frame: 60, is_sent: true }));
+        // A watched bit, another length, and another age of the conditions.
+        assert_eq!(last.repeat(number, (0x0300, 2), 0xFF, AGE, (7, 70)), None);
+        assert_eq!(last.repeat(number, (0x0301, 1), 0xFF, AGE, (7, 70)), None);
+        assert_eq!(last.repeat(number, (0x0301, 2), 0xFF, (1, 0), (7, 70)), None);
+        assert_eq!((raw(&last), last.get(0).unwrap().time), ([Some(1), Some(3)], 6));
+    }
+
+    #[test]
+    fn another_source_of_an_object_ends_the_repetition() {
+        let (mut last, number) = carried();
+        last.put(1, value(9), None);
+        assert_eq!(raw(&last), [Some(1), Some(9)]);
+        assert_eq!(last.repeat(number, (0x0201, 2), 0, AGE, (6, 60)), None);
+        let (mut last, number) = carried();
+        last.forget_sent();
+        assert_eq!(raw(&last), [None; 2]);
+        assert_eq!(last.repeat(number, (0x0201, 2), 0, AGE, (6, 60)), None);
+    }
+
+    #[test]
+    fn values_stay_without_their_pdo() {
+        let (mut last, number) = carried();
+        // A shorter payload does not contain object 1.
+        last.put(0, value(4), Some((number, positions()[0])));
+        last.keep(1);
+        last.carry(number, (0x04, 1), (6, 60));
+        assert_eq!(raw(&last), [Some(4), Some(2)]);
+        last.drop_carriers();
+        assert_eq!((raw(&last), last.get(0).unwrap().frame), ([Some(4), Some(2)], 60));
+        assert_eq!(last.repeat(number, (0x04, 1), 0, AGE, (7, 70)), None);
+    }
+}

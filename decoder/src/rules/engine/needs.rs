@@ -133,8 +133,7 @@ impl NeedsOf {
     #[inline]
     const fn has_few(&self, is_changed: bool) -> bool {
         let all = (1_u8 << self.each.count) - 1;
-        let few = if is_changed { all } else { all & !self.if_changed };
-        few != 0
+        self.each.count > 0 && (is_changed || all & !self.if_changed != 0)
     }
 
     /// Whether rules need the event of the next message.
@@ -403,6 +402,26 @@ mod tests {
         let needs = table(&[(Need::PASSED, false), (Need::EACH, false), (Need::PASSED, false)]);
         assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0, 8));
         let of_changes = table(&[(Need::PASSED, false), (Need::EACH, true)]);
+        assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
+    }
+
+    #[test]
+    fn events_for_few_are_counted_for_the_others() {
+        let needs = [(Need::EACH, false), (Need::PASSED, false), (Need::EACH, true), (within(5, 20), false)];
+        let mut table = table(&needs);
+        let mut traffic = Traffic::new(0);
+        traffic.add(2, CanId::standard(0x181)).unwrap();
+        let mut skip = |change, now| table.skip(&preview(change), now, &mut traffic);
+        // The last interval is too long for one of the others.
+        let found = [(0, 10), (1, 20), (0, 41)].map(|(change, now)| skip(change, now));
+        assert_eq!(found, [Recipients::Few, Recipients::Few, Recipients::All]);
+        let (few, _) = table.few(2).unwrap();
+        let places = |is_changed| few.places(is_changed).collect::<Vec<_>>();
+        assert_eq!((places(false), places(true)), (vec![0], vec![0, 2]));
+        let counted = table.counted(2).unwrap();
+        assert_eq!(counted.passed(), &[11, 13][..]);
+        assert_eq!(counted.take_skipped(), SkippedFrames { count: 2, changed: 1 });
+        let of_changes = self::table(&[(Need::EACH, true)]);
         assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
     }
 
