@@ -194,7 +194,10 @@ impl NodeJudge<'_> {
             return PdoTask::Evaluate;
         };
         let is_lasting = rule.during.0.is_empty() || proof.may_rest && proof.during.are_all;
-        if is_lasting { kinds::task_of(rule, name) } else { PdoTask::Evaluate }
+        match kinds::task_of(rule, name) {
+            PdoTask::Count if !is_lasting => PdoTask::Evaluate,
+            task => task,
+        }
     }
 
     /// Runs a rule on a PDO.

@@ -62,7 +62,7 @@ pub(super) fn judge_event(
     }
 }
 
-/// What a PDO does to a rule about it whose `while` holds until a value changes.
+/// What a PDO does to a rule about it; a count only if its `while` holds until a value changes.
 pub(super) fn task_of(rule: &DeviceRule, name: PdoName) -> PdoTask {
     let has = |triggers: &Triggers| triggers.0.contains(&Trigger::Pdo(name));
     match rule.kind {
