@@ -181,63 +181,24 @@ impl Header {
         crc ^= crc_of(last, following);
         Self { crc, stuffing, bits: width + 8 * u32::from(length) + 15 + UNSTUFFED, length }
     }
-}
 
-/// Payload of a frame with what its bits depend on: from one payload to the next, only the bytes from the first change on are
-/// sent again.
-#[derive(Debug, Clone, Copy, Default)]
-struct Contents {
-    payload: u64,
-    /// CRC of header and data.
-    crc: u16,
-    /// State before each byte.
-    before: [Stuffing; 8],
-}
-
-impl Contents {
-    /// Contents of the first frame with a header, and its number of bits.
-    fn first(header: &Header, payload: u64) -> (Self, u32) {
-        let mut contents = Self { payload: 0, crc: header.crc, before: [header.stuffing; 8] };
-        contents.change_crc(header, payload);
-        let bits = contents.send(header, payload, 0);
-        (contents, bits)
-    }
-
-    /// Changes the payload; number of bits of the frame.
-    fn change(&mut self, header: &Header, payload: u64) -> u32 {
-        let change = self.payload ^ payload;
-        self.change_crc(header, change);
-        self.send(header, payload, change.leading_zeros() / 8)
-    }
-
-    /// The CRC of changed data is the sum of the CRCs of data and change.
-    fn change_crc(&mut self, header: &Header, change: u64) {
+    /// Number of bits of a frame with this header and [`payload`].
+    fn with(self, payload: u64) -> u32 {
+        let Self { mut crc, mut stuffing, bits, length } = self;
         // The last byte is the lowest. Bytes of zeros in front of the data do not change the CRC.
-        let mut rest = change.checked_shr(64 - 8 * u32::from(header.length)).unwrap_or(0);
-        let mut following = 0;
-        while rest != 0 {
-            let zeros = rest.trailing_zeros() / 8;
-            rest >>= 8 * zeros;
-            following += zeros as usize;
-            self.crc ^= crc_of(rest.to_le_bytes()[0], following);
-            (rest, following) = (rest >> 8, following + 1);
+        let aligned = payload.checked_shr(64 - 8 * u32::from(length)).unwrap_or(0).to_le_bytes();
+        for (following, byte) in aligned.into_iter().enumerate() {
+            crc ^= crc_of(byte, following);
         }
-    }
-
-    /// Sends the bytes of the payload from `first` on, and the CRC.
-    fn send(&mut self, header: &Header, payload: u64, first: u32) -> u32 {
-        self.payload = payload;
-        let mut stuffing = self.before.get(first as usize).copied().unwrap_or(header.stuffing);
-        let mut rest = payload.checked_shl(8 * first).unwrap_or(0).swap_bytes();
-        for state in self.before.iter_mut().take(usize::from(header.length)).skip(first as usize) {
-            *state = stuffing;
+        let mut rest = payload.swap_bytes();
+        for _ in 0..length {
             stuffing.send(&STUFF, rest.to_le_bytes()[0]);
             rest >>= 8;
         }
-        let [high, low] = self.crc.to_be_bytes();
+        let [high, low] = crc.to_be_bytes();
         stuffing.send(&STUFF_PART, 1 << 7 | high);
         stuffing.send(&STUFF, low);
-        header.bits + stuffing.stuff_bits()
+        bits + stuffing.stuff_bits()
     }
 }
 
@@ -259,7 +220,7 @@ pub fn frame_bits(frame: &Frame) -> Option<u32> {
         return None;
     }
     let header = Header::of(frame.id, FrameShape::of(frame));
-    Some(Contents::first(&header, payload(frame, mask(header.length))).1)
+    Some(header.with(payload(frame, mask(header.length))))
 }
 
 /// Number of bits of the last frame of one identifier: computed again only if the frame changes.
@@ -269,7 +230,7 @@ pub(super) struct LastFrameBits {
     shape: [u8; 4],
     header: Header,
     mask: u64,
-    contents: Contents,
+    payload: u64,
     bits: u32,
 }
 
@@ -285,8 +246,9 @@ impl LastFrameBits {
             self.set_shape(frame, shape);
         }
         let payload = payload(frame, self.mask);
-        if payload != self.contents.payload {
-            self.bits = self.contents.change(&self.header, payload);
+        if payload != self.payload {
+            self.payload = payload;
+            self.bits = self.header.with(payload);
         }
         Some(self.bits)
     }
@@ -296,7 +258,8 @@ impl LastFrameBits {
         self.shape = shape;
         self.header = Header::of(frame.id, FrameShape::of(frame));
         self.mask = mask(self.header.length);
-        (self.contents, self.bits) = Contents::first(&self.header, payload(frame, self.mask));
+        self.payload = payload(frame, self.mask);
+        self.bits = self.header.with(self.payload);
     }
 }
 
