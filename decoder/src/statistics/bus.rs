@@ -86,8 +86,7 @@ impl BusStatistics {
     }
 
     /// Counts a frame of its identifier; bits of the frame, 0 if they are unknown.
-    #[expect(clippy::inline_always, reason = "the call alone costs a fifth of it")]
-    #[inline(always)]
+    #[inline]
     fn count_identifier(&mut self, frame: &Frame) -> u32 {
         let time = frame.time.map(|time| time.0);
         let bits = if frame.flags.contains(FrameFlags::ERROR) {
@@ -151,7 +150,7 @@ impl BusStatistics {
         let Some(node) = self.nodes.entry(node) else { return };
         node.pdos += 1;
         if preview.change != 0 {
-            node.change(pdo, preview);
+            node.reactions.pdo(pdo, preview.time.0, preview.frame);
         }
     }
 

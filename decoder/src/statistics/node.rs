@@ -4,7 +4,6 @@ use super::{CodeCounts, Distribution, FirstFrame, Intervals, MOST_CODES, Reactio
 use crate::event::{DtcAction, Event, EventKind, Outcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::PdoName;
-use crate::session::Preview;
 
 /// Statistics of one node.
 #[derive(Debug, Clone, Default)]
@@ -74,12 +73,6 @@ impl NodeStatistics {
     /// Whether all its events are PDOs.
     pub(super) fn has_only_pdos(&self) -> bool {
         self.pdos > 0 && !Self { pdos: 0, ..self.clone() }.is_present()
-    }
-
-    /// Counts a PDO with changed contents, without an event; not in line, because most repeat their contents.
-    #[inline(never)]
-    pub(super) fn change(&mut self, pdo: PdoName, preview: &Preview) {
-        self.reactions.pdo(pdo, preview.time.0, preview.frame);
     }
 
     /// Counts an event of this node.
