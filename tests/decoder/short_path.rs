@@ -92,6 +92,10 @@ impl Observer for Judging {
         self.skipped += usize::from(is_skipped);
         is_skipped
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 /// Keeps an event, and whether its frame may have none.

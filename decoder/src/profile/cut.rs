@@ -35,6 +35,11 @@ impl IntegerPosition {
         })
     }
 
+    /// Its bits within eight bytes; bit 0 is the lowest bit of byte 0.
+    pub const fn bits(self) -> u64 {
+        u64::MAX << self.others >> self.above
+    }
+
     /// Raw bits; the payload must be long enough.
     #[inline]
     pub fn raw(self, word: u64) -> u64 {
@@ -73,6 +78,7 @@ mod tests {
             for length in 0..=8 {
                 let raw = field.extract(&payload[..length]);
                 let number = raw.and_then(|raw| integer(&field.value(raw)));
+                assert_eq!(cut.bits(), field.payload_bits());
                 assert!(raw.is_none_or(|raw| cut.raw(u64::from_le_bytes(payload)) == raw));
                 assert_eq!(
                     cut.number(u64::from_le_bytes(payload), length),

@@ -17,10 +17,16 @@ pub trait Observer {
         true
     }
 
-    /// Takes note of a frame without its event; `false`, without any effect, if the observer needs the event. `bus` is in
-    /// the state before the frame. An observer that consists of several asks [`Self::needs`] of all but one of them first.
+    /// Takes note of a frame without its event; `false` if the observer needs the event, which follows. `bus` is in the
+    /// state before the frame. An observer that consists of several asks [`Self::needs`] of all but one of them first.
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         !self.needs(preview, bus)
+    }
+
+    /// Whether [`Self::skip`] saves work at events that the observer needs, too; otherwise it is asked rarely if it needed
+    /// many frames in a row.
+    fn is_selective(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
     }
 }
 

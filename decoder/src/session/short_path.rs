@@ -40,6 +40,9 @@ impl BusDecoder {
                 return true;
             }
             self.needed_in_a_row = self.needed_in_a_row.saturating_add(1);
+            if self.needed_in_a_row >= PATIENCE && out.is_selective(&preview, &self.shared.bus) {
+                self.needed_in_a_row = 0;
+            }
         }
         self.send_pdo(&preview, frame, out)
     }

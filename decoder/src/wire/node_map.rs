@@ -83,6 +83,7 @@ impl<T> NodeMap<T> {
     }
 
     /// Sets the entry of a node.
+    #[inline]
     pub fn insert(&mut self, node: NodeId, value: T) {
         let place = node.place();
         if place < NODE_PLACES {
@@ -101,6 +102,7 @@ impl<T> NodeMap<T> {
     }
 
     /// Removes and returns the entry of a node.
+    #[inline]
     pub fn remove(&mut self, node: NodeId) -> Option<T> {
         self.0.get_mut(node.place())?.take()
     }

@@ -67,6 +67,10 @@ impl Observer for JudgingObserver<'_> {
         !self.printer.needs(preview, bus)
             && self.engine.as_mut().is_none_or(|engine| engine.skip(preview, bus))
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.as_ref().is_some_and(|engine| engine.is_selective(preview, bus))
+    }
 }
 
 impl CaptureObserver for JudgingObserver<'_> {

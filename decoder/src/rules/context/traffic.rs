@@ -112,6 +112,12 @@ impl Traffic {
         Some((self.slots.get_mut(place)?, PdoSurroundings { syncs, resumed, longest_period }))
     }
 
+    /// Makes a PDO that is counted already the current one.
+    #[inline]
+    pub(in crate::rules) fn select(&mut self, place: usize) {
+        self.current = Some(place);
+    }
+
     /// Index of the current PDO.
     pub(in crate::rules) fn current_place(&self) -> Option<usize> {
         self.current

@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
 use super::kinds::{self, frames, messages};
-use super::node::LastValue;
+use super::node::NodeRules;
 use super::node_judge::{NodeJudge, Occasion};
 use super::pdo_targets::PdoTarget;
 use super::plan::triggers;
+use super::progress::{FrameTime, PdoTask};
+use super::values::LastValue;
 use crate::event::{Event, J1939Message, Pdo};
-use crate::profile::Field;
 use crate::profile::device::{Direction, Trigger, TriggerEvent, UpdateSource, ValueUpdate};
+use crate::profile::{Field, PdoName};
 use crate::rules::Context;
 use crate::wire::j1939::ALL;
 
@@ -28,7 +30,10 @@ impl NodeJudge<'_> {
             return;
         }
         let payload = CarrierPayload::new(pdo.layout.as_ref(), pdo.payload(), &pdo.bytes);
-        self.on_values(&TriggerEvent::Pdo(target.name), &target.plan, &payload, event, context);
+        if !self.on_repeated_values(target, &payload, event, context) {
+            let carrier = (TriggerEvent::Pdo(target.name), target.carrier);
+            self.on_values(carrier, &target.plan, &payload, event, context);
+        }
         if !target.plan.constants.is_empty() {
             self.on_fixed_bits(target, &payload, occasion, context);
         }
@@ -100,7 +105,7 @@ impl NodeJudge<'_> {
             CarrierPlan::new(message.layout.as_deref(), &|_| true, source, rules, &self.own.record.plan)
         });
         let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
-        self.on_values(&TriggerEvent::Message(name), &plan, &payload, event, context);
+        self.on_values((TriggerEvent::Message(name), None), &plan, &payload, event, context);
         self.own.carriers.put(message, plan);
         self.note_last_frame(context);
     }
@@ -108,7 +113,7 @@ impl NodeJudge<'_> {
     /// Stores all values of a PDO or message before the rules run, since conditions see them together.
     fn on_values(
         &mut self,
-        carrier: &TriggerEvent<'_>,
+        (carrier, number): (TriggerEvent<'_>, Option<u16>),
         plan: &CarrierPlan,
         payload: &CarrierPayload<'_>,
         event: &Event,
@@ -126,14 +131,22 @@ impl NodeJudge<'_> {
                 if field.decides {
                     self.own.record.last.count_value(before != now, self.node.store().changes());
                 }
-                self.own.record.last.put(field.place, LastValue { raw, time, frame, is_sent });
+                let value = LastValue { raw, time, frame, is_sent };
+                self.own.record.last.put(field.place, value, number.zip(field.cut));
+            } else {
+                self.own.record.last.keep(field.place);
             }
             numbers.push((before, now));
+        }
+        if let (Some(number), TriggerEvent::Pdo(name)) = (number, carrier) {
+            let payload = (payload.word, payload.bytes.len());
+            self.own.record.last.carry(number, payload, (time, frame));
+            self.list_awake((number, name), plan, time);
         }
         for number in plan.rules.iter().copied() {
             if !self.facts(time).rests(number) {
                 self.judge_one(number, occasion, context, |case, progress, context| {
-                    kinds::judge_event(case, progress, carrier, context);
+                    kinds::judge_event(case, progress, &carrier, context);
                 });
             }
         }
@@ -149,6 +162,114 @@ impl NodeJudge<'_> {
             self.follow_values(plan, &numbers, occasion, context);
         }
         self.own.scratch = numbers;
+    }
+
+    /// Determines which rules about a PDO do not rest, until conditions may change.
+    fn list_awake(&mut self, (number, name): (u16, PdoName), plan: &CarrierPlan, time: i64) {
+        let age = self.facts(time).age();
+        let Some(carrier) = self.own.record.last.carrier_mut(number) else { return };
+        let mut awake = std::mem::take(&mut carrier.awake);
+        if awake.age != Some(age) {
+            let rests = |number: usize| self.facts(time).rests(number);
+            awake.age = Some(age);
+            awake.rules.clear();
+            let rules = plan.rules.iter().copied().filter(|rule| !rests(*rule));
+            awake.rules.extend(rules.map(|rule| (rule, self.task_of(rule, name))));
+            awake.clauses.clear();
+            for (place, field) in plan.fields.iter().enumerate() {
+                let clauses = field.clauses.iter().enumerate();
+                let each = clauses.filter(|(_, clause)| clause.is_for_each() && !rests(clause.number));
+                awake.clauses.extend(each.map(|(clause, _)| (place, clause)));
+            }
+        }
+        if let Some(carrier) = self.own.record.last.carrier_mut(number) {
+            carrier.awake = awake;
+        }
+    }
+
+    /// What a PDO does to a rule that does not rest before values change.
+    fn task_of(&self, number: usize, name: PdoName) -> PdoTask {
+        let record = &self.own.record;
+        let (Some((rule, _)), Some(proof)) = (record.plan.rule(number), record.proofs.get(number)) else {
+            return PdoTask::Evaluate;
+        };
+        let is_lasting = rule.during.0.is_empty() || proof.may_rest && proof.during.are_all;
+        match kinds::task_of(rule, name) {
+            PdoTask::Count if !is_lasting => PdoTask::Evaluate,
+            task => task,
+        }
+    }
+
+    /// Runs a rule on a PDO.
+    #[inline]
+    fn run_task(
+        &mut self,
+        (number, task): (usize, PdoTask),
+        name: PdoName,
+        occasion: Occasion<'_>,
+        context: &mut Context<'_>,
+    ) {
+        if task == PdoTask::Evaluate {
+            return self.judge_one(number, occasion, context, |case, progress, context| {
+                kinds::judge_event(case, progress, &TriggerEvent::Pdo(name), context);
+            });
+        }
+        let is_operational = task == PdoTask::Count && self.facts(context.now).is_operational();
+        let NodeRules { record, progress, .. } = &mut *self.own;
+        let (Some((_, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number)) else {
+            return;
+        };
+        if task == PdoTask::Count {
+            progress.has_begun = true;
+            if is_operational {
+                let moment = FrameTime { time: context.now, frame: occasion.frames.last };
+                kinds::count_pdo(progress, moment);
+            }
+        } else if kinds::answer(progress) {
+            let before = std::mem::replace(&mut context.rule, place);
+            context.pass();
+            context.rule = before;
+        }
+    }
+
+    /// Runs the rules on a PDO without a change that concerns conditions or rules about changes; `false`, without any
+    /// effect, for all others.
+    #[inline]
+    fn on_repeated_values(
+        &mut self,
+        target: &PdoTarget,
+        payload: &CarrierPayload<'_>,
+        event: &Event,
+        context: &mut Context<'_>,
+    ) -> bool {
+        let (plan, time) = (&target.plan, context.now);
+        let (Some(number), Some(watched)) = (target.carrier, plan.watched) else { return false };
+        let (age, length) = (self.facts(time).age(), payload.bytes.len());
+        let moment = (time, event.frames.last);
+        let last = &mut self.own.record.last;
+        let Some(before) = last.repeat(number, (payload.word, length), watched, age, moment) else {
+            return false;
+        };
+        let occasion = Occasion::of(event);
+        // The rules do not change the lists.
+        let mut place = 0;
+        while let Some(rule) = self.own.record.last.awake(number).and_then(|it| it.rules.get(place)).copied()
+        {
+            self.run_task(rule, target.name, occasion, context);
+            place += 1;
+        }
+        let mut next = 0;
+        while let Some((place, clause)) =
+            self.own.record.last.awake(number).and_then(|it| it.clauses.get(next)).copied()
+        {
+            next += 1;
+            let Some(field) = plan.fields.get(place) else { continue };
+            let (Some(clause), Some(cut)) = (field.clauses.get(clause), field.cut) else { continue };
+            let (before, now) = (cut.number(before, length), cut.number(payload.word, length));
+            let Some(raw) = now.filter(|raw| clause.judges(before, *raw)) else { continue };
+            self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
+        }
+        true
     }
 
     /// Runs one rule on one value of a PDO or message.

@@ -19,6 +19,9 @@ pub(super) struct CarrierPlan {
     /// Bits with a fixed content, and the rules about them.
     pub(super) fixed: FixedBits,
     pub(super) constants: Vec<usize>,
+    /// Bits whose change concerns conditions, or rules that check changes; `None` if the values cannot be read from the
+    /// first eight bytes on demand.
+    pub(super) watched: Option<u64>,
 }
 
 /// A field that at least one rule uses.
@@ -29,7 +32,7 @@ pub(super) struct WatchedField {
     /// Index of the object in the rule plan.
     pub(super) place: usize,
     /// Fast extraction from the first eight bytes, if possible.
-    cut: Option<IntegerPosition>,
+    pub(super) cut: Option<IntegerPosition>,
     /// Conditions use the value, and it never expires.
     pub(super) decides: bool,
     /// Rules that check the value.
@@ -77,8 +80,10 @@ impl CarrierPlan {
     ) -> Self {
         let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
         let fields = fields.filter(|(_, of)| is_certain(of));
-        let fields = fields.filter_map(|(field, of)| WatchedField::new(field, of, source, plan)).collect();
-        Self { source, fields, rules, fixed: FixedBits::default(), constants: Vec::new() }
+        let fields: Vec<_> =
+            fields.filter_map(|(field, of)| WatchedField::new(field, of, source, plan)).collect();
+        let watched = watched_bits(&fields);
+        Self { source, fields, rules, fixed: FixedBits::default(), constants: Vec::new(), watched }
     }
 
     /// Adds the rules about bits with a fixed content.
@@ -93,6 +98,23 @@ impl CarrierPlan {
     pub(super) fn is_empty(&self) -> bool {
         self.fields.is_empty() && self.rules.is_empty() && self.constants.is_empty()
     }
+}
+
+/// See [`CarrierPlan::watched`].
+fn watched_bits(fields: &[WatchedField]) -> Option<u64> {
+    let mut watched = 0;
+    for (place, field) in fields.iter().enumerate() {
+        let bits = field.cut?.bits();
+        let is_repeated = fields.iter().take(place).any(|other| other.place == field.place);
+        if is_repeated {
+            return None;
+        }
+        let checks_changes = field.clauses.iter().any(|clause| clause.changed.is_some());
+        if checks_changes || field.decides || !field.stretches.is_empty() {
+            watched |= bits;
+        }
+    }
+    Some(watched)
 }
 
 impl WatchedField {
@@ -157,6 +179,11 @@ impl Clause {
             }
         }
         (changed != 0).then_some(Self { number, changed: Some(changed), set: 0 })
+    }
+
+    /// Whether the rule checks values that are not changed, too.
+    pub(super) const fn is_for_each(self) -> bool {
+        self.changed.is_none()
     }
 
     /// Whether the rule must check a value.

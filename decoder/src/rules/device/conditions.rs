@@ -46,7 +46,7 @@ impl ProvenFacts<'_> {
     }
 
     #[inline]
-    fn age(&self) -> ProofAge {
+    pub(super) fn age(&self) -> ProofAge {
         (self.own.last.changes, self.node.store().changes())
     }
 

@@ -10,6 +10,7 @@ use crate::frame::CanId;
 use crate::profile::device::DeviceRule;
 use crate::query::KindSet;
 use crate::rules::ledger::Ledger;
+use crate::rules::need::Need;
 use crate::rules::{Context, Rule};
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -37,7 +38,8 @@ impl DeviceRules {
     fn on_pdo(&mut self, pdo: &Pdo, event: &Event, context: &mut Context<'_>) {
         let Some(place) = context.traffic.current().map(|slot| slot.place) else { return };
         if self.targets.get(place, pdo).is_none() {
-            let targets = IdentifierTargets::new(pdo, event, &self.roster.nodes, context.bus);
+            let nodes = &mut self.roster.nodes;
+            let targets = IdentifierTargets::new((place, pdo), event, nodes, context.bus);
             self.targets.put(place, targets);
         }
         let Some(known) = self.targets.get(place, pdo) else { return };
@@ -50,6 +52,14 @@ impl DeviceRules {
                 frames::judge_pdo_id(case, pdo, context);
             });
         }
+    }
+
+    /// Forgets which rules concern a PDO, after a change of identifiers or rules.
+    #[cold]
+    fn clear_targets(&mut self, context: &mut Context<'_>) {
+        self.targets.clear();
+        self.roster.drop_carriers();
+        context.ask_again();
     }
 
     fn on_message(&mut self, message: &J1939Message, event: &Event, context: &mut Context<'_>) {
@@ -89,7 +99,7 @@ impl DeviceRules {
             }
             EventKind::SdoTransfer(transfer) => {
                 if transfer.object.is_some_and(|object| holds_id(object.index)) {
-                    self.targets.clear();
+                    self.clear_targets(context);
                 }
                 self.on_node_event(event, context);
                 self.judge_reserved(None, event, context, &|case, context| {
@@ -97,12 +107,12 @@ impl DeviceRules {
                 });
             }
             EventKind::BootUp { .. } => {
-                self.forget_identifiers(event);
+                self.forget_identifiers(event, context);
                 self.on_node_event(event, context);
             }
             EventKind::Emcy(emergency) => {
                 if emergency.boot.is_some() {
-                    self.forget_identifiers(event);
+                    self.forget_identifiers(event, context);
                 }
                 self.on_node_event(event, context);
             }
@@ -111,9 +121,9 @@ impl DeviceRules {
     }
 
     /// After a restart, identifiers fall back to the stored ones.
-    fn forget_identifiers(&mut self, event: &Event) {
+    fn forget_identifiers(&mut self, event: &Event, context: &mut Context<'_>) {
         if event.node.is_some_and(|id| self.roster.nodes.get(id).is_some()) {
-            self.targets.clear();
+            self.clear_targets(context);
         }
     }
 
@@ -160,7 +170,7 @@ impl Rule for DeviceRules {
         if may_attach(&event.kind) {
             self.roster.move_node(event);
             self.roster.attach(context.bus, context.ledger);
-            self.targets.clear();
+            self.clear_targets(context);
         }
         match &event.kind {
             EventKind::Pdo(pdo) => self.on_pdo(pdo, event, context),
@@ -177,6 +187,12 @@ impl Rule for DeviceRules {
 
     fn kinds(&self) -> Option<KindSet> {
         Some(self.wanted())
+    }
+
+    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+        let EventKind::Pdo(pdo) = &event.kind else { return Need::EACH };
+        let known = context.traffic.current().and_then(|slot| self.targets.get(slot.place, pdo));
+        if known.is_some_and(IdentifierTargets::is_empty) { Need::NOTHING } else { Need::EACH }
     }
 
     fn wake(&mut self, token: u64, context: &mut Context<'_>) {

@@ -16,6 +16,7 @@
 //! | `plan` | objects, PDOs and event kinds that the rules of a device use |
 //! | `carrier` | fields that the rules use in a PDO or message of one layout |
 //! | `proofs` | cached results of conditions |
+//! | `values` | last values in PDOs and messages |
 //! | `progress`, `node` | state of a rule, state of a node |
 //! | `describe`, `transfer` | events and values as text; transfers as updates |
 //! | `facts`, `conditions` | proven facts, and conditions on them |
@@ -41,6 +42,7 @@ mod progress;
 mod proofs;
 mod roster;
 mod transfer;
+mod values;
 
 pub(super) use dispatch::DeviceRules;
 pub(super) use roster::may_attach;

@@ -6,6 +6,7 @@ use super::carrier::CarrierPlan;
 use super::plan::{RulePlan, waits_for};
 use super::progress::RuleProgress;
 use super::proofs::RuleProofs;
+use super::values::LastValues;
 use crate::event::J1939Message;
 use crate::profile::device::{RuleKind, UpdateSource};
 use crate::profile::{Layout, PdoName};
@@ -43,33 +44,11 @@ pub(super) struct NodeRecord {
     pub(super) present: Option<i64>,
 }
 
-/// Last values in PDOs and messages, by object index in the plan.
-#[derive(Debug, Default)]
-pub(super) struct LastValues {
-    values: Vec<Option<LastValue>>,
-    /// The boot-up was seen: bits not written since then are 0.
-    pub(super) is_fresh: bool,
-    /// Number of value changes that conditions use.
-    pub(super) changes: u64,
-    /// Change count of the node's store at the last such value.
-    stored: u64,
-}
-
-/// Last value of an object.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LastValue {
-    pub(super) raw: i64,
-    pub(super) time: i64,
-    pub(super) frame: u64,
-    /// The device itself sent the value.
-    pub(super) is_sent: bool,
-}
-
 impl NodeRules {
     pub(super) fn new(plan: &Arc<RulePlan>) -> Self {
         let record = NodeRecord {
             plan: Arc::clone(plan),
-            last: LastValues { values: vec![None; plan.watched_count()], ..LastValues::default() },
+            last: LastValues::new(plan.watched_count()),
             proofs: RuleProofs::new(plan),
             changes: Vec::new(),
             heard: None,
@@ -150,53 +129,5 @@ impl NodeRecord {
         self.changes.iter().any(|(of, time)| {
             (channel.is_none() || of.is_none() || *of == channel) && now.saturating_sub(*time) <= settling
         })
-    }
-}
-
-impl LastValues {
-    /// Last value by object index in the plan.
-    pub(super) fn get(&self, place: usize) -> Option<LastValue> {
-        self.values.get(place).copied().flatten()
-    }
-
-    /// Last raw value by object index in the plan.
-    #[inline]
-    pub(super) fn raw(&self, place: usize) -> Option<i64> {
-        self.values.get(place)?.map(|value| value.raw)
-    }
-
-    /// Counts a value change that conditions use. After a change of the node's store, an equal value counts
-    /// too, since it is newer than the stored one.
-    #[inline]
-    pub(super) fn count_value(&mut self, is_other: bool, stored: u64) {
-        if is_other || self.stored != stored {
-            self.count_change();
-            self.stored = stored;
-        }
-    }
-
-    fn count_change(&mut self) {
-        self.changes = self.changes.wrapping_add(1);
-    }
-
-    #[inline]
-    pub(super) fn put(&mut self, place: usize, value: LastValue) {
-        if let Some(known) = self.values.get_mut(place) {
-            *known = Some(value);
-        }
-    }
-
-    pub(super) fn clear(&mut self) {
-        self.count_change();
-        self.values.fill(None);
-        self.is_fresh = false;
-    }
-
-    /// Removes values sent by the device itself.
-    pub(super) fn forget_sent(&mut self) {
-        self.count_change();
-        for value in &mut self.values {
-            value.take_if(|value| value.is_sent);
-        }
     }
 }

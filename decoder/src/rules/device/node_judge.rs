@@ -137,11 +137,29 @@ impl NodeJudge<'_> {
         }
         let mut place = 0;
         while let Some(number) = self.own.record.plan.syncs.get(place).copied() {
-            self.judge_one(number, occasion, context, |case, progress, context| {
-                kinds::judge_event(case, progress, &TriggerEvent::Sync, context);
-            });
+            if !self.ends_count(number, context) {
+                self.judge_one(number, occasion, context, |case, progress, context| {
+                    kinds::judge_event(case, progress, &TriggerEvent::Sync, context);
+                });
+            }
             place += 1;
         }
+    }
+
+    /// Ends a count between SYNCs that is within its limit; `false`, without any effect, for all other rules.
+    fn ends_count(&mut self, number: usize, context: &mut Context<'_>) -> bool {
+        let NodeRules { record, progress, .. } = &mut *self.own;
+        let (Some((rule, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number))
+        else {
+            return false;
+        };
+        let Some(passes) = kinds::end_count(rule, progress, context.now) else { return false };
+        if passes {
+            let before = std::mem::replace(&mut context.rule, place);
+            context.pass();
+            context.rule = before;
+        }
+        true
     }
 
     /// Updates all rules whose `while` may begin or end.

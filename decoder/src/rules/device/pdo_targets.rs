@@ -33,6 +33,8 @@ pub(super) struct PdoTarget {
     /// The PDO belongs to this node; false if the node consumes the PDO of another node.
     pub(super) is_own: bool,
     pub(super) plan: CarrierPlan,
+    /// Index of the PDO in [`super::values::LastValues`], if its values are read from its last payload.
+    pub(super) carrier: Option<u16>,
     /// Rules about remote requests for the PDO.
     pub(super) requests: Vec<usize>,
 }
@@ -66,9 +68,19 @@ impl PdoTargets {
 }
 
 impl IdentifierTargets {
+    /// Whether no rule concerns the identifier.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.targets.is_empty() && !self.is_reserved
+    }
+
     /// Computes the targets for the identifier of a PDO.
     #[cold]
-    pub(super) fn new(pdo: &Pdo, event: &Event, nodes: &NodeMap<Box<NodeRules>>, bus: &Bus) -> Self {
+    pub(super) fn new(
+        (place, pdo): (usize, &Pdo),
+        event: &Event,
+        nodes: &mut NodeMap<Box<NodeRules>>,
+        bus: &Bus,
+    ) -> Self {
         let mut all = Self { layout: pdo.layout.clone(), ..Self::default() };
         for (id, own) in nodes.iter().filter(|(id, _)| id.canopen().is_some()) {
             let plan = &own.record.plan;
@@ -79,6 +91,10 @@ impl IdentifierTargets {
                 names.filter(|name| bus.pdo_identifier(id, *name).is_some_and(|(of, _)| of == pdo.cob_id));
             let all_names = consumed.map(|name| (name, false)).chain(is_own.then_some((pdo.name, true)));
             all.targets.extend(all_names.filter_map(|(name, is_own)| target(id, plan, name, is_own, pdo)));
+        }
+        for target in all.targets.iter_mut().filter(|target| target.plan.watched.is_some()) {
+            let own = nodes.get_mut(target.id);
+            target.carrier = own.and_then(|own| own.record.last.add_carrier(place, target.name));
         }
         all
     }
@@ -102,7 +118,7 @@ fn target(id: NodeId, plan: &RulePlan, name: PdoName, is_own: bool, pdo: &Pdo) -
         .with_constants(layout.filter(|_| is_whole), constants);
     let requests = numbers(&|rule| is_own && rule.kind == RuleKind::RemoteLength);
     let is_empty = plan.is_empty() && requests.is_empty();
-    (!is_empty).then_some(PdoTarget { id, name, is_own, plan, requests })
+    (!is_empty).then_some(PdoTarget { id, name, is_own, plan, carrier: None, requests })
 }
 
 /// Whether a field is at the same place in all layouts of a PDO that the profile defines as fixed, so that its value is

@@ -11,6 +11,17 @@ pub(super) struct FrameTime {
     pub(super) frame: u64,
 }
 
+/// What a PDO does to a rule that does not rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PdoTask {
+    /// It is counted until the next SYNC, if the node is operational.
+    Count,
+    /// It is the awaited event.
+    Answer,
+    /// The rule must be evaluated.
+    Evaluate,
+}
+
 /// State of one rule at one node.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RuleProgress {

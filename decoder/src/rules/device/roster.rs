@@ -94,6 +94,15 @@ impl Roster {
         }
     }
 
+    /// Forgets the last payloads of PDOs, but not their values.
+    pub(super) fn drop_carriers(&mut self) {
+        for id in &self.ids {
+            if let Some(own) = self.nodes.get_mut(*id) {
+                own.record.last.drop_carriers();
+            }
+        }
+    }
+
     /// Calls a task for one node.
     #[inline]
     pub(super) fn judge_at(&mut self, id: NodeId, bus: &Bus, task: impl FnOnce(&mut NodeJudge<'_>)) {

@@ -46,6 +46,19 @@ pub(super) struct BusJudge {
     pub(super) needs: NeedsTable,
     /// Monotonic time of the bus up to which no frame needs its event because of its time; `i64::MIN` if this is not known.
     pub(super) quiet_until: i64,
+    /// Last frame whose event is for few rules only, until its event.
+    pub(super) counted: Option<CountedFrame>,
+    /// Number of the last such frame.
+    pub(super) last_counted: Option<u64>,
+}
+
+/// A frame that is counted for all rules but those that need each event of its identifier.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CountedFrame {
+    /// Number of the frame.
+    pub(super) frame: u64,
+    /// Index of its identifier on the bus.
+    pub(super) identifier: usize,
 }
 
 /// State that all rules of one bus share.
@@ -63,7 +76,7 @@ pub(super) struct Shared {
     /// Timestamp resolution in ns.
     pub(super) granularity: i64,
     /// The answer of a rule about the next PDOs may have changed.
-    has_news: bool,
+    pub(super) has_news: bool,
 }
 
 impl Shared {
@@ -115,6 +128,8 @@ impl BusJudge {
             has_turned: true,
             needs: NeedsTable::new(),
             quiet_until: i64::MIN,
+            counted: None,
+            last_counted: None,
         };
         let devices = DeviceRules::new(bus, ledger);
         let kinds = devices.wanted();
@@ -208,7 +223,7 @@ impl BusJudge {
         }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
-        } else if self.needs.is_unknown(identifier, bus.version_of(identifier)) {
+        } else if self.needs.is_unknown(identifier, bus.version_of(identifier), usize::from(pdo.length)) {
             self.ask_for_needs(identifier, event, bus, ledger);
         }
     }
@@ -245,7 +260,7 @@ impl BusJudge {
             self.ask_for_pdos();
         } else if let EventKind::J1939Message(message) = &event.kind
             && let Some(identifier) = bus.identifier_of_event(message.can_id)
-            && self.needs.is_unknown(identifier, bus.version_of(identifier))
+            && self.needs.is_unknown(identifier, bus.version_of(identifier), message.payload().len())
         {
             self.ask_for_needs(identifier, event, bus, ledger);
         }

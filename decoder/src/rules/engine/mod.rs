@@ -105,6 +105,9 @@ impl Engine {
     /// Runs the rules on an event. Findings that open or close are emitted to `out` as events.
     #[inline]
     pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
+        if matches!(event.kind, EventKind::Pdo(_)) && self.event_for_few(event, bus) {
+            return self.emit_if_any(bus, out);
+        }
         let index = usize::from(bus.index().0);
         while self.buses.len() <= index {
             self.buses.push(BusJudge::new(bus, &self.setup, &mut self.ledger));
@@ -134,6 +137,11 @@ impl Engine {
         if let EventKind::TestCase(marker) = &event.kind {
             self.ledger.mark(*marker, event.frames.last);
         }
+        self.emit_if_any(bus, out);
+    }
+
+    #[inline]
+    fn emit_if_any(&mut self, bus: &Bus, out: &mut dyn Observer) {
         if !self.ledger.news.is_empty() || !self.held.is_empty() {
             self.emit_news(bus, self.quality.has_varied(), out);
             self.end_quiet();
@@ -246,6 +254,10 @@ impl Observer for Judge<'_> {
     #[inline]
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         !self.out.needs(preview, bus) && self.engine.skip(preview, bus) && self.out.skip(preview, bus)
+    }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
     }
 }
 

@@ -6,7 +6,7 @@ use crate::rules::need::Need;
 use crate::session::Preview;
 
 /// Maximum number of rules in one of the lists of an identifier; with more, each event is needed.
-const LISTED: usize = 4;
+const LISTED: usize = 6;
 
 /// A few rules, by number or by place.
 #[derive(Debug, Clone, Copy, Default)]
@@ -35,8 +35,9 @@ impl RuleList {
 pub(super) struct NeedsOf {
     /// Number of the answers; older ones are not valid.
     answer: u32,
-    /// Service and layout of the identifier for which the answers hold.
+    /// Service and layout of the identifier, and data length in bytes, for which the answers hold.
     version: u32,
+    length: usize,
     /// Index of the PDO statistics; `None` for a J1939 message.
     statistics: Option<u16>,
     /// All answers as one.
@@ -46,6 +47,10 @@ pub(super) struct NeedsOf {
     passed_if_changed: RuleList,
     /// Places of the rules that take the number of frames.
     counting: RuleList,
+    /// Places of the rules that need each event; the other fields are about the other rules.
+    each: RuleList,
+    /// Bit n is set if the n-th of them receives only frames with changed payload.
+    if_changed: u8,
     /// Frames since the last event.
     skipped: SkippedFrames,
 }
@@ -60,16 +65,19 @@ pub(super) struct SkippedFrames {
 }
 
 impl NeedsOf {
-    fn new(answer: u32, version: u32, statistics: Option<u16>) -> Self {
-        let (passed, passed_if_changed, counting) = Default::default();
+    fn new(answer: u32, (version, length): (u32, usize), statistics: Option<u16>) -> Self {
+        let (passed, passed_if_changed, counting, each) = Default::default();
         Self {
             answer,
             version,
+            length,
             statistics,
             need: Need::NOTHING,
             passed,
             passed_if_changed,
             counting,
+            each,
+            if_changed: 0,
             skipped: SkippedFrames::default(),
         }
     }
@@ -77,6 +85,11 @@ impl NeedsOf {
     /// Adds the answer of a rule that receives all frames of the identifier.
     fn add(&mut self, rule: &Answer) {
         let (all, need) = (&mut self.need, rule.need);
+        // Messages have no intervals, and their events no short path of their own.
+        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+            all.follows_interval |= need.follows_interval;
+            return;
+        }
         all.bits |= need.bits;
         all.codes = all.codes.or(need.codes);
         all.shortest = all.shortest.max(need.shortest);
@@ -95,6 +108,12 @@ impl NeedsOf {
     /// Adds the answer of a rule that receives only frames with changed payload.
     fn add_if_changed(&mut self, rule: &Answer) {
         let need = rule.need;
+        let place = self.each.count;
+        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+            self.if_changed |= 1 << place;
+            self.need.follows_interval |= need.follows_interval;
+            return;
+        }
         let is_bounded = need.shortest > i64::MIN || need.longest < i64::MAX || need.is_counted;
         let is_listed = !need.is_passed || self.passed_if_changed.add(rule.number);
         self.need.follows_interval |= need.follows_interval;
@@ -108,6 +127,13 @@ impl NeedsOf {
             || interval > self.need.longest
             || pdo.alternations.saturating_add(1) >= self.need.alternations
             || self.need.frames <= 1
+    }
+
+    /// Whether some rules need each event of a frame, with changed payload or not.
+    #[inline]
+    const fn has_few(&self, is_changed: bool) -> bool {
+        let all = (1_u8 << self.each.count) - 1;
+        self.each.count > 0 && (is_changed || all & !self.if_changed != 0)
     }
 
     /// Whether rules need the event of the next message.
@@ -142,6 +168,38 @@ impl NeedsOf {
     }
 }
 
+/// Rules that need the event of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Recipients {
+    /// No rule.
+    None,
+    /// Only rules that need each event of the identifier; for the others, the frame is counted.
+    Few,
+    /// Perhaps all rules.
+    All,
+}
+
+/// Rules that need each event of an identifier.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Few {
+    rules: RuleList,
+    if_changed: u8,
+}
+
+impl Few {
+    /// Places of the rules that receive a frame with changed or unchanged payload.
+    #[inline]
+    pub(super) fn places(&self, is_changed: bool) -> impl Iterator<Item = u16> {
+        let is_meant = move |number: &usize| is_changed || self.if_changed >> *number & 1 == 0;
+        self.rules
+            .all()
+            .iter()
+            .enumerate()
+            .filter(move |(number, _)| is_meant(number))
+            .map(|(_, place)| *place)
+    }
+}
+
 /// Answer of a rule.
 pub(super) struct Answer {
     pub(super) number: u16,
@@ -169,7 +227,8 @@ impl NeedsTable {
     #[inline]
     pub(super) fn has(&self, preview: &Preview, now: i64, pdos: &[PdoSlot]) -> bool {
         let Some(known) = self.identifiers.get(preview.identifier) else { return true };
-        if known.answer != self.valid || preview.change & known.need.bits != 0 {
+        let is_changed = preview.change != 0;
+        if known.answer != self.valid || known.has_few(is_changed) || preview.change & known.need.bits != 0 {
             return true;
         }
         match known.statistics {
@@ -180,31 +239,40 @@ impl NeedsTable {
         }
     }
 
-    /// Counts a frame at the time `now` of the rules; `false`, without any effect, if rules need its event.
+    /// Counts a frame at the time `now` of the rules, unless its event is for [`Recipients::All`].
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> bool {
-        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return false };
+    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> Recipients {
+        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return Recipients::All };
         if known.answer != self.valid || preview.change & known.need.bits != 0 {
-            return false;
+            return Recipients::All;
         }
         match known.statistics {
             Some(place) => {
-                let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else { return false };
+                let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else {
+                    return Recipients::All;
+                };
                 let interval = pdo.interval_at(now);
                 if known.needs_pdo(pdo, interval) {
-                    return false;
+                    return Recipients::All;
                 }
                 if pdo.skip(preview, (now, interval), context) && known.need.follows_interval {
                     known.answer = 0;
                 }
             }
-            None if known.needs_message(preview) => return false,
+            None if known.needs_message(preview) => return Recipients::All,
             None => {}
         }
         known.skipped.count = known.skipped.count.saturating_add(1);
         known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
         known.need.frames = known.need.frames.saturating_sub(1);
-        true
+        if known.has_few(preview.change != 0) { Recipients::Few } else { Recipients::None }
+    }
+
+    /// Rules that need each event of an identifier, and the index of its PDO statistics.
+    #[inline]
+    pub(super) fn few(&self, identifier: usize) -> Option<(Few, usize)> {
+        let known = self.identifiers.get(identifier)?;
+        Some((Few { rules: known.each, if_changed: known.if_changed }, known.statistics()?))
     }
 
     /// Counts a PDO with an event.
@@ -217,9 +285,11 @@ impl NeedsTable {
 
     /// Whether the rules must be asked about an identifier.
     #[inline]
-    pub(super) fn is_unknown(&self, identifier: usize, version: u32) -> bool {
+    pub(super) fn is_unknown(&self, identifier: usize, version: u32, length: usize) -> bool {
         let known = self.identifiers.get(identifier);
-        known.is_none_or(|known| known.answer != self.valid || known.version != version)
+        known.is_none_or(|known| {
+            known.answer != self.valid || known.version != version || known.length != length
+        })
     }
 
     /// Drops the answers about one identifier.
@@ -237,7 +307,8 @@ impl NeedsTable {
     /// Stores the answers of the rules about an identifier.
     pub(super) fn store(
         &mut self,
-        (identifier, version): (usize, u32),
+        identifier: usize,
+        (version, length): (u32, usize),
         statistics: Option<usize>,
         answers: impl Iterator<Item = Answer>,
     ) {
@@ -245,7 +316,7 @@ impl NeedsTable {
             Some(number) => (number.ok(), number.is_ok()),
             None => (None, true),
         };
-        let mut known = NeedsOf::new(self.valid, version, number);
+        let mut known = NeedsOf::new(self.valid, (version, length), number);
         for answer in answers {
             if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add(&answer) }
         }
@@ -257,8 +328,8 @@ impl NeedsTable {
             known.need = Need::EACH;
         }
         if self.identifiers.len() <= identifier {
-            let Some(length) = identifier.checked_add(1) else { return };
-            self.identifiers.resize(length, NeedsOf::new(0, 0, None));
+            let Some(count) = identifier.checked_add(1) else { return };
+            self.identifiers.resize(count, NeedsOf::new(0, (0, 0), None));
         }
         if let Some(place) = self.identifiers.get_mut(identifier) {
             known.skipped = place.skipped;
@@ -291,7 +362,7 @@ mod tests {
             need: *need,
             is_for_changes: *is_for_changes,
         });
-        table.store((2, 0), Some(0), answers);
+        table.store(2, (0, 8), Some(0), answers);
         table
     }
 
@@ -309,7 +380,7 @@ mod tests {
         let mut traffic = Traffic::new(0);
         traffic.add(2, CanId::standard(0x181)).unwrap();
         let is_needed = table.has(&preview(change), 10, traffic.slots());
-        let is_skipped = table.skip(&preview(change), 10, &mut traffic);
+        let is_skipped = table.skip(&preview(change), 10, &mut traffic) == Recipients::None;
         assert_eq!(is_skipped, !is_needed);
         assert_eq!(traffic.of(2).unwrap().count, u64::from(is_skipped));
         is_skipped
@@ -329,8 +400,28 @@ mod tests {
     #[test]
     fn one_rule_that_needs_each_decides() {
         let needs = table(&[(Need::PASSED, false), (Need::EACH, false), (Need::PASSED, false)]);
-        assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0));
+        assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0, 8));
         let of_changes = table(&[(Need::PASSED, false), (Need::EACH, true)]);
+        assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
+    }
+
+    #[test]
+    fn events_for_few_are_counted_for_the_others() {
+        let needs = [(Need::EACH, false), (Need::PASSED, false), (Need::EACH, true), (within(5, 20), false)];
+        let mut table = table(&needs);
+        let mut traffic = Traffic::new(0);
+        traffic.add(2, CanId::standard(0x181)).unwrap();
+        let mut skip = |change, now| table.skip(&preview(change), now, &mut traffic);
+        // The last interval is too long for one of the others.
+        let found = [(0, 10), (1, 20), (0, 41)].map(|(change, now)| skip(change, now));
+        assert_eq!(found, [Recipients::Few, Recipients::Few, Recipients::All]);
+        let (few, _) = table.few(2).unwrap();
+        let places = |is_changed| few.places(is_changed).collect::<Vec<_>>();
+        assert_eq!((places(false), places(true)), (vec![0], vec![0, 2]));
+        let counted = table.counted(2).unwrap();
+        assert_eq!(counted.passed(), &[11, 13][..]);
+        assert_eq!(counted.take_skipped(), SkippedFrames { count: 2, changed: 1 });
+        let of_changes = self::table(&[(Need::EACH, true)]);
         assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
     }
 
@@ -366,12 +457,13 @@ mod tests {
     #[test]
     fn answers_are_dropped() {
         let mut table = table(&[(Need::PASSED, false)]);
-        assert!(table.is_unknown(2, 1), "another layout");
+        assert!(table.is_unknown(2, 1, 8), "another layout");
+        assert!(table.is_unknown(2, 0, 7), "another length");
         table.forget(2);
-        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
-        table.store((2, 0), Some(0), std::iter::empty());
+        assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
+        table.store(2, (0, 8), Some(0), std::iter::empty());
         table.forget_all();
-        assert!(table.is_unknown(2, 0) && is_needed(&table, 10, 0));
+        assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
     }
 
     #[test]
@@ -380,7 +472,9 @@ mod tests {
             let mut table = table(&[(need, false)]);
             let mut traffic = Traffic::new(0);
             traffic.add(2, CanId::standard(0x181)).unwrap();
-            (0..20).filter(|number| table.skip(&preview(0), number * 10, &mut traffic)).count()
+            (0..20)
+                .filter(|number| table.skip(&preview(0), number * 10, &mut traffic) == Recipients::None)
+                .count()
         };
         // The sixteenth PDO is the last one of fifteen intervals.
         assert_eq!(skipped(Need { follows_interval: true, ..Need::PASSED }), 16);
@@ -394,7 +488,7 @@ mod tests {
                 |need| {
                     let mut table = NeedsTable::new();
                     let answer = Answer { number: 10, place: 0, need, is_for_changes: false };
-                    table.store((2, 0), None, std::iter::once(answer));
+                    table.store(2, (0, 8), None, std::iter::once(answer));
                     is_needed(&table, 10, 0)
                 },
             );

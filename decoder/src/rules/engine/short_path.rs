@@ -2,12 +2,15 @@
 
 use std::cmp::Reverse;
 
-use super::bus_judge::{BusJudge, RuleInstance};
-use super::needs::Answer;
+use super::bus_judge::{BusJudge, CountedFrame, RuleInstance};
+use super::needs::{Answer, Recipients};
 use super::{Engine, STAMPS_JUDGED};
 use crate::event::{Event, EventKind};
 use crate::rules::ledger::Ledger;
 use crate::session::{Bus, Preview};
+
+/// Frames after an event for few rules in which more of them are expected.
+const LATELY: u64 = 4_096;
 
 impl Engine {
     /// Whether the rules need the event of a frame; see [`crate::session::Observer::needs`].
@@ -18,7 +21,8 @@ impl Engine {
             || self.buses.get(usize::from(bus.index().0)).is_none_or(|judge| judge.needs(preview))
     }
 
-    /// Counts a frame whose event the rules do not need; see [`crate::session::Observer::skip`].
+    /// Counts a frame whose event the rules do not need; see [`crate::session::Observer::skip`]. If only few rules need its
+    /// event, the frame is counted for all others, and the next event is for those few.
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         let index = usize::from(bus.index().0);
@@ -27,6 +31,24 @@ impl Engine {
             return judge.skip(preview);
         }
         self.is_quiet(index, preview) && self.buses.get_mut(index).is_some_and(|judge| judge.skip(preview))
+    }
+
+    /// Whether events were for few rules only lately; see [`crate::session::Observer::is_selective`].
+    pub fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        let judge = self.buses.get(usize::from(bus.index().0));
+        let last = judge.and_then(|judge| judge.last_counted);
+        last.is_some_and(|last| preview.frame.saturating_sub(last) < LATELY)
+    }
+
+    /// Runs the few rules that need an event, if its frame was counted for all others; `false` if it was not.
+    #[inline]
+    pub(super) fn event_for_few(&mut self, event: &Event, bus: &Bus) -> bool {
+        let judge = self.buses.get_mut(usize::from(bus.index().0));
+        let counted = judge.and_then(|judge| Some((judge.counted.take()?, judge)));
+        let Some((counted, judge)) = counted.filter(|(counted, _)| counted.frame == event.frames.last) else {
+            return false;
+        };
+        judge.event_for_few(counted.identifier, event, bus, &mut self.ledger)
     }
 
     /// Whether the rules of a bus need no event because of the time of a frame, and no finding waits to be emitted. If so,
@@ -109,15 +131,39 @@ impl BusJudge {
         next.map_or(i64::MAX, |Reverse((due, ..))| due.saturating_add(self.shared.silence))
     }
 
-    /// Counts a frame before the next wake-up; `false`, without any effect, if the rules need its event.
+    /// Counts a frame before the next wake-up; `false` if rules need its event.
     #[inline]
     fn skip(&mut self, preview: &Preview) -> bool {
         let now = preview.now.saturating_sub(self.shared.silence);
-        let is_skipped = self.needs.skip(preview, now, &mut self.shared.traffic);
-        if is_skipped {
-            self.shared.now = self.shared.now.max(now);
+        let recipients = self.needs.skip(preview, now, &mut self.shared.traffic);
+        if recipients == Recipients::All {
+            return false;
         }
-        is_skipped
+        self.shared.now = self.shared.now.max(now);
+        if recipients == Recipients::Few {
+            self.last_counted = Some(preview.frame);
+            self.counted = Some(CountedFrame { frame: preview.frame, identifier: preview.identifier });
+        }
+        recipients == Recipients::None
+    }
+
+    /// Runs the few rules that need each event of an identifier.
+    fn event_for_few(&mut self, identifier: usize, event: &Event, bus: &Bus, ledger: &mut Ledger) -> bool {
+        let Some((few, place)) = self.needs.few(identifier) else { return false };
+        self.shared.traffic.select(place);
+        let mut context = self.shared.context(bus, ledger);
+        for place in few.places(!event.routine) {
+            if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(place)) {
+                (context.rule, context.place) = (*number, place);
+                rule.event(event, &mut context);
+            }
+        }
+        if std::mem::take(&mut self.shared.has_news) {
+            self.needs.forget(identifier);
+        }
+        // A rule may have requested an earlier wake-up.
+        self.quiet_until = self.quiet_until.min(self.next_wake());
+        true
     }
 
     /// Passes the number of skipped frames of an identifier to the rules for which they count.
@@ -168,6 +214,11 @@ impl BusJudge {
             let RuleInstance { number, rule, .. } = rules.get(usize::from(place))?;
             Some(Answer { number: *number, place, need: rule.need(event, &context), is_for_changes })
         });
-        self.needs.store((identifier, bus.version_of(identifier)), statistics, answers);
+        let length = match &event.kind {
+            EventKind::Pdo(pdo) => usize::from(pdo.length),
+            EventKind::J1939Message(message) => message.payload().len(),
+            _ => return,
+        };
+        self.needs.store(identifier, (bus.version_of(identifier), length), statistics, answers);
     }
 }

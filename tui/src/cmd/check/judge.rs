@@ -220,6 +220,10 @@ impl Observer for Watch {
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         self.engine.skip(preview, bus)
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 impl CaptureObserver for Watch {

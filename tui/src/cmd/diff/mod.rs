@@ -233,6 +233,10 @@ impl Observer for Watch {
     fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
         Judge { engine: &mut self.engine, out: &mut self.facts }.skip(preview, bus)
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 impl CaptureObserver for Watch {

@@ -209,6 +209,10 @@ impl Observer for Watch {
         }
         is_skipped
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 impl Watch {

@@ -244,6 +244,10 @@ impl Observer for FirstReading {
         }
         is_skipped
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 impl CaptureObserver for FirstReading {

@@ -118,6 +118,10 @@ impl Observer for Watch {
             self.engine.skip(preview, bus)
         }
     }
+
+    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.engine.is_selective(preview, bus)
+    }
 }
 
 impl Watch {

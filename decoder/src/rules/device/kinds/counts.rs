@@ -1,7 +1,7 @@
 //! `max-count`: number of events.
 
 use crate::event::FrameRange;
-use crate::profile::device::{CountWindow, TriggerEvent, VariableWindow};
+use crate::profile::device::{CountWindow, DeviceRule, RuleKind, Trigger, TriggerEvent, VariableWindow};
 use crate::rules::Context;
 use crate::rules::device::case::{RuleCase, counted_object, waits_for_pdo};
 use crate::rules::device::describe::{about_first, show_event, with_details};
@@ -13,6 +13,9 @@ const ROW_LIMIT: usize = 1024;
 /// Maximum SYNC period in ns; above it, SYNC counts as stopped.
 const ALIVE: i64 = 1_000_000_000;
 
+/// Window from one SYNC to the next.
+const SYNC: CountWindow = CountWindow::Variable(VariableWindow::Sync);
+
 /// `on` must occur at most `count` times.
 pub(super) fn judge_count(
     case: &RuleCase<'_>,
@@ -21,15 +24,15 @@ pub(super) fn judge_count(
     context: &mut Context<'_>,
 ) {
     match case.rule.per {
-        Some(CountWindow::Variable(VariableWindow::Sync)) => judge_per_sync(case, progress, event, context),
+        Some(SYNC) => judge_per_sync(case, progress, event, context),
         Some(CountWindow::Variable(VariableWindow::While)) => judge_per_while(case, progress, event, context),
         Some(CountWindow::Seconds(seconds)) => judge_per_seconds(case, progress, event, seconds, context),
         None => {}
     }
 }
 
-fn most(case: &RuleCase<'_>) -> u32 {
-    case.rule.count.unwrap_or(u32::MAX)
+fn most(rule: &DeviceRule) -> u32 {
+    rule.count.unwrap_or(u32::MAX)
 }
 
 fn judge_per_sync(
@@ -40,22 +43,13 @@ fn judge_per_sync(
 ) {
     let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
     if progress.is_counting && case.on(event).is_some() && is_heard() && case.is_due() {
-        progress.count = progress.count.saturating_add(1);
-        let frame = case.frames.last;
-        if progress.count == 1 {
-            progress.first = frame;
-        }
-        progress.last = Some(FrameTime { time: context.now, frame });
+        count(progress, FrameTime { time: context.now, frame: case.frames.last });
     }
     if !matches!(event, TriggerEvent::Sync) {
         return;
     }
-    let count = std::mem::take(&mut progress.count);
-    let before = progress.since.replace(context.now);
-    // A stopped SYNC is reported by other rules.
-    let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
-    let was_counting = std::mem::replace(&mut progress.is_counting, true) && is_alive;
-    let most = most(case);
+    let most = most(case.rule);
+    let (count, was_counting) = take_count(progress, context.now);
     if count == 0 || !was_counting {
         return;
     }
@@ -68,6 +62,53 @@ fn judge_per_sync(
     let frames = FrameRange { first: progress.first, last };
     let alarm = alarm.frames(frames).measure(f64::from(count));
     alarm.report(|| with_details(text, &format!("count {count}, limit {most}")));
+}
+
+fn count(progress: &mut RuleProgress, moment: FrameTime) {
+    progress.count = progress.count.saturating_add(1);
+    if progress.count == 1 {
+        progress.first = moment.frame;
+    }
+    progress.last = Some(moment);
+}
+
+/// Counts a PDO of an operational node for a rule that applies, see [`is_per_sync`].
+#[inline]
+pub(in crate::rules::device) fn count_pdo(progress: &mut RuleProgress, moment: FrameTime) {
+    if progress.is_counting {
+        count(progress, moment);
+    }
+}
+
+/// Whether a rule counts events between SYNCs.
+pub(super) fn is_per_sync(rule: &DeviceRule) -> bool {
+    rule.per == Some(SYNC)
+}
+
+/// At SYNC: the number of events since the last one, and whether they were counted from there.
+#[inline]
+fn take_count(progress: &mut RuleProgress, now: i64) -> (u32, bool) {
+    let count = std::mem::take(&mut progress.count);
+    let before = progress.since.replace(now);
+    // A stopped SYNC is reported by other rules.
+    let is_alive = before.is_some_and(|before| now.saturating_sub(before) <= ALIVE);
+    (count, std::mem::replace(&mut progress.is_counting, true) && is_alive)
+}
+
+/// At SYNC: ends a count that is within the limit of the rule; whether there was one. `None`, without any effect, for a
+/// higher count, for other rules, and if SYNC itself is counted.
+#[inline]
+pub(in crate::rules::device) fn end_count(
+    rule: &DeviceRule,
+    progress: &mut RuleProgress,
+    now: i64,
+) -> Option<bool> {
+    let is_counted = rule.kind == RuleKind::MaxCount && is_per_sync(rule);
+    if !is_counted || progress.count > most(rule) || rule.on.0.contains(&Trigger::Sync) {
+        return None;
+    }
+    let (count, was_counting) = take_count(progress, now);
+    Some(count > 0 && was_counting)
 }
 
 fn judge_per_while(
@@ -83,7 +124,7 @@ fn judge_per_while(
         progress.count = 0;
     }
     progress.count = progress.count.saturating_add(1);
-    let (count, most, text) = (progress.count, most(case), &case.rule.text);
+    let (count, most, text) = (progress.count, most(case.rule), &case.rule.text);
     if count > most {
         let alarm = case.fail(event, context).measure(f64::from(count));
         alarm.report(|| {
@@ -96,7 +137,7 @@ fn judge_per_while(
 /// Ends the counted interval.
 pub(super) fn end_stretch(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
     let count = std::mem::take(&mut progress.count);
-    if (1..=most(case)).contains(&count) {
+    if (1..=most(case.rule)).contains(&count) {
         context.pass();
     }
 }
@@ -112,7 +153,7 @@ fn judge_per_seconds(
     if !context.has_time || !case.is_due() {
         return;
     }
-    let most = usize::try_from(most(case)).unwrap_or(ROW_LIMIT).min(ROW_LIMIT);
+    let most = usize::try_from(most(case.rule)).unwrap_or(ROW_LIMIT).min(ROW_LIMIT);
     let moment = FrameTime { time: context.now, frame: case.frames.last };
     let Some(recent) = progress.recent(counted_object(event, trigger)) else { return };
     recent.push_back(moment);

@@ -10,9 +10,12 @@ mod order;
 mod times;
 mod values;
 
+pub(super) use self::counts::{count_pdo, end_count};
+pub(super) use self::times::answer;
 use super::case::RuleCase;
-use super::progress::RuleProgress;
-use crate::profile::device::{RuleKind, TriggerEvent};
+use super::progress::{PdoTask, RuleProgress};
+use crate::profile::PdoName;
+use crate::profile::device::{DeviceRule, RuleKind, Trigger, TriggerEvent, Triggers};
 use crate::rules::Context;
 
 /// Runs one rule on an event at a node.
@@ -56,6 +59,16 @@ pub(super) fn judge_event(
         | RuleKind::OnRequest
         | RuleKind::Constant
         | RuleKind::UdsServices => {}
+    }
+}
+
+/// What a PDO does to a rule about it; a count only if its `while` holds until a value changes.
+pub(super) fn task_of(rule: &DeviceRule, name: PdoName) -> PdoTask {
+    let has = |triggers: &Triggers| triggers.0.contains(&Trigger::Pdo(name));
+    match rule.kind {
+        RuleKind::MaxCount if has(&rule.on) && counts::is_per_sync(rule) => PdoTask::Count,
+        RuleKind::Follow if has(&rule.then) && !has(&rule.on) => PdoTask::Answer,
+        _ => PdoTask::Evaluate,
     }
 }
 

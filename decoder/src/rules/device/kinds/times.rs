@@ -200,6 +200,14 @@ fn report_overdue(
     alarm.report(|| with_time(text, &format!("missing for {}", shown(interval)), limit));
 }
 
+/// `then` occurs; whether `on` occurred before it.
+#[inline]
+pub(in crate::rules::device) fn answer(progress: &mut RuleProgress) -> bool {
+    progress.is_counting = true;
+    progress.deadline = None;
+    progress.last.take().is_some()
+}
+
 /// `then` occurs in time after `on`.
 pub(super) fn judge_follow(
     case: &RuleCase<'_>,
@@ -208,9 +216,7 @@ pub(super) fn judge_follow(
     context: &mut Context<'_>,
 ) {
     if case.rule.then.0.iter().any(|trigger| trigger.is_met_by(event)) {
-        progress.is_counting = true;
-        progress.deadline = None;
-        if progress.last.take().is_some() {
+        if answer(progress) {
             context.pass();
         }
     } else if matches!(event, TriggerEvent::Boot { .. }) {

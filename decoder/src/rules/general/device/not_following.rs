@@ -141,6 +141,7 @@ impl NotFollowing {
                     is_queued: false,
                 });
                 self.generation += 1;
+                context.ask_again();
                 self.pairs.len() - 1
             }
             None => return,
@@ -195,16 +196,22 @@ impl NotFollowing {
         }
     }
 
+    /// Whether a PDO may contain values that are paired with a set point.
+    fn may_have_pairs(&self, pdo: &Pdo, event: &Event, context: &Context<'_>) -> bool {
+        let Some(layout) = &pdo.layout else { return false };
+        let paired = context.traffic.current().and_then(|slot| self.paired.get(slot.place));
+        paired.is_none_or(|paired| {
+            !paired.fields.is_empty() || !paired.is_current(layout, event.node, self.generation)
+        })
+    }
+
     fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
         let (Some(layout), Some(slot), Some(node)) = (&pdo.layout, context.traffic.current(), event.node)
         else {
             return;
         };
         let Some(paired) = self.paired.of(slot) else { return };
-        let is_known = paired.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout))
-            && paired.generation == self.generation
-            && paired.node == Some(node);
-        if !is_known {
+        if !paired.is_current(layout, Some(node), self.generation) {
             paired.learn(layout, node, &self.pairs);
             paired.generation = self.generation;
         } else if event.routine {
@@ -230,6 +237,12 @@ impl NotFollowing {
 }
 
 impl PairedFields {
+    fn is_current(&self, layout: &Arc<Layout>, node: Option<NodeId>, generation: u64) -> bool {
+        self.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout))
+            && self.generation == generation
+            && self.node == node
+    }
+
     #[cold]
     fn learn(&mut self, layout: &Arc<Layout>, node: NodeId, pairs: &[Pair]) {
         let fields = layout.fields.iter().enumerate().filter_map(|(place, field)| {
@@ -306,9 +319,12 @@ impl Pair {
 }
 
 impl Rule for NotFollowing {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
-        let is_message = matches!(event.kind, EventKind::J1939Message(_));
-        if is_message && self.pairs.is_empty() { Need::NOTHING } else { Need::EACH }
+    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+        let is_needed = match &event.kind {
+            EventKind::Pdo(pdo) => self.may_have_pairs(pdo, event, context),
+            _ => !self.pairs.is_empty(),
+        };
+        if is_needed { Need::EACH } else { Need::NOTHING }
     }
 
     fn wants_pdos(&self) -> bool {
@@ -330,6 +346,7 @@ impl Rule for NotFollowing {
                     pair.follows(context);
                 }
                 self.generation += 1;
+                context.ask_again();
             }
             (EventKind::Mode(mode), Some(node)) => self.mode(event, node, mode, context),
             _ => {}

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome, Pdo, SdoTransfer, UdsExchange};
 use crate::finding::About;
-use crate::profile::{Field, IntegerPosition, Layout, Meaning, SignalId, Value};
+use crate::profile::{Field, IntegerPosition, Layout, Meaning, Role, SignalId, Value};
 use crate::rules::general::uds::uds_negative::subject;
 use crate::rules::rule::declare_rule;
 use crate::rules::{BySlot, Context, Need, Policy, Rule};
@@ -41,6 +41,8 @@ struct RangedFields {
     fields: Vec<Range>,
     /// Bits of these fields in the first eight bytes.
     bits: u64,
+    /// One of them is a measured value, which changes all the time.
+    is_measured: bool,
     /// All values of the last PDO were in range.
     is_right: bool,
 }
@@ -122,6 +124,9 @@ impl RangedFields {
         });
         self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
         let ranged = self.fields.iter().filter_map(|range| layout.fields.get(range.field));
+        let is_measured =
+            |field: &Field| field.meaning.as_ref().is_some_and(|it| it.role == Some(Role::Actual));
+        self.is_measured = ranged.clone().any(is_measured);
         self.bits = ranged.fold(0, |bits, field| bits | field.payload_bits());
         self.layout = Some(Arc::clone(layout));
     }
@@ -201,6 +206,8 @@ impl Rule for ValueOutOfRange {
         match checked {
             Some(checked) if checked.layout.is_none() => Need::EACH,
             Some(checked) if checked.fields.is_empty() => Need::NOTHING,
+            // The events alone cost less than the other rules at most of them.
+            Some(checked) if checked.is_measured => Need::EACH,
             Some(checked) if checked.is_right => Need { bits: checked.bits, ..Need::PASSED },
             _ => Need::EACH,
         }
