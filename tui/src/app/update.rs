@@ -72,8 +72,7 @@ impl App {
         }
     }
 
-    /// Keeps a key whose meaning depends on a position that is not known yet. Quit acts at once, and Back ends the
-    /// move.
+    /// Keeps a key whose meaning depends on a row that is not read yet. Quit acts at once, and Back ends a search.
     fn is_early(&mut self, key: KeyEvent) -> bool {
         let is_moving = matches!(self.mode, Mode::Panes) && self.core.is_moving();
         if !is_moving && self.core.window.is_some() {
@@ -81,9 +80,9 @@ impl App {
         }
         match self.keymap.action(&key) {
             Some(Action::Quit) => return false,
-            Some(Action::Back) if is_moving => {
+            Some(Action::Back) if is_moving && self.core.is_searching() => {
                 self.early.clear();
-                self.core.stay();
+                self.core.end_search();
             }
             _ if self.early.len() < MOST_EARLY => self.early.push(key),
             _ => {}

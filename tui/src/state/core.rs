@@ -224,14 +224,22 @@ impl Core {
         self.is_waiting || self.exports > 0
     }
 
-    /// Whether the cursor is about to move to an event that is not known yet: the end, a time, or a match.
+    /// Whether the cursor is about to move to a row that is not read yet.
     pub fn is_moving(&self) -> bool {
-        self.is_waiting && (self.is_searching || !matches!(self.target, Target::Event(_)))
+        let rows = self.rows();
+        let is_read = |first: &Row, last: &Row| (first.spot..=last.spot).contains(&self.cursor);
+        let is_read = rows.first().zip(rows.last()).is_some_and(|(first, last)| is_read(first, last));
+        let is_known = is_read && matches!(self.target, Target::Event(_));
+        self.is_waiting && (self.is_searching || !is_known)
     }
 
-    /// Stays at the cursor instead of moving to an event that is not known yet.
-    pub fn stay(&mut self) {
-        self.pause();
+    /// Whether a search for a text is running.
+    pub fn is_searching(&self) -> bool {
+        self.is_waiting && self.is_searching
+    }
+
+    /// Ends a search for a text; the cursor stays.
+    pub fn end_search(&mut self) {
         self.target = Target::Event(self.cursor);
         self.asked = None;
         self.ask(None);
