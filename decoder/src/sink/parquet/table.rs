@@ -84,20 +84,29 @@ impl<'a> Cell<'a> {
 pub(super) struct Table<W: Write + Send> {
     file: SerializedFileWriter<W>,
     columns: Vec<Column>,
+    /// Values of the last columns, which are the same in every row.
+    constants: Vec<ByteArray>,
     rows: usize,
     bytes: usize,
 }
 
 impl<W: Write + Send> Table<W> {
-    /// Starts a file with these columns.
+    /// Starts a file with these columns, followed by columns with the same text in every row.
     ///
     /// # Errors
     /// If the header cannot be written.
-    pub(super) fn new(output: W, headings: &[Heading]) -> io::Result<Self> {
-        let begun = schema(headings)
-            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(headings)?)));
+    pub(super) fn new(
+        output: W,
+        headings: &[Heading],
+        constants: &[(&'static str, &str)],
+    ) -> io::Result<Self> {
+        let further = constants.iter().map(|(name, _)| always(name, Kind::Name));
+        let all: Vec<_> = headings.iter().copied().chain(further).collect();
+        let begun = schema(&all)
+            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(&all)?)));
         let columns = headings.iter().map(Column::new).collect();
-        Ok(Self { file: begun.map_err(io_error)?, columns, rows: 0, bytes: 0 })
+        let constants = constants.iter().map(|(_, text)| ByteArray::from(&*escape(text))).collect();
+        Ok(Self { file: begun.map_err(io_error)?, columns, constants, rows: 0, bytes: 0 })
     }
 
     /// Adds a row, with the cells in the order of the headings.
@@ -116,17 +125,23 @@ impl<W: Write + Send> Table<W> {
     }
 
     fn end_group(&mut self) -> io::Result<()> {
-        if mem::take(&mut self.rows) == 0 {
+        let rows = mem::take(&mut self.rows);
+        if rows == 0 {
             return Ok(());
         }
         self.bytes = 0;
-        self.write_group().map_err(io_error)
+        self.write_group(rows).map_err(io_error)
     }
 
-    fn write_group(&mut self) -> Result<(), ParquetError> {
+    fn write_group(&mut self, rows: usize) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
         for column in &mut self.columns {
             column.write(&mut group)?;
+        }
+        for text in &self.constants {
+            let Some(mut writer) = group.next_column()? else { break };
+            writer.typed::<ByteArrayType>().write_batch(&vec![text.clone(); rows], None, None)?;
+            writer.close()?;
         }
         group.close()?;
         Ok(())
@@ -356,7 +371,7 @@ mod tests {
     /// A table that alternates between rows with and without optional values.
     fn written(rows: usize, text: &str) -> SerializedFileReader<bytes::Bytes> {
         let mut out = Vec::new();
-        let mut table = Table::new(&mut out, HEADINGS).unwrap();
+        let mut table = Table::new(&mut out, HEADINGS, &[]).unwrap();
         for row in 0..rows {
             let all = [Cell::Number(-7), Cell::Real(0.5), Cell::Truth(true), Cell::Text("a\x1b")];
             let little = [Cell::Null, Cell::Null, Cell::Null, Cell::Text("b")];
@@ -391,7 +406,7 @@ mod tests {
     #[test]
     fn the_first_write_error_is_the_error_of_the_output() {
         let mut place = [0; 64];
-        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)]).unwrap();
+        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)], &[]).unwrap();
         table.push(&[Cell::Number(1)]).unwrap();
         assert_eq!(table.finish().unwrap_err().kind(), io::ErrorKind::WriteZero);
     }
