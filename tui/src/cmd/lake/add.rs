@@ -9,18 +9,21 @@ use cobscope_decoder::finding::Severity;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer, SessionOptions};
-use cobscope_decoder::sink::findings::{CapturePart, CaptureResult, Outcome};
+use cobscope_decoder::sink::findings::{CaptureResult, Outcome};
 use cobscope_decoder::sink::lake::{LakeCapture, LakeResults, LakeWriter};
 use cobscope_decoder::statistics::{Quality, Statistics};
 
 use super::content::CaptureContent;
 use super::folder::{LakeEntry, LakeFolder, Staging};
 use super::machine::{machine_of, partition_value};
-use crate::cli::LakeAddArgs;
-use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
+use crate::cli::{InputArgs, LakeAddArgs};
+use crate::cmd::captures::{SourceSeries, is_no_capture};
+use crate::cmd::check::{lines, parts};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_quietly};
+use crate::cmd::input::read_options;
+use crate::record::format::is_of_captures;
 use crate::select::Span;
-use crate::source::Series;
+use crate::source::{Series, open};
 
 /// Lowest severity that counts as a failure, the default of `check`.
 const LEAST: Option<Severity> = Some(Severity::Error);
@@ -40,8 +43,8 @@ pub(super) enum Addition {
     Added(AddedCapture),
     /// Its content was in the lake.
     Present(LakeEntry),
-    /// A file in a folder that is not a capture; with a message for one that looks like a capture.
-    Skipped(Option<String>),
+    /// A file in a folder that is not a capture.
+    Skipped,
 }
 
 /// A capture that was added.
@@ -63,6 +66,9 @@ impl AddInputs<'_> {
     /// The files cannot be read at all, the machine has no valid name, or the lake cannot be written.
     pub(super) fn add(&self, source: &SourceSeries) -> anyhow::Result<Addition> {
         let series = &source.series;
+        if source.folder.is_some() && self.is_other_file(series) {
+            return Ok(Addition::Skipped);
+        }
         let machine = machine_of(series.first(), self.arguments, self.options.bus_file.machine.as_deref())?;
         partition_value(&machine)?;
         let content = CaptureContent::of(&series.parts)?;
@@ -80,7 +86,7 @@ impl AddInputs<'_> {
             has_all_events: self.arguments.all_events,
         };
         let mut staging = self.lake.stage(&content.hash, &machine)?;
-        let read = self.read(source, capture, &mut staging);
+        let read = self.read(series, capture, &mut staging);
         match read.and_then(|read| content.ensure_unchanged().map(|()| read)) {
             Ok(Addition::Added(mut added)) => {
                 added.files = staging.commit(&series.name())?;
@@ -94,14 +100,19 @@ impl AddInputs<'_> {
         }
     }
 
+    /// Whether a file in a folder is not a capture, and does not look like one.
+    fn is_other_file(&self, series: &Series) -> bool {
+        let opened = open(series.first(), &read_options(&self.arguments.input));
+        opened.is_err_and(|error| is_no_capture(&error) && !is_of_captures(series.first()))
+    }
+
     /// Decodes a capture into files.
     fn read(
         &self,
-        source: &SourceSeries,
+        series: &Series,
         capture: LakeCapture,
         staging: &mut Staging<'_>,
     ) -> anyhow::Result<Addition> {
-        let series = &source.series;
         let name = series.name();
         let mut watch = AddObserver {
             engine: Engine::new(Arc::clone(self.setup)),
@@ -113,9 +124,6 @@ impl AddInputs<'_> {
         };
         let decoded = match decode_quietly(series, &self.arguments.input, self.options, &mut watch) {
             Ok(decoded) => decoded,
-            Err(error) if source.folder.is_some() && is_no_capture(&error) => {
-                return Ok(Addition::Skipped(passed_over(series.first(), &error)));
-            }
             Err(error) => {
                 let failure = format!("{error:#}");
                 let judged =
@@ -123,19 +131,23 @@ impl AddInputs<'_> {
                 return finish_unread(watch.writer, &judged).map(Addition::Added);
             }
         };
-        finish(watch, &decoded, series).map(Addition::Added)
+        finish(watch, &decoded, (series, &self.arguments.input)).map(Addition::Added)
     }
 }
 
 /// Writes the results of a capture that was read, perhaps not to its end.
-fn finish(watch: AddObserver<'_>, decoded: &DecodedCapture, series: &Series) -> anyhow::Result<AddedCapture> {
+fn finish(
+    watch: AddObserver<'_>,
+    decoded: &DecodedCapture,
+    (series, input): (&Series, &InputArgs),
+) -> anyhow::Result<AddedCapture> {
     let AddObserver { engine, mut statistics, mut writer, first, last, .. } = watch;
     let buses = decoded.decoder.buses();
     statistics.withdraw(buses);
     let findings = engine.finish(buses, &mut writer);
     let mut warnings = decoded.warnings.clone();
     warnings.extend(decoded.unreadable_text(&series.name()));
-    let judged = CaptureResult {
+    let mut judged = CaptureResult {
         capture: series.name(),
         frames: decoded.decoder.frames(),
         first,
@@ -145,6 +157,9 @@ fn finish(watch: AddObserver<'_>, decoded: &DecodedCapture, series: &Series) -> 
         parts: parts(series),
         ..CaptureResult::default()
     };
+    if series.is_joined() {
+        judged.lines = lines(series, input, &judged.frames_of_findings());
+    }
     let setting = Setting { zero: first, ..Setting::default() };
     let diagnosis = Diagnosis::of(&judged.findings, judged.findings.counting(), setting);
     let results = LakeResults {
@@ -182,12 +197,6 @@ fn added(judged: &CaptureResult, warnings: Vec<String>) -> AddedCapture {
         failure: judged.failure.clone(),
         warnings,
     }
-}
-
-/// Parts of a series with the numbers of their first frames, as `check` lists them.
-fn parts(series: &Series) -> Vec<CapturePart> {
-    let all = series.parts.iter().zip(&series.first_frames);
-    all.map(|(path, frame)| CapturePart { file: path.display().to_string(), first_frame: *frame }).collect()
 }
 
 /// Observer that runs the rules, counts and writes.

@@ -51,7 +51,13 @@ fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
     let setup = Arc::new(setup(&arguments.input, &options.catalogue, None).map_err(profile)?);
     ensure_lake(&arguments.lake).map_err(usage)?;
     let lake = LakeFolder::open(&arguments.lake).map_err(usage)?;
-    let captures = captures::series(&captures::captures(&arguments.input.captures), &arguments.input);
+    let mut sources = captures::captures(&arguments.input.captures);
+    let own = arguments.lake.canonicalize().ok();
+    // The lake may be in the folder of the captures.
+    sources.retain(|source| {
+        own.as_ref().is_none_or(|own| !source.path.canonicalize().is_ok_and(|path| path.starts_with(own)))
+    });
+    let captures = captures::series(&sources, &arguments.input);
     let wanted = arguments.threads.or_else(|| available_parallelism().ok()).map_or(1, usize::from);
     let threads = wanted.min(captures.len()).max(1);
     let inputs =
@@ -123,7 +129,7 @@ impl AdditionCounts {
                 };
                 note(&format!("{name}: already in the lake{other}; --replace adds it again"));
             }
-            Ok(Addition::Skipped(message)) => message.iter().for_each(|text| warn(text)),
+            Ok(Addition::Skipped) => {}
             Err(error) => {
                 self.failed += 1;
                 complain(&error);

@@ -230,9 +230,11 @@ impl Interval {
                 Value::Real(number) => value = Some(*number).filter(|number| number.is_finite()),
                 Value::Text(_) | Value::Bytes(_) => {}
             }
-            if !matches!(decoded, Value::Bytes(_)) {
-                text = Some(meaning.show(&decoded));
-            }
+            text = match &decoded {
+                Value::Bytes(_) => None,
+                Value::Text(text) => Some(text.clone()),
+                number => Some(meaning.show(number)),
+            };
         }
         let unit = meaning.as_ref().map(|meaning| meaning.unit.to_string()).filter(|unit| !unit.is_empty());
         Self {
