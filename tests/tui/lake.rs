@@ -464,3 +464,31 @@ fn queries_find_the_faults_of_the_fleet() {
     let output = run.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
+
+#[test]
+fn the_page_of_a_fleet_shows_machines_weeks_and_stories() {
+    let path = with_files(
+        "page",
+        &[("a.log", lost().as_str()), ("b.log", "(0.0) can0 706#05\n"), ("empty.log", "")],
+    );
+    assert_eq!(add(&path, &["--machine", "<b>x", "a.log"]).code, 0);
+    assert_eq!(add(&path, &["--machine", "press", "--day", "2024-01-03", "b.log"]).code, 0);
+    assert_eq!(add(&path, &["--machine", "press", "empty.log"]).code, 3);
+    let page = run_in(&path, &["report", "--lake", "lake"], "");
+    assert_eq!(page.code, 0, "{}", page.stderr);
+    let has = |text: &str| assert!(page.stdout.contains(text), "{text}: {}", page.stdout);
+    // 2023-11-14 is a Tuesday, 2024-01-03 a Wednesday.
+    has("<span>no date</span>");
+    has("<span>2023-11-13</span>");
+    has("<span>2024-01-01</span>");
+    has("3 captures of 2 machines");
+    has("<a href=\"#m1\">&lt;b&gt;x</a>");
+    has("<td>node-lost</td>");
+    has("empty.log: the capture is empty");
+    assert!(!page.stdout.contains("<b>x"));
+    let output = run_in(&path, &["report", "--lake", "."], "");
+    assert_eq!(
+        (output.code, output.stderr.as_str()),
+        (2, "cobscope: .: not a lake; cobscope lake add creates one\n")
+    );
+}

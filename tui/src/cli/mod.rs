@@ -261,6 +261,7 @@ impl Command {
             Self::Stats(arguments) => &arguments.input,
             Self::Objects(arguments) => &arguments.input,
             Self::Why(arguments) => &arguments.input,
+            Self::Report(arguments) if arguments.has_lake() => return None,
             Self::Report(arguments) => &arguments.input,
             Self::Check(arguments) => &arguments.input,
             Self::Diff(arguments) => &arguments.input,

@@ -16,6 +16,8 @@ mod frame_comment;
 mod input;
 #[cfg(feature = "parquet")]
 mod lake;
+#[cfg(feature = "parquet")]
+mod lake_index;
 mod live;
 mod mcp;
 mod messages;

@@ -14,13 +14,14 @@ use cobscope_decoder::sink::lake::{LakeCapture, LakeResults, LakeWriter};
 use cobscope_decoder::statistics::{Quality, Statistics};
 
 use super::content::CaptureContent;
-use super::folder::{LakeEntry, LakeFolder, Staging};
+use super::folder::{LakeFolder, Staging};
 use super::machine::{machine_of, partition_value};
 use crate::cli::{InputArgs, LakeAddArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture};
 use crate::cmd::check::{lines, parts};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_quietly};
 use crate::cmd::input::read_options;
+use crate::cmd::lake_index::{EntrySummary, LakeEntry};
 use crate::record::format::is_of_captures;
 use crate::select::Span;
 use crate::source::{Series, open};
@@ -57,6 +58,8 @@ pub(super) struct AddedCapture {
     pub(super) failure: Option<String>,
     /// Messages for stderr.
     pub(super) warnings: Vec<String>,
+    /// Verdict and stories, for the index.
+    summary: EntrySummary,
 }
 
 impl AddInputs<'_> {
@@ -89,7 +92,7 @@ impl AddInputs<'_> {
         let read = self.read(series, capture, &mut staging);
         match read.and_then(|read| content.ensure_unchanged().map(|()| read)) {
             Ok(Addition::Added(mut added)) => {
-                added.files = staging.commit(&series.name())?;
+                added.files = staging.commit(&series.name(), std::mem::take(&mut added.summary))?;
                 added.machine = machine;
                 Ok(Addition::Added(added))
             }
@@ -171,24 +174,27 @@ fn finish(
         least: LEAST,
     };
     writer.finish(&results)?;
-    Ok(added(&judged, warnings))
+    Ok(added(&results, warnings))
 }
 
 /// Writes the row of a capture that cannot be read at all.
 fn finish_unread(writer: LakeWriter<'_>, judged: &CaptureResult) -> anyhow::Result<AddedCapture> {
     let decoder = cobscope_decoder::decoder::Decoder::new(SessionOptions::default());
-    writer.finish(&LakeResults {
+    let (diagnosis, quality) = (Diagnosis::default(), Quality::default());
+    let results = LakeResults {
         judged,
-        diagnosis: &Diagnosis::default(),
-        quality: &Quality::default(),
+        diagnosis: &diagnosis,
+        quality: &quality,
         buses: decoder.buses(),
         format: None,
         least: LEAST,
-    })?;
-    Ok(added(judged, Vec::new()))
+    };
+    writer.finish(&results)?;
+    Ok(added(&results, Vec::new()))
 }
 
-fn added(judged: &CaptureResult, warnings: Vec<String>) -> AddedCapture {
+fn added(results: &LakeResults<'_>, warnings: Vec<String>) -> AddedCapture {
+    let LakeResults { judged, diagnosis, buses, .. } = results;
     AddedCapture {
         machine: String::new(),
         frames: judged.frames,
@@ -196,6 +202,7 @@ fn added(judged: &CaptureResult, warnings: Vec<String>) -> AddedCapture {
         outcome: judged.outcome(LEAST),
         failure: judged.failure.clone(),
         warnings,
+        summary: EntrySummary::of(judged, diagnosis, *buses, LEAST),
     }
 }
 

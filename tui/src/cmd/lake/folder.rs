@@ -16,14 +16,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, ensure};
 use cobscope_decoder::sink::Output;
 use cobscope_decoder::sink::lake::{LakeFiles, TABLES};
-use serde_json::{Value, json};
 
 use super::machine::partition_value;
+use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, file_stem};
 use crate::output_file::{self, Existing};
 use crate::path_text::shown;
-
-/// Length of a hash in file names: 128 bits.
-const NAME_DIGITS: usize = 32;
 
 /// Size of output buffers, in bytes.
 const BUFFER: usize = 64 * 1024;
@@ -36,54 +33,6 @@ pub(super) struct LakeFolder {
     root: PathBuf,
 }
 
-/// A capture in the lake.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct LakeEntry {
-    /// Name of the capture.
-    pub(super) capture: String,
-    /// Name of the machine.
-    pub(super) machine: String,
-    /// Files, relative to the lake, with `/` between folders; those of `captures` last.
-    files: Vec<String>,
-}
-
-impl LakeEntry {
-    fn text(&self) -> String {
-        json!({ "capture": self.capture, "machine": self.machine, "files": self.files }).to_string()
-    }
-
-    /// The entry in a file; `None` if there is none, or it is not valid for the hash.
-    fn read(path: &Path, hash: &str) -> Option<Self> {
-        let value: Value = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
-        let text = |key: &str| Some(value.get(key)?.as_str()?.to_owned());
-        let files = value.get("files")?.as_array()?.iter();
-        let files = files.map(|file| file.as_str().filter(|file| is_file_of(file, hash)).map(str::to_owned));
-        Some(Self {
-            capture: text("capture")?,
-            machine: text("machine")?,
-            files: files.collect::<Option<_>>()?,
-        })
-    }
-}
-
-/// Whether a path has the form of a file of this hash, so that nothing outside the lake is touched.
-fn is_file_of(path: &str, hash: &str) -> bool {
-    let parts: Vec<_> = path.split('/').collect();
-    let [table, machine, day, name] = parts.as_slice() else { return false };
-    let is_plain = |part: &str| !part.contains(['\\', ':', '\0']);
-    TABLES.contains(table)
-        && machine.starts_with("machine=")
-        && day.starts_with("day=")
-        && name.starts_with(file_stem(hash))
-        && name.ends_with(".parquet")
-        && [*machine, *day, *name].into_iter().all(is_plain)
-}
-
-/// Start of the names of all files of a capture.
-fn file_stem(hash: &str) -> &str {
-    hash.get(..NAME_DIGITS).unwrap_or(hash)
-}
-
 impl LakeFolder {
     /// Opens or creates a lake, and completes or discards what interrupted runs left.
     ///
@@ -91,7 +40,7 @@ impl LakeFolder {
     /// The folder cannot be created or written.
     pub(super) fn open(root: &Path) -> anyhow::Result<Self> {
         let lake = Self { root: root.to_owned() };
-        for folder in ["_index", "_staging"] {
+        for folder in [INDEX, "_staging"] {
             let folder = root.join(folder);
             fs::create_dir_all(&folder)
                 .with_context(|| format!("{}: cannot create the folder", shown(&folder)))?;
@@ -118,7 +67,7 @@ impl LakeFolder {
 
     /// File whose lock covers all captures whose hashes start with the same two digits.
     fn lock_file(&self, hash: &str) -> anyhow::Result<File> {
-        let folder = self.root.join("_index").join(hash.get(..2).unwrap_or("00"));
+        let folder = self.root.join(INDEX).join(hash.get(..2).unwrap_or("00"));
         let path = folder.join("lock");
         let open = || {
             fs::create_dir_all(&folder)?;
@@ -148,7 +97,7 @@ impl LakeFolder {
     }
 
     fn index_path(&self, hash: &str) -> PathBuf {
-        self.root.join("_index").join(hash.get(..2).unwrap_or("00")).join(format!("{hash}.json"))
+        self.root.join(INDEX).join(hash.get(..2).unwrap_or("00")).join(format!("{hash}.json"))
     }
 
     fn staging_path(&self, hash: &str) -> PathBuf {
@@ -248,14 +197,14 @@ impl Staging<'_> {
     ///
     /// # Errors
     /// A file cannot be written or renamed; the next run completes or discards them.
-    pub(super) fn commit(mut self, capture: &str) -> anyhow::Result<usize> {
+    pub(super) fn commit(mut self, capture: &str, summary: EntrySummary) -> anyhow::Result<usize> {
         let order = |file: &String| {
             let table = file.split('/').next().unwrap_or_default();
             TABLES.iter().position(|one| *one == table)
         };
         self.files.sort_by_key(order);
         let count = self.files.len();
-        let write = || -> io::Result<()> {
+        let write = |summary| -> io::Result<()> {
             for file in &self.files {
                 let path = file.split('/').fold(self.folder.clone(), |path, part| path.join(part));
                 File::options().write(true).open(path)?.sync_all()?;
@@ -263,11 +212,12 @@ impl Staging<'_> {
             let entry = LakeEntry {
                 capture: capture.to_owned(),
                 machine: self.machine.clone(),
+                summary,
                 files: self.files.clone(),
             };
             output_file::write(&self.folder.join(COMMIT), Existing::Replace, entry.text().as_bytes())
         };
-        write().with_context(|| format!("{}: cannot be written", shown(&self.folder)))?;
+        write(summary).with_context(|| format!("{}: cannot be written", shown(&self.folder)))?;
         self.lake.complete(&self.hash)?;
         Ok(count)
     }
@@ -307,7 +257,7 @@ pub(super) fn ensure_lake(root: &Path) -> anyhow::Result<()> {
         return Ok(());
     };
     let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
-    let is_lake = names.is_empty() || names.iter().any(|name| name == "_index");
+    let is_lake = names.is_empty() || names.iter().any(|name| name == INDEX);
     is_lake.then_some(()).ok_or_else(|| {
         anyhow!("{}: folder with other files; expected a lake, an empty folder or a new name", shown(root))
     })
