@@ -374,7 +374,9 @@ fn only_a_lake_or_an_empty_folder_is_written() {
     let expected =
         "cobscope: data: folder with other files; expected a lake, an empty folder or a new name\n";
     assert_eq!(output.stderr, expected);
-    assert_eq!(run(&["lake", "add", "/tmp/never", "-"], "x").code, 2);
+    let output = run(&["lake", "add", "never", "-"], "x");
+    let expected = "cobscope: a lake needs a capture twice; stdin cannot be read again, give a file\n";
+    assert_eq!((output.code, output.stderr.as_str()), (2, expected));
 }
 
 /// 5208:02 nominal pressure is read as 315 bar, written with 250 and 240 bar; a write of 500 bar is refused.
@@ -491,4 +493,29 @@ fn the_page_of_a_fleet_shows_machines_weeks_and_stories() {
         (output.code, output.stderr.as_str()),
         (2, "cobscope: .: not a lake; cobscope lake add creates one\n")
     );
+}
+
+/// Frame 23 of the fixture: 182#08A01F0020 at 1700000001.141, angle 49.417079 % and 157.509614 bar.
+#[test]
+fn values_side_by_side_have_a_table_per_message() {
+    let path = with_files("wide", &[]);
+    let capture = workspace().join("fixtures/devices/sydfec.log");
+    let arguments = ["--wide", "--machine", "ex/7", "--node", "2=rexroth-sydfec", capture.to_str().unwrap()];
+    let output = add(&path, &arguments);
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    let wide = path.join("lake/wide");
+    let folders: Vec<_> =
+        files(&wide).into_iter().map(|file| file.rsplit_once('/').unwrap().0.to_owned()).collect();
+    assert_eq!(folders, ["ex%2F7/can0_node_2_rpdo1/2023/11/14", "ex%2F7/can0_node_2_tpdo1/2023/11/14"]);
+    let all = rows(&wide, "ex%2F7/can0_node_2_tpdo1");
+    let columns: Vec<_> = all[0].keys().map(String::as_str).collect();
+    assert_eq!(columns, ["Angle actual value", "Pressure actual value", "Status byte", "t"]);
+    assert_eq!(all[0]["t"], "2023-11-14 22:13:21.141000 +00:00");
+    let value = |name: &str| all[0][name].parse::<f64>().unwrap();
+    assert!((value("Angle actual value") - 49.417_079).abs() < 1e-6, "{:?}", all[0]);
+    assert!((value("Pressure actual value") - 157.509_614).abs() < 1e-6, "{:?}", all[0]);
+    assert_eq!(value("Status byte"), 8.0);
+    // Replaced without: nothing stays.
+    let output = add(&path, &[&["--replace"], &arguments[1..]].concat());
+    assert_eq!((output.code, files(&wide).len()), (0, 0), "{}", output.stderr);
 }

@@ -17,7 +17,10 @@ pub enum LakeCommand {
     /// Files have names such as lake/findings/machine=excavator-7/day=2024-01-31/HASH.parquet, with the hash of the content
     /// of the capture. They are written to lake/_staging and then renamed, those of captures last. An interrupted run is
     /// completed or discarded by the next one. Days are UTC; a capture without a date has day=unknown.
-    #[command(after_help = super::notes::LAKE)]
+    #[command(
+        mut_arg("captures", |arg| arg.help("Captures to add: files, or folders with all their files")),
+        after_help = super::notes::LAKE
+    )]
     Add(Box<LakeAddArgs>),
 }
 
@@ -44,6 +47,10 @@ pub struct LakeAddArgs {
     /// Also add events without new information, and those of messages whose values are in signals
     #[arg(long)]
     pub all_events: bool,
+    /// Also add values side by side, one table per message: wide/MACHINE/BUS_MESSAGE/YYYY/MM/DD/HASH.parquet with the
+    /// columns t and one per signal
+    #[arg(long)]
+    pub wide: bool,
     /// Add captures again that are in the lake, after a change of profiles or of the program
     #[arg(long)]
     pub replace: bool,

@@ -24,6 +24,9 @@ const STORIES: usize = 20;
 /// Folder of the index in a lake.
 pub(super) const FOLDER: &str = "_index";
 
+/// Folder of the wide layout in a lake.
+pub(super) const WIDE: &str = "wide";
+
 /// A capture in the lake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LakeEntry {
@@ -129,15 +132,21 @@ impl LakeEntry {
 
 /// Whether a path has the form of a file of this hash, so that nothing outside the lake is touched.
 fn is_file_of(path: &str, hash: &str) -> bool {
+    let is_plain =
+        |part: &&str| !part.is_empty() && *part != "." && *part != ".." && !part.contains(['\\', ':', '\0']);
     let parts: Vec<_> = path.split('/').collect();
-    let [table, machine, day, name] = parts.as_slice() else { return false };
-    let is_plain = |part: &str| !part.contains(['\\', ':', '\0']);
-    TABLES.contains(table)
-        && machine.starts_with("machine=")
-        && day.starts_with("day=")
-        && name.starts_with(file_stem(hash))
-        && name.ends_with(".parquet")
-        && [*machine, *day, *name].into_iter().all(is_plain)
+    let is_own = |name: &str| name.starts_with(file_stem(hash)) && name.ends_with(".parquet");
+    let is_known = match parts.as_slice() {
+        [table, machine, day, name] => {
+            TABLES.contains(table)
+                && machine.starts_with("machine=")
+                && day.starts_with("day=")
+                && is_own(name)
+        }
+        [WIDE, _, _, .., name] => is_own(name),
+        _ => false,
+    };
+    is_known && parts.iter().all(is_plain)
 }
 
 /// Start of the names of all files of a capture.

@@ -1,5 +1,6 @@
 //! One Parquet file. Rows are buffered by column and written in row groups.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{self, Write};
 use std::mem;
@@ -45,9 +46,9 @@ pub(super) enum Kind {
 }
 
 /// Description of a column.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Heading {
-    pub(super) name: &'static str,
+    pub(super) name: Cow<'static, str>,
     pub(super) kind: Kind,
     /// Whether the column can contain [`Cell::Null`].
     pub(super) is_optional: bool,
@@ -55,12 +56,12 @@ pub(super) struct Heading {
 
 /// A column with a value in every row.
 pub(super) const fn always(name: &'static str, kind: Kind) -> Heading {
-    Heading { name, kind, is_optional: false }
+    Heading { name: Cow::Borrowed(name), kind, is_optional: false }
 }
 
 /// A column with optional values.
 pub(super) const fn maybe(name: &'static str, kind: Kind) -> Heading {
-    Heading { name, kind, is_optional: true }
+    Heading { name: Cow::Borrowed(name), kind, is_optional: true }
 }
 
 /// A value of a row.
@@ -88,6 +89,7 @@ pub(super) struct Table<W: Write + Send> {
     constants: Vec<ByteArray>,
     rows: usize,
     bytes: usize,
+    most_bytes: usize,
 }
 
 impl<W: Write + Send> Table<W> {
@@ -100,13 +102,26 @@ impl<W: Write + Send> Table<W> {
         headings: &[Heading],
         constants: &[(&'static str, &str)],
     ) -> io::Result<Self> {
+        Self::with_limit(output, headings, constants, MOST_BYTES)
+    }
+
+    /// Like [`Self::new`], with another maximum size of a buffered group in bytes.
+    ///
+    /// # Errors
+    /// If the header cannot be written.
+    pub(super) fn with_limit(
+        output: W,
+        headings: &[Heading],
+        constants: &[(&'static str, &str)],
+        most_bytes: usize,
+    ) -> io::Result<Self> {
         let further = constants.iter().map(|(name, _)| always(name, Kind::Name));
-        let all: Vec<_> = headings.iter().copied().chain(further).collect();
+        let all: Vec<_> = headings.iter().cloned().chain(further).collect();
         let begun = schema(&all)
             .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(&all)?)));
         let columns = headings.iter().map(Column::new).collect();
         let constants = constants.iter().map(|(_, text)| ByteArray::from(&*escape(text))).collect();
-        Ok(Self { file: begun.map_err(io_error)?, columns, constants, rows: 0, bytes: 0 })
+        Ok(Self { file: begun.map_err(io_error)?, columns, constants, rows: 0, bytes: 0, most_bytes })
     }
 
     /// Adds a row, with the cells in the order of the headings.
@@ -118,7 +133,7 @@ impl<W: Write + Send> Table<W> {
             self.bytes = self.bytes.saturating_add(column.push(*cell));
         }
         self.rows += 1;
-        if self.rows >= MOST_ROWS || self.bytes >= MOST_BYTES {
+        if self.rows >= MOST_ROWS || self.bytes >= self.most_bytes {
             return self.end_group();
         }
         Ok(())
@@ -312,7 +327,8 @@ fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
             Kind::Name | Kind::Text | Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let repetition = if heading.is_optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
-        let field = Type::primitive_type_builder(heading.name, physical);
+        let name = escape(&heading.name);
+        let field = Type::primitive_type_builder(&name, physical);
         field.with_repetition(repetition).with_logical_type(logical).build().map(Arc::new)
     });
     let fields = fields.collect::<Result<Vec<_>, _>>()?;
@@ -329,7 +345,7 @@ fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true);
     for heading in headings {
-        let path = ColumnPath::from(heading.name);
+        let path = ColumnPath::from(vec![escape(&heading.name).into_owned()]);
         properties = match heading.kind {
             Kind::Time | Kind::Rising => properties
                 .set_column_dictionary_enabled(path.clone(), false)

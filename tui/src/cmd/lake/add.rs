@@ -87,6 +87,7 @@ impl AddInputs<'_> {
             day: self.arguments.day,
             has_frames: self.arguments.frames,
             has_all_events: self.arguments.all_events,
+            has_wide: self.arguments.wide,
         };
         let mut staging = self.lake.stage(&content.hash, &machine)?;
         let read = self.read(series, capture, &mut staging);
@@ -150,6 +151,13 @@ fn finish(
     let findings = engine.finish(buses, &mut writer);
     let mut warnings = decoded.warnings.clone();
     warnings.extend(decoded.unreadable_text(&series.name()));
+    if writer.messages_skipped() > 0 {
+        warnings.push(format!(
+            "{}: {} or more messages without a wide table",
+            series.name(),
+            writer.messages_skipped()
+        ));
+    }
     let mut judged = CaptureResult {
         capture: series.name(),
         frames: decoded.decoder.frames(),

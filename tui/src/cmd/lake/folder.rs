@@ -18,7 +18,7 @@ use cobscope_decoder::sink::Output;
 use cobscope_decoder::sink::lake::{LakeFiles, TABLES};
 
 use super::machine::partition_value;
-use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, file_stem};
+use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, WIDE, file_stem};
 use crate::output_file::{self, Existing};
 use crate::path_text::shown;
 
@@ -120,7 +120,7 @@ impl LakeFolder {
     /// # Errors
     /// The name of the machine is not valid, or the folder cannot be created.
     pub(super) fn stage(&self, hash: &str, machine: &str) -> anyhow::Result<Staging<'_>> {
-        let partition = format!("machine={}", partition_value(machine)?);
+        let partition = partition_value(machine)?;
         let folder = self.staging_path(hash);
         fs::create_dir_all(&folder)
             .with_context(|| format!("{}: cannot create the folder", shown(&folder)))?;
@@ -187,6 +187,7 @@ pub(super) struct Staging<'a> {
     lake: &'a LakeFolder,
     hash: String,
     machine: String,
+    /// Name of the machine in paths.
     partition: String,
     folder: PathBuf,
     files: Vec<String>,
@@ -229,11 +230,12 @@ impl Staging<'_> {
     }
 }
 
-impl LakeFiles for Staging<'_> {
-    fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
+impl Staging<'_> {
+    /// Creates a file in a folder of the lake.
+    fn create_in(&mut self, place: &str, number: usize) -> io::Result<Output> {
         let stem = file_stem(&self.hash);
         let name = if number == 1 { format!("{stem}.parquet") } else { format!("{stem}-{number}.parquet") };
-        let folder = self.folder.join(table).join(&self.partition).join(format!("day={day}"));
+        let folder = place.split('/').fold(self.folder.clone(), |path, part| path.join(part));
         let path = folder.join(&name);
         let open = || {
             fs::create_dir_all(&folder)?;
@@ -242,8 +244,20 @@ impl LakeFiles for Staging<'_> {
         let file = open().map_err(|error| {
             io::Error::new(error.kind(), format!("{}: cannot be created: {error}", shown(&path)))
         })?;
-        self.files.push(format!("{table}/{}/day={day}/{name}", self.partition));
+        self.files.push(format!("{place}/{name}"));
         Ok(Box::new(BufWriter::with_capacity(BUFFER, file)))
+    }
+}
+
+impl LakeFiles for Staging<'_> {
+    fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
+        self.create_in(&format!("{table}/machine={}/day={day}", self.partition), number)
+    }
+
+    fn create_wide(&mut self, message: &str, day: &str, number: usize) -> io::Result<Output> {
+        // Names of buses and messages are of the capture.
+        let message = partition_value(message).map_err(io::Error::other)?;
+        self.create_in(&format!("{WIDE}/{}/{message}/{}", self.partition, day.replace('-', "/")), number)
     }
 }
 

@@ -21,7 +21,6 @@ use super::captures::{self, SourceSeries};
 use super::input::{catalogue, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain, note, warn};
 use super::output::print;
-use super::report::ensure_files;
 use crate::cli::{LakeAddArgs, LakeCommand};
 use crate::exit_code::Exit;
 use crate::path_text::shown;
@@ -41,7 +40,13 @@ pub fn run(command: &LakeCommand) -> Exit {
 fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
     let usage = |error| (Exit::Usage, error);
     let profile = |error| (Exit::Profile, error);
-    ensure_files(&arguments.input.captures).map_err(usage)?;
+    if arguments.input.captures.is_empty()
+        || arguments.input.captures.iter().any(|path| path.as_os_str() == "-")
+    {
+        return Err(usage(anyhow::anyhow!(
+            "a lake needs a capture twice; stdin cannot be read again, give a file"
+        )));
+    }
     if let Some(name) = &arguments.machine {
         machine::partition_value(name).map_err(usage)?;
     }

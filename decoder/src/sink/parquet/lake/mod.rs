@@ -5,7 +5,7 @@
 //! findings  one row per finding      signals  one row per value     frames   on request
 //! ```
 //!
-//! Machine and day are part of the paths only: engines add them as columns.
+//! On request, `wide` has one table per message. Machine and day are part of the paths only: engines add them as columns.
 
 mod captures;
 mod day;
@@ -13,6 +13,7 @@ mod findings;
 mod frames;
 mod objects;
 mod partitions;
+mod wide;
 
 use std::io;
 
@@ -22,6 +23,7 @@ use self::captures::RowCounts;
 use self::day::Calendar;
 use self::objects::ObjectIntervals;
 use self::partitions::Partitions;
+use self::wide::WideTables;
 use super::events::{self, EventRows};
 use super::signals::{self, SignalRows};
 use super::time::micros_of_date;
@@ -44,6 +46,12 @@ pub trait LakeFiles {
     /// # Errors
     /// If the file cannot be created.
     fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output>;
+
+    /// File `number`, from 1, of a message and day in the wide layout.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    fn create_wide(&mut self, message: &str, day: &str, number: usize) -> io::Result<Output>;
 }
 
 /// A capture to add.
@@ -63,6 +71,8 @@ pub struct LakeCapture {
     pub has_frames: bool,
     /// Whether the events include repetitions and those whose values are in `signals`.
     pub has_all_events: bool,
+    /// Whether values are also written side by side, one table per message.
+    pub has_wide: bool,
 }
 
 /// Results of a capture after its last frame.
@@ -95,6 +105,7 @@ pub struct LakeWriter<'a> {
     signals: Partitions,
     objects: Partitions,
     frames: Partitions,
+    wide: WideTables,
     error: Option<io::Error>,
 }
 
@@ -116,6 +127,7 @@ impl<'a> LakeWriter<'a> {
             signals: Partitions::new("signals", signals::HEADINGS, hash),
             objects: Partitions::new("objects", objects::HEADINGS, hash),
             frames: Partitions::new("frames", frames::HEADINGS, hash),
+            wide: WideTables::default(),
             error: None,
             capture,
         }
@@ -129,6 +141,11 @@ impl<'a> LakeWriter<'a> {
     /// Whether [`Self::frame`] is needed.
     pub fn wants_frames(&self) -> bool {
         self.capture.has_frames
+    }
+
+    /// Number of messages above the limit of the wide layout.
+    pub fn messages_skipped(&self) -> usize {
+        self.wide.skipped()
     }
 
     /// Adds a frame of bus `bus`, before its events.
@@ -145,6 +162,9 @@ impl<'a> LakeWriter<'a> {
         let Self { calendar, files, event_rows, signal_rows, intervals, .. } = self;
         let day = calendar.day(event.time);
         signal_rows.rows(event, bus, &mut |cells| self.signals.push(day, *files, cells))?;
+        if self.capture.has_wide {
+            self.wide.row(event, bus, day, *files)?;
+        }
         let objects = &mut self.objects;
         intervals.event(event, bus, &mut |time, cells| objects.push(calendar.day(time), *files, cells))?;
         if self.capture.has_all_events || has_news(event) {
@@ -161,7 +181,9 @@ impl<'a> LakeWriter<'a> {
         if let Some(error) = self.error.take() {
             return Err(error);
         }
-        let Self { capture, calendar, files, intervals, events, signals, objects, frames, .. } = &mut self;
+        let Self { capture, calendar, files, intervals, events, signals, objects, frames, wide, .. } =
+            &mut self;
+        wide.finish()?;
         intervals
             .finish(results.buses, &mut |time, cells| objects.push(calendar.day(time), *files, cells))?;
         let hash = capture.hash.as_str();

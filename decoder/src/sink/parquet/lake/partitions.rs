@@ -98,6 +98,10 @@ mod tests {
             self.0.lock().unwrap().push(format!("{table} {day} {number}"));
             Ok(Box::new(io::sink()))
         }
+
+        fn create_wide(&mut self, _message: &str, day: &str, number: usize) -> io::Result<Output> {
+            self.create("wide", day, number)
+        }
     }
 
     fn created(days: impl Iterator<Item = i64>) -> Vec<String> {
