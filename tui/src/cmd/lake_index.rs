@@ -10,6 +10,7 @@ use cobscope_decoder::report::fleet::{FleetCapture, FleetStory};
 use cobscope_decoder::session::Buses;
 use cobscope_decoder::sink::findings::CaptureResult;
 use cobscope_decoder::sink::lake::TABLES;
+use cobscope_decoder::wire::NodeId;
 use serde::{Deserialize, Serialize};
 
 use super::input::limited;
@@ -71,7 +72,7 @@ impl EntrySummary {
         let stories = diagnosis.stories.iter().take(STORIES).map(|story| {
             let bus = buses.iter().find(|bus| bus.index() == story.bus);
             let name = bus.zip(story.node).and_then(|(bus, node)| bus.node(node)?.name().map(str::to_owned));
-            let parts = [story.node.map(|node| node.label()), name];
+            let parts = [story.node.map(NodeId::label), name];
             EntryStory {
                 rule: story.rules.first().map_or_else(String::new, ToString::to_string),
                 node: parts.into_iter().flatten().collect::<Vec<_>>().join(" "),

@@ -2,9 +2,9 @@
 
 use std::io;
 
+use super::partitions::PushRow;
 use super::{LakeCapture, LakeResults};
 use crate::finding::Severity;
-use crate::frame::Timestamp;
 use crate::session::Bus;
 use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};
 use crate::sink::parquet::time::{micros_of_date, nanos};
@@ -56,7 +56,7 @@ pub(super) fn row(
     capture: &LakeCapture,
     results: &LakeResults<'_>,
     counts: RowCounts,
-    push: &mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>,
+    push: PushRow<'_>,
 ) -> io::Result<()> {
     let LakeResults { judged, diagnosis, quality, buses, format, .. } = results;
     let names: Vec<&str> = buses.iter().map(Bus::name).collect();

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::io;
 
+use super::partitions::PushRow;
 use crate::diagnosis::Diagnosis;
 use crate::finding::{About, Cause, Group};
-use crate::frame::Timestamp;
 use crate::session::Buses;
 use crate::sink::findings::{CaptureResult, jsonl};
 use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};
@@ -78,7 +78,7 @@ pub(super) fn rows(
     judged: &CaptureResult,
     diagnosis: &Diagnosis,
     buses: Buses<'_>,
-    push: &mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>,
+    push: PushRow<'_>,
 ) -> io::Result<()> {
     let stories = Stories::of(diagnosis);
     for group in &judged.findings.groups {
@@ -96,7 +96,7 @@ fn row(
     judged: &CaptureResult,
     stories: &Stories<'_>,
     buses: Buses<'_>,
-    push: &mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>,
+    push: PushRow<'_>,
 ) -> io::Result<()> {
     let (began, ended) = (group.began(), group.ended());
     let bus = buses.iter().find(|bus| bus.index() == group.key.bus);

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
+use super::partitions::PushRow;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
 use crate::profile::Value;
@@ -41,9 +42,6 @@ pub(super) const HEADINGS: &[Heading] = &[
     always("stale", Kind::Truth),
     maybe("persists", Kind::Name),
 ];
-
-/// Receives the day of a row and its cells.
-pub(super) type PushRow<'a> = &'a mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>;
 
 /// An object value from its first message on.
 struct Interval {
@@ -113,18 +111,17 @@ impl ObjectIntervals {
         let own: Vec<PendingCheck> = own;
         for check in own {
             let Some(node) = bus.node(check.node) else { continue };
-            match check.object {
-                Some(object) => self.check(bus, node, object, now, push)?,
-                None => {
-                    let known = self.nodes.get(&(bus.index(), check.node));
-                    let known = known.into_iter().flat_map(BTreeMap::keys).copied();
-                    let stored = node.store().sorted().into_iter().map(|(object, _)| object);
-                    let mut all: Vec<_> = known.chain(stored).collect();
-                    all.sort_unstable();
-                    all.dedup();
-                    all.into_iter().try_for_each(|object| self.check(bus, node, object, now, push))?;
-                }
+            if let Some(object) = check.object {
+                self.check(bus, node, object, now, push)?;
+                continue;
             }
+            let known = self.nodes.get(&(bus.index(), check.node));
+            let known = known.into_iter().flat_map(BTreeMap::keys).copied();
+            let stored = node.store().sorted().into_iter().map(|(object, _)| object);
+            let mut all: Vec<_> = known.chain(stored).collect();
+            all.sort_unstable();
+            all.dedup();
+            all.into_iter().try_for_each(|object| self.check(bus, node, object, now, push))?;
         }
         Ok(())
     }
@@ -236,11 +233,11 @@ impl Interval {
                 number => Some(meaning.show(number)),
             };
         }
-        let unit = meaning.as_ref().map(|meaning| meaning.unit.to_string()).filter(|unit| !unit.is_empty());
+        let unit = meaning.as_ref().map(|meaning| meaning.unit.clone()).filter(|unit| !unit.is_empty());
         Self {
             entry: entry.clone(),
             since: entry.origin,
-            name: meaning.map(|meaning| meaning.name.to_string()),
+            name: meaning.map(|meaning| meaning.name.clone()),
             value,
             text,
             unit,

@@ -5,17 +5,21 @@ use std::io;
 
 use super::LakeFiles;
 use super::day::Day;
+use crate::frame::Timestamp;
 use crate::sink::Output;
 use crate::sink::parquet::table::{Cell, Heading, Table};
 
 /// Days of which a file is open. A capture passes midnight in order; a clock that was set goes back once.
 const OPEN_DAYS: usize = 3;
 
-/// Days of one capture; a clock without sense must not create any number of folders.
-const MOST_DAYS: usize = 1_000;
+/// Files of one table of a capture; a clock without sense must not create any number of files. Later rows have no day.
+const MOST_FILES: usize = 1_000;
 
 /// Name of the constant column.
 const HASH: &str = "capture_hash";
+
+/// Receives a row: the time that determines its day, and its cells.
+pub(super) type PushRow<'a> = &'a mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>;
 
 /// Rows of one table of a capture.
 pub(super) struct Partitions {
@@ -26,12 +30,21 @@ pub(super) struct Partitions {
     open: Vec<(Day, Table<Output>)>,
     /// Number of files per day.
     files: BTreeMap<Day, usize>,
+    created: usize,
     rows: u64,
 }
 
 impl Partitions {
     pub(super) fn new(table: &'static str, headings: &'static [Heading], hash: &str) -> Self {
-        Self { table, headings, hash: hash.to_owned(), open: Vec::new(), files: BTreeMap::new(), rows: 0 }
+        Self {
+            table,
+            headings,
+            hash: hash.to_owned(),
+            open: Vec::new(),
+            files: BTreeMap::new(),
+            created: 0,
+            rows: 0,
+        }
     }
 
     /// Number of rows.
@@ -53,8 +66,7 @@ impl Partitions {
 
     /// Makes the file of a day the first open one.
     fn turn_to(&mut self, day: Day, files: &mut dyn LakeFiles) -> io::Result<()> {
-        let is_full = self.files.len() >= MOST_DAYS && !self.files.contains_key(&day);
-        let day = if is_full { Day::Unknown } else { day };
+        let day = if self.created >= MOST_FILES { Day::Unknown } else { day };
         if let Some(place) = self.open.iter().position(|(open, _)| *open == day) {
             self.open.get_mut(..=place).unwrap_or_default().rotate_right(1);
             return Ok(());
@@ -64,6 +76,7 @@ impl Partitions {
         {
             oldest.finish()?;
         }
+        self.created = self.created.saturating_add(1);
         let number = self.files.entry(day).or_default();
         *number = number.saturating_add(1);
         let output = files.create(self.table, &day.to_string(), *number)?;
@@ -109,12 +122,11 @@ mod tests {
         let mut files = Names::default();
         let mut table = Partitions::new("t", HEADINGS, "00");
         for day in days {
-            let time = crate::frame::Timestamp((20_000 + day) * 86_400_000_000_000);
+            let time = Timestamp((20_000 + day) * 86_400_000_000_000);
             table.push(calendar.day(Some(time)), &mut files, &[Cell::Number(day)]).unwrap();
         }
         table.finish().unwrap();
-        let names = files.0.lock().unwrap().clone();
-        names
+        files.0.lock().unwrap().clone()
     }
 
     /// Day 20,000 since 1970 is 2024-10-04.
@@ -129,8 +141,12 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_without_sense_does_not_fill_the_disk_with_folders() {
+    fn a_clock_without_sense_does_not_fill_the_disk_with_files() {
         let names = created((0..1_500).map(|n| n * 7));
+        assert_eq!(names.len(), 1_001);
+        assert_eq!(names.last().map(String::as_str), Some("t unknown 1"));
+        // Four days in turn exceed the open ones each time.
+        let names = created((0..5_000).map(|n| n % 4));
         assert_eq!(names.len(), 1_001);
         assert_eq!(names.last().map(String::as_str), Some("t unknown 1"));
     }

@@ -23,6 +23,9 @@ use crate::sink::values::{self, EventValues, FieldNames, Group, GroupNames};
 /// Maximum number of messages, each with an open file.
 const MOST_MESSAGES: usize = 256;
 
+/// Maximum number of files of a capture; a clock without sense must not create any number of them.
+const MOST_FILES: usize = 4_096;
+
 /// Maximum buffered size per message, in bytes.
 const MOST_BYTES: usize = 1024 * 1024;
 
@@ -40,6 +43,7 @@ pub(super) struct WideTables {
     open: BTreeMap<Group, WideTable>,
     /// Number of files per message and day.
     files: BTreeMap<(Group, Day), usize>,
+    created: usize,
     /// Messages without a table.
     skipped: BTreeSet<Group>,
 }
@@ -59,7 +63,8 @@ impl WideTables {
         let Some(carried) = values::carried(event) else { return Ok(()) };
         let known = self.open.get(&carried.group);
         if !known.is_some_and(|known| known.day == day && Arc::ptr_eq(&known.layout, carried.layout)) {
-            if known.is_none() && self.open.len() >= MOST_MESSAGES {
+            let is_full = known.is_none() && self.open.len() >= MOST_MESSAGES;
+            if is_full || self.created >= MOST_FILES {
                 if self.skipped.len() < MOST_MESSAGES {
                     self.skipped.insert(carried.group);
                 }
@@ -101,6 +106,7 @@ impl WideTables {
             }
             before.table.finish()?;
         }
+        self.created = self.created.saturating_add(1);
         let number = self.files.entry((carried.group, day)).or_default();
         *number = number.saturating_add(1);
         // The group of all buses but the first starts with the bus.
