@@ -20,11 +20,11 @@ pub(super) struct CaptureContent {
     pub(super) hash: String,
     /// Size of all files in bytes.
     pub(super) size: u64,
-    states: Vec<(PathBuf, FileState)>,
+    states: Vec<(PathBuf, ContentVersion)>,
 }
 
 /// Length and time of the last change.
-type FileState = (u64, Option<SystemTime>);
+type ContentVersion = (u64, Option<SystemTime>);
 
 impl CaptureContent {
     /// Hashes all files.
@@ -70,7 +70,7 @@ impl CaptureContent {
     }
 }
 
-fn state(found: &Metadata) -> FileState {
+fn state(found: &Metadata) -> ContentVersion {
     (found.len(), found.modified().ok())
 }
 

@@ -2,8 +2,8 @@
 
 use std::io;
 
+use super::capture::{LakeCapture, LakeResults};
 use super::partitions::PushRow;
-use super::{LakeCapture, LakeResults};
 use crate::finding::Severity;
 use crate::session::Bus;
 use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};

@@ -7,6 +7,7 @@
 //!
 //! On request, `wide` has one table per message. Machine and day are part of the paths only: engines add them as columns.
 
+mod capture;
 mod captures;
 mod day;
 mod findings;
@@ -17,7 +18,7 @@ mod wide;
 
 use std::io;
 
-use jiff::civil::Date;
+pub use self::capture::{LakeCapture, LakeFiles, LakeResults};
 
 use self::captures::RowCounts;
 use self::day::Calendar;
@@ -27,70 +28,12 @@ use self::wide::WideTables;
 use super::events::{self, EventRows};
 use super::signals::{self, SignalRows};
 use super::time::micros_of_date;
-use crate::diagnosis::Diagnosis;
 use crate::event::{Event, EventKind};
-use crate::finding::Severity;
 use crate::frame::Frame;
-use crate::session::{Bus, Buses, Observer};
-use crate::sink::Output;
-use crate::sink::findings::CaptureResult;
-use crate::statistics::Quality;
+use crate::session::{Bus, Observer};
 
 /// Tables in the order in which their files receive their names: a capture is listed last.
 pub const TABLES: [&str; 6] = ["frames", "signals", "events", "objects", "findings", "captures"];
-
-/// Creates the files of one capture; implemented by the program.
-pub trait LakeFiles {
-    /// File `number`, from 1, of a table and day (`2024-01-31` or `unknown`).
-    ///
-    /// # Errors
-    /// If the file cannot be created.
-    fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output>;
-
-    /// File `number`, from 1, of a message and day in the wide layout.
-    ///
-    /// # Errors
-    /// If the file cannot be created.
-    fn create_wide(&mut self, message: &str, day: &str, number: usize) -> io::Result<Output>;
-}
-
-/// A capture to add.
-#[derive(Debug, Clone, Default)]
-pub struct LakeCapture {
-    /// Name, as in all output.
-    pub name: String,
-    /// SHA-256 over the content of all its files, in hexadecimal.
-    pub hash: String,
-    /// Size of all its files, in bytes.
-    pub size: u64,
-    /// Number of its files.
-    pub parts: usize,
-    /// Day of the rows if the capture contains no date.
-    pub day: Option<Date>,
-    /// Whether its frames are added, too.
-    pub has_frames: bool,
-    /// Whether the events include repetitions and those whose values are in `signals`.
-    pub has_all_events: bool,
-    /// Whether values are also written side by side, one table per message.
-    pub has_wide: bool,
-}
-
-/// Results of a capture after its last frame.
-#[derive(Debug, Clone, Copy)]
-pub struct LakeResults<'a> {
-    /// Findings.
-    pub judged: &'a CaptureResult,
-    /// Stories of the findings.
-    pub diagnosis: &'a Diagnosis,
-    /// Quality of the capture.
-    pub quality: &'a Quality,
-    /// State after the last frame.
-    pub buses: Buses<'a>,
-    /// Name of the format; `None` if it is unknown.
-    pub format: Option<&'static str>,
-    /// Lowest severity that counts as a failure.
-    pub least: Option<Severity>,
-}
 
 /// Writer for the tables of one capture. After the first write error nothing more is written; `finish` returns the
 /// error.

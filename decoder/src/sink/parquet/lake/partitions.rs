@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use super::LakeFiles;
+use super::capture::LakeFiles;
 use super::day::Day;
 use crate::frame::Timestamp;
 use crate::sink::Output;

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::sync::Arc;
 
-use super::LakeFiles;
+use super::capture::LakeFiles;
 use super::day::Day;
 use crate::event::Event;
 use crate::profile::Layout;
