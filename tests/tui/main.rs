@@ -19,6 +19,8 @@ mod exports;
 mod extcap;
 mod filter;
 mod journeys;
+#[cfg(feature = "parquet")]
+mod lake;
 mod live;
 mod mcp;
 mod objects;

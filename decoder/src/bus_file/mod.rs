@@ -43,6 +43,8 @@ use crate::wire::j1939::SpnConversion;
 /// A parsed and checked bus file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BusFile {
+    /// Name of the machine, for the tables of many captures.
+    pub machine: Option<String>,
     /// Settings for every bus.
     pub everywhere: Settings,
     /// Settings by bus name; they override `everywhere`.
@@ -59,11 +61,12 @@ impl BusFile {
     /// # Errors
     /// Invalid TOML, unknown keys or values out of range, with line and column.
     pub fn parse(text: &str) -> Result<Self, TextError> {
-        let file: model::AuthoredBusFile =
+        let mut file: model::AuthoredBusFile =
             toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
+        let machine = file.machine.take();
         let (everywhere, buses, judgement, diff) =
             file.check().map_err(|(span, message)| TextError::at(text, span, message))?;
-        Ok(Self { everywhere, buses, judgement, diff })
+        Ok(Self { machine, everywhere, buses, judgement, diff })
     }
 
     /// Settings of this bus, then those of every bus.

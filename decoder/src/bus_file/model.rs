@@ -29,6 +29,8 @@ type Nodes = BTreeMap<Spanned<String>, Node>;
 #[serde(deny_unknown_fields)]
 pub(super) struct AuthoredBusFile {
     #[serde(default)]
+    pub(super) machine: Option<String>,
+    #[serde(default)]
     dbc: Files,
     #[serde(default)]
     master: Option<String>,

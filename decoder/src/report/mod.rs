@@ -14,6 +14,7 @@ mod clock;
 mod curves;
 mod draft;
 mod excerpt;
+pub mod fleet;
 mod glossary;
 pub mod html;
 pub mod markdown;

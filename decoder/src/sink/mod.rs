@@ -17,6 +17,9 @@ pub mod text;
 mod values;
 
 pub use escape::{escape, escape_json};
+#[cfg(feature = "parquet")]
+pub use parquet::lake;
+
 pub use event_sink::{EventContent, EventFormat, EventSink, Output, OutputFiles, SpoolFile};
 
 pub use options::SinkOptions;

@@ -8,6 +8,8 @@ mod duration;
 mod extcap;
 mod formats;
 mod input;
+#[cfg(feature = "parquet")]
+mod lake;
 mod live;
 mod mcp;
 mod notes;
@@ -34,6 +36,8 @@ pub use extcap::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use formats::{Color, DiffFormat, ReportFormat};
 pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
 use input::{Otherwise, filter_help};
+#[cfg(feature = "parquet")]
+pub use lake::{LakeAddArgs, LakeCommand};
 pub use live::LiveArgs;
 pub use mcp::McpArgs;
 pub use objects::ObjectsArgs;
@@ -224,6 +228,17 @@ pub enum Command {
     /// signals, explain and diff; each answer has at most 64 KiB. Only files in the given folders are read.
     #[command(after_help = notes::MCP)]
     Mcp(McpArgs),
+    /// Collect captures of many machines in tables that DuckDB, Polars and Spark read
+    ///
+    /// A lake is a folder of Parquet files, partitioned by machine and day: captures, findings, events, signals, objects,
+    /// and frames on request. docs/lake.md describes the columns and has queries.
+    #[cfg(feature = "parquet")]
+    #[command(after_help = notes::LAKE)]
+    Lake {
+        /// Command to run
+        #[command(subcommand)]
+        command: LakeCommand,
+    },
     /// Print shell completions
     Completions {
         /// Shell
@@ -246,9 +261,12 @@ impl Command {
             Self::Stats(arguments) => &arguments.input,
             Self::Objects(arguments) => &arguments.input,
             Self::Why(arguments) => &arguments.input,
+            Self::Report(arguments) if arguments.has_lake() => return None,
             Self::Report(arguments) => &arguments.input,
             Self::Check(arguments) => &arguments.input,
             Self::Diff(arguments) => &arguments.input,
+            #[cfg(feature = "parquet")]
+            Self::Lake { command: LakeCommand::Add(arguments) } => &arguments.input,
             Self::Live(_)
             | Self::Convert(_)
             | Self::Rules(_)
@@ -278,6 +296,8 @@ impl Command {
             Self::Rules(arguments) => &arguments.profiles,
             Self::Explain { profiles, .. } | Self::Profiles { profiles, .. } => profiles,
             Self::Mcp(arguments) => &arguments.profiles,
+            #[cfg(feature = "parquet")]
+            Self::Lake { command: LakeCommand::Add(arguments) } => &arguments.input.profiles,
             Self::Extcap(_) | Self::Completions { .. } | Self::Man { .. } => &[],
         }
     }
@@ -295,6 +315,10 @@ impl Command {
             Self::Stats(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
             Self::Diff(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            #[cfg(feature = "parquet")]
+            Self::Lake { command: LakeCommand::Add(arguments) } => {
+                (&arguments.input, Some(Otherwise::Decode))
+            }
             Self::Objects(arguments) => (&arguments.input, None),
             Self::Why(arguments) => (&arguments.input, None),
             Self::Report(arguments) => (&arguments.input, None),
@@ -337,7 +361,7 @@ pub fn with_default_command(
 }
 
 /// Names of the subcommands: building the parser only for them would take longer than decoding a small capture.
-const COMMANDS: [&str; 17] = [
+const COMMANDS: &[&str] = &[
     "view",
     "live",
     "decode",
@@ -353,6 +377,8 @@ const COMMANDS: [&str; 17] = [
     "profiles",
     "extcap",
     "mcp",
+    #[cfg(feature = "parquet")]
+    "lake",
     "completions",
     "man",
 ];
@@ -388,9 +414,9 @@ mod tests {
         use clap::CommandFactory as _;
         let mut names: Vec<_> = Cli::command().get_subcommands().map(|it| it.get_name().to_owned()).collect();
         names.sort();
-        let mut known = COMMANDS;
+        let mut known = COMMANDS.to_vec();
         known.sort_unstable();
-        assert_eq!(known.as_slice(), names);
+        assert_eq!(known, names);
     }
 
     #[test]

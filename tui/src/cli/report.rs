@@ -14,6 +14,14 @@ pub struct ReportArgs {
     pub input: InputArgs,
     #[command(flatten)]
     pub select: SelectArgs,
+    /// Report on the fleet of a lake (cobscope lake add): machines by week, worst stories, captures; HTML only
+    #[cfg(feature = "parquet")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        conflicts_with_all = ["captures", "format", "story", "finding", "attach"]
+    )]
+    pub lake: Option<PathBuf>,
     /// Write to FILE instead of stdout; for a folder or several captures, the folder of the pages
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -36,6 +44,16 @@ pub struct ReportArgs {
         default_missing_value = "file"
     )]
     pub attach: Option<AttachPlace>,
+}
+
+impl ReportArgs {
+    /// Whether a lake is reported on, in place of captures.
+    pub fn has_lake(&self) -> bool {
+        #[cfg(feature = "parquet")]
+        return self.lake.is_some();
+        #[cfg(not(feature = "parquet"))]
+        return false;
+    }
 }
 
 /// Formats of `report`.

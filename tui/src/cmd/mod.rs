@@ -14,6 +14,10 @@ mod extcap;
 mod facts;
 mod frame_comment;
 mod input;
+#[cfg(feature = "parquet")]
+mod lake;
+#[cfg(feature = "parquet")]
+mod lake_index;
 mod live;
 mod mcp;
 mod messages;
@@ -90,6 +94,8 @@ pub fn run(cli: Cli) -> Exit {
         Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
         Command::Extcap(arguments) => extcap::run(&arguments),
         Command::Mcp(arguments) => mcp::run(&arguments),
+        #[cfg(feature = "parquet")]
+        Command::Lake { command } => lake::run(&command),
         Command::Completions { shell } => shell::completions(shell),
         Command::Man { of } => shell::man(of.as_deref()),
     }

@@ -5,6 +5,7 @@
 mod claim;
 mod comparison;
 mod document;
+mod fleet;
 mod index;
 mod parts;
 mod plot;
@@ -12,6 +13,7 @@ mod sections;
 
 pub use comparison::{ComparisonPage, write_comparison};
 pub use document::STYLE;
+pub use fleet::{FleetPage, write_fleet};
 pub use index::{IndexPage, IndexRow, RuleCount, write_index};
 
 use maud::html;

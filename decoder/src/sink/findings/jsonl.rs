@@ -247,7 +247,8 @@ fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     out.write_all(&line)
 }
 
-fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
+/// Appends the line of a finding.
+pub(in crate::sink) fn finding(group: &Group, judged: &CaptureResult, lines: &mut Vec<u8>) {
     let mut line = Object::begin(lines);
     line.field("kind", FieldValue::Text("finding"));
     line.field("capture", FieldValue::Text(&judged.capture));

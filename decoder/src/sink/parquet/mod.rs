@@ -8,56 +8,21 @@
 //! Types are those that Spark, DuckDB, Polars, Arrow and `DataFusion` read without options: times in µs, signed integers,
 //! texts.
 
+mod events;
+pub mod lake;
+mod signals;
 mod table;
+mod time;
 
 use std::io::{self, Write};
 
-use super::jsonl::Lines;
-use super::text::Line;
-use super::values::{self, EventValues, FieldNames, GroupNames, Groups};
+use self::events::EventRows;
+use self::signals::SignalRows;
+use self::table::Table;
+use self::time::micros;
 use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
-use crate::frame::Timestamp;
-use crate::query::record::{FieldValue, protocol};
 use crate::session::Bus;
-use table::{Cell, Heading, Kind, Table, always, maybe};
-
-const SIGNALS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Rising),
-    maybe("capture", Kind::Name),
-    always("bus", Kind::Name),
-    always("frame", Kind::Rising),
-    maybe("node", Kind::Number),
-    maybe("device", Kind::Name),
-    always("group", Kind::Name),
-    always("signal", Kind::Name),
-    always("id", Kind::Name),
-    maybe("value", Kind::Real),
-    maybe("text", Kind::Name),
-    maybe("unit", Kind::Name),
-    maybe("label", Kind::Name),
-    maybe("raw", Kind::Number),
-    maybe("raw_hex", Kind::Name),
-];
-
-const EVENTS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Rising),
-    maybe("capture", Kind::Name),
-    always("bus", Kind::Name),
-    always("first_frame", Kind::Rising),
-    always("last_frame", Kind::Rising),
-    always("kind", Kind::Name),
-    always("protocol", Kind::Name),
-    maybe("node", Kind::Number),
-    maybe("node_name", Kind::Name),
-    maybe("device", Kind::Name),
-    always("presumed", Kind::Truth),
-    always("routine", Kind::Truth),
-    always("text", Kind::Text),
-    always("json", Kind::Json),
-];
 
 pub(super) const FORMAT: EventFormat = EventFormat {
     name: "parquet",
@@ -75,9 +40,8 @@ pub(super) const FORMAT: EventFormat = EventFormat {
 struct Parquet<W: Write + Send> {
     events: Table<W>,
     signals: Table<W>,
-    lines: Lines,
-    groups: Groups<GroupNames>,
-    capture: Option<String>,
+    event_rows: EventRows,
+    signal_rows: SignalRows,
     error: Option<io::Error>,
 }
 
@@ -85,88 +49,29 @@ impl<W: Write + Send> Parquet<W> {
     /// Starts both files.
     fn new(events: W, signals: W) -> io::Result<Self> {
         Ok(Self {
-            events: Table::new(events, EVENTS)?,
-            signals: Table::new(signals, SIGNALS)?,
-            lines: Lines::default(),
-            groups: Groups::default(),
-            capture: None,
+            events: Table::new(events, events::HEADINGS, &[])?,
+            signals: Table::new(signals, signals::HEADINGS, &[])?,
+            event_rows: EventRows::new(micros),
+            signal_rows: SignalRows::new(micros),
             error: None,
         })
     }
 
-    fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
-        let words = Line::of(event, bus);
-        let blank = if words.who.is_empty() { "" } else { " " };
-        let text = format!("{}{blank}{} {}", words.who, words.kind, words.what);
-        let json = String::from_utf8_lossy(self.lines.of(event, bus).trim_ascii_end());
-        let node = event.node.and_then(|node| bus.node(node));
-        self.events.push(&[
-            micros(event),
-            time(event),
-            Cell::text(self.capture.as_deref()),
-            Cell::Text(bus.name()),
-            Cell::Number(event.frames.first.cast_signed()),
-            Cell::Number(event.frames.last.cast_signed()),
-            Cell::Text(event.kind.name()),
-            Cell::Text(protocol(event.protocol)),
-            number(event),
-            Cell::text(node.and_then(|node| node.name())),
-            Cell::text(node.and_then(|node| node.device_id())),
-            Cell::Truth(event.presumed),
-            Cell::Truth(event.routine),
-            Cell::Text(&text),
-            Cell::Text(&json),
-        ])
-    }
-
-    fn values(&mut self, event: &Event, bus: &Bus, carried: &EventValues<'_>) -> io::Result<()> {
-        let Some(named) = self.groups.of(carried, || GroupNames::of(carried, bus)) else { return Ok(()) };
-        let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
-        for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
-            let reading = values::reading(&signal, label);
-            let mut hex = String::new();
-            let (value, text) = cells(reading.value, &mut hex);
-            let unit = values::unit(signal.field);
-            let mut digits = String::new();
-            let raw = raw_cells(signal.raw, &mut digits);
-            self.signals.push(&[
-                micros(event),
-                time(event),
-                Cell::text(self.capture.as_deref()),
-                Cell::Text(bus.name()),
-                Cell::Number(event.frames.last.cast_signed()),
-                number(event),
-                Cell::text(device),
-                Cell::Text(&named.group),
-                Cell::Text(name),
-                Cell::Text(id),
-                value,
-                text,
-                if unit.is_empty() { Cell::Null } else { Cell::Text(unit) },
-                Cell::text(reading.label),
-                raw.0,
-                raw.1,
-            ])?;
-        }
-        Ok(())
+    fn rows(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        self.event_rows.row(event, bus, &mut |cells| self.events.push(cells))?;
+        self.signal_rows.rows(event, bus, &mut |cells| self.signals.push(cells))
     }
 }
 
 impl<W: Write + Send> EventSink for Parquet<W> {
-    /// Adds the capture name to every following row.
     fn begin_capture(&mut self, name: &str) {
-        self.groups = Groups::default();
-        self.lines.set_capture(name);
-        self.capture = Some(name.to_owned());
+        self.event_rows.set_capture(name);
+        self.signal_rows.set_capture(name);
     }
 
     fn write(&mut self, event: &Event, bus: &Bus) -> bool {
         if self.error.is_none() {
-            let written = self.event(event, bus).and_then(|()| match values::carried(event) {
-                Some(carried) => self.values(event, bus, &carried),
-                None => Ok(()),
-            });
-            self.error = written.err();
+            self.error = self.rows(event, bus).err();
         }
         true
     }
@@ -182,44 +87,4 @@ impl<W: Write + Send> EventSink for Parquet<W> {
     fn has_failed(&self) -> bool {
         self.error.is_some()
     }
-}
-
-fn time(event: &Event) -> Cell<'static> {
-    event.time.map_or(Cell::Null, |Timestamp(time)| Cell::Number(time))
-}
-
-fn micros(event: &Event) -> Cell<'static> {
-    event.time.map_or(Cell::Null, |Timestamp(time)| Cell::Number(time.div_euclid(1_000)))
-}
-
-/// Transmitted bits as a number, or in hex if they exceed the signed integers that every engine has.
-fn raw_cells(raw: u64, digits: &mut String) -> (Cell<'static>, Cell<'_>) {
-    if let Ok(number) = i64::try_from(raw) {
-        return (Cell::Number(number), Cell::Null);
-    }
-    *digits = format!("{raw:016X}");
-    (Cell::Null, Cell::Text(digits))
-}
-
-fn number(event: &Event) -> Cell<'static> {
-    event.node.map_or(Cell::Null, |node| Cell::Number(i64::from(node.number())))
-}
-
-/// The number and the text cell of a value; one of them is null.
-#[expect(clippy::cast_precision_loss, reason = "raw is exact")]
-fn cells<'a>(value: FieldValue<'a>, hex: &'a mut String) -> (Cell<'a>, Cell<'a>) {
-    let number = match value {
-        FieldValue::Unsigned(value) => value as f64,
-        FieldValue::Integer(value) => value as f64,
-        FieldValue::Real(value) if value.is_finite() => value,
-        FieldValue::Text(text) => return (Cell::Null, Cell::Text(text)),
-        FieldValue::Bytes(bytes) => {
-            let mut digits = Vec::new();
-            crate::ascii::push_hex(&mut digits, bytes);
-            *hex = String::from_utf8_lossy(&digits).into_owned();
-            return (Cell::Null, Cell::Text(hex));
-        }
-        _ => return (Cell::Null, Cell::Null),
-    };
-    (Cell::Real(number), Cell::Null)
 }

@@ -1,5 +1,6 @@
 //! One Parquet file. Rows are buffered by column and written in row groups.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{self, Write};
 use std::mem;
@@ -45,9 +46,9 @@ pub(super) enum Kind {
 }
 
 /// Description of a column.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Heading {
-    pub(super) name: &'static str,
+    pub(super) name: Cow<'static, str>,
     pub(super) kind: Kind,
     /// Whether the column can contain [`Cell::Null`].
     pub(super) is_optional: bool,
@@ -55,12 +56,12 @@ pub(super) struct Heading {
 
 /// A column with a value in every row.
 pub(super) const fn always(name: &'static str, kind: Kind) -> Heading {
-    Heading { name, kind, is_optional: false }
+    Heading { name: Cow::Borrowed(name), kind, is_optional: false }
 }
 
 /// A column with optional values.
 pub(super) const fn maybe(name: &'static str, kind: Kind) -> Heading {
-    Heading { name, kind, is_optional: true }
+    Heading { name: Cow::Borrowed(name), kind, is_optional: true }
 }
 
 /// A value of a row.
@@ -84,20 +85,43 @@ impl<'a> Cell<'a> {
 pub(super) struct Table<W: Write + Send> {
     file: SerializedFileWriter<W>,
     columns: Vec<Column>,
+    /// Values of the last columns, which are the same in every row.
+    constants: Vec<ByteArray>,
     rows: usize,
     bytes: usize,
+    most_bytes: usize,
 }
 
 impl<W: Write + Send> Table<W> {
-    /// Starts a file with these columns.
+    /// Starts a file with these columns, followed by columns with the same text in every row.
     ///
     /// # Errors
     /// If the header cannot be written.
-    pub(super) fn new(output: W, headings: &[Heading]) -> io::Result<Self> {
-        let begun = schema(headings)
-            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(headings)?)));
+    pub(super) fn new(
+        output: W,
+        headings: &[Heading],
+        constants: &[(&'static str, &str)],
+    ) -> io::Result<Self> {
+        Self::with_limit(output, headings, constants, MOST_BYTES)
+    }
+
+    /// Like [`Self::new`], with another maximum size of a buffered group in bytes.
+    ///
+    /// # Errors
+    /// If the header cannot be written.
+    pub(super) fn with_limit(
+        output: W,
+        headings: &[Heading],
+        constants: &[(&'static str, &str)],
+        most_bytes: usize,
+    ) -> io::Result<Self> {
+        let further = constants.iter().map(|(name, _)| always(name, Kind::Name));
+        let all: Vec<_> = headings.iter().cloned().chain(further).collect();
+        let begun = schema(&all)
+            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(&all)?)));
         let columns = headings.iter().map(Column::new).collect();
-        Ok(Self { file: begun.map_err(io_error)?, columns, rows: 0, bytes: 0 })
+        let constants = constants.iter().map(|(_, text)| ByteArray::from(&*escape(text))).collect();
+        Ok(Self { file: begun.map_err(io_error)?, columns, constants, rows: 0, bytes: 0, most_bytes })
     }
 
     /// Adds a row, with the cells in the order of the headings.
@@ -109,24 +133,30 @@ impl<W: Write + Send> Table<W> {
             self.bytes = self.bytes.saturating_add(column.push(*cell));
         }
         self.rows += 1;
-        if self.rows >= MOST_ROWS || self.bytes >= MOST_BYTES {
+        if self.rows >= MOST_ROWS || self.bytes >= self.most_bytes {
             return self.end_group();
         }
         Ok(())
     }
 
     fn end_group(&mut self) -> io::Result<()> {
-        if mem::take(&mut self.rows) == 0 {
+        let rows = mem::take(&mut self.rows);
+        if rows == 0 {
             return Ok(());
         }
         self.bytes = 0;
-        self.write_group().map_err(io_error)
+        self.write_group(rows).map_err(io_error)
     }
 
-    fn write_group(&mut self) -> Result<(), ParquetError> {
+    fn write_group(&mut self, rows: usize) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
         for column in &mut self.columns {
             column.write(&mut group)?;
+        }
+        for text in &self.constants {
+            let Some(mut writer) = group.next_column()? else { break };
+            writer.typed::<ByteArrayType>().write_batch(&vec![text.clone(); rows], None, None)?;
+            writer.close()?;
         }
         group.close()?;
         Ok(())
@@ -297,7 +327,8 @@ fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
             Kind::Name | Kind::Text | Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
         let repetition = if heading.is_optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
-        let field = Type::primitive_type_builder(heading.name, physical);
+        let name = escape(&heading.name);
+        let field = Type::primitive_type_builder(&name, physical);
         field.with_repetition(repetition).with_logical_type(logical).build().map(Arc::new)
     });
     let fields = fields.collect::<Result<Vec<_>, _>>()?;
@@ -314,7 +345,7 @@ fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true);
     for heading in headings {
-        let path = ColumnPath::from(heading.name);
+        let path = ColumnPath::from(vec![escape(&heading.name).into_owned()]);
         properties = match heading.kind {
             Kind::Time | Kind::Rising => properties
                 .set_column_dictionary_enabled(path.clone(), false)
@@ -356,7 +387,7 @@ mod tests {
     /// A table that alternates between rows with and without optional values.
     fn written(rows: usize, text: &str) -> SerializedFileReader<bytes::Bytes> {
         let mut out = Vec::new();
-        let mut table = Table::new(&mut out, HEADINGS).unwrap();
+        let mut table = Table::new(&mut out, HEADINGS, &[]).unwrap();
         for row in 0..rows {
             let all = [Cell::Number(-7), Cell::Real(0.5), Cell::Truth(true), Cell::Text("a\x1b")];
             let little = [Cell::Null, Cell::Null, Cell::Null, Cell::Text("b")];
@@ -391,7 +422,7 @@ mod tests {
     #[test]
     fn the_first_write_error_is_the_error_of_the_output() {
         let mut place = [0; 64];
-        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)]).unwrap();
+        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)], &[]).unwrap();
         table.push(&[Cell::Number(1)]).unwrap();
         assert_eq!(table.finish().unwrap_err().kind(), io::ErrorKind::WriteZero);
     }

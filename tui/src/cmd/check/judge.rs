@@ -149,13 +149,17 @@ impl JudgeInputs<'_> {
 }
 
 /// Parts of a series with the numbers of their first frames.
-fn parts(series: &Series) -> Vec<CapturePart> {
+pub(in crate::cmd) fn parts(series: &Series) -> Vec<CapturePart> {
     let all = series.parts.iter().zip(&series.first_frames);
     all.map(|(path, frame)| CapturePart { file: path.display().to_string(), first_frame: *frame }).collect()
 }
 
 /// Line numbers of frames in a text capture, each in the file of its part.
-fn lines(series: &Series, input: &InputArgs, frames: &BTreeSet<u64>) -> BTreeMap<u64, u64> {
+pub(in crate::cmd) fn lines(
+    series: &Series,
+    input: &InputArgs,
+    frames: &BTreeSet<u64>,
+) -> BTreeMap<u64, u64> {
     if !series.is_joined() {
         return lines_of_file(series.first(), input, frames);
     }

@@ -23,6 +23,8 @@ use super::report;
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
 use crate::path_text::shown;
+#[cfg(feature = "parquet")]
+pub(super) use judge::{lines, parts};
 use known::KnownFindings;
 
 /// Runs the command.

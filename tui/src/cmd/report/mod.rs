@@ -7,6 +7,8 @@
 
 mod attach;
 mod background;
+#[cfg(feature = "parquet")]
+mod fleet;
 mod folder;
 mod page;
 mod provenance;
@@ -42,6 +44,10 @@ pub fn run(arguments: &ReportArgs) -> Exit {
 }
 
 fn reported(arguments: &ReportArgs) -> Result<Exit, Refusal> {
+    #[cfg(feature = "parquet")]
+    if let Some(lake) = &arguments.lake {
+        return fleet::write(lake, arguments.output.as_deref());
+    }
     let usage = |error| (Exit::Usage, error);
     let profile = |error| (Exit::Profile, error);
     arguments.select.selection().map_err(usage)?;

@@ -1,0 +1,216 @@
+"""Adds the captures of a fleet to a lake, with Spark: one task per capture, on local copies.
+
+    spark-submit fleet_job.py CAPTURES LAKE [--bus FILE] [--machine-from REGEX] [--cobscope PROGRAM] [-- OPTION…]
+
+CAPTURES and LAKE are folders or addresses that pyarrow.fs reads (s3://, gs://, abfss://, hdfs://, file://). Only new or changed
+files are read. Options after -- are passed to `cobscope lake add`. docs/fleet.md has figures.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+
+import pyarrow as pa
+import pyarrow.fs as pafs
+import pyarrow.parquet as pq
+
+BLOCK = 8 << 20
+# A counter of at least three digits at the end of the name: run_0001.log, run-002.mf4.gz.
+COUNTER = re.compile(r"[-_.]?\d{3,}(?=(\.[A-Za-z][A-Za-z0-9]*)+$)")
+LOCAL = ("local", "subtree", "hdfs")
+TEMPORARY = "_staging/job"
+
+
+def open_folder(uri):
+    """File system and path of a folder."""
+    if "://" not in uri:
+        return pafs.LocalFileSystem(), os.path.abspath(uri)
+    return pafs.FileSystem.from_uri(uri)
+
+
+def list_captures(uri):
+    """All files as (path below the folder, size, time of change in ns)."""
+    system, root = open_folder(uri)
+    found = system.get_file_info(pafs.FileSelector(root, recursive=True))
+    files = [(info.path[len(root):].lstrip("/"), info.size, info.mtime_ns or 0) for info in found if info.is_file]
+    return sorted(file for file in files if not os.path.basename(file[0]).startswith((".", "_")))
+
+
+def series_of(files):
+    """Files that may be parts of one capture, because their names differ only in a counter; cobscope decides."""
+    groups = {}
+    for file in files:
+        groups.setdefault(COUNTER.sub("", file[0]), []).append(file)
+    return list(groups.values())
+
+
+def key_of(group):
+    """Name of a group in this state; a file that changed has another one."""
+    return hashlib.sha256(json.dumps(group).encode()).hexdigest()[:32]
+
+
+def head_of(uri, path):
+    system, root = open_folder(uri)
+    with system.open_input_file(f"{root}/{path}") as file:
+        return file.read(4096)
+
+
+def tasks_of(uri, groups):
+    """One task per capture. Captures that may be copies are one task, in order: the first one is added."""
+    by_size = {}
+    for group in groups:
+        by_size.setdefault(sum(size for _, size, _ in group), []).append(group)
+    alike = [group for same in by_size.values() if len(same) > 1 for group in same]
+    with ThreadPoolExecutor(16) as pool:
+        heads = dict(zip([key_of(group) for group in alike], pool.map(lambda group: head_of(uri, group[0][0]), alike)))
+    tasks = {}
+    for group in groups:
+        size = sum(size for _, size, _ in group)
+        tasks.setdefault((size, heads.get(key_of(group))), []).append(group)
+    return list(tasks.values())
+
+
+def names_in(system, folder):
+    found = system.get_file_info(pafs.FileSelector(folder, recursive=False, allow_not_found=True))
+    return {os.path.splitext(info.base_name)[0] for info in found}
+
+
+def put(system, root, name, source):
+    """Uploads a whole file: object stores show it once it is whole, other systems once it is renamed."""
+    place = f"{root}/{name}"
+    is_local = system.type_name in LOCAL
+    target = f"{root}/{TEMPORARY}/{hashlib.sha256(name.encode()).hexdigest()}-{os.getpid()}" if is_local else place
+    if is_local:
+        system.create_dir(os.path.dirname(place), recursive=True)
+        system.create_dir(os.path.dirname(target), recursive=True)
+    with system.open_output_stream(target) as output:
+        while block := source.read(BLOCK):
+            output.write(block)
+    if is_local:
+        system.move(target, place)
+
+
+def put_bytes(system, root, name, content):
+    put(system, root, name, pa.BufferReader(content))
+
+
+def fetch(system, root, group, folder):
+    for path, _, _ in group:
+        place = os.path.join(folder, path)
+        os.makedirs(os.path.dirname(place), exist_ok=True)
+        with system.open_input_stream(f"{root}/{path}") as source, open(place, "wb") as copy:
+            while block := source.read(BLOCK):
+                copy.write(block)
+
+
+def publish(system, root, local):
+    """Uploads the captures of a local lake; those that the lake has are left out. Returns the reasons of failures."""
+    added, present, reasons = 0, 0, []
+    index = os.path.join(local, "_index")
+    entries = [os.path.join(folder, name) for folder, _, names in os.walk(index) for name in names if name.endswith(".json")]
+    for path in sorted(entries):
+        place = os.path.relpath(path, local)
+        with open(path, encoding="utf-8") as file:
+            entry = json.load(file)
+        captures = os.path.join(local, entry["files"][-1])
+        failure = pq.ParquetFile(captures).read(["failure"])["failure"][0].as_py()
+        if failure is not None:
+            reasons.append(failure)
+        if system.get_file_info(f"{root}/{place}").type != pafs.FileType.NotFound:
+            present += 1
+            continue
+        # The row of `captures` is the last of the files.
+        for name in [*entry["files"], place]:
+            with open(os.path.join(local, name), "rb") as source:
+                put(system, root, name, source)
+        added += 1
+    return added, present, reasons
+
+
+def add(group, job):
+    """Adds the captures of one group; returns numbers and the reason of a failure."""
+    source, source_root = open_folder(job["captures"])
+    lake, lake_root = open_folder(job["lake"])
+    reasons, added, present = [], 0, 0
+    size = sum(size for _, size, _ in group)
+    with tempfile.TemporaryDirectory(prefix="cobscope-") as folder:
+        local = os.path.join(folder, "lake")
+        inside = os.path.join(folder, "in")
+        os.makedirs(inside)
+        if size > job["max_bytes"]:
+            reasons.append(f"{size} bytes; limit {job['max_bytes']}")
+        elif any(part in ("", ".", "..") for path, _, _ in group for part in path.split("/")):
+            reasons.append("name of the object leaves its folder")
+        else:
+            fetch(source, source_root, group, inside)
+            # In a folder, cobscope leaves out files that are not captures.
+            folders = sorted({path.split("/")[0] if "/" in path else "." for path, _, _ in group})
+            command = [job["cobscope"], "lake", "add", local, "--threads", "1", *options(job), "--", *folders]
+            run = subprocess.run(command, cwd=inside, capture_output=True, text=True, errors="replace", check=False)
+            if os.path.isdir(local) and run.returncode in (0, 3):
+                added, present, reasons = publish(lake, lake_root, local)
+            if run.returncode not in (0, 3) or (run.returncode == 3 and not reasons and "no captures" not in run.stderr):
+                reasons.append(f"exit status {run.returncode}: {run.stderr.strip()[-2000:]}")
+    key, failed = key_of(group), f"failures/{hashlib.sha256(group[0][0].encode()).hexdigest()[:32]}.parquet"
+    if reasons:
+        table = pa.table({"capture": [group[0][0]], "size": [size], "reason": ["; ".join(reasons)]})
+        buffer = pa.BufferOutputStream()
+        pq.write_table(table, buffer, compression="zstd")
+        put_bytes(lake, lake_root, failed, buffer.getvalue())
+    elif lake.get_file_info(f"{lake_root}/{failed}").type != pafs.FileType.NotFound:
+        lake.delete_file(f"{lake_root}/{failed}")
+    put_bytes(lake, lake_root, f"_files/{key}.json", json.dumps(group).encode())
+    return added, present, reasons, size
+
+
+def options(job):
+    from pyspark import SparkFiles
+
+    own = ["--bus", SparkFiles.get(job["bus"])] if job["bus"] else []
+    return own + (["--machine-from", job["machine_from"]] if job["machine_from"] else []) + job["further"]
+
+
+def main():
+    words = sys.argv[1:]
+    further = words[words.index("--") + 1:] if "--" in words else []
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures")
+    parser.add_argument("lake")
+    parser.add_argument("--bus")
+    parser.add_argument("--machine-from")
+    parser.add_argument("--cobscope", default="cobscope")
+    parser.add_argument("--max-bytes", type=int, default=20 << 30, help="largest capture (default: %(default)s)")
+    arguments = parser.parse_args(words[:len(words) - len(further) - ("--" in words)])
+
+    from pyspark.sql import SparkSession
+
+    spark = SparkSession.builder.appName("cobscope lake").getOrCreate()
+    context = spark.sparkContext
+    if arguments.bus:
+        context.addFile(arguments.bus)
+    job = {**vars(arguments), "bus": arguments.bus and os.path.basename(arguments.bus), "further": further}
+    lake, root = open_folder(arguments.lake)
+    if lake.type_name in LOCAL:
+        lake.create_dir(f"{root}/_index", recursive=True)
+        lake.delete_dir_contents(f"{root}/{TEMPORARY}", missing_dir_ok=True)
+    done = names_in(lake, f"{root}/_files")
+    groups = [group for group in series_of(list_captures(arguments.captures)) if key_of(group) not in done]
+    tasks = tasks_of(arguments.captures, groups)
+    print(f"{len(groups)} new captures or series in {len(tasks)} tasks; {len(done)} known")
+    results = context.parallelize(tasks, max(1, len(tasks))).flatMap(
+        lambda task: [add([tuple(file) for file in group], job) for group in task]).collect()
+    added, present = sum(result[0] for result in results), sum(result[1] for result in results)
+    failed = [reason for result in results for reason in result[2]]
+    print(f"{added} captures added, {present} already in the lake, {len(failed)} unreadable or incomplete, "
+          f"{sum(result[3] for result in results)} bytes")
+    spark.stop()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+//! `cobscope lake`: tables of many captures.
+//!
+//! ```text
+//! captures ─▶ content (hash) ─▶ add (decode, rules) ─▶ folder: _staging ─▶ TABLE/machine=…/day=…/HASH.parquet
+//! ```
+
+mod add;
+mod content;
+mod folder;
+mod machine;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::available_parallelism;
+
+use cobscope_decoder::words::{grouped, plural};
+
+use self::add::{AddInputs, Addition};
+use self::folder::{LakeFolder, ensure_lake};
+use super::captures::{self, SourceSeries};
+use super::input::{catalogue, common_catalogue, options_of, setup};
+use super::messages::{Refusal, complain, note, warn};
+use super::output::print;
+use crate::cli::{LakeAddArgs, LakeCommand};
+use crate::exit_code::Exit;
+use crate::path_text::shown;
+
+/// Runs the command.
+pub fn run(command: &LakeCommand) -> Exit {
+    let LakeCommand::Add(arguments) = command;
+    match run_add(arguments) {
+        Ok(exit) => exit,
+        Err((exit, error)) => {
+            complain(&error);
+            exit
+        }
+    }
+}
+
+fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
+    let usage = |error| (Exit::Usage, error);
+    let profile = |error| (Exit::Profile, error);
+    if arguments.input.captures.is_empty()
+        || arguments.input.captures.iter().any(|path| path.as_os_str() == "-")
+    {
+        return Err(usage(anyhow::anyhow!(
+            "a lake needs a capture twice; stdin cannot be read again, give a file"
+        )));
+    }
+    if let Some(name) = &arguments.machine {
+        machine::partition_value(name).map_err(usage)?;
+    }
+    let folders = &arguments.input.profiles;
+    let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
+    let options = options_of(&arguments.input, catalogue).map_err(profile)?;
+    let setup = Arc::new(setup(&arguments.input, &options.catalogue, None).map_err(profile)?);
+    ensure_lake(&arguments.lake).map_err(usage)?;
+    let lake = LakeFolder::open(&arguments.lake).map_err(usage)?;
+    let mut sources = captures::captures(&arguments.input.captures);
+    let own = arguments.lake.canonicalize().ok();
+    // The lake may be in the folder of the captures.
+    sources.retain(|source| {
+        own.as_ref().is_none_or(|own| !source.path.canonicalize().is_ok_and(|path| path.starts_with(own)))
+    });
+    let captures = captures::series(&sources, &arguments.input);
+    let wanted = arguments.threads.or_else(|| available_parallelism().ok()).map_or(1, usize::from);
+    let threads = wanted.min(captures.len()).max(1);
+    let inputs =
+        AddInputs { lake: &lake, arguments, options: &options, setup: &setup, is_alone: threads == 1 };
+    let counts = add_all(&inputs, &captures, threads);
+    let text = format!("{}: {}\n", shown(&arguments.lake), counts.text());
+    let exit = if counts.failed > 0 { Exit::Capture } else { Exit::Clean };
+    let found = counts.added + counts.present + counts.failed;
+    if found == 0 {
+        warn("no captures");
+        return Ok(Exit::Capture);
+    }
+    Ok(exit.max(print(text.as_bytes())))
+}
+
+/// Numbers of captures by result.
+#[derive(Default)]
+struct AdditionCounts {
+    added: usize,
+    present: usize,
+    /// Captures that were not read, or not to their end; those with a row in `captures` count as added, too.
+    failed: usize,
+}
+
+impl AdditionCounts {
+    fn text(&self) -> String {
+        let mut parts = vec![format!("{} added", plural(self.added, "capture"))];
+        if self.present > 0 {
+            parts.push(format!("{} already in the lake", self.present));
+        }
+        if self.failed > 0 {
+            parts.push(format!("{} unreadable or incomplete", self.failed));
+        }
+        parts.join(", ")
+    }
+
+    fn join(mut self, other: &Self) -> Self {
+        self.added = self.added.saturating_add(other.added);
+        self.present = self.present.saturating_add(other.present);
+        self.failed = self.failed.saturating_add(other.failed);
+        self
+    }
+
+    /// Adds and prints the result of a capture.
+    fn count(&mut self, source: &SourceSeries, result: anyhow::Result<Addition>) {
+        let name = source.series.name();
+        match result {
+            Ok(Addition::Added(one)) => {
+                self.added += 1;
+                self.failed += usize::from(one.failure.is_some());
+                one.warnings.iter().for_each(|text| warn(text));
+                if let Some(failure) = &one.failure {
+                    warn(failure);
+                }
+                note(&format!(
+                    "{name}: added to machine {}: {} frames, {}, {}",
+                    one.machine,
+                    grouped(one.frames),
+                    plural(one.files, "file"),
+                    one.outcome.name()
+                ));
+            }
+            Ok(Addition::Present(entry)) => {
+                self.present += 1;
+                let other = if entry.capture == name {
+                    String::new()
+                } else {
+                    format!(" as {} of machine {}", entry.capture, entry.machine)
+                };
+                note(&format!("{name}: already in the lake{other}; --replace adds it again"));
+            }
+            Ok(Addition::Skipped) => {}
+            Err(error) => {
+                self.failed += 1;
+                complain(&error);
+            }
+        }
+    }
+}
+
+/// Adds all captures, each on one of the threads.
+fn add_all(inputs: &AddInputs<'_>, captures: &[SourceSeries], threads: usize) -> AdditionCounts {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut counts = AdditionCounts::default();
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            let Some(source) = captures.get(place) else { return counts };
+            counts.count(source, inputs.add(source));
+        }
+    };
+    if threads == 1 {
+        return work();
+    }
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().fold(AdditionCounts::default(), |counts, worker| match worker.join() {
+            Ok(own) => counts.join(&own),
+            Err(panic) => std::panic::resume_unwind(panic),
+        })
+    })
+}

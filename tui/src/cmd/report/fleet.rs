@@ -1,0 +1,30 @@
+//! `report --lake`: the page of a fleet, from the index of a lake.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use cobscope_decoder::report::fleet::Fleet;
+use cobscope_decoder::report::html::{FleetPage, write_fleet};
+
+use super::provenance::command;
+use crate::cmd::lake_index;
+use crate::cmd::messages::Refusal;
+use crate::cmd::output::{NamePolicy, output, write_result};
+use crate::exit_code::Exit;
+
+/// Writes the page to a file, else to stdout.
+///
+/// # Errors
+/// The folder is not a lake, or the file cannot be created.
+pub(super) fn write(lake: &Path, path: Option<&Path>) -> Result<Exit, Refusal> {
+    let usage = |error| (Exit::Usage, error);
+    let page = FleetPage {
+        name: lake.display().to_string(),
+        fleet: Fleet::of(lake_index::read_all(lake).map_err(usage)?),
+        command: command(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+    };
+    let text = write_fleet(&page);
+    let mut output = output(path, NamePolicy::REPLACE, []).map_err(usage)?;
+    Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
+}
