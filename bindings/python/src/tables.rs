@@ -5,7 +5,7 @@ use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::sink::rows::{EventRows, ValueCells, ValueRows, ValueSource};
+use cobscope_decoder::sink::rows::{EventRows, ValueCells, ValueRows, ValueSource, ValueTable};
 
 use crate::columns::{Key, Kind, Names, Numbers, Texts, Truths, schema};
 
@@ -121,18 +121,21 @@ impl Origin {
         origin
     }
 
+    /// Adds equal rows.
     #[inline]
-    fn push(&mut self, time: Option<Timestamp>, bus: Key) {
-        self.rows += 1;
-        self.micros.push(time.map(|Timestamp(time)| time.div_euclid(1_000)));
-        self.nanos.push(time.map(|Timestamp(time)| time));
-        self.capture.push_key(Some(self.name));
-        self.bus.push_key(Some(bus));
+    fn push(&mut self, time: Option<Timestamp>, bus: Key, count: usize) {
+        self.rows += count;
+        self.micros.push_times(time.map(|Timestamp(time)| time.div_euclid(1_000)), count);
+        self.nanos.push_times(time.map(|Timestamp(time)| time), count);
+        self.capture.push_keys(Some(self.name), count);
+        self.bus.push_keys(Some(bus), count);
     }
 }
 
 /// Names of a signal in their dictionaries.
+#[derive(Default)]
 struct SignalKeys {
+    is_known: bool,
     bus: Key,
     group: Key,
     signal: Key,
@@ -176,25 +179,19 @@ impl Signals {
     }
 }
 
-impl SignalColumns {
+impl ValueTable for SignalColumns {
     #[inline]
-    fn push(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
+    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
         let number = cells.signal_number as usize;
-        if number >= self.known.len() {
+        if !self.known.get(number).is_some_and(|known| known.is_known) {
             self.learn(source, cells);
         }
-        let device = source.device.map(|device| self.device_key(device));
         let Some(known) = self.known.get_mut(number) else { return };
-        self.origin.push(source.time, known.bus);
-        self.frame.push_value(source.frame.cast_signed());
-        self.node.push(source.node.map(i64::from));
-        self.device.push_key(device);
-        self.group.push_key(Some(known.group));
-        self.signal.push_key(Some(known.signal));
-        self.id.push_key(Some(known.id));
+        self.signal.push_keys(Some(known.signal), 1);
+        self.id.push_keys(Some(known.id), 1);
         self.value.push(cells.value);
         self.text.push(cells.text.as_deref());
-        self.unit.push_key(known.unit);
+        self.unit.push_keys(known.unit, 1);
         let label = cells.label.map(|label| match &known.label {
             Some((last, key)) if **last == *label => *key,
             _ => {
@@ -203,7 +200,7 @@ impl SignalColumns {
                 key
             }
         });
-        self.label.push_key(label);
+        self.label.push_keys(label, 1);
         let raw = i64::try_from(cells.raw).ok();
         self.raw.push(raw);
         if raw.is_some() {
@@ -213,12 +210,26 @@ impl SignalColumns {
         }
     }
 
+    #[inline]
+    fn source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize) {
+        let Some(known) = self.known.get(signal_number as usize) else { return };
+        let (bus, group) = (known.bus, known.group);
+        let device = source.device.map(|device| self.device_key(device));
+        self.origin.push(source.time, bus, count);
+        self.frame.push_times(Some(source.frame.cast_signed()), count);
+        self.node.push_times(source.node.map(i64::from), count);
+        self.device.push_keys(device, count);
+        self.group.push_keys(Some(group), count);
+    }
+}
+
+impl SignalColumns {
     /// Signals are numbered in the order of their groups, of which fields may be absent at first.
     #[cold]
     fn learn(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
         let number = cells.signal_number as usize;
         while self.known.len() <= number {
-            self.known.push(SignalKeys { bus: 0, group: 0, signal: 0, id: 0, unit: None, label: None });
+            self.known.push(SignalKeys::default());
         }
         let unit = (!cells.unit.is_empty()).then(|| self.unit.key(cells.unit));
         let keys = SignalKeys {
@@ -228,6 +239,7 @@ impl SignalColumns {
             id: self.id.key(cells.id),
             unit,
             label: None,
+            is_known: true,
         };
         if let Some(known) = self.known.get_mut(number) {
             *known = keys;
@@ -255,7 +267,7 @@ impl Table for Signals {
     #[inline]
     fn event(&mut self, event: &Event, bus: &Bus) {
         let Self { values, columns, .. } = self;
-        values.visit(event, bus, |source, cells| columns.push(source, cells));
+        values.visit(event, bus, columns);
     }
 
     fn rows(&self) -> usize {
@@ -335,9 +347,9 @@ impl Table for Events {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let row = self.rows.row(event, bus);
         let bus = self.origin.bus.key(row.bus);
-        self.origin.push(row.time, bus);
-        self.first_frame.push_value(row.first_frame.cast_signed());
-        self.last_frame.push_value(row.last_frame.cast_signed());
+        self.origin.push(row.time, bus, 1);
+        self.first_frame.push(Some(row.first_frame.cast_signed()));
+        self.last_frame.push(Some(row.last_frame.cast_signed()));
         self.kind.push(Some(row.kind));
         self.protocol.push(Some(row.protocol));
         self.node.push(row.node.map(i64::from));
@@ -423,9 +435,9 @@ impl Table for Frames {
 
     fn frame(&mut self, frame: &Frame, bus: &str) {
         let bus = self.origin.bus.key(bus);
-        self.origin.push(frame.time, bus);
-        self.frame.push_value(frame.number.cast_signed());
-        self.id.push_value(frame.id.number().into());
+        self.origin.push(frame.time, bus, 1);
+        self.frame.push(Some(frame.number.cast_signed()));
+        self.id.push(Some(frame.id.number().into()));
         let has = |flag| frame.flags.contains(flag);
         let all = [
             matches!(frame.id, CanId::Extended(_)),
@@ -443,8 +455,8 @@ impl Table for Frames {
             flags if flags.contains(FrameFlags::RECEIVED) => Some("rx"),
             _ => None,
         });
-        self.dlc.push_value(frame.dlc().into());
-        self.length.push_value(frame.length.into());
+        self.dlc.push(Some(frame.dlc().into()));
+        self.length.push(Some(frame.length.into()));
         self.data.push_bytes(frame.data());
     }
 

@@ -115,6 +115,15 @@ pub struct ValueCells<'a> {
     pub raw: u64,
 }
 
+/// Receiver of the rows of the table of values.
+pub trait ValueTable {
+    /// Adds the cells of a value, except for those of its source.
+    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>);
+
+    /// Adds the common cells of the last `count` values, of which `signal_number` was the last one.
+    fn source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize);
+}
+
 /// Rows of the table of values.
 #[derive(Default)]
 pub struct ValueRows {
@@ -129,14 +138,9 @@ struct NumberedNames {
 }
 
 impl ValueRows {
-    /// Calls `row` with each value of an event; never for an event without values.
+    /// Adds all values of an event to a table.
     #[inline]
-    pub fn visit(
-        &mut self,
-        event: &Event,
-        bus: &Bus,
-        mut row: impl FnMut(&ValueSource<'_>, &ValueCells<'_>),
-    ) {
+    pub fn visit(&mut self, event: &Event, bus: &Bus, table: &mut impl ValueTable) {
         let Some(carried) = values::carried(event) else { return };
         let Self { groups, signals } = self;
         let Some(NumberedNames { first, names }) = groups.of(&carried, || numbered(&carried, bus, signals))
@@ -152,6 +156,7 @@ impl ValueRows {
             group: &names.group,
         };
         let numbers = *first..;
+        let (mut count, mut last) = (0, 0);
         for (signal, (FieldNames { name, id, label }, signal_number)) in
             carried.with(names.fields.iter_mut().zip(numbers))
         {
@@ -159,7 +164,12 @@ impl ValueRows {
             let (value, text) = number_or_text(reading.value);
             let unit = values::unit(signal.field);
             let (label, raw) = (reading.label, signal.raw);
-            row(&source, &ValueCells { signal_number, signal: name, id, value, text, unit, label, raw });
+            let cells = ValueCells { signal_number, signal: name, id, value, text, unit, label, raw };
+            table.value(&source, &cells);
+            (count, last) = (count + 1, signal_number);
+        }
+        if count > 0 {
+            table.source(&source, last, count);
         }
     }
 }
