@@ -37,13 +37,12 @@ impl Capture {
 
     /// Results of the whole capture, which is read once for all of them.
     fn whole(&self, py: Python<'_>) -> PyResult<&WholeCapture> {
-        let whole = match self.whole.get() {
-            Some(whole) => whole,
-            None => {
-                let read = py.detach(|| self.source.results()).map_err(|error| raised(py, error))?;
-                self.messages.add(read.end.messages.clone());
-                self.whole.get_or_init(|| read)
-            }
+        let whole = if let Some(whole) = self.whole.get() {
+            whole
+        } else {
+            let read = py.detach(|| self.source.results()).map_err(|error| raised(py, &error))?;
+            self.messages.add(read.end.messages.clone());
+            self.whole.get_or_init(|| read)
         };
         match &whole.end.failure {
             Some(failure) if !self.allows_incomplete => Err(capture_error(py, failure)),
@@ -64,7 +63,8 @@ pub fn table_of(table: &RecordTable, records: &[Value]) -> PyResult<Table> {
 
 /// Findings among the lines of `check -f jsonl`.
 pub fn findings_of(lines: &[Value]) -> PyResult<Table> {
-    let findings: Vec<_> = lines.iter().filter(|line| line["kind"] == "finding").cloned().collect();
+    let findings: Vec<_> =
+        lines.iter().filter(|line| line.get("kind").is_some_and(|kind| kind == "finding")).cloned().collect();
     table_of(&FINDINGS, &findings)
 }
 
@@ -74,7 +74,7 @@ impl Capture {
     #[pyo3(name = "_open")]
     fn open(py: Python<'_>, words: Vec<String>, allows_incomplete: bool) -> PyResult<Self> {
         let words: Vec<_> = words.into_iter().map(Into::into).collect();
-        let opened = py.detach(|| CaptureSource::open(&words)).map_err(|error| raised(py, error))?;
+        let opened = py.detach(|| CaptureSource::open(&words)).map_err(|error| raised(py, &error))?;
         let messages = Messages::default();
         messages.add(opened.messages);
         Ok(Self {
@@ -132,10 +132,11 @@ impl Capture {
     /// Stories: a cause with its effects, most likely cause first.
     fn stories(&self, py: Python<'_>) -> PyResult<Table> {
         let whole = self.whole(py)?;
-        let mut stories = whole.why["stories"].as_array().cloned().unwrap_or_default();
+        let stories = whole.why.get("stories").and_then(Value::as_array);
+        let mut stories = stories.cloned().unwrap_or_default();
         for story in &mut stories {
             if let Some(members) = story.as_object_mut() {
-                members.insert("capture".into(), whole.why["capture"].clone());
+                members.insert("capture".into(), self.source.name().into());
             }
         }
         table_of(&STORIES, &stories)

@@ -17,7 +17,7 @@ create_exception!(
 create_exception!(cobscope, CaptureError, Error, "A capture cannot be read, or not to its end.");
 
 /// The exception for an error of a command.
-pub fn raised(py: Python<'_>, error: CommandError) -> PyErr {
+pub fn raised(py: Python<'_>, error: &CommandError) -> PyErr {
     match error.exit {
         Exit::Usage => with_place(py, ArgumentError::new_err(error.text.clone()), (None, &error.text)),
         Exit::Profile => with_place(py, ProfileError::new_err(error.text.clone()), split(&error.text)),

@@ -32,7 +32,7 @@ fn os_words(words: Vec<String>) -> Vec<OsString> {
 #[pyfunction]
 fn check(py: Python<'_>, words: Vec<String>) -> PyResult<(String, table::Table, Vec<String>)> {
     let words = os_words(words);
-    let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, error))?;
+    let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, &error))?;
     let lines: Vec<Value> = answer.value.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
     Ok((answer.value, capture::findings_of(&lines)?, answer.messages))
 }
@@ -41,7 +41,7 @@ fn check(py: Python<'_>, words: Vec<String>) -> PyResult<(String, table::Table, 
 #[pyfunction]
 fn diff(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Vec<String>)> {
     let words = os_words(words);
-    let answer = py.detach(|| embedded::diff(&words)).map_err(|error| raised(py, error))?;
+    let answer = py.detach(|| embedded::diff(&words)).map_err(|error| raised(py, &error))?;
     Ok((answer.value, answer.messages))
 }
 
@@ -49,7 +49,7 @@ fn diff(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Vec<String>)> {
 #[pyfunction]
 fn explain(py: Python<'_>, words: Vec<String>) -> PyResult<String> {
     let words = os_words(words);
-    let answer = py.detach(|| embedded::explain(&words)).map_err(|error| raised(py, error))?;
+    let answer = py.detach(|| embedded::explain(&words)).map_err(|error| raised(py, &error))?;
     Ok(answer.value)
 }
 

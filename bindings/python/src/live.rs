@@ -135,7 +135,7 @@ impl Decoder {
     #[new]
     fn new(py: Python<'_>, words: Vec<String>) -> PyResult<Self> {
         let words: Vec<_> = words.into_iter().map(Into::into).collect();
-        let built = py.detach(|| CaptureSource::pipeline(&words)).map_err(|error| raised(py, error))?;
+        let built = py.detach(|| CaptureSource::pipeline(&words)).map_err(|error| raised(py, &error))?;
         let tables = LiveTables {
             events: WaitingTable::new("events", Box::new(Events::new(LIVE))),
             signals: WaitingTable::new("signals", Box::new(Signals::new(LIVE))),
@@ -224,7 +224,7 @@ impl Decoder {
             return Err(PyValueError::new_err("the decoder is finished"));
         };
         let summary = pipeline.finish(tables);
-        let lines = finding_lines(LIVE, summary).map_err(|error| raised(py, error))?;
+        let lines = finding_lines(LIVE, summary).map_err(|error| raised(py, &error))?;
         findings_of(&lines)
     }
 

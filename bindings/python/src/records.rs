@@ -167,7 +167,7 @@ fn micros(seconds: f64) -> i64 {
 }
 
 fn lines(record: &Value) -> String {
-    let lines = record["lines"].as_array().into_iter().flatten();
-    let texts: Vec<_> = lines.filter_map(|line| line["text"].as_str().map(escape)).collect();
+    let lines = record.get("lines").and_then(Value::as_array).into_iter().flatten();
+    let texts: Vec<_> = lines.filter_map(|line| line.get("text")?.as_str().map(escape)).collect();
     texts.join("\n")
 }

@@ -54,6 +54,18 @@ pub struct Pass {
     pub filter: Option<Arc<Filter>>,
 }
 
+/// Result of waiting for a batch.
+pub enum Next {
+    /// A batch.
+    Batch(RecordBatch),
+    /// Error that ended the pass.
+    Failure(String),
+    /// End of the table.
+    End,
+    /// Nothing within the time.
+    Waiting,
+}
+
 /// Batches in order. An error is the last item.
 pub struct Batches {
     schema: SchemaRef,
@@ -84,12 +96,13 @@ impl Batches {
         Self { schema, receiver }
     }
 
-    /// The next batch; `None` within `time` without one.
-    pub fn next_within(&self, time: Duration) -> Option<Option<Result<RecordBatch, String>>> {
+    /// Waits for the next batch.
+    pub fn next_within(&self, time: Duration) -> Next {
         match self.receiver.recv_timeout(time) {
-            Ok(batch) => Some(Some(batch)),
-            Err(RecvTimeoutError::Disconnected) => Some(None),
-            Err(RecvTimeoutError::Timeout) => None,
+            Ok(Ok(batch)) => Next::Batch(batch),
+            Ok(Err(reason)) => Next::Failure(reason),
+            Err(RecvTimeoutError::Disconnected) => Next::End,
+            Err(RecvTimeoutError::Timeout) => Next::Waiting,
         }
     }
 }

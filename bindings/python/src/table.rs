@@ -13,7 +13,7 @@ use pyo3::types::{PyCapsule, PyDict};
 
 use crate::errors::capture_error;
 use crate::rows::{BatchRows, Converters};
-use crate::stream::{Batches, Pass};
+use crate::stream::{Batches, Next, Pass};
 use crate::tables::{Events, Frames, Signals, Table as GrowingTable};
 
 /// Time between looks at the signals of Python, such as Ctrl-C.
@@ -112,7 +112,7 @@ impl Table {
     fn __iter__(&self, py: Python<'_>) -> PyResult<Rows> {
         let batches = Mutex::new(Some(self.batches()));
         let schema = SchemaRef::clone(&self.schema);
-        Ok(Rows { schema, with: Converters::new(py)?, batches, rows: None })
+        Ok(Rows { schema, with: Converters::new(py)?, batches, current: None })
     }
 
     fn __repr__(&self) -> String {
@@ -131,7 +131,7 @@ pub struct Rows {
     with: Converters,
     /// `None` after the end. The lock makes the type shareable and is never waited for.
     batches: Mutex<Option<Batches>>,
-    rows: Option<BatchRows>,
+    current: Option<BatchRows>,
 }
 
 #[pymethods]
@@ -142,36 +142,26 @@ impl Rows {
 
     fn __next__<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         loop {
-            if let Some(rows) = &mut self.rows
+            if let Some(rows) = &mut self.current
                 && let Some(row) = rows.next(py, &self.with)?
             {
                 return Ok(Some(row));
             }
-            self.rows = None;
+            self.current = None;
             let batches = self.batches.get_mut().unwrap_or_else(PoisonError::into_inner).take();
             let Some(batches) = batches else { return Ok(None) };
-            let (batches, next) = wait(py, batches)?;
+            // The receiver cannot be lent to a closure without the interpreter.
+            let (batches, next) = py.detach(move || {
+                let next = batches.next_within(SIGNAL_INTERVAL);
+                (batches, next)
+            });
             match next {
-                Some(Ok(batch)) => self.rows = Some(BatchRows::new(&batch, &self.schema)),
-                Some(Err(reason)) => return Err(capture_error(py, &reason)),
-                None => return Ok(None),
+                Next::Batch(batch) => self.current = Some(BatchRows::new(&batch, &self.schema)),
+                Next::Failure(reason) => return Err(capture_error(py, &reason)),
+                Next::End => return Ok(None),
+                Next::Waiting => py.check_signals()?,
             }
             self.batches = Mutex::new(Some(batches));
         }
-    }
-}
-
-/// Waits for a batch without the interpreter's lock.
-fn wait(py: Python<'_>, mut batches: Batches) -> PyResult<(Batches, Option<Result<RecordBatch, String>>)> {
-    loop {
-        let (same, next) = py.detach(move || {
-            let next = batches.next_within(SIGNAL_INTERVAL);
-            (batches, next)
-        });
-        if let Some(next) = next {
-            return Ok((same, next));
-        }
-        batches = same;
-        py.check_signals()?;
     }
 }
