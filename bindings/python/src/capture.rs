@@ -1,5 +1,6 @@
 //! A capture for Python.
 
+use std::ffi::OsString;
 use std::sync::{Arc, OnceLock};
 
 use cobscope::embedded::{CaptureSource, WholeCapture};
@@ -72,8 +73,7 @@ pub fn findings_of(lines: &[Value]) -> PyResult<Table> {
 impl Capture {
     #[staticmethod]
     #[pyo3(name = "_open")]
-    fn open(py: Python<'_>, words: Vec<String>, allows_incomplete: bool) -> PyResult<Self> {
-        let words: Vec<_> = words.into_iter().map(Into::into).collect();
+    fn open(py: Python<'_>, words: Vec<OsString>, allows_incomplete: bool) -> PyResult<Self> {
         let opened = py.detach(|| CaptureSource::open(&words)).map_err(|error| raised(py, &error))?;
         let messages = Messages::default();
         messages.add(opened.messages);

@@ -171,6 +171,16 @@ impl Names {
         key
     }
 
+    /// Number of different texts.
+    pub fn size(&self) -> usize {
+        self.texts.len()
+    }
+
+    /// Forgets all texts and their numbers; only directly after [`Self::take`].
+    pub fn forget(&mut self) {
+        (self.numbers, self.texts, self.array) = (HashMap::new(), Vec::new(), None);
+    }
+
     /// Adds equal rows with a number of [`Self::key`].
     #[inline]
     pub fn push_keys(&mut self, key: Option<Key>, count: usize) {

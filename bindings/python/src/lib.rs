@@ -24,14 +24,9 @@ use serde_json::Value;
 
 use errors::raised;
 
-fn os_words(words: Vec<String>) -> Vec<OsString> {
-    words.into_iter().map(Into::into).collect()
-}
-
 /// Lines of `check -f jsonl`, their findings as a table, and messages.
 #[pyfunction]
-fn check(py: Python<'_>, words: Vec<String>) -> PyResult<(String, table::Table, Vec<String>)> {
-    let words = os_words(words);
+fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table, Vec<String>)> {
     let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, &error))?;
     let lines: Vec<Value> = answer.value.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
     Ok((answer.value, capture::findings_of(&lines)?, answer.messages))
@@ -39,16 +34,14 @@ fn check(py: Python<'_>, words: Vec<String>) -> PyResult<(String, table::Table, 
 
 /// The object of `diff -f json`, and messages.
 #[pyfunction]
-fn diff(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Vec<String>)> {
-    let words = os_words(words);
+fn diff(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, Vec<String>)> {
     let answer = py.detach(|| embedded::diff(&words)).map_err(|error| raised(py, &error))?;
     Ok((answer.value, answer.messages))
 }
 
 /// The text of `explain`.
 #[pyfunction]
-fn explain(py: Python<'_>, words: Vec<String>) -> PyResult<String> {
-    let words = os_words(words);
+fn explain(py: Python<'_>, words: Vec<OsString>) -> PyResult<String> {
     let answer = py.detach(|| embedded::explain(&words)).map_err(|error| raised(py, &error))?;
     Ok(answer.value)
 }

@@ -1,6 +1,7 @@
 //! A decoder for live frames.
 
 use std::collections::VecDeque;
+use std::ffi::OsString;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use arrow_array::RecordBatch;
@@ -100,9 +101,8 @@ impl Observer for LiveTables {
 }
 
 impl Decoder {
-    fn state(&self, py: Python<'_>) -> MutexGuard<'_, LiveState> {
-        // A thread that holds the lock never waits for the interpreter.
-        let _ = py;
+    /// A thread that holds the lock never waits for the interpreter.
+    fn state(&self) -> MutexGuard<'_, LiveState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -133,8 +133,7 @@ fn can_id(id: u32, is_extended: bool) -> PyResult<CanId> {
 #[pymethods]
 impl Decoder {
     #[new]
-    fn new(py: Python<'_>, words: Vec<String>) -> PyResult<Self> {
-        let words: Vec<_> = words.into_iter().map(Into::into).collect();
+    fn new(py: Python<'_>, words: Vec<OsString>) -> PyResult<Self> {
         let built = py.detach(|| CaptureSource::pipeline(&words)).map_err(|error| raised(py, &error))?;
         let tables = LiveTables {
             events: WaitingTable::new("events", Box::new(Events::new(LIVE))),
@@ -149,7 +148,6 @@ impl Decoder {
     #[expect(clippy::too_many_arguments, clippy::fn_params_excessive_bools, reason = "attributes of a frame")]
     fn push(
         &self,
-        py: Python<'_>,
         timestamp: Option<f64>,
         id: u32,
         data: Option<&[u8]>,
@@ -183,7 +181,7 @@ impl Decoder {
         if remote {
             frame.length = length.unwrap_or(0).min(8);
         }
-        let mut state = self.state(py);
+        let mut state = self.state();
         let LiveState { pipeline, tables, frames, .. } = &mut *state;
         let Some(pipeline) = pipeline else { return Err(PyValueError::new_err("the decoder is finished")) };
         let Some(index) = pipeline.bus(bus) else {
@@ -196,9 +194,9 @@ impl Decoder {
 
     /// Advances the time without a frame, so that deadlines expire: call it some times per second with the clock of the
     /// frames, in seconds.
-    fn advance(&self, py: Python<'_>, timestamp: f64) -> PyResult<()> {
+    fn advance(&self, timestamp: f64) -> PyResult<()> {
         let now = self::timestamp(timestamp)?;
-        let mut state = self.state(py);
+        let mut state = self.state();
         let LiveState { pipeline, tables, .. } = &mut *state;
         if let Some(pipeline) = pipeline {
             pipeline.advance(now, tables);
@@ -207,18 +205,18 @@ impl Decoder {
     }
 
     /// Events since the last call, findings among them.
-    fn events(&self, py: Python<'_>) -> PyResult<Table> {
-        self.state(py).tables.events.take()
+    fn events(&self) -> PyResult<Table> {
+        self.state().tables.events.take()
     }
 
     /// Values since the last call.
-    fn signals(&self, py: Python<'_>) -> PyResult<Table> {
-        self.state(py).tables.signals.take()
+    fn signals(&self) -> PyResult<Table> {
+        self.state().tables.signals.take()
     }
 
     /// Ends decoding: closes open transfers, and returns the findings of all frames. Further frames are an error.
     fn finish(&self, py: Python<'_>) -> PyResult<Table> {
-        let mut state = self.state(py);
+        let mut state = self.state();
         let LiveState { pipeline, tables, .. } = &mut *state;
         let Some(pipeline) = pipeline.take() else {
             return Err(PyValueError::new_err("the decoder is finished"));
@@ -230,20 +228,20 @@ impl Decoder {
 
     /// Number of frames so far.
     #[getter]
-    fn frames(&self, py: Python<'_>) -> u64 {
-        self.state(py).frames
+    fn frames(&self) -> u64 {
+        self.state().frames
     }
 
     /// Rows that were dropped because nobody fetched them: of events, and of signals.
     #[getter]
-    fn dropped(&self, py: Python<'_>) -> (usize, usize) {
-        let state = self.state(py);
+    fn dropped(&self) -> (usize, usize) {
+        let state = self.state();
         (state.tables.events.dropped, state.tables.signals.dropped)
     }
 
     /// Warnings about profiles and device files.
     #[getter]
-    fn warnings(&self, py: Python<'_>) -> Vec<String> {
-        self.state(py).warnings.clone()
+    fn warnings(&self) -> Vec<String> {
+        self.state().warnings.clone()
     }
 }

@@ -188,8 +188,19 @@ class Errors(unittest.TestCase):
         self.raised(cobscope.ArgumentError, lambda: sydfec().events("kind =="))
         self.raised(cobscope.ArgumentError, lambda: cobscope.explain("no such thing"))
         self.raised(cobscope.ArgumentError, lambda: cobscope.open([SYDFEC, MACHINE]))
+        self.raised(cobscope.ArgumentError, lambda: cobscope.open([]))
+        self.raised(cobscope.ArgumentError, lambda: cobscope.check([]))
         with self.assertRaises(TypeError):
             cobscope.open(SYDFEC, nodes=NODES)
+
+    @unittest.skipIf(sys.platform == "win32", "names are texts there")
+    def test_names_of_any_bytes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.fsencode(folder) + b"/run\xff.log"
+            with open(path, "wb") as file:
+                file.write(SYDFEC.read_bytes())
+            self.assertEqual(len(list(cobscope.open(path).frames())), len(list(sydfec().frames())))
+            self.assertEqual(cobscope.check(path).captures[0]["frames"], len(list(sydfec().frames())))
 
     def test_a_file_name_is_never_an_option(self):
         error = self.raised(cobscope.CaptureError, lambda: cobscope.open("--help"))

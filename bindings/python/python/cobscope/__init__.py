@@ -16,7 +16,7 @@ import json as _json
 from . import _cobscope
 from ._cobscope import ArgumentError, Capture, CaptureError, Error, ProfileError, Rows, Table, __version__
 from ._live import Decoder
-from ._options import words as _words
+from ._options import words as _words, words_of_captures as _words_of_captures
 
 __all__ = [
     "ArgumentError",
@@ -57,7 +57,7 @@ def open(path, *, incomplete=False, **options):
 
     Raises ArgumentError, ProfileError or CaptureError.
     """
-    return Capture._open(_words(path, options), incomplete)
+    return Capture._open(_words_of_captures(path, options), incomplete)
 
 
 class CheckResult:
@@ -91,7 +91,7 @@ def check(paths, *, fail_on="error", threads=None, baseline=None, **options):
     accepted findings. A capture that cannot be read is a verdict, not an exception.
     """
     options = dict(options, fail_on=fail_on, threads=threads, baseline=baseline)
-    return CheckResult(*_cobscope.check(_words(paths, options)))
+    return CheckResult(*_cobscope.check(_words_of_captures(paths, options)))
 
 
 def diff(good, bad, *, only=None, at_event=None, start=None, end=None, **options):

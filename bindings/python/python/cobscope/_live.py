@@ -16,7 +16,7 @@ class Decoder(_Decoder):
     """
 
     def __new__(cls, *, on_event=None, **options):
-        self = super().__new__(cls, words([], options))
+        self = super().__new__(cls, words(None, options))
         self.on_event = on_event
         return self
 

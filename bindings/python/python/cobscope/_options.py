@@ -2,6 +2,8 @@
 
 import os
 
+from ._cobscope import ArgumentError
+
 #: Options of several values, each with its own word.
 _LISTS = ("dbc", "profiles", "only", "select", "ignore")
 #: Options without a value.
@@ -13,19 +15,20 @@ _OTHERS = (
 
 
 def _text(value):
-    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+    return os.fsdecode(value) if isinstance(value, (bytes, os.PathLike)) else str(value)
 
 
 def _all(value):
-    return [value] if isinstance(value, (str, os.PathLike)) else list(value)
+    return [value] if isinstance(value, (str, bytes, os.PathLike)) else list(value)
 
 
 def words(paths, options):
-    """The words; options that are None are omitted.
+    """The words; options that are None are omitted, and without paths the command reads no capture.
 
     Raises TypeError for an unknown option.
     """
     result = []
+    paths = [] if paths is None else _all(paths)
     for name, value in options.items():
         option = "--" + name.replace("_", "-")
         if name not in ("node", "eds", *_LISTS, *_FLAGS, *_OTHERS):
@@ -41,4 +44,14 @@ def words(paths, options):
         else:
             result.append(f"{option}={_text(value)}")
     # A name that starts with - is a file, not an option.
-    return [*result, "--", *map(_text, _all(paths))]
+    return [*result, "--", *map(_text, paths)]
+
+
+def words_of_captures(paths, options):
+    """The words for at least one capture: the command would read standard input without one.
+
+    Raises ArgumentError for an empty list of paths.
+    """
+    if not _all(paths):
+        raise ArgumentError("no capture")
+    return words(paths, options)

@@ -28,6 +28,9 @@ const SIGNALS: &[(&str, Kind)] = &[
     ("raw_hex", Kind::Text),
 ];
 
+/// Labels that are kept for the next batch.
+const MOST_LABELS: usize = 1 << 16;
+
 /// Names of a signal in their dictionaries.
 #[derive(Default)]
 struct SignalKeys {
@@ -120,6 +123,14 @@ impl ValueTable for SignalColumns {
 }
 
 impl SignalColumns {
+    /// Forgets labels between batches if a capture has very many: labels of bits are composed.
+    fn limit_labels(&mut self) {
+        if self.label.size() > MOST_LABELS {
+            self.label.forget();
+            self.known.iter_mut().for_each(|known| known.label = None);
+        }
+    }
+
     /// Signals are numbered in the order of their groups, of which fields may be absent at first.
     #[cold]
     fn learn(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
@@ -191,6 +202,7 @@ impl Table for Signals {
             it.raw.take(),
             it.raw_hex.take()?,
         ];
+        it.limit_labels();
         RecordBatch::try_new(self.schema(), columns)
     }
 }
