@@ -12,6 +12,7 @@ use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::query::record::{FieldValue, protocol};
 use crate::session::Bus;
+use crate::wire::NodeId;
 
 /// A row of the table of events.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +67,7 @@ impl EventRows {
             last_frame: event.frames.last,
             kind: event.kind.name(),
             protocol: protocol(event.protocol),
-            node: event.node.map(|node| node.number()),
+            node: event.node.map(NodeId::number),
             node_name: node.and_then(|node| node.name()),
             device: node.and_then(|node| node.device_id()),
             presumed: event.presumed,
@@ -105,7 +106,7 @@ pub struct ValueCells<'a> {
     pub id: &'a str,
     /// Value in `unit`; `None` for texts, and if `label` marks it as not available.
     pub value: Option<f64>,
-    /// Value that is not a number, bytes in hex.
+    /// Value of another type, bytes in hex.
     pub text: Option<Cow<'a, str>>,
     /// Unit of the value; empty for plain numbers.
     pub unit: &'a str,
@@ -151,7 +152,7 @@ impl ValueRows {
             time: event.time,
             bus: bus.name(),
             frame: event.frames.last,
-            node: event.node.map(|node| node.number()),
+            node: event.node.map(NodeId::number),
             device: event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id()),
             group: &names.group,
         };
@@ -182,7 +183,7 @@ fn numbered(carried: &EventValues<'_>, bus: &Bus, signals: &mut u32) -> Numbered
     NumberedNames { first, names }
 }
 
-/// The number, or the text; both are `None` for a value that is not available.
+/// The number, or the text; both are `None` for an unavailable value.
 #[expect(clippy::cast_precision_loss, reason = "raw is exact")]
 fn number_or_text(value: FieldValue<'_>) -> (Option<f64>, Option<Cow<'_, str>>) {
     match value {

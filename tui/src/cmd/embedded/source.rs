@@ -1,29 +1,33 @@
 //! A capture with its options, which can be read several times.
 
+use std::ffi::OsString;
 use std::sync::Arc;
 
+use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
+use cobscope_decoder::pipeline::Pipeline;
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 use serde_json::Value;
 
-use super::CommandError;
-use crate::cli::InputArgs;
+use super::answer::{Answer, CommandError, answered, check_arguments};
+use crate::cli::{CheckArgs, InputArgs};
 use crate::cmd::decoding::{CaptureObserver, decode_quietly};
-use crate::cmd::input::read_options;
-use crate::cmd::objects;
+use crate::cmd::input::{read_options, series};
+use crate::cmd::messages::Refusal;
 use crate::cmd::results::Results;
+use crate::cmd::{check, diff, objects};
 use crate::exit_code::Exit;
 use crate::source::{self, Series};
 
 /// A capture and the options to decode it.
 pub struct CaptureSource {
-    pub(super) series: Series,
-    pub(super) input: InputArgs,
-    pub(super) options: SessionOptions,
-    pub(super) setup: Arc<Setup>,
+    series: Series,
+    input: InputArgs,
+    options: SessionOptions,
+    setup: Arc<Setup>,
 }
 
 /// Receiver of events and frames.
@@ -62,6 +66,36 @@ pub struct WholeCapture {
 }
 
 impl CaptureSource {
+    /// Opens a capture with the options of `check`: a file, or the parts of one capture.
+    ///
+    /// # Errors
+    /// An option, bus file, profile, device file or database is invalid, or the capture cannot be opened.
+    pub fn open(arguments: &[OsString]) -> Result<Answer<Self>, CommandError> {
+        answered(|| {
+            let source = Self::of(check_arguments(arguments)?)?;
+            source.probe().map_err(|error| (Exit::Capture, error))?;
+            Ok(source)
+        })
+    }
+
+    /// Options of live buses: those of `check` without a capture.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn pipeline(arguments: &[OsString]) -> Result<Answer<Pipeline>, CommandError> {
+        answered(|| {
+            let (options, setup) =
+                check::ready(&check_arguments(arguments)?).map_err(|error| (Exit::Profile, error))?;
+            Ok(Pipeline::of_options(options, Some(setup)))
+        })
+    }
+
+    fn of(arguments: CheckArgs) -> Result<Self, Refusal> {
+        let (options, setup) = check::ready(&arguments).map_err(|error| (Exit::Profile, error))?;
+        let series = one_capture(&arguments).map_err(|error| (Exit::Usage, error))?;
+        Ok(Self { series, input: arguments.input, options, setup })
+    }
+
     /// Name of the capture, as commands print it.
     pub fn name(&self) -> String {
         self.series.name()
@@ -73,7 +107,7 @@ impl CaptureSource {
     }
 
     /// Opens the first part, so that a wrong path is an error before the first pass.
-    pub(super) fn probe(&self) -> anyhow::Result<()> {
+    fn probe(&self) -> anyhow::Result<()> {
         // A pipe can be read only once.
         if self.series.first().is_file() || !self.series.first().exists() {
             source::open(self.series.first(), &read_options(&self.input))?;
@@ -88,7 +122,8 @@ impl CaptureSource {
     pub fn read(&self, has_rules: bool, reader: &mut dyn CaptureReader) -> Result<CaptureEnd, CommandError> {
         let engine = has_rules.then(|| Engine::new(Arc::clone(&self.setup)));
         let mut watch = Watch { engine, reader };
-        let decoded = decode_quietly(&self.series, &self.input, &self.options, &mut watch).map_err(failed)?;
+        let decoded = decode_quietly(&self.series, &self.input, &self.options, &mut watch)
+            .map_err(|error| failed(&error))?;
         let Watch { engine, reader } = watch;
         if let Some(engine) = engine.filter(|_| !reader.is_done()) {
             engine.finish(decoded.decoder.buses(), reader);
@@ -103,7 +138,8 @@ impl CaptureSource {
     /// # Errors
     /// As for [`Self::read`].
     pub fn results(&self) -> Result<WholeCapture, CommandError> {
-        let results = Results::of(&self.series, &self.input, &self.options, &self.setup).map_err(failed)?;
+        let results = Results::of(&self.series, &self.input, &self.options, &self.setup)
+            .map_err(|error| failed(&error))?;
         let name = self.name();
         let mut objects = Vec::new();
         for bus in results.decoder.buses() {
@@ -122,7 +158,23 @@ impl CaptureSource {
     }
 }
 
-fn failed(error: anyhow::Error) -> CommandError {
+/// The capture of the arguments: a file, several parts, or a folder with the parts of one capture.
+fn one_capture(arguments: &CheckArgs) -> anyhow::Result<Series> {
+    let input = &arguments.input;
+    if let [path] = input.captures.as_slice() {
+        return diff::one(path, input);
+    }
+    let mut all = series(input);
+    ensure!(
+        all.len() == 1,
+        "the {} files are {} captures, expected the parts of one (join=True)",
+        input.captures.len(),
+        all.len()
+    );
+    all.pop().context("no capture")
+}
+
+fn failed(error: &anyhow::Error) -> CommandError {
     CommandError { exit: Exit::Capture, text: format!("{error:#}") }
 }
 
