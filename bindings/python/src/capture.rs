@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::sync::{Arc, OnceLock};
 
-use cobscope::embedded::{CaptureSource, WholeCapture};
+use cobscope::embedded::{CaptureResults, CaptureSource};
 use cobscope_decoder::query::Filter;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -20,7 +20,7 @@ pub struct Capture {
     source: Arc<CaptureSource>,
     messages: Arc<Messages>,
     allows_incomplete: bool,
-    whole: OnceLock<WholeCapture>,
+    whole: OnceLock<CaptureResults>,
 }
 
 impl Capture {
@@ -37,7 +37,7 @@ impl Capture {
     }
 
     /// Results of the whole capture, which is read once for all of them.
-    fn whole(&self, py: Python<'_>) -> PyResult<&WholeCapture> {
+    fn whole(&self, py: Python<'_>) -> PyResult<&CaptureResults> {
         let whole = if let Some(whole) = self.whole.get() {
             whole
         } else {

@@ -21,7 +21,7 @@ use crate::cli::Command;
 use crate::exit_code::Exit;
 pub use answer::{Answer, CommandError};
 use answer::{answered, check_arguments, parsed};
-pub use source::{CaptureEnd, CaptureReader, CaptureSource, WholeCapture};
+pub use source::{CaptureEnd, CaptureReader, CaptureResults, CaptureSource};
 
 /// The lines of `check -f jsonl`, with these arguments.
 ///

@@ -52,7 +52,7 @@ pub struct CaptureEnd {
 }
 
 /// Results of a whole capture, each as its command writes it.
-pub struct WholeCapture {
+pub struct CaptureResults {
     /// Objects of `check -f jsonl`: findings, then the summary.
     pub findings: Vec<Value>,
     /// Object of `why -f json`.
@@ -137,7 +137,7 @@ impl CaptureSource {
     ///
     /// # Errors
     /// As for [`Self::read`].
-    pub fn results(&self) -> Result<WholeCapture, CommandError> {
+    pub fn results(&self) -> Result<CaptureResults, CommandError> {
         let results = Results::of(&self.series, &self.input, &self.options, &self.setup)
             .map_err(|error| failed(&error))?;
         let name = self.name();
@@ -148,7 +148,7 @@ impl CaptureSource {
                 objects.extend(all.map(|(object, entry)| objects::record(bus, node, object, entry, &name)));
             }
         }
-        Ok(WholeCapture {
+        Ok(CaptureResults {
             findings: results.findings,
             why: results.why,
             objects,
