@@ -99,11 +99,16 @@ impl Pipeline {
     }
 
     fn with(session: SessionOptions, setup: Option<Setup>, read: ReadOptions) -> Self {
+        Self { read, ..Self::of_options(session, setup.map(Arc::new)) }
+    }
+
+    /// A pipeline with options that were read before, such as device files; without `setup` it has no rules.
+    pub fn of_options(session: SessionOptions, setup: Option<Arc<Setup>>) -> Self {
         Self {
             decoder: Decoder::new(session),
-            engine: setup.map(|setup| Engine::new(Arc::new(setup))),
+            engine: setup.map(Engine::new),
             names: BusNames::default(),
-            read,
+            read: ReadOptions::default(),
         }
     }
 

@@ -14,6 +14,7 @@ mod dbc;
 mod diff;
 mod docs;
 mod eds;
+mod embedded;
 mod explain;
 mod exports;
 mod extcap;

@@ -34,21 +34,34 @@ use std::sync::mpsc::Receiver;
 use clap::Parser as _;
 
 use app::App;
+pub use cmd::embedded;
+pub use exit_code::Exit;
 use timeline::News;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
-    let arguments = arguments();
+    run_with(arguments()).into()
+}
+
+/// Runs the program inside of another one: `arguments` are its path and the arguments after it.
+pub fn run_embedded(arguments: Vec<OsString>) -> Exit {
+    if let Some(path) = arguments.first() {
+        cmd::set_program(path.into());
+    }
+    run_with(arguments)
+}
+
+fn run_with(arguments: Vec<OsString>) -> Exit {
     if cli::is_extcap_call(&arguments) {
         return match cli::ExtcapCall::try_parse_from(arguments) {
-            Ok(call) => cmd::answer(&call).into(),
-            Err(error) => cmd::refuse(&error).into(),
+            Ok(call) => cmd::answer(&call),
+            Err(error) => cmd::refuse(&error),
         };
     }
     let arguments = cli::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
     match cli::Cli::try_parse_from(arguments) {
-        Ok(cli) => cmd::run(cli).into(),
-        Err(error) => cmd::refuse(&error).into(),
+        Ok(cli) => cmd::run(cli),
+        Err(error) => cmd::refuse(&error),
     }
 }
 

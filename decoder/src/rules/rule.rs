@@ -10,7 +10,7 @@ use crate::event::Event;
 use crate::query::KindSet;
 
 /// Checks the events of one bus.
-pub trait Rule {
+pub trait Rule: Send {
     /// Called before the first event.
     fn begin(&mut self, _context: &mut Context<'_>) {}
 

@@ -12,6 +12,7 @@ mod mcap;
 mod options;
 #[cfg(feature = "parquet")]
 mod parquet;
+pub mod rows;
 pub mod table;
 pub mod text;
 mod values;

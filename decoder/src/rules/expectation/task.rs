@@ -4,7 +4,7 @@ use crate::event::Event;
 use crate::rules::Context;
 
 /// Checks one kind of expectation.
-pub(super) trait Task {
+pub(super) trait Task: Send {
     /// Handles an event of the requested kinds and node.
     fn event(&mut self, event: &Event, context: &mut Context<'_>);
 

@@ -15,7 +15,7 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
 use cobscope_decoder::words::plural;
 
-use super::captures::{self, Source};
+use super::captures::{self, Source, SourceSeries};
 use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain, note, warn};
 use super::output::{NamePolicy, ensure_not_read, files_read, is_colored, output, write_result};
@@ -40,11 +40,7 @@ pub fn run(arguments: &CheckArgs) -> Exit {
 
 fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;
-    for rule in &arguments.require_exercised {
-        let known = setup.check_name(rule).map_err(anyhow::Error::msg);
-        known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
-    }
-    check_selection(arguments, &setup).map_err(|error| (Exit::Usage, error))?;
+    check_names(arguments, &setup)?;
     if arguments.report.is_some() {
         report::ensure_files(&arguments.input.captures).map_err(|error| (Exit::Usage, error))?;
     }
@@ -58,7 +54,33 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
         .map_err(|error| (Exit::Usage, error))?;
 
     let captures = captures::series(&captures, &arguments.input);
-    let judged = judge::judge_all(&captures, arguments, &options, &setup);
+    let Judged { report, found, mut exit } = judged(arguments, &captures, (&options, &setup), known)?;
+    if let Some(folder) = &arguments.report {
+        exit = exit.max(pages::write(&report, &found, (folder, arguments), (&options, &setup))?);
+    }
+    let written = write(&report, arguments, &mut output).and_then(|()| output.finish());
+    Ok(exit.max(write_result(written)))
+}
+
+/// Results of all captures.
+struct Judged<'a> {
+    report: Report,
+    /// Captures of a known format.
+    found: Vec<&'a SourceSeries>,
+    exit: Exit,
+}
+
+/// Checks captures.
+///
+/// # Errors
+/// If the baseline cannot be written.
+fn judged<'a>(
+    arguments: &CheckArgs,
+    captures: &'a [SourceSeries],
+    (options, setup): (&SessionOptions, &Arc<Setup>),
+    known: KnownFindings<'_>,
+) -> Result<Judged<'a>, Refusal> {
+    let judged = judge::judge_all(captures, arguments, options, setup);
     let mut exit = Exit::Clean;
     let mut messages: Vec<String> = judged.iter().flat_map(|one| one.messages.clone()).collect();
     let found: Vec<_> = captures.iter().zip(&judged).filter(|(_, one)| one.judged.is_some()).collect();
@@ -91,11 +113,32 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     if report.fails() {
         exit = exit.max(Exit::Findings);
     }
-    if let Some(folder) = &arguments.report {
-        exit = exit.max(pages::write(&report, &found, (folder, arguments), (&options, &setup))?);
+    Ok(Judged { report, found, exit })
+}
+
+/// Findings of `-f jsonl`, without any output of the command.
+///
+/// # Errors
+/// As for the command.
+pub(super) fn lines(arguments: &CheckArgs) -> Result<Vec<u8>, Refusal> {
+    let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;
+    check_names(arguments, &setup)?;
+    let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
+    let known = KnownFindings::read(arguments)?;
+    let captures = captures::series(&captures, &arguments.input);
+    let judged = judged(arguments, &captures, (&options, &setup), known)?;
+    let mut lines = Vec::new();
+    write(&judged.report, arguments, &mut lines).map_err(|error| (Exit::Capture, error.into()))?;
+    Ok(lines)
+}
+
+/// Checks the rules that the options name.
+fn check_names(arguments: &CheckArgs, setup: &Setup) -> Result<(), Refusal> {
+    for rule in &arguments.require_exercised {
+        let known = setup.check_name(rule).map_err(anyhow::Error::msg);
+        known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
     }
-    let written = write(&report, arguments, &mut output).and_then(|()| output.finish());
-    Ok(exit.max(write_result(written)))
+    check_selection(arguments, setup).map_err(|error| (Exit::Usage, error))
 }
 
 /// Captures to check. None of them is overwritten; an output file in a checked folder is not checked.
@@ -134,7 +177,7 @@ fn check_selection(arguments: &CheckArgs, setup: &Setup) -> anyhow::Result<()> {
 }
 
 /// Options for decoding and rules.
-fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> {
+pub(super) fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> {
     let folders = &arguments.input.profiles;
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue)?;

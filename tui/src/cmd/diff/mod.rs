@@ -4,7 +4,7 @@ mod json;
 mod pair;
 pub(super) mod quiet;
 
-pub(super) use pair::one;
+pub(super) use pair::{one, pair};
 pub(super) use quiet::ComparisonJob;
 
 use std::io::Write as _;
@@ -34,7 +34,7 @@ use crate::source::Series;
 
 /// Runs the command.
 pub fn run(arguments: &DiffArgs) -> Exit {
-    let pair = pair::pair(&arguments.input).and_then(|pair| {
+    let pair = pair(&arguments.input).and_then(|pair| {
         selection(arguments)?;
         Ok(pair)
     });

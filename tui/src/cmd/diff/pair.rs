@@ -12,7 +12,7 @@ use crate::source::{CaptureFile, Series};
 ///
 /// # Errors
 /// If the arguments are not two captures.
-pub(super) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
+pub(in crate::cmd) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
     let paths = &input.captures;
     if let [good, bad] = paths.as_slice() {
         return Ok([one(good, input)?, one(bad, input)?]);

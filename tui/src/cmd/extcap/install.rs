@@ -1,6 +1,7 @@
 //! Link of this program in Wireshark's folder for extcap programs.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail, ensure};
 
@@ -10,6 +11,14 @@ use crate::path_text::shown;
 
 /// Name of the link. Wireshark calls every program in the folder.
 const NAME: &str = if cfg!(windows) { "cobscope.exe" } else { "cobscope" };
+
+/// Path of the command, if its process runs another program.
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// Sets the path of the command; without it, that is the program of the process.
+pub fn set_program(path: PathBuf) {
+    let _ = PROGRAM.set(path);
+}
 
 /// Links this program in `folder`, or in the user's own folders for extcap programs. A link to another file is replaced.
 ///
@@ -21,7 +30,8 @@ pub(super) fn install(folder: Option<&Path>) -> anyhow::Result<Exit> {
         None => own_folders(),
     };
     ensure!(!folders.is_empty(), "the home folder is unknown; name the folder with --dir");
-    let program = std::env::current_exe().context("the path of this program is unknown")?;
+    let own = || std::env::current_exe().context("the path of this program is unknown");
+    let program = PROGRAM.get().map_or_else(own, |program| Ok(program.clone()))?;
     for folder in folders {
         let link = link_in(&folder, &program)?;
         note(&format!("{}: linked", shown(&link)));

@@ -20,6 +20,7 @@ use super::output::print;
 use super::{convert, live};
 use crate::cli::{Cli, Command, ExtcapArgs, ExtcapCall};
 use crate::exit_code::Exit;
+pub use install::set_program;
 use sentences::Interface;
 
 /// Runs the command.

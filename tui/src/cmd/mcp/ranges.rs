@@ -14,9 +14,10 @@ use cobscope_decoder::sink::{EventSink as _, escape_json};
 use serde_json::{Value, json};
 
 use super::arguments::Arguments;
-use super::capture::{OpenedCapture, SignalName, signal_name};
+use super::capture::OpenedCapture;
 use super::fit::{fit, fit_within, written};
 use crate::cli::NodeArg;
+use crate::cmd::results::{SignalName, signal_name};
 use crate::select::{Bound, BoundSide, ensure_order};
 use crate::timeline::WalkStart;
 

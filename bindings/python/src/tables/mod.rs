@@ -1,0 +1,83 @@
+//! The tables of a capture: events, values and frames, in batches. `docs/columns.md` and `docs/python.md` describe the columns.
+
+mod events;
+mod frames;
+mod signals;
+
+use arrow_array::RecordBatch;
+use arrow_schema::{ArrowError, SchemaRef};
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::session::Bus;
+
+use crate::columns::{Key, Names, Numbers};
+pub use events::Events;
+pub use frames::Frames;
+pub use signals::Signals;
+
+/// Rows after which a batch ends.
+pub const BATCH_ROWS: usize = 64 * 1024;
+
+/// Bytes of texts after which a batch ends.
+const BATCH_BYTES: usize = 16 << 20;
+
+/// A table that grows by events or frames.
+pub trait Table: Send {
+    /// Columns.
+    fn schema(&self) -> SchemaRef;
+
+    /// Adds the rows of an event.
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    /// Adds the row of a frame.
+    fn frame(&mut self, _frame: &Frame, _bus: &str) {}
+
+    /// Whether the table consists of frames.
+    fn is_of_frames(&self) -> bool {
+        false
+    }
+
+    /// Rows since the last batch.
+    fn rows(&self) -> usize;
+
+    /// Whether a batch is full.
+    fn is_full(&self) -> bool {
+        self.rows() >= BATCH_ROWS
+    }
+
+    /// The rows since the last batch.
+    ///
+    /// # Errors
+    /// If the columns are inconsistent.
+    fn take(&mut self) -> Result<RecordBatch, ArrowError>;
+}
+
+/// Time and capture of a row, which all tables begin with.
+#[derive(Default)]
+struct Origin {
+    micros: Numbers<i64>,
+    nanos: Numbers<i64>,
+    capture: Names,
+    bus: Names,
+    /// Number of the only capture.
+    name: Key,
+    rows: usize,
+}
+
+impl Origin {
+    fn new(capture: &str) -> Self {
+        let mut origin = Self::default();
+        origin.name = origin.capture.key(capture);
+        origin
+    }
+
+    /// Adds equal rows.
+    #[inline]
+    fn push(&mut self, time: Option<Timestamp>, bus: Key, count: usize) {
+        self.rows += count;
+        self.micros.push_times(time.map(|Timestamp(time)| time.div_euclid(1_000)), count);
+        self.nanos.push_times(time.map(|Timestamp(time)| time), count);
+        self.capture.push_keys(Some(self.name), count);
+        self.bus.push_keys(Some(bus), count);
+    }
+}

@@ -1,0 +1,104 @@
+//! Commands that other programs call (`cobscope::embedded`): their results equal the output of the program.
+
+use std::ffi::OsString;
+
+use cobscope::Exit;
+use cobscope::embedded::{self, CaptureReader, CaptureSource};
+use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::session::{Bus, Observer};
+
+use crate::cli::run;
+
+const SYDFEC: [&str; 2] = ["--node=2=rexroth-sydfec", "fixtures/devices/sydfec.log"];
+
+/// Arguments with paths in the workspace: these tests run in a folder of a crate.
+fn words(arguments: &[&str]) -> Vec<OsString> {
+    let root = crate::support::workspace();
+    let word = |word: &&str| if word.starts_with("fixtures/") { root.join(word).into() } else { word.into() };
+    arguments.iter().map(word).collect()
+}
+
+#[derive(Default)]
+struct Counter {
+    kinds: Vec<&'static str>,
+    frames: u64,
+    last: u64,
+    limit: Option<usize>,
+}
+
+impl Observer for Counter {
+    fn event(&mut self, event: &Event, _: &Bus) {
+        self.kinds.push(event.kind.name());
+    }
+}
+
+impl CaptureReader for Counter {
+    fn is_done(&self) -> bool {
+        self.limit.is_some_and(|limit| self.kinds.len() >= limit)
+    }
+
+    fn wants_frames(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, frame: &Frame, bus: &str) {
+        assert_eq!(bus, "can0");
+        (self.frames, self.last) = (self.frames + 1, frame.number);
+    }
+}
+
+#[test]
+fn a_pass_has_all_events_and_frames() {
+    let source = CaptureSource::open(&words(&SYDFEC)).unwrap().value;
+    for (has_rules, option) in [(true, "--all"), (false, "--no-findings")] {
+        let expected = run(&[&["decode", "-f", "jsonl", option][..], &SYDFEC].concat(), "").stdout;
+        let kind = |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap()["kind"].clone();
+        let mut counter = Counter::default();
+        let end = source.read(has_rules, &mut counter).unwrap();
+        assert_eq!(end.failure, None);
+        assert_eq!(counter.kinds, expected.lines().map(kind).collect::<Vec<_>>());
+        assert!(counter.frames > 100 && counter.frames == counter.last);
+    }
+    let mut counter = Counter { limit: Some(1), ..Counter::default() };
+    source.read(true, &mut counter).unwrap();
+    let whole = run(&[&["decode", "-f", "jsonl"][..], &SYDFEC].concat(), "").stdout.lines().count();
+    assert!(counter.kinds.len() < whole, "{}", counter.kinds.len());
+}
+
+#[test]
+fn errors_have_the_status_of_the_command() {
+    let exit = |arguments: &[&str]| {
+        let error = CaptureSource::open(&words(arguments)).map(|_| ()).unwrap_err();
+        (error.exit, error.text)
+    };
+    let absent =
+        (Exit::Capture, "absent.log: cannot be opened: No such file or directory (os error 2)".to_owned());
+    assert_eq!(exit(&["absent.log"]), absent);
+    let (status, text) = exit(&["--node=2=rexroth-sydfek", "fixtures/devices/sydfec.log"]);
+    assert_eq!(status, Exit::Profile);
+    assert!(text.contains("did you mean 'rexroth-sydfec'?"), "{text}");
+    let (status, text) = exit(&["--protocol=morse", "fixtures/devices/sydfec.log"]);
+    assert_eq!(status, Exit::Usage);
+    assert!(text.starts_with("invalid value 'morse' for '--protocol"), "{text}");
+    let (status, text) = exit(&["fixtures/devices/sydfec.log", "fixtures/machine/machine.log"]);
+    assert_eq!(status, Exit::Usage);
+    assert!(text.starts_with("the 2 files are 2 captures"), "{text}");
+}
+
+#[test]
+fn results_equal_the_output_of_the_commands() {
+    let program = run(&[&["check", "-f", "jsonl"][..], &SYDFEC].concat(), "").stdout;
+    let own = embedded::check(&words(&SYDFEC)).unwrap();
+    let root = format!("{}/", crate::support::workspace().display());
+    assert_eq!(own.value.replace(&root, ""), program);
+    assert!(own.messages.is_empty(), "{:?}", own.messages);
+    assert_eq!(
+        embedded::explain(&words(&["06090031"])).unwrap().value,
+        run(&["explain", "06090031"], "").stdout
+    );
+    assert_eq!(embedded::explain(&words(&["nothing"])).unwrap_err().exit, Exit::Usage);
+    let pair = ["fixtures/devices/sydfec.log", "fixtures/rules/node-lost.log"];
+    let program = run(&[&["diff", "-f", "json"][..], &pair].concat(), "").stdout;
+    assert_eq!(embedded::diff(&words(&pair)).unwrap().value.replace(&root, ""), program);
+}

@@ -1,0 +1,88 @@
+//! Commands for other programs, such as the Python module: they return results and messages in place of printing them.
+//!
+//! The arguments are those of the command line, so that options have the same names, checks and errors.
+
+mod answer;
+mod source;
+
+use std::ffi::OsString;
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use cobscope_decoder::pipeline::Summary;
+use cobscope_decoder::profile::{Device, ProfileError};
+use cobscope_decoder::sink::findings::CaptureResult;
+use serde_json::Value;
+
+use super::input::{common_catalogue, options_of};
+use super::results::findings_of;
+use super::{check, diff, explain};
+use crate::cli::Command;
+use crate::exit_code::Exit;
+pub use answer::{Answer, CommandError};
+use answer::{answered, check_arguments, parsed};
+pub use source::{CaptureEnd, CaptureReader, CaptureResults, CaptureSource};
+
+/// The lines of `check -f jsonl`, with these arguments.
+///
+/// # Errors
+/// Those of the command; a capture that cannot be read is a line.
+pub fn check(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+    answered(|| {
+        let format = ["--format", "jsonl"].map(OsString::from);
+        let arguments = check_arguments(&[&format[..], arguments].concat())?;
+        let lines = check::lines(&arguments)?;
+        Ok(String::from_utf8_lossy(&lines).into_owned())
+    })
+}
+
+/// The object of `diff -f json`, with these arguments.
+///
+/// # Errors
+/// Those of the command, and a capture that cannot be read to its end.
+pub fn diff(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+    answered(|| {
+        let Command::Diff(arguments) = parsed("diff", arguments)? else {
+            return Err((Exit::Usage, anyhow!("expected the options of diff")));
+        };
+        let usage = |error| (Exit::Usage, error);
+        let pair = diff::pair(&arguments.input).map_err(usage)?;
+        let catalogue = common_catalogue(&arguments.input.profiles);
+        let options = options_of(&arguments.input, catalogue).map_err(|error| (Exit::Profile, error))?;
+        let [good, bad] = &pair;
+        diff::quiet::compared([good, bad], &arguments, &options).map_err(|error| (Exit::Capture, error))
+    })
+}
+
+/// The text of `explain` for a code, an identifier, an object, a frame or a rule.
+///
+/// # Errors
+/// If the text has no meaning, or the profile is unknown.
+pub fn explain(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+    answered(|| {
+        let Command::Explain { thing, device, profiles } = parsed("explain", arguments)? else {
+            return Err((Exit::Usage, anyhow!("expected the options of explain")));
+        };
+        let catalogue = common_catalogue(&profiles);
+        let device: Option<Arc<Device>> =
+            device.map(|device| catalogue.device(&device)).transpose().map_err(|error| {
+                let is_broken = matches!(error, ProfileError::Broken { .. });
+                (if is_broken { Exit::Profile } else { Exit::Usage }, error.into())
+            })?;
+        explain::meaning(&thing, catalogue, device).map_err(|text| (Exit::Usage, anyhow::Error::msg(text)))
+    })
+}
+
+/// The objects of `check -f jsonl` for the frames of live buses.
+///
+/// # Errors
+/// If they cannot be written.
+pub fn finding_lines(capture: &str, summary: Summary) -> Result<Vec<Value>, CommandError> {
+    let judged = CaptureResult {
+        capture: capture.to_owned(),
+        frames: summary.frames,
+        findings: summary.findings,
+        ..CaptureResult::default()
+    };
+    findings_of(judged).map_err(|error| CommandError { exit: Exit::Capture, text: format!("{error:#}") })
+}
