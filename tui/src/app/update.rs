@@ -72,7 +72,7 @@ impl App {
         }
     }
 
-    /// Keeps a key whose meaning depends on a row that is not read yet. Quit acts at once, and Back ends a search.
+    /// Keeps a key whose meaning depends on an unread row. Quit acts at once, and Back ends a search.
     fn is_early(&mut self, key: KeyEvent) -> bool {
         let is_moving = matches!(self.mode, Mode::Panes) && self.core.is_moving();
         if !is_moving && self.core.window.is_some() {

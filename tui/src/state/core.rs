@@ -224,7 +224,7 @@ impl Core {
         self.is_waiting || self.exports > 0
     }
 
-    /// Whether the cursor is about to move to a row that is not read yet.
+    /// Whether the cursor is about to move to an unread row.
     pub fn is_moving(&self) -> bool {
         let rows = self.rows();
         let is_read = |first: &Row, last: &Row| (first.spot..=last.spot).contains(&self.cursor);

@@ -133,7 +133,7 @@ impl JudgeInputs<'_> {
             ..CaptureResult::default()
         };
         if self.arguments.format.has_lines || series.is_joined() {
-            judged.lines = lines(series, &self.arguments.input, &judged.frames_of_findings());
+            judged.lines = line_numbers(series, &self.arguments.input, &judged.frames_of_findings());
         }
         JudgedFile { judged: Some(judged), selected, messages, has_failed }
     }
@@ -155,7 +155,7 @@ pub(in crate::cmd) fn parts(series: &Series) -> Vec<CapturePart> {
 }
 
 /// Line numbers of frames in a text capture, each in the file of its part.
-pub(in crate::cmd) fn lines(
+pub(in crate::cmd) fn line_numbers(
     series: &Series,
     input: &InputArgs,
     frames: &BTreeSet<u64>,

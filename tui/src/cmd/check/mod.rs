@@ -24,7 +24,7 @@ use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
 use crate::path_text::shown;
 #[cfg(feature = "parquet")]
-pub(super) use judge::{lines, parts};
+pub(super) use judge::{line_numbers, parts};
 use known::KnownFindings;
 
 /// Runs the command.

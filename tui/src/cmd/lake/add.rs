@@ -18,7 +18,7 @@ use super::folder::{LakeFolder, Staging};
 use super::machine::{machine_of, partition_value};
 use crate::cli::{InputArgs, LakeAddArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture};
-use crate::cmd::check::{lines, parts};
+use crate::cmd::check::{line_numbers, parts};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::cmd::lake_index::{EntrySummary, LakeEntry};
@@ -169,7 +169,7 @@ fn finish(
         ..CaptureResult::default()
     };
     if series.is_joined() {
-        judged.lines = lines(series, input, &judged.frames_of_findings());
+        judged.lines = line_numbers(series, input, &judged.frames_of_findings());
     }
     let setting = Setting { zero: first, ..Setting::default() };
     let diagnosis = Diagnosis::of(&judged.findings, judged.findings.counting(), setting);
