@@ -81,7 +81,7 @@ def of_pandas(lake):
         found = events[column].astype(str).value_counts()
         return sorted((name, int(count)) for name, count in found.items() if count)
 
-    times = int(events["time"].astype("int64").sum())
+    times = int(events["time"].dropna().astype("int64").sum())
     return counts, total, groups("machine"), groups("day"), times
 
 

@@ -1,0 +1,124 @@
+"""Runs the Spark job of docs/fleet on a generated fleet and checks its lake.
+
+    fleet_spark.py PROGRAM FOLDER MACHINES DAYS
+
+A run, a second one that adds nothing, and a run whose driver is killed and started again must give the same lake. Its findings
+must be those of `check`, its reasons of failures those of the three broken files. Prints captures per minute.
+"""
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow.dataset as ds
+
+REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+BROKEN = 3
+
+
+def command(program, fleet, lake):
+    job = os.path.join(REPOSITORY, "docs/fleet/fleet_job.py")
+    options = ["--bus", f"{fleet}/press.bus.toml", "--machine-from", "(press-[0-9]+)/", "--cobscope", program]
+    return [sys.executable, job, fleet, lake, *options]
+
+
+def start(words, **options):
+    environment = {**os.environ, "PYSPARK_PYTHON": sys.executable, "SPARK_LOCAL_IP": "127.0.0.1"}
+    environment["PYSPARK_SUBMIT_ARGS"] = "--master local[2] --conf spark.ui.enabled=false pyspark-shell"
+    return subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+
+
+def run(words):
+    begin = time.monotonic()
+    process = start(words)
+    output, _ = process.communicate()
+    if process.returncode != 0:
+        sys.exit(f"the job ended with {process.returncode}:\n{output[-4000:]}")
+    return output, time.monotonic() - begin
+
+
+def files(lake):
+    """Content of all files but those of the job itself."""
+    found = {}
+    for folder, _, names in os.walk(lake):
+        for name in names:
+            path = os.path.join(folder, name)
+            place = os.path.relpath(path, lake)
+            # Hadoop's checksums beside files, and what is in progress.
+            if name.endswith(".crc") or place.startswith("_staging"):
+                continue
+            with open(path, "rb") as file:
+                found[place] = hashlib.sha256(file.read()).hexdigest()
+    return found
+
+
+def rows(lake, table):
+    return ds.dataset(f"{lake}/{table}", format="parquet", partitioning="hive").to_table().to_pylist()
+
+
+def without_capture(line):
+    """A finding without what depends on the folder in which its capture was read."""
+    finding = json.loads(line)
+    finding.pop("capture")
+    return json.dumps(finding, sort_keys=True)
+
+
+def findings_of_check(program, fleet):
+    words = [program, "check", "-f", "jsonl", "--bus", f"{fleet}/press.bus.toml", fleet]
+    output = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+    return [line for line in output.splitlines() if json.loads(line)["kind"] == "finding"]
+
+
+def main():
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    program, folder, machines, days = sys.argv[1:]
+    shutil.rmtree(folder, ignore_errors=True)
+    os.makedirs(folder)
+    fleet, lake, killed = (os.path.join(folder, name) for name in ("fleet", "lake", "killed"))
+    maker = os.path.join(REPOSITORY, "fixtures/fleet/make_fleet.py")
+    subprocess.run([sys.executable, maker, fleet, "--machines", machines, "--days", days, "--extras"], check=True)
+
+    output, elapsed = run(command(program, fleet, lake))
+    captures = rows(lake, "captures")
+    print(output.strip().splitlines()[-1])
+    print(f"{len(captures)} captures in {elapsed:.0f} s: {60 * len(captures) / elapsed:.0f} per minute")
+    reasons = rows(lake, "failures")
+    assert len(reasons) == BROKEN and all(row["reason"] for row in reasons), reasons
+    hashes = [row["capture_hash"] for row in captures]
+    assert len(hashes) == len(set(hashes)), "a capture is in the lake twice"
+
+    found = sorted(without_capture(row["json"]) for row in rows(lake, "findings"))
+    expected = sorted(map(without_capture, findings_of_check(program, fleet)))
+    # `check` judges copies too.
+    missing = set(found).symmetric_difference(expected)
+    assert not missing, f"{len(found)} findings in the lake, {len(expected)} of check: {sorted(missing)[:3]}"
+
+    whole = files(lake)
+    output, _ = run(command(program, fleet, lake))
+    assert re.search(r"^0 new captures", output, re.M), output[-2000:]
+    assert files(lake) == whole, "a second run changed the lake"
+
+    # Killed as soon as the first captures are in the lake.
+    process = start(command(program, fleet, killed), start_new_session=True)
+    while process.poll() is None and len(os.listdir(f"{killed}/_index") if os.path.isdir(f"{killed}/_index") else []) < 3:
+        time.sleep(0.05)
+    assert process.poll() is None, "the job ended before it was killed"
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    before = len(files(killed))
+    run(command(program, fleet, killed))
+    again = files(killed)
+    different = {name for name in whole.keys() | again.keys() if whole.get(name) != again.get(name)}
+    assert not different, f"after a killed run: {sorted(different)[:5]}"
+    print(f"{len(whole)} files; equal after a run that was killed with {before} of them")
+
+
+if __name__ == "__main__":
+    main()
