@@ -26,6 +26,8 @@ export interface ListOptions<T> {
   /** The selected row changed by the user. */
   onSelect(row: T, index: number): void;
   onOpen(row: T, index: number): void;
+  /** Moves after the moves before it. */
+  inTurn?(move: () => void): void;
 }
 
 export class VirtualList<T> {
@@ -151,8 +153,12 @@ export class VirtualList<T> {
     if (step !== undefined && this.total > 0) {
       event.preventDefault();
       event.stopPropagation();
-      const to = step === Infinity ? this.total - 1 : step === -Infinity ? 0 : this.selected + step;
-      this.select(Math.min(this.total - 1, Math.max(0, to)), true);
+      const move = () => {
+        const to = step === Infinity ? this.total - 1 : step === -Infinity ? 0 : this.selected + step;
+        this.select(Math.min(this.total - 1, Math.max(0, to)), true);
+      };
+      if (this.options.inTurn) this.options.inTurn(move);
+      else move();
     } else if (event.key === "Enter" && this.selected >= 0) {
       const row = this.row(this.selected);
       if (row) this.options.onOpen(row, this.selected);

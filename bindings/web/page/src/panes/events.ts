@@ -33,6 +33,7 @@ export function eventsPane(app: App): Pane & { list: VirtualList<EventRow>; sear
       app.changed();
     },
     onOpen: () => app.show("detail"),
+    inTurn: (move) => app.inTurn(move),
   });
   const count = h("span", { class: "quiet count", role: "status" });
   const all = h("input", { type: "checkbox", id: "only-news", onchange: () => void app.setOnlyNews(all.checked) });
