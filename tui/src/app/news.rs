@@ -52,7 +52,10 @@ impl App {
             return self.core.refuse(&format!("no further {what} so far"));
         }
         self.awaited_jump = Some(action);
-        self.core.notify(&format!("goes to the next {what} when it is known; any key stops this"));
+        let is_back =
+            matches!(action, Action::PreviousFinding | Action::PreviousError | Action::PreviousStory);
+        let which = if is_back { "previous" } else { "next" };
+        self.core.notify(&format!("goes to the {which} {what} when it is known; any key stops this"));
     }
 
     /// Whether the rules and the search for the shown events have reached the end.
