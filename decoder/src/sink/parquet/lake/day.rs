@@ -12,7 +12,7 @@ const DAY: i64 = 86_400_000_000_000;
 /// Day of a partition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Day {
-    /// The capture contains no date.
+    /// The row has no date: its capture has none, or the row is about the whole capture.
     Unknown,
     /// Date, UTC.
     Date(Date),
