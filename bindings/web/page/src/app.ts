@@ -564,8 +564,8 @@ export class Page implements App {
       case "a": this.show("nodes"); return this.main.querySelector<HTMLElement>("select")?.focus();
       case "i": this.strip.element.hidden = !this.strip.element.hidden; return this.strip.draw();
       case "f": case "F3": event.preventDefault(); this.show("events"); return this.events.search();
-      case "v": this.show("events"); return void this.setOnlyNews(!this.onlyNews);
-      case "c": return void this.setFilter("");
+      case "v": this.show("events"); return this.inTurn(() => this.setOnlyNews(!this.onlyNews));
+      case "c": return this.inTurn(() => this.setFilter(""));
       case "w": case "F2": return void this.head.querySelector<HTMLElement>("select")?.focus();
       case "R": return this.saveReport(this.core.finding);
       case "p": return this.show("signals");

@@ -147,7 +147,7 @@ export function eventsPane(app: App): Pane & { list: VirtualList<EventRow>; sear
         return true;
       }
       if (event.key === "v") {
-        void app.setOnlyNews(!all.checked);
+        app.inTurn(() => app.setOnlyNews(!all.checked));
         return true;
       }
       return false;
