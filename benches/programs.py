@@ -57,6 +57,7 @@ def ours(root, folder):
     rows = [
         decode("candump, -f none", "normal.log", "-f", "none"),
         Program("candump, check: all general rules", "normal.log", [program, "check", "--fail-on", "never"]),
+        Program("candump, stats", "normal.log", [program, "stats"]),
         decode("candump, -f jsonl", "normal.log", "-f", "jsonl"),
         decode("candump, -f text", "normal.log"),
         decode("candump, 10,000,000 frames, -f none", "10M.log", "-f", "none", frames=10_000_000),
@@ -64,6 +65,7 @@ def ours(root, folder):
         decode("pcap, -f none", "normal.pcap", "-f", "none"),
         decode("pcapng, -f none", "normal.pcapng", "-f", "none"),
         decode("J1939, -f none", "engine.log", "-f", "none"),
+        Program("J1939, check: all general rules", "engine.log", [program, "check", "--fail-on", "never"]),
         decode("devices with four profiles, -f none", "devices.log", "-f", "none", *DEVICES),
         decode("devices with four profiles, -f jsonl", "devices.log", "-f", "jsonl", *DEVICES),
         Program("devices with four profiles, check", "devices.log", [program, "check", "--fail-on", "never", *DEVICES]),
