@@ -317,7 +317,11 @@ fn selected_frames_are_written_as_capture_and_as_events() {
 fn parts_of_a_series_are_one_capture() {
     // Heartbeats of node 5 every 500 ms; the second file continues the first one.
     let beats = |seconds: std::ops::Range<u32>| -> Vec<u8> {
-        seconds.flat_map(|n| format!("({}.000) can0 705#05\n({}.500) can0 705#05\n", 100 + n, 100 + n).into_bytes()).collect()
+        seconds
+            .flat_map(|n| {
+                format!("({}.000) can0 705#05\n({}.500) can0 705#05\n", 100 + n, 100 + n).into_bytes()
+            })
+            .collect()
     };
     let mut session = open(&[("run-0002.log", &beats(20..40)), ("run.log", &beats(0..20))]).unwrap();
     let overview = overview(&mut session);

@@ -8,7 +8,7 @@ use cobscope_decoder::capture::{
 };
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Checkpoint, ReplayState, Walk};
-use cobscope_decoder::series::{Candidate, CapturePlacement, JoinOptions, arrange, relate};
+use cobscope_decoder::series::{CapturePlacement, JoinOptions, PossiblePart, arrange, relate};
 use cobscope_decoder::session::SessionOptions;
 
 use crate::files::{Content, Source};
@@ -30,12 +30,12 @@ struct PlacedContent {
 }
 
 /// A capture that may be a part of a series.
-struct ContentCandidate {
+struct NamedContent {
     name: String,
     content: Content,
 }
 
-impl Candidate for ContentCandidate {
+impl PossiblePart for NamedContent {
     fn path(&self) -> &Path {
         Path::new(&self.name)
     }
@@ -70,9 +70,9 @@ impl Captures {
     ///
     /// # Errors
     /// If a capture has no known format or no frame, or only some of them have dates.
-    pub fn open(named: Vec<(String, Content)>, options: SessionOptions) -> Result<Self, String> {
+    pub fn open(captures: Vec<(String, Content)>, options: SessionOptions) -> Result<Self, String> {
         let candidates: Vec<_> =
-            named.into_iter().map(|(name, content)| ContentCandidate { name, content }).collect();
+            captures.into_iter().map(|(name, content)| NamedContent { name, content }).collect();
         let relations = relate(&candidates, JoinOptions::USUAL);
         let files = || relations.files.iter().filter_map(|index| candidates.get(*index));
         let (mut names, mut firsts, mut formats) = (Vec::new(), Vec::new(), Vec::new());

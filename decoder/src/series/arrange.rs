@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::Relation;
 use super::names::recording;
+use super::part::Relation;
 use crate::frame::Timestamp;
 
 /// Some captures have dates, others count from their start, so they have no common time axis.

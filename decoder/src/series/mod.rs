@@ -5,21 +5,22 @@
 //!                └─ starts 0 to 5 s after the last frame, on the same clock and buses
 //! ```
 //!
-//! Nothing is opened here: a [`Candidate`] reads itself.
+//! Nothing is opened here: a [`PossiblePart`] reads itself.
 
 mod arrange;
 mod names;
+mod part;
 mod scan;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::capture::Batch;
 use crate::frame::Timestamp;
 use names::{is_numbered_like, order_in_series};
 use scan::Apart;
 
 pub use arrange::{CapturePlacement, MixedClocks, arrange};
+pub use part::{PossiblePart, Relation};
 pub use scan::CaptureScan;
 
 /// Conditions for joining files.
@@ -39,35 +40,6 @@ impl JoinOptions {
 
     /// Joins files with consecutive names, or listed one after another, with a gap of at most 5 s.
     pub const USUAL: Self = Self { is_off: false, is_requested: false, max_gap: 5_000_000_000 };
-}
-
-/// A file that may be a part of a series.
-pub trait Candidate {
-    /// Path, of which the folder and the name are compared.
-    fn path(&self) -> &Path;
-
-    /// The user named the file. Files found in a folder are joined only if their names are consecutive.
-    fn is_listed(&self) -> bool;
-
-    /// Passes the frames in batches, with the names of the buses, until `take` returns `false` or the file ends or becomes
-    /// unreadable. Returns the name of the format; `None` if the file cannot be opened, or can be read only once.
-    /// `is_whole`: all of the file is wanted, so that reading ahead is worth its cost.
-    fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str>;
-
-    /// Whether the file contains only empty lines and comments.
-    fn is_blank(&self) -> bool;
-}
-
-/// Position of a file relative to the previous part of the same recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Relation {
-    /// No previous part.
-    #[default]
-    Independent,
-    /// The next part of the series that contains this file.
-    Continues(usize),
-    /// The same recorder, after a pause that is longer than a series allows.
-    Later(usize),
 }
 
 /// Files of one series.
@@ -166,7 +138,7 @@ impl Relations {
 
 /// Finds the series among files. Only files with consecutive names, or that follow each other on the command
 /// line, are read to their ends.
-pub fn relate(candidates: &[impl Candidate], join: JoinOptions) -> Relations {
+pub fn relate(candidates: &[impl PossiblePart], join: JoinOptions) -> Relations {
     let all: Vec<usize> = (0..candidates.len()).collect();
     if join.is_off || candidates.len() < 2 {
         return Relations::independent(all);
@@ -217,7 +189,7 @@ pub fn relate(candidates: &[impl Candidate], join: JoinOptions) -> Relations {
 }
 
 /// All files as parts of one capture, in their order. A file whose clock does not fit starts another capture.
-fn joined_on_request(candidates: &[impl Candidate]) -> Relations {
+fn joined_on_request(candidates: &[impl PossiblePart]) -> Relations {
     let mut relations = Relations::independent((0..candidates.len()).collect());
     let mut before: Option<(usize, CaptureScan)> = None;
     for (index, candidate) in candidates.iter().enumerate() {
@@ -247,7 +219,7 @@ fn joined_on_request(candidates: &[impl Candidate]) -> Relations {
 
 /// Whether a file is a part without frames: the first lines of a capture may be comments, and `split` can write empty
 /// parts. A neighbour with the same kind of name must have frames.
-fn is_blank_part(candidates: &[impl Candidate], heads: &[Option<Head>], index: usize) -> bool {
+fn is_blank_part(candidates: &[impl PossiblePart], heads: &[Option<Head>], index: usize) -> bool {
     let (Some(candidate), Some(None)) = (candidates.get(index), heads.get(index)) else { return false };
     let (path, name) = (candidate.path(), file_name(candidate));
     let numbered = candidates.iter().zip(heads).filter(|(other, head)| {
@@ -268,7 +240,7 @@ struct Pair {
 }
 
 /// Pairs that may belong together: consecutive names first, then neighbours on the command line.
-fn pairs(candidates: &[impl Candidate], heads: &[Option<Head>], files: &[usize]) -> Vec<Pair> {
+fn pairs(candidates: &[impl PossiblePart], heads: &[Option<Head>], files: &[usize]) -> Vec<Pair> {
     let candidate = |index: usize| files.get(index).and_then(|file| candidates.get(*file));
     let head = |index: usize| files.get(index).and_then(|file| heads.get(*file)).and_then(Option::as_ref);
     let mut order: Vec<(usize, &Head, String)> = Vec::new();
@@ -312,7 +284,7 @@ struct Head {
 
 impl Head {
     /// `None` for anything but a readable file with timestamps.
-    fn read(candidate: &impl Candidate) -> Option<Self> {
+    fn read(candidate: &impl PossiblePart) -> Option<Self> {
         let mut first = None;
         let format = candidate.read(false, &mut |batch, _| {
             first = batch.frames().first().map(|frame| frame.time);
@@ -331,10 +303,10 @@ impl Head {
     }
 }
 
-fn shown(candidate: &impl Candidate) -> String {
+fn shown(candidate: &impl PossiblePart) -> String {
     candidate.path().display().to_string()
 }
 
-fn file_name(candidate: &impl Candidate) -> String {
+fn file_name(candidate: &impl PossiblePart) -> String {
     candidate.path().file_name().map_or_else(|| shown(candidate), |name| name.to_string_lossy().into_owned())
 }

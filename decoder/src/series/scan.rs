@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Candidate;
+use super::part::PossiblePart;
 use crate::frame::{CanId, Frame, Timestamp};
 
 /// A capture on a relative clock that starts before this time does not continue another one: each recording
@@ -47,7 +47,7 @@ impl Apart {
 
 impl CaptureScan {
     /// Reads a file to its end without decoding; `None` if it cannot be opened.
-    pub fn read(candidate: &impl Candidate) -> Option<Self> {
+    pub fn read(candidate: &impl PossiblePart) -> Option<Self> {
         let mut scan = Self {
             span: None,
             first: None,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use cobscope_decoder::capture::{Batch, ReadOptions};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::series::{
-    self, Candidate, CaptureScan, JoinOptions, MixedClocks, Relation, SeriesParts,
+    self, CaptureScan, JoinOptions, MixedClocks, PossiblePart, Relation, SeriesParts,
 };
 
 use super::file::open;
@@ -125,8 +125,8 @@ impl Relations {
 
 /// Finds the series among files. Only files with consecutive names, or that follow each other on the command
 /// line, are read to their ends.
-pub fn relate(files: Vec<CaptureFile>, read: &ReadOptions, join: JoinOptions) -> Relations {
-    let candidates: Vec<_> = files.iter().map(|file| FileCandidate { file, read }).collect();
+pub fn relate(files: &[CaptureFile], read: &ReadOptions, join: JoinOptions) -> Relations {
+    let candidates: Vec<_> = files.iter().map(|file| ReadableFile { file, read }).collect();
     let found = series::relate(&candidates, join);
     let files = found.files.iter().filter_map(|index| files.get(*index)).cloned().collect();
     Relations { files, found }
@@ -142,7 +142,7 @@ pub fn time_span(files: &[PathBuf], read: &ReadOptions) -> Option<(Timestamp, Ti
     let mut all: Option<(Timestamp, Timestamp)> = None;
     for path in files {
         let file = CaptureFile { path: path.clone(), is_listed: true };
-        let scan = CaptureScan::read(&FileCandidate { file: &file, read })?;
+        let scan = CaptureScan::read(&ReadableFile { file: &file, read })?;
         if let Some((first, last)) = scan.span() {
             let known = all.get_or_insert((first, last));
             *known = (known.0.min(first), known.1.max(last));
@@ -152,12 +152,12 @@ pub fn time_span(files: &[PathBuf], read: &ReadOptions) -> Option<(Timestamp, Ti
 }
 
 /// A file that reads itself.
-struct FileCandidate<'a> {
+struct ReadableFile<'a> {
     file: &'a CaptureFile,
     read: &'a ReadOptions,
 }
 
-impl Candidate for FileCandidate<'_> {
+impl PossiblePart for ReadableFile<'_> {
     fn path(&self) -> &Path {
         &self.file.path
     }

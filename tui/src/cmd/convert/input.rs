@@ -41,7 +41,7 @@ impl Input {
         // Unrelated clocks do not continue each other.
         let join = join_options(input);
         let join = JoinOptions { is_off: join.is_off || align, ..join };
-        let relations = relate(files.collect(), &read_options(input), join);
+        let relations = relate(&files.collect::<Vec<_>>(), &read_options(input), join);
         let series = relations.series();
         let notes = series.iter().filter_map(Series::note);
         notes.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));

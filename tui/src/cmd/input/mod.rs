@@ -32,11 +32,11 @@ pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
 /// Captures to read, each a file or the parts of a series, which are reported.
 pub(super) fn series(input: &InputArgs) -> Vec<Series> {
     let files = captures(input).into_iter().map(|path| CaptureFile { path, is_listed: true });
-    joined(files.collect(), input)
+    joined(&files.collect::<Vec<_>>(), input)
 }
 
 /// The series among `files`; joined and rejected parts are reported.
-pub(super) fn joined(files: Vec<CaptureFile>, input: &InputArgs) -> Vec<Series> {
+pub(super) fn joined(files: &[CaptureFile], input: &InputArgs) -> Vec<Series> {
     let relations = relate(files, &read_options(input), join_options(input));
     let all = relations.series();
     let joined = all.iter().filter_map(Series::note);
