@@ -41,7 +41,8 @@ impl PossiblePart for NamedContent {
     }
 
     fn is_listed(&self) -> bool {
-        true
+        // Browsers pass dropped files in any order: only consecutive names join them.
+        false
     }
 
     fn read(&self, _is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
