@@ -75,6 +75,7 @@ pub mod replay;
 pub mod report;
 pub mod rules;
 pub mod samples;
+pub mod series;
 pub mod session;
 pub mod sink;
 pub mod statistics;

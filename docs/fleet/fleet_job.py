@@ -151,7 +151,7 @@ def add(group, job):
             fetch(source, source_root, group, inside)
             # In a folder, cobscope leaves out files that are not captures.
             folders = sorted({path.split("/")[0] if "/" in path else "." for path, _, _ in group})
-            command = [job["cobscope"], "lake", "add", local, "--threads", "1", *options(job), "--", *folders]
+            command = [job["cobscope"], "lake", "add", local, "--threads", "1", *options(job, folder), "--", *folders]
             run = subprocess.run(command, cwd=inside, capture_output=True, text=True, errors="replace", check=False)
             if os.path.isdir(local) and run.returncode in (0, 3):
                 added, present, reasons = publish(lake, lake_root, local)
@@ -169,46 +169,67 @@ def add(group, job):
     return added, present, reasons, size
 
 
-def options(job):
-    from pyspark import SparkFiles
+def options(job, folder):
+    words = []
+    if job["bus"]:
+        words += ["--bus", os.path.join(folder, "bus.toml")]
+        with open(words[-1], "wb") as file:
+            file.write(job["bus"])
+    return words + (["--machine-from", job["machine_from"]] if job["machine_from"] else []) + job["further"]
 
-    own = ["--bus", SparkFiles.get(job["bus"])] if job["bus"] else []
-    return own + (["--machine-from", job["machine_from"]] if job["machine_from"] else []) + job["further"]
+
+def add_all(task, job):
+    """Adds the captures of a task in their order."""
+    return [add([tuple(file) for file in group], job) for group in task]
 
 
-def main():
-    words = sys.argv[1:]
+def job_of(words, documentation):
+    """The job that the arguments describe."""
     further = words[words.index("--") + 1:] if "--" in words else []
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=documentation, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("captures")
     parser.add_argument("lake")
     parser.add_argument("--bus")
     parser.add_argument("--machine-from")
     parser.add_argument("--cobscope", default="cobscope")
     parser.add_argument("--max-bytes", type=int, default=20 << 30, help="largest capture (default: %(default)s)")
-    arguments = parser.parse_args(words[:len(words) - len(further) - ("--" in words)])
+    job = vars(parser.parse_args(words[:len(words) - len(further) - ("--" in words)]))
+    if job["bus"]:
+        # Workers have no access to files of the driver.
+        with open(job["bus"], "rb") as file:
+            job["bus"] = file.read()
+    return {**job, "further": further}
 
-    from pyspark.sql import SparkSession
 
-    spark = SparkSession.builder.appName("cobscope lake").getOrCreate()
-    context = spark.sparkContext
-    if arguments.bus:
-        context.addFile(arguments.bus)
-    job = {**vars(arguments), "bus": arguments.bus and os.path.basename(arguments.bus), "further": further}
-    lake, root = open_folder(arguments.lake)
+def prepare(job):
+    """The tasks of captures that the lake does not have."""
+    lake, root = open_folder(job["lake"])
     if lake.type_name in LOCAL:
         lake.create_dir(f"{root}/_index", recursive=True)
         lake.delete_dir_contents(f"{root}/{TEMPORARY}", missing_dir_ok=True)
     done = names_in(lake, f"{root}/_files")
-    groups = [group for group in series_of(list_captures(arguments.captures)) if key_of(group) not in done]
-    tasks = tasks_of(arguments.captures, groups)
+    groups = [group for group in series_of(list_captures(job["captures"])) if key_of(group) not in done]
+    tasks = tasks_of(job["captures"], groups)
     print(f"{len(groups)} new captures or series in {len(tasks)} tasks; {len(done)} known")
-    results = context.parallelize(tasks, max(1, len(tasks))).flatMap(
-        lambda task: [add([tuple(file) for file in group], job) for group in task]).collect()
+    return tasks
+
+
+def print_results(results):
     added, present = sum(result[0] for result in results), sum(result[1] for result in results)
     failed = [reason for result in results for reason in result[2]]
     print(f"{added} captures added, {present} already in the lake, {len(failed)} unreadable or incomplete, "
           f"{sum(result[3] for result in results)} bytes")
+
+
+def main():
+    job = job_of(sys.argv[1:], __doc__)
+
+    from pyspark.sql import SparkSession
+
+    spark = SparkSession.builder.appName("cobscope lake").getOrCreate()
+    tasks = prepare(job)
+    work = spark.sparkContext.parallelize(tasks, max(1, len(tasks)))
+    print_results(work.flatMap(lambda task: add_all(task, job)).collect())
     spark.stop()
 
 

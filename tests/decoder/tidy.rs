@@ -14,6 +14,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("ascii", &[]),
     ("frame", &[]),
     ("capture", &["words", "ascii", "frame"]),
+    ("series", &["frame", "capture"]),
     ("wire", &["words", "frame"]),
     ("profile", &["words", "frame", "wire"]),
     ("event", &["words", "frame", "wire", "profile"]),

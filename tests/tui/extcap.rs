@@ -2,7 +2,7 @@
 #![cfg(unix)]
 
 use std::fs::{self, OpenOptions};
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -178,7 +178,8 @@ struct Ended(Child);
 
 impl Drop for Ended {
     fn drop(&mut self) {
-        let _ = self.0.kill();
+        // SIGTERM: a killed tshark leaves dumpcap and its extcap program behind.
+        let _ = Command::new("kill").arg(self.0.id().to_string()).status();
         let _ = self.0.wait();
     }
 }
@@ -199,4 +200,21 @@ fn tshark_shows_frames_as_they_come() {
     let mut file = OpenOptions::new().append(true).open(&log).unwrap();
     file.write_all(b"(1700000000.200000) can0 085#1081010000000000\n").unwrap();
     assert!(lines.next().unwrap().starts_with("5/05 EMCY 8110 "));
+}
+
+#[test]
+fn a_stream_of_a_silent_bus_ends_with_its_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("silent.log");
+    fs::write(&log, BOOT).unwrap();
+    let mut command = Command::new(PROGRAM);
+    command.args(["live", "--record", "-", "--follow"]).arg(&log);
+    command.stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut process = Ended(command.spawn().unwrap());
+    let mut start = [0; 4];
+    let mut output = process.0.stdout.take().unwrap();
+    output.read_exact(&mut start).unwrap();
+    assert_eq!(start, [0x0A, 0x0D, 0x0D, 0x0A]);
+    drop(output);
+    assert_eq!(process.0.wait().unwrap().code(), Some(0));
 }

@@ -312,3 +312,26 @@ fn selected_frames_are_written_as_capture_and_as_events() {
     let seen: Vec<_> = lines(&events).iter().map(|event| event["frames"][1].clone()).collect();
     assert!(!seen.is_empty() && seen.iter().all(|frame| frame == 2), "{seen:?}");
 }
+
+#[test]
+fn parts_of_a_series_are_one_capture() {
+    // Heartbeats of node 5 every 500 ms; the second file continues the first one.
+    let beats = |seconds: std::ops::Range<u32>| -> Vec<u8> {
+        seconds
+            .flat_map(|n| {
+                format!("({}.000) can0 705#05\n({}.500) can0 705#05\n", 100 + n, 100 + n).into_bytes()
+            })
+            .collect()
+    };
+    let mut session = open(&[("run-0002.log", &beats(20..40)), ("run.log", &beats(0..20))]).unwrap();
+    let overview = overview(&mut session);
+    assert_eq!(overview["frames"], 80);
+    assert_eq!(overview["buses"].as_array().map(Vec::len), Some(1));
+    assert_eq!((&overview["errors"], &overview["warnings"]), (&json!(0), &json!(0)));
+    let row = call(&mut session, &json!({"do": "rows", "list": "all", "from": 0, "count": 1})).0;
+    assert_eq!(row["rows"][0]["frame"], 1);
+    // Other files at the same time are merged: two buses of the same name.
+    let other = open(&[("front.log", &beats(0..20)), ("rear.log", &beats(0..20))]);
+    let merged = other.map(|mut session| crate::page::overview(&mut session)).unwrap();
+    assert_eq!(merged["buses"].as_array().map(Vec::len), Some(2));
+}

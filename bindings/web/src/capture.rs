@@ -1,53 +1,97 @@
 //! Captures on a common time axis: opening, and walks from any checkpoint.
 
 use std::io::Seek as _;
+use std::path::Path;
 
 use cobscope_decoder::capture::{
     Batch, CaptureError, MergedCapture, MergedPosition, MergedReader, Notice, ReadOptions, Reader,
 };
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Checkpoint, ReplayState, Walk};
+use cobscope_decoder::series::{CapturePlacement, JoinOptions, PossiblePart, arrange, relate};
 use cobscope_decoder::session::SessionOptions;
 
 use crate::files::{Content, Source};
 
 /// One or several captures.
 pub struct Captures {
-    contents: Vec<Content>,
+    contents: Vec<PlacedContent>,
     options: SessionOptions,
     /// Title of the format of the first capture.
     pub format: &'static str,
+    /// Reasons why captures with consecutive names are not parts of one.
+    pub notes: Vec<String>,
+}
+
+/// A capture among the others.
+struct PlacedContent {
+    content: Content,
+    place: CapturePlacement,
+}
+
+/// A capture that may be a part of a series.
+struct NamedContent {
+    name: String,
+    content: Content,
+}
+
+impl PossiblePart for NamedContent {
+    fn path(&self) -> &Path {
+        Path::new(&self.name)
+    }
+
+    fn is_listed(&self) -> bool {
+        // Browsers pass dropped files in any order: only consecutive names join them.
+        false
+    }
+
+    fn read(&self, _is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
+        let mut reader = Reader::open(Source::new(self.content.clone(), 0), &READ_OPTIONS).ok()?;
+        let mut batch = Batch::new();
+        // An unreadable end is reported when the capture is decoded.
+        while reader.read(&mut batch).unwrap_or(false) {
+            if !take(&batch, reader.buses().names()) {
+                break;
+            }
+        }
+        Some(reader.format().name)
+    }
+
+    fn is_blank(&self) -> bool {
+        // The page names a capture without frames.
+        false
+    }
 }
 
 /// Options of all readers.
 pub const READ_OPTIONS: ReadOptions = ReadOptions { time_style: None };
 
 impl Captures {
-    /// Opens captures and orders them by their first frames.
+    /// Opens captures: parts of a series follow each other, the others are merged by time.
     ///
     /// # Errors
     /// If a capture has no known format or no frame, or only some of them have dates.
-    pub fn open(named: Vec<(String, Content)>, options: SessionOptions) -> Result<Self, String> {
-        let mut opened = Vec::new();
-        let is_alone = named.len() == 1;
-        for (name, content) in named {
-            let (first, format) = first_frame(&content).map_err(|error| format!("{name}: {error}"))?;
-            opened.push((first, format, content));
+    pub fn open(captures: Vec<(String, Content)>, options: SessionOptions) -> Result<Self, String> {
+        let candidates: Vec<_> =
+            captures.into_iter().map(|(name, content)| NamedContent { name, content }).collect();
+        let relations = relate(&candidates, JoinOptions::USUAL);
+        let files = || relations.files.iter().filter_map(|index| candidates.get(*index));
+        let (mut names, mut firsts, mut formats) = (Vec::new(), Vec::new(), Vec::new());
+        for file in files() {
+            let (first, format) =
+                first_frame(&file.content).map_err(|error| format!("{}: {error}", file.name))?;
+            names.push(file.name.clone());
+            firsts.push(first);
+            formats.push(format);
         }
-        if !is_alone {
-            let dated = opened.iter().filter(|(first, ..)| first.is_some_and(Timestamp::has_date)).count();
-            if dated != 0 && dated != opened.len() {
-                return Err(
-                    "some of these captures have dates, others count from their start, so they have \
-                            no common time axis; open them one by one"
-                        .to_owned(),
-                );
-            }
-            opened.sort_by_key(|(first, ..)| *first);
-        }
-        let format = opened.first().map_or("", |(_, format, _)| *format);
-        let contents = opened.into_iter().map(|(.., content)| content).collect();
-        Ok(Self { contents, options, format })
+        let placed = arrange(&names, &firsts, &relations.of, false).map_err(|mixed| mixed.to_string())?;
+        let format = placed.first().and_then(|place| formats.get(place.index)).copied().unwrap_or("");
+        let part = |place: CapturePlacement| {
+            let content = files().nth(place.index)?.content.clone();
+            Some(PlacedContent { content, place })
+        };
+        let contents = placed.into_iter().filter_map(part).collect();
+        Ok(Self { contents, options, format, notes: relations.notes })
     }
 
     /// Options of the decoder.
@@ -61,9 +105,10 @@ impl Captures {
     /// If a capture can no longer be read.
     pub fn reader(&self) -> Result<MergedReader<Source>, CaptureError> {
         let mut all = Vec::new();
-        for (group, content) in self.contents.iter().enumerate() {
+        for PlacedContent { content, place } in &self.contents {
             let reader = Reader::open(Source::new(content.clone(), 0), &READ_OPTIONS)?;
-            all.push(MergedCapture { reader, group, shift: 0, continues: false });
+            let CapturePlacement { group, shift, continues, .. } = *place;
+            all.push(MergedCapture { reader, group, shift, continues });
         }
         Ok(MergedReader::new(all))
     }
@@ -86,8 +131,8 @@ impl Captures {
     }
 
     fn sources_at(&self, position: &MergedPosition) -> Result<Vec<Source>, CaptureError> {
-        let place = |(content, offset): (&Content, u64)| {
-            let mut source = Source::new(content.clone(), 0);
+        let place = |(placed, offset): (&PlacedContent, u64)| {
+            let mut source = Source::new(placed.content.clone(), 0);
             source.seek(std::io::SeekFrom::Start(offset))?;
             Ok(source)
         };

@@ -104,6 +104,7 @@ impl Opening {
             }
         } else if let Some(options) = self.options.take() {
             let captures = Captures::open(std::mem::take(&mut self.contents), options)?;
+            self.problems.extend(captures.notes.iter().cloned());
             let walk = captures.start().map_err(|error| error.to_string())?;
             self.surveying = Some((captures, Surveying::new(walk, &self.setup)));
         } else if let Some((_, surveying)) = &mut self.surveying {

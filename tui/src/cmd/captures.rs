@@ -63,7 +63,7 @@ pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&SourceSeries
 
 /// Joins the parts of captures.
 pub(super) fn series(captures: &[Source], input: &InputArgs) -> Vec<SourceSeries> {
-    let all = joined(files(captures), input);
+    let all = joined(&files(captures), input);
     let folder = |series: &Series| {
         captures.iter().find(|source| source.path == series.first()).and_then(|source| source.folder.clone())
     };

@@ -1,43 +1,22 @@
-//! Series: parts of one capture that a recorder, or `split`, wrote as several files.
-//!
-//! ```text
-//! run.log ──────▶│run-0002.log ──────▶│run-0003.log ──▶    one capture: frames are counted over all parts
-//!                └─ starts 0 to 5 s after the last frame, on the same clock and buses
-//! ```
+//! Files of a series; the library decides which files form one.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{Batch, ReadOptions};
 use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::series::{
+    self, CaptureScan, JoinOptions, MixedClocks, PossiblePart, Relation, SeriesParts,
+};
 
 use super::file::open;
-use super::names::{is_numbered_like, order_in_series};
-use super::scan::{Apart, CaptureScan};
 
 /// Maximum size of a part with nothing but comments, in bytes.
 const LARGEST_BLANK: u64 = 64 * 1024;
 
 /// Maximum number of parts that a note lists at each end.
 const LISTED: usize = 4;
-
-/// Conditions for joining files.
-#[derive(Debug, Clone, Copy)]
-pub struct JoinOptions {
-    /// Join no files.
-    pub is_off: bool,
-    /// Join all files in their order, also if a relative clock starts again.
-    pub is_requested: bool,
-    /// Maximum time from the last frame of a part to the first frame of the next one, in ns.
-    pub max_gap: i64,
-}
-
-impl JoinOptions {
-    /// Joins no files.
-    pub const OFF: Self = Self { is_off: true, is_requested: false, max_gap: 0 };
-}
 
 /// A file that may be a part of a series.
 #[derive(Debug, Clone)]
@@ -109,302 +88,109 @@ impl Series {
     }
 }
 
-/// Position of a file relative to the previous part of the same recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Relation {
-    /// No previous part.
-    #[default]
-    Independent,
-    /// The next part of the series that contains this file.
-    Continues(usize),
-    /// The same recorder, after a pause that is longer than a series allows.
-    Later(usize),
-}
-
-/// Relations of files, and notes on files that are not joined although their names are consecutive.
-#[derive(Debug, Default)]
+/// Relations of files.
+#[derive(Debug)]
 pub struct Relations {
     /// Files, without parts that contain nothing but comments.
     pub files: Vec<CaptureFile>,
-    /// Relation of each file.
-    pub of: Vec<Relation>,
-    /// Reasons why files are not joined.
-    pub notes: Vec<String>,
-    /// Number of frames of each file that was read to its end.
-    frames: Vec<u64>,
-    /// Nanoseconds added to the timestamps of each file.
-    shifts: Vec<i64>,
+    found: series::Relations,
 }
 
 impl Relations {
-    fn independent(files: Vec<CaptureFile>) -> Self {
-        let count = files.len();
-        let of = vec![Relation::Independent; count];
-        Self { files, of, notes: Vec::new(), frames: vec![0; count], shifts: vec![0; count] }
+    /// Relation of each file.
+    pub fn of(&self) -> &[Relation] {
+        &self.found.of
+    }
+
+    /// Reasons why files are not joined.
+    pub fn notes(&self) -> &[String] {
+        &self.found.notes
     }
 
     /// Nanoseconds added to the timestamps of a file: its relative clock starts again.
     pub fn shift(&self, index: usize) -> i64 {
-        self.shifts.get(index).copied().unwrap_or(0)
-    }
-
-    fn join(&mut self, before: usize, after: usize) {
-        if let Some(relation) = self.of.get_mut(after) {
-            *relation = Relation::Continues(before);
-        }
-    }
-
-    fn set_frames(&mut self, index: usize, frames: u64) {
-        if let Some(count) = self.frames.get_mut(index) {
-            *count = frames;
-        }
-    }
-
-    /// Whether a file is an earlier part of the series that contains `other`.
-    fn precedes(&self, index: usize, other: usize) -> bool {
-        let mut part = other;
-        for _ in 0..self.of.len() {
-            match self.of.get(part) {
-                Some(Relation::Continues(before)) => part = *before,
-                _ => break,
-            }
-        }
-        part == index
+        self.found.shift(index)
     }
 
     /// The series, in the order of their first parts on the command line.
     pub fn series(&self) -> Vec<Series> {
-        let files = &self.files;
-        let next = |index: usize| self.of.iter().position(|one| *one == Relation::Continues(index));
-        let mut placed = vec![false; files.len()];
-        let mut all: Vec<(Series, Vec<usize>)> = Vec::new();
-        for start in
-            (0..files.len()).filter(|start| !matches!(self.of.get(*start), Some(Relation::Continues(_))))
-        {
-            let mut members = Vec::new();
-            let mut index = Some(start);
-            while let Some(part) = index.filter(|part| placed.get(*part) == Some(&false)) {
-                placed.iter_mut().skip(part).take(1).for_each(|is_placed| *is_placed = true);
-                members.push(part);
-                index = next(part);
-            }
-            all.push((self.one(files, &members), members));
-        }
-        all.sort_by_key(|(_, members)| members.iter().min().copied());
-        all.into_iter().map(|(series, _)| series).collect()
-    }
-
-    fn one(&self, files: &[CaptureFile], members: &[usize]) -> Series {
-        let path = |index: &usize| files.get(*index).map(|file| file.path.clone());
-        let mut frame: u64 = 1;
-        let (mut first_frames, mut shifts) = (Vec::new(), Vec::new());
-        for index in members.iter().filter(|_| members.len() > 1) {
-            first_frames.push(frame);
-            shifts.push(self.shift(*index));
-            frame = frame.saturating_add(self.frames.get(*index).copied().unwrap_or(0));
-        }
-        Series { parts: members.iter().filter_map(path).collect(), first_frames, shifts }
+        let path = |index: usize| self.files.get(index).map(|file| file.path.clone());
+        let of = |SeriesParts { files, first_frames, shifts }| {
+            let parts = files.into_iter().filter_map(path).collect();
+            Series { parts, first_frames, shifts }
+        };
+        self.found.series().into_iter().map(of).collect()
     }
 }
 
 /// Finds the series among files. Only files with consecutive names, or that follow each other on the command
 /// line, are read to their ends.
-pub fn relate(files: Vec<CaptureFile>, read: &ReadOptions, join: JoinOptions) -> Relations {
-    let count = files.iter().filter(|file| file.path.is_file()).count();
-    if join.is_off || count < 2 {
-        return Relations::independent(files);
-    }
-    if join.is_requested {
-        return joined_on_request(files, read);
-    }
-    let heads: Vec<Option<Head>> = files.iter().map(|file| Head::read(&file.path, read)).collect();
-    let (files, heads) = without_blank_parts(files, heads);
-    let mut relations = Relations::independent(files);
-    let files = relations.files.clone();
-    let files = files.as_slice();
-    let mut scans: BTreeMap<usize, CaptureScan> = BTreeMap::new();
-    for Pair { before, after, is_numbered } in pairs(files, &heads) {
-        for index in [before, after] {
-            if let (false, Some(file)) = (scans.contains_key(&index), files.get(index)) {
-                scans.extend(CaptureScan::read(&file.path, read).map(|scan| (index, scan)));
-            }
-        }
-        let (Some(earlier), Some(later)) = (scans.get(&before), scans.get(&after)) else { continue };
-        let name =
-            |index: usize| files.get(index).map_or(String::new(), |file| file.path.display().to_string());
-        match earlier.relation(later, join.max_gap) {
-            Ok(()) if relations.precedes(after, before) => {}
-            Ok(()) => {
-                relations.join(before, after);
-                for (index, scan) in [(before, earlier), (after, later)] {
-                    relations.set_frames(index, scan.frames);
-                }
-                if let (Some(earlier), Some(mut later)) = (scans.remove(&before), scans.remove(&after)) {
-                    later.inherit(&earlier);
-                    scans.insert(before, earlier);
-                    scans.insert(after, later);
-                }
-            }
-            Err(Apart { reason, is_later, is_close }) => {
-                if is_later && is_numbered {
-                    relations
-                        .of
-                        .iter_mut()
-                        .skip(after)
-                        .take(1)
-                        .for_each(|one| *one = Relation::Later(before));
-                }
-                if is_close && is_numbered {
-                    relations.notes.push(format!(
-                        "{}: not joined to {}: {reason}",
-                        name(after),
-                        name(before)
-                    ));
-                }
-            }
-        }
-    }
-    relations
+pub fn relate(files: &[CaptureFile], read: &ReadOptions, join: JoinOptions) -> Relations {
+    let candidates: Vec<_> = files.iter().map(|file| ReadableFile { file, read }).collect();
+    let found = series::relate(&candidates, join);
+    let files = found.files.iter().filter_map(|index| files.get(*index)).cloned().collect();
+    Relations { files, found }
 }
 
-/// All files as parts of one capture, in their order. A file whose clock does not fit starts another capture.
-fn joined_on_request(files: Vec<CaptureFile>, read: &ReadOptions) -> Relations {
-    let mut relations = Relations::independent(files);
-    let paths: Vec<PathBuf> = relations.files.iter().map(|file| file.path.clone()).collect();
-    let mut before: Option<(usize, CaptureScan)> = None;
-    for (index, path) in paths.iter().enumerate() {
-        // An unreadable file is reported when it is decoded.
-        let Some(scan) = path.is_file().then(|| CaptureScan::read(path, read)).flatten() else { continue };
-        if scan.frames == 0 {
-            continue;
-        }
-        if let Some((earlier, known)) = &before {
-            match known.shift_of(&scan, relations.shift(*earlier)) {
-                Ok(shift) => {
-                    relations.join(*earlier, index);
-                    relations.set_frames(*earlier, known.frames);
-                    relations.set_frames(index, scan.frames);
-                    relations.shifts.iter_mut().skip(index).take(1).for_each(|own| *own = shift);
-                }
-                Err(reason) => {
-                    let name = |index: usize| {
-                        paths.get(index).map_or(String::new(), |path| path.display().to_string())
-                    };
-                    relations.notes.push(format!(
-                        "{}: not joined to {}: {reason}",
-                        name(index),
-                        name(*earlier)
-                    ));
-                }
-            }
-        }
-        before = Some((index, scan));
-    }
-    relations
+/// Error of captures without a common time axis, with the option that gives them one.
+pub fn mixed_clocks(mixed: MixedClocks) -> anyhow::Error {
+    anyhow::anyhow!("{mixed}, or use --align to start them together")
 }
 
-/// Removes parts without frames: the first lines of a capture may be comments, and `split` can write empty
-/// parts. A neighbour with the same kind of name must have frames.
-fn without_blank_parts(
-    files: Vec<CaptureFile>,
-    heads: Vec<Option<Head>>,
-) -> (Vec<CaptureFile>, Vec<Option<Head>>) {
-    let numbered: Vec<(PathBuf, String)> = files
-        .iter()
-        .zip(&heads)
-        .filter(|(_, head)| head.is_some())
-        .map(|(file, _)| (file.path.clone(), file_name(&file.path)))
-        .collect();
-    let is_part = |path: &Path| {
-        let name = file_name(path);
-        let is_like = |(other, known): &(PathBuf, String)| {
-            other.parent() == path.parent() && is_numbered_like(&name, known)
-        };
-        // A single other file is an ordinary capture next to an empty one.
-        numbered.iter().filter(|known| is_like(known)).count() > 1
-    };
-    let all = files.into_iter().zip(heads);
-    all.filter(|(file, head)| head.is_some() || !is_part(&file.path) || !is_blank(&file.path)).unzip()
-}
-
-/// Whether a file contains only empty lines and comments.
-fn is_blank(path: &Path) -> bool {
-    let mut text = Vec::new();
-    let Ok(file) = File::open(path) else { return false };
-    let size = file.take(LARGEST_BLANK + 1).read_to_end(&mut text).unwrap_or(usize::MAX);
-    let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
-    size as u64 <= LARGEST_BLANK && lines.all(|line| line.is_empty() || line.starts_with(b"#"))
-}
-
-/// Two files of which the second may continue the first.
-struct Pair {
-    before: usize,
-    after: usize,
-    /// Their names are consecutive.
-    is_numbered: bool,
-}
-
-/// Pairs that may belong together: consecutive names first, then neighbours on the command line.
-fn pairs(files: &[CaptureFile], heads: &[Option<Head>]) -> Vec<Pair> {
-    let mut order: Vec<(usize, &Head, String)> = Vec::new();
-    for (index, (file, head)) in files.iter().zip(heads).enumerate() {
-        if let Some(head) = head {
-            order.push((index, head, file_name(&file.path)));
-        }
-    }
-    order.sort_by(|(_, one, name), (_, other, other_name)| {
-        one.kind().cmp(&other.kind()).then_with(|| order_in_series(name).cmp(&order_in_series(other_name)))
-    });
-    let mut all = Vec::new();
-    for two in order.windows(2) {
-        let [(before, one, name), (after, other, next)] = two else { continue };
-        // A file that starts earlier overlaps, or belongs to another recording.
-        if one.may_precede(other) && is_numbered_like(name, next) {
-            all.push(Pair { before: *before, after: *after, is_numbered: true });
-        }
-    }
-    let listed = (1..files.len()).filter(|after| {
-        let both = files.get(after - 1).zip(files.get(*after));
-        both.is_some_and(|(one, other)| one.is_listed && other.is_listed)
-    });
-    for after in listed {
-        let before = after - 1;
-        let heads = heads.get(before).and_then(Option::as_ref).zip(heads.get(after).and_then(Option::as_ref));
-        let is_free = !all.iter().any(|pair| pair.before == before || pair.after == after);
-        if is_free && heads.is_some_and(|(one, other)| one.may_precede(other)) {
-            all.push(Pair { before, after, is_numbered: false });
+/// Earliest and latest timestamp of files; `None` for pipes, which can be read only once.
+pub fn time_span(files: &[PathBuf], read: &ReadOptions) -> Option<(Timestamp, Timestamp)> {
+    let mut all: Option<(Timestamp, Timestamp)> = None;
+    for path in files {
+        let file = CaptureFile { path: path.clone(), is_listed: true };
+        let scan = CaptureScan::read(&ReadableFile { file: &file, read })?;
+        if let Some((first, last)) = scan.span() {
+            let known = all.get_or_insert((first, last));
+            *known = (known.0.min(first), known.1.max(last));
         }
     }
     all
 }
 
-/// Start of a capture.
-struct Head {
-    folder: PathBuf,
-    format: &'static str,
-    first: Timestamp,
+/// A file that reads itself.
+struct ReadableFile<'a> {
+    file: &'a CaptureFile,
+    read: &'a ReadOptions,
 }
 
-impl Head {
-    /// `None` for anything but a readable file with timestamps; pipes can be read only once.
-    fn read(path: &Path, options: &ReadOptions) -> Option<Self> {
-        if !path.is_file() {
+impl PossiblePart for ReadableFile<'_> {
+    fn path(&self) -> &Path {
+        &self.file.path
+    }
+
+    fn is_listed(&self) -> bool {
+        self.file.is_listed
+    }
+
+    fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
+        // A pipe can be read only once.
+        if !self.file.path.is_file() {
             return None;
         }
-        let mut reader = open(path, options).ok()?.reader;
+        let capture = open(&self.file.path, self.read).ok()?;
+        let format = capture.reader.format().name;
+        let (mut frames, mut progress) = capture.frames(is_whole);
+        progress.hide();
         let mut batch = Batch::new();
-        while batch.frames().is_empty() && reader.read(&mut batch).ok()? {}
-        let first = batch.frames().first()?.time?;
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        Some(Self { folder, format: reader.format().name, first })
+        // An unreadable end is reported when the capture is decoded.
+        while frames.read(&mut batch).unwrap_or(false) {
+            if !take(&batch, frames.buses().names()) {
+                break;
+            }
+        }
+        Some(format)
     }
 
-    fn kind(&self) -> (&Path, &'static str, bool) {
-        (&self.folder, self.format, self.first.has_date())
-    }
-
-    fn may_precede(&self, other: &Self) -> bool {
-        self.kind() == other.kind() && self.first <= other.first
+    fn is_blank(&self) -> bool {
+        let mut text = Vec::new();
+        let Ok(file) = File::open(&self.file.path) else { return false };
+        let size = file.take(LARGEST_BLANK + 1).read_to_end(&mut text).unwrap_or(usize::MAX);
+        let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+        size as u64 <= LARGEST_BLANK && lines.all(|line| line.is_empty() || line.starts_with(b"#"))
     }
 }
 

@@ -31,9 +31,11 @@ use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::rules::Setup;
+use cobscope_decoder::series::{CapturePlacement, arrange};
 use cobscope_decoder::session::SessionOptions;
 
 pub use cobscope_decoder::replay::{Points, Row, SignalKey, signal};
+pub use cobscope_decoder::series::JoinOptions;
 pub use cobscope_decoder::statistics::{LoadOverTime, LoadStep};
 pub use indexed::{IndexedCapture, WalkStart};
 pub use matches::{Matcher, Matches};
@@ -47,9 +49,8 @@ pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Traces};
 
 pub use crate::bucket::Bucket;
-pub use crate::source::JoinOptions;
 use crate::source::live::LiveState;
-use crate::source::{CaptureFile, CapturePlacement, Store, arrange, relate};
+use crate::source::{CaptureFile, Store, mixed_clocks, relate};
 
 /// Captures with all options.
 pub struct Captures {
@@ -310,7 +311,7 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
     let files = captures.paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
     let is_off = captures.join.is_off || captures.align;
     let join = JoinOptions { is_off, ..captures.join };
-    let relations = relate(files.collect(), &captures.read, join);
+    let relations = relate(&files.collect::<Vec<_>>(), &captures.read, join);
     for (index, CaptureFile { path, .. }) in relations.files.iter().enumerate() {
         let store = Store::open(path)?;
         let name = store.name().to_owned();
@@ -325,7 +326,7 @@ fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> 
     }
     let mut lanes: Vec<Option<Lane>> = lanes.into_iter().map(Some).collect();
     let mut arranged = Vec::new();
-    for place in arrange(&names, &firsts, &relations.of, captures.align)? {
+    for place in arrange(&names, &firsts, relations.of(), captures.align).map_err(mixed_clocks)? {
         let CapturePlacement { index, group, shift, continues } = place;
         let shift = shift.saturating_add(relations.shift(index));
         let lane = lanes.get_mut(index).and_then(Option::take);

@@ -78,10 +78,6 @@ export class Client {
     });
   }
 
-  cancel(): void {
-    this.send({ kind: "cancel" });
-  }
-
   end(): void {
     this.worker.terminate();
     URL.revokeObjectURL(this.address);

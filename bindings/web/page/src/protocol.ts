@@ -34,8 +34,7 @@ export type ToWorker =
   | { kind: "module"; text: string }
   | { kind: "files"; files: File[] }
   | { kind: "call"; id: number; request: Request }
-  | { kind: "job"; id: number; request: Request }
-  | { kind: "cancel" };
+  | { kind: "job"; id: number; request: Request };
 
 /** A message of the worker to the page. */
 export type FromWorker =

@@ -16,7 +16,7 @@ interface Exports {
   bytes(): number;
 }
 
-/** Frames per step: a step takes about 20 ms, so that a cancel is noticed. */
+/** Frames per step: a step takes about 20 ms, so that a later request is noticed. */
 const STEP = 16_384;
 
 /** Bytes read from a file at once. */
@@ -147,9 +147,6 @@ scope.onmessage = async ({ data }) => {
       case "files":
         files = data.files;
         slice = { file: -1, start: 0, bytes: new Uint8Array(0) };
-        return;
-      case "cancel":
-        job = 0;
         return;
       default: {
         if (!exports) throw new Error("the module was not sent");

@@ -3,12 +3,10 @@
 use std::io;
 
 use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, node_number};
+use super::time::{TimeCell, nanos, number};
 use crate::event::Event;
-use crate::query::record::protocol;
 use crate::session::Bus;
-use crate::sink::jsonl::Lines;
-use crate::sink::text::Line;
+use crate::sink::rows;
 
 /// Columns of the table of events.
 pub(super) const HEADINGS: &[Heading] = &[
@@ -31,19 +29,19 @@ pub(super) const HEADINGS: &[Heading] = &[
 
 /// Converts events to rows.
 pub(super) struct EventRows {
-    lines: Lines,
+    rows: rows::EventRows,
     capture: Option<String>,
     time: TimeCell,
 }
 
 impl EventRows {
     pub(super) fn new(time: TimeCell) -> Self {
-        Self { lines: Lines::default(), capture: None, time }
+        Self { rows: rows::EventRows::default(), capture: None, time }
     }
 
     /// Adds the capture name to every following row.
     pub(super) fn set_capture(&mut self, name: &str) {
-        self.lines.set_capture(name);
+        self.rows.set_capture(name);
         self.capture = Some(name.to_owned());
     }
 
@@ -54,27 +52,23 @@ impl EventRows {
         bus: &Bus,
         push: &mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
     ) -> io::Result<()> {
-        let words = Line::of(event, bus);
-        let blank = if words.who.is_empty() { "" } else { " " };
-        let text = format!("{}{blank}{} {}", words.who, words.kind, words.what);
-        let json = String::from_utf8_lossy(self.lines.of(event, bus).trim_ascii_end());
-        let node = event.node.and_then(|node| bus.node(node));
+        let row = self.rows.row(event, bus);
         push(&[
-            (self.time)(event.time),
-            nanos(event.time),
+            (self.time)(row.time),
+            nanos(row.time),
             Cell::text(self.capture.as_deref()),
-            Cell::Text(bus.name()),
-            Cell::Number(event.frames.first.cast_signed()),
-            Cell::Number(event.frames.last.cast_signed()),
-            Cell::Text(event.kind.name()),
-            Cell::Text(protocol(event.protocol)),
-            node_number(event.node),
-            Cell::text(node.and_then(|node| node.name())),
-            Cell::text(node.and_then(|node| node.device_id())),
-            Cell::Truth(event.presumed),
-            Cell::Truth(event.routine),
-            Cell::Text(&text),
-            Cell::Text(&json),
+            Cell::Text(row.bus),
+            Cell::Number(row.first_frame.cast_signed()),
+            Cell::Number(row.last_frame.cast_signed()),
+            Cell::Text(row.kind),
+            Cell::Text(row.protocol),
+            number(row.node),
+            Cell::text(row.node_name),
+            Cell::text(row.device),
+            Cell::Truth(row.presumed),
+            Cell::Truth(row.routine),
+            Cell::Text(&row.text),
+            Cell::Text(&row.json),
         ])
     }
 }

@@ -3,11 +3,10 @@
 use std::io;
 
 use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, node_number};
+use super::time::{TimeCell, nanos, number};
 use crate::event::Event;
-use crate::query::record::FieldValue;
 use crate::session::Bus;
-use crate::sink::values::{self, FieldNames, GroupNames, Groups};
+use crate::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
 
 /// Columns of the table of values.
 pub(super) const HEADINGS: &[Heading] = &[
@@ -31,19 +30,19 @@ pub(super) const HEADINGS: &[Heading] = &[
 
 /// Converts the values of events to rows.
 pub(super) struct SignalRows {
-    groups: Groups<GroupNames>,
+    rows: ValueRows,
     capture: Option<String>,
     time: TimeCell,
 }
 
 impl SignalRows {
     pub(super) fn new(time: TimeCell) -> Self {
-        Self { groups: Groups::default(), capture: None, time }
+        Self { rows: ValueRows::default(), capture: None, time }
     }
 
     /// Adds the capture name to every following row.
     pub(super) fn set_capture(&mut self, name: &str) {
-        self.groups = Groups::default();
+        self.rows = ValueRows::default();
         self.capture = Some(name.to_owned());
     }
 
@@ -54,36 +53,49 @@ impl SignalRows {
         bus: &Bus,
         push: &mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
     ) -> io::Result<()> {
-        let Some(carried) = values::carried(event) else { return Ok(()) };
-        let Some(named) = self.groups.of(&carried, || GroupNames::of(&carried, bus)) else { return Ok(()) };
-        let device = event.node.and_then(|node| bus.node(node)).and_then(|node| node.device_id());
-        for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
-            let reading = values::reading(&signal, label);
-            let mut hex = String::new();
-            let (value, text) = cells(reading.value, &mut hex);
-            let unit = values::unit(signal.field);
-            let mut digits = String::new();
-            let raw = raw_cells(signal.raw, &mut digits);
-            push(&[
-                (self.time)(event.time),
-                nanos(event.time),
-                Cell::text(self.capture.as_deref()),
-                Cell::Text(bus.name()),
-                Cell::Number(event.frames.last.cast_signed()),
-                node_number(event.node),
-                Cell::text(device),
-                Cell::Text(&named.group),
-                Cell::Text(name),
-                Cell::Text(id),
-                value,
-                text,
-                if unit.is_empty() { Cell::Null } else { Cell::Text(unit) },
-                Cell::text(reading.label),
-                raw.0,
-                raw.1,
-            ])?;
+        let mut pushed = Pushed { push, capture: self.capture.as_deref(), time: self.time, result: Ok(()) };
+        self.rows.visit(event, bus, &mut pushed);
+        pushed.result
+    }
+}
+
+/// Passes each value as a row, until that fails.
+struct Pushed<'p> {
+    push: &'p mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
+    capture: Option<&'p str>,
+    time: TimeCell,
+    result: io::Result<()>,
+}
+
+impl ValueTable for Pushed<'_> {
+    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
+        if self.result.is_err() {
+            return;
         }
-        Ok(())
+        let mut digits = String::new();
+        let raw = raw_cells(cells.raw, &mut digits);
+        self.result = (self.push)(&[
+            (self.time)(source.time),
+            nanos(source.time),
+            Cell::text(self.capture),
+            Cell::Text(source.bus),
+            Cell::Number(source.frame.cast_signed()),
+            number(source.node),
+            Cell::text(source.device),
+            Cell::Text(source.group),
+            Cell::Text(cells.signal),
+            Cell::Text(cells.id),
+            cells.value.map_or(Cell::Null, Cell::Real),
+            Cell::text(cells.text.as_deref()),
+            if cells.unit.is_empty() { Cell::Null } else { Cell::Text(cells.unit) },
+            Cell::text(cells.label),
+            raw.0,
+            raw.1,
+        ]);
+    }
+
+    fn source(&mut self, _: &ValueSource<'_>, _: u32, _: usize) {
+        // Each row has the cells of its source.
     }
 }
 
@@ -94,23 +106,4 @@ fn raw_cells(raw: u64, digits: &mut String) -> (Cell<'static>, Cell<'_>) {
     }
     *digits = format!("{raw:016X}");
     (Cell::Null, Cell::Text(digits))
-}
-
-/// The number and the text cell of a value; one of them is null.
-#[expect(clippy::cast_precision_loss, reason = "raw is exact")]
-fn cells<'a>(value: FieldValue<'a>, hex: &'a mut String) -> (Cell<'a>, Cell<'a>) {
-    let number = match value {
-        FieldValue::Unsigned(value) => value as f64,
-        FieldValue::Integer(value) => value as f64,
-        FieldValue::Real(value) if value.is_finite() => value,
-        FieldValue::Text(text) => return (Cell::Null, Cell::Text(text)),
-        FieldValue::Bytes(bytes) => {
-            let mut digits = Vec::new();
-            crate::ascii::push_hex(&mut digits, bytes);
-            *hex = String::from_utf8_lossy(&digits).into_owned();
-            return (Cell::Null, Cell::Text(hex));
-        }
-        _ => return (Cell::Null, Cell::Null),
-    };
-    (Cell::Real(number), Cell::Null)
 }

@@ -6,15 +6,13 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, MergedCapture, MergedReader, Reader};
+use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange};
 
 use super::said::called;
 use crate::cli::InputArgs;
 use crate::cmd::input::{join_options, read_options};
 use crate::cmd::messages::note;
-use crate::source::{
-    CaptureFile, CapturePlacement, JoinOptions, Relations, Series, SeriesFrames, Store, StoreReader, arrange,
-    relate,
-};
+use crate::source::{CaptureFile, Relations, Series, SeriesFrames, Store, StoreReader, mixed_clocks, relate};
 
 /// Captures being read.
 pub(super) struct Input {
@@ -43,10 +41,10 @@ impl Input {
         // Unrelated clocks do not continue each other.
         let join = join_options(input);
         let join = JoinOptions { is_off: join.is_off || align, ..join };
-        let relations = relate(files.collect(), &read_options(input), join);
+        let relations = relate(&files.collect::<Vec<_>>(), &read_options(input), join);
         let series = relations.series();
         let notes = series.iter().filter_map(Series::note);
-        notes.chain(relations.notes.iter().cloned()).for_each(|text| note(&text));
+        notes.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));
         let name = |path: &PathBuf| path.display().to_string();
         let (reading, names) = if let [series] = series.as_slice() {
             let frames = SeriesFrames::open(series, read_options(input), true)?;
@@ -158,7 +156,7 @@ fn several(
         stores.push(store);
     }
     let (mut captures, mut ordered) = (Vec::new(), Vec::new());
-    for place in arrange(&names, &firsts, &relations.of, align)? {
+    for place in arrange(&names, &firsts, relations.of(), align).map_err(mixed_clocks)? {
         let CapturePlacement { index, group, shift, continues } = place;
         let (Some(store), Some(name)) = (stores.get(index), names.get(index)) else { continue };
         let source: Box<dyn Read + Send> = Box::new(CompleteStore(store.reader(0), Arc::clone(store)));

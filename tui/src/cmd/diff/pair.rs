@@ -23,7 +23,7 @@ pub(in crate::cmd) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
         "--join: ambiguous for more than two files; put the parts of each capture in a folder"
     );
     let files = paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
-    let series = joined(files.collect(), input);
+    let series = joined(&files.collect::<Vec<_>>(), input);
     let count = series.len();
     series
         .try_into()
@@ -44,7 +44,7 @@ pub(in crate::cmd) fn one(path: &Path, input: &InputArgs) -> anyhow::Result<Seri
         entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
     let files = files.into_iter().map(|path| CaptureFile { path, is_listed: true });
-    let mut series = joined(files.collect(), input);
+    let mut series = joined(&files.collect::<Vec<_>>(), input);
     ensure!(
         series.len() == 1,
         "{name}: contains {} captures; expected the parts of one (--join, --part-gap)",

@@ -13,12 +13,13 @@ use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::Setup;
+use cobscope_decoder::series::JoinOptions;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::wire::NodeId;
 
 use super::messages::{note, warn};
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
-use crate::source::{CaptureFile, JoinOptions, Series, relate};
+use crate::source::{CaptureFile, Series, relate};
 use crate::words::unknown_bus;
 
 use databases::databases;
@@ -31,15 +32,15 @@ pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
 /// Captures to read, each a file or the parts of a series, which are reported.
 pub(super) fn series(input: &InputArgs) -> Vec<Series> {
     let files = captures(input).into_iter().map(|path| CaptureFile { path, is_listed: true });
-    joined(files.collect(), input)
+    joined(&files.collect::<Vec<_>>(), input)
 }
 
 /// The series among `files`; joined and rejected parts are reported.
-pub(super) fn joined(files: Vec<CaptureFile>, input: &InputArgs) -> Vec<Series> {
+pub(super) fn joined(files: &[CaptureFile], input: &InputArgs) -> Vec<Series> {
     let relations = relate(files, &read_options(input), join_options(input));
     let all = relations.series();
     let joined = all.iter().filter_map(Series::note);
-    joined.chain(relations.notes).for_each(|text| note(&text));
+    joined.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));
     all
 }
 

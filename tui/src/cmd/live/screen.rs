@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::BusIndex;
+use cobscope_decoder::series::JoinOptions;
 
 use super::pump::{PendingDeliveries, Pump};
 use super::sources::{open, recorder};
@@ -21,7 +22,7 @@ use crate::cmd::view::{command, forward};
 use crate::exit_code::Exit;
 use crate::record::RecordStatus;
 use crate::source::live::{Arrival, SourceSpec};
-use crate::source::{JoinOptions, Store, StoreWriter};
+use crate::source::{Store, StoreWriter};
 use crate::terminal::{self, Screen};
 use crate::timeline::{Captures, LiveBuses, Timeline};
 

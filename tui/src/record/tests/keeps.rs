@@ -229,7 +229,7 @@ fn parts_are_looked_at_as_one_recording() {
         let captures = Captures {
             paths,
             align: false,
-            join: crate::source::JoinOptions { is_off: false, is_requested: false, max_gap: 5_000_000_000 },
+            join: cobscope_decoder::series::JoinOptions::USUAL,
             read: ReadOptions::default(),
             session: SessionOptions::default(),
             rules: Arc::default(),

@@ -1,9 +1,9 @@
-"""Runs the Spark job of docs/fleet on a generated fleet and checks its lake.
+"""Runs the jobs of docs/fleet on a generated fleet and checks their lakes.
 
-    fleet_spark.py PROGRAM FOLDER MACHINES DAYS
+    fleet_jobs.py PROGRAM FOLDER MACHINES DAYS
 
-A run, a second one that adds nothing, and a run whose driver is killed and started again must give the same lake. Its findings
-must be those of `check`, its reasons of failures those of the three broken files. Prints captures per minute.
+A run with Spark, a second one that adds nothing, one whose driver is killed and started again, one with Dask, and one that reads
+and writes an object store (moto, which has the interface of S3) must give the same lake. Its findings must be those of `check`, its reasons of failures those of the three broken files. Prints captures per minute.
 """
 
 import hashlib
@@ -12,18 +12,20 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 
 import pyarrow.dataset as ds
+from pyarrow import fs
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BROKEN = 3
 
 
-def command(program, fleet, lake):
-    job = os.path.join(REPOSITORY, "docs/fleet/fleet_job.py")
+def command(program, fleet, lake, job="fleet_job.py"):
+    job = os.path.join(REPOSITORY, "docs/fleet", job)
     options = ["--bus", f"{fleet}/press.bus.toml", "--machine-from", "(press-[0-9]+)/", "--cobscope", program]
     return [sys.executable, job, fleet, lake, *options]
 
@@ -81,7 +83,7 @@ def main():
     program, folder, machines, days = sys.argv[1:]
     shutil.rmtree(folder, ignore_errors=True)
     os.makedirs(folder)
-    fleet, lake, killed = (os.path.join(folder, name) for name in ("fleet", "lake", "killed"))
+    fleet, lake, killed, dask = (os.path.join(folder, name) for name in ("fleet", "lake", "killed", "dask"))
     maker = os.path.join(REPOSITORY, "fixtures/fleet/make_fleet.py")
     subprocess.run([sys.executable, maker, fleet, "--machines", machines, "--days", days, "--extras"], check=True)
 
@@ -114,10 +116,60 @@ def main():
     process.communicate()
     before = len(files(killed))
     run(command(program, fleet, killed))
-    again = files(killed)
-    different = {name for name in whole.keys() | again.keys() if whole.get(name) != again.get(name)}
-    assert not different, f"after a killed run: {sorted(different)[:5]}"
+    assert_equal(whole, files(killed), "after a killed run")
     print(f"{len(whole)} files; equal after a run that was killed with {before} of them")
+
+    _, elapsed = run(command(program, fleet, dask, "fleet_dask.py"))
+    assert_equal(whole, files(dask), "with Dask")
+    print(f"equal with Dask: {60 * len(captures) / elapsed:.0f} captures per minute")
+
+
+    elapsed = on_object_store(program, fleet, folder, whole)
+    print(f"equal on an object store: {60 * len(captures) / elapsed:.0f} captures per minute")
+
+
+def on_object_store(program, fleet, folder, expected):
+    """Runs the job with captures and lake in buckets, and returns the seconds it took."""
+    os.environ.update(AWS_ACCESS_KEY_ID="test", AWS_SECRET_ACCESS_KEY="test", AWS_EC2_METADATA_DISABLED="true")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        place = f"127.0.0.1:{free.getsockname()[1]}"
+    words = [os.path.join(os.path.dirname(sys.executable), "moto_server"), "-H", "127.0.0.1", "-p", place.split(":")[1]]
+    server = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        store = fs.S3FileSystem(endpoint_override=place, scheme="http", region="us-east-1", allow_bucket_creation=True)
+        create_buckets(store, server)
+        fs.copy_files(fleet, "captures", destination_filesystem=store)
+        own = [f"s3://{bucket}?endpoint_override={place}&scheme=http&region=us-east-1" for bucket in ("captures", "lake")]
+        words = command(program, fleet, "")
+        output, elapsed = run([*words[:2], *own, *words[4:]])
+        copy = os.path.join(folder, "from-store")
+        fs.copy_files("lake", copy, source_filesystem=store)
+    finally:
+        server.terminate()
+        server.wait()
+    # The names of `_files` depend on the times of change.
+    content = [{name: content for name, content in lake.items() if not name.startswith("_files")} for lake in (expected, files(copy))]
+    assert_equal(*content, f"on an object store: {output[-1000:]}")
+    return elapsed
+
+
+def create_buckets(store, server):
+    """Creates the buckets as soon as the server answers."""
+    for _ in range(600):
+        assert server.poll() is None, "moto_server ended"
+        try:
+            for bucket in ("captures", "lake"):
+                store.create_dir(bucket)
+            return
+        except OSError:
+            time.sleep(0.1)
+    sys.exit("moto_server does not answer")
+
+
+def assert_equal(one, other, when):
+    different = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+    assert not different, f"{when}: {sorted(different)[:5]}"
 
 
 if __name__ == "__main__":

@@ -1,12 +1,9 @@
 //! Properties of whole files, and whether one continues another.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
-use cobscope_decoder::capture::{Batch, ReadOptions};
-use cobscope_decoder::frame::{CanId, Frame, Timestamp};
-
-use super::file::open;
+use super::part::PossiblePart;
+use crate::frame::{CanId, Frame, Timestamp};
 
 /// A capture on a relative clock that starts before this time does not continue another one: each recording
 /// starts near zero.
@@ -22,7 +19,7 @@ const REPORTED: i64 = 60_000_000_000;
 type IdentityKey = (String, u8, u8);
 
 /// Properties of a whole file.
-pub(super) struct CaptureScan {
+pub struct CaptureScan {
     /// Earliest and latest timestamp.
     span: Option<(Timestamp, Timestamp)>,
     first: Option<Frame>,
@@ -31,19 +28,6 @@ pub(super) struct CaptureScan {
     buses: Vec<String>,
     first_identities: BTreeMap<IdentityKey, u32>,
     last_identities: BTreeMap<IdentityKey, u32>,
-}
-
-/// Earliest and latest timestamp of files; `None` for pipes, which can be read only once.
-pub fn time_span(files: &[PathBuf], options: &ReadOptions) -> Option<(Timestamp, Timestamp)> {
-    let mut all: Option<(Timestamp, Timestamp)> = None;
-    for path in files {
-        let span = path.is_file().then(|| CaptureScan::read(path, options)).flatten()?.span;
-        if let Some((first, last)) = span {
-            let known = all.get_or_insert((first, last));
-            *known = (known.0.min(first), known.1.max(last));
-        }
-    }
-    all
 }
 
 /// Reason why a file does not continue another one.
@@ -63,9 +47,7 @@ impl Apart {
 
 impl CaptureScan {
     /// Reads a file to its end without decoding; `None` if it cannot be opened.
-    pub(super) fn read(path: &Path, options: &ReadOptions) -> Option<Self> {
-        let (mut frames, mut progress) = open(path, options).ok()?.frames(true);
-        progress.hide();
+    pub fn read(candidate: &impl PossiblePart) -> Option<Self> {
         let mut scan = Self {
             span: None,
             first: None,
@@ -75,15 +57,23 @@ impl CaptureScan {
             first_identities: BTreeMap::new(),
             last_identities: BTreeMap::new(),
         };
-        let mut batch = Batch::new();
-        // An unreadable end is reported when the capture is decoded.
-        while frames.read(&mut batch).unwrap_or(false) {
+        let mut buses = Vec::new();
+        candidate.read(true, &mut |batch, names| {
             for frame in batch.frames() {
-                scan.add(frame, frames.buses().names());
+                scan.add(frame, names);
             }
-        }
-        scan.buses = frames.buses().names().to_vec();
+            if names != buses {
+                buses = names.to_vec();
+            }
+            true
+        })?;
+        scan.buses = buses;
         Some(scan)
+    }
+
+    /// Earliest and latest timestamp; `None` without any.
+    pub fn span(&self) -> Option<(Timestamp, Timestamp)> {
+        self.span
     }
 
     fn add(&mut self, frame: &Frame, names: &[String]) {

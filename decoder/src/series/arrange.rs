@@ -1,10 +1,25 @@
 //! Several captures on a common time axis.
 
-use anyhow::ensure;
-use cobscope_decoder::frame::Timestamp;
+use std::fmt;
 
 use super::names::recording;
-use super::series::Relation;
+use super::part::Relation;
+use crate::frame::Timestamp;
+
+/// Some captures have dates, others count from their start, so they have no common time axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MixedClocks;
+
+impl fmt::Display for MixedClocks {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(
+            "some of these captures have dates, others count from their start, so they have no common time axis; open \
+             them one by one",
+        )
+    }
+}
+
+impl std::error::Error for MixedClocks {}
 
 /// Position of a capture among the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,16 +45,14 @@ pub fn arrange(
     firsts: &[Option<Timestamp>],
     relations: &[Relation],
     align: bool,
-) -> anyhow::Result<Vec<CapturePlacement>> {
+) -> Result<Vec<CapturePlacement>, MixedClocks> {
     let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
     let latest = times.iter().copied().max().unwrap_or_default();
     if !align && names.len() > 1 {
         let dated = times.iter().filter(|time| time.has_date()).count();
-        ensure!(
-            dated == 0 || dated == firsts.len(),
-            "some of these captures have dates, others count from their start, so they have no common time \
-             axis; open them one by one, or use --align to start them together"
-        );
+        if dated != 0 && dated != firsts.len() {
+            return Err(MixedClocks);
+        }
     }
     let relation = |index: usize| relations.get(index).copied().unwrap_or_default();
     let group = |index: usize| {

@@ -1,0 +1,34 @@
+//! Files that may be parts of a series, and their relations.
+
+use std::path::Path;
+
+use crate::capture::Batch;
+
+/// A file that may be a part of a series.
+pub trait PossiblePart {
+    /// Path, of which the folder and the name are compared.
+    fn path(&self) -> &Path;
+
+    /// The user named the file. Files found in a folder are joined only if their names are consecutive.
+    fn is_listed(&self) -> bool;
+
+    /// Passes the frames in batches, with the names of the buses, until `take` returns `false` or the file ends or becomes
+    /// unreadable. Returns the name of the format; `None` if the file cannot be opened, or can be read only once.
+    /// `is_whole`: all of the file is wanted, so that reading ahead is worth its cost.
+    fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str>;
+
+    /// Whether the file contains only empty lines and comments.
+    fn is_blank(&self) -> bool;
+}
+
+/// Position of a file relative to the previous part of the same recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Relation {
+    /// No previous part.
+    #[default]
+    Independent,
+    /// The next part of the series that contains this file.
+    Continues(usize),
+    /// The same recorder, after a pause that is longer than a series allows.
+    Later(usize),
+}
