@@ -175,13 +175,17 @@ impl LabelledLines {
     pub(super) fn render(&self, theme: &Theme, scroll: usize, area: Rect, buf: &mut Buffer) {
         let lines = self.indented();
         let text = TextLines::new(theme, &lines).scroll(scroll);
-        let scroll = scroll.min(text.last_scroll(area));
+        let last = text.last_scroll(area);
+        let scroll = scroll.min(last);
         text.render(area, buf);
-        let width = if text.last_scroll(area) > 0 { area.width.saturating_sub(1) } else { area.width };
+        let width = if last > 0 { area.width.saturating_sub(1) } else { area.width };
         let (mut row, mut last) = (0_usize, "");
         for ((label, _), line) in self.lines.iter().zip(&lines) {
             let y = row.checked_sub(scroll).map(|row| area.y.saturating_add(draw::cells(row)));
-            if let Some(y) = y.filter(|y| *y < area.bottom() && last != *label) {
+            if y.is_some_and(|y| y >= area.bottom()) {
+                break;
+            }
+            if let Some(y) = y.filter(|_| last != *label) {
                 let room = self.room.min(area.width);
                 draw::put(buf, area.x, y, room, label, theme.style(Role::Quiet));
             }

@@ -38,12 +38,12 @@ impl<'a> TextLines<'a> {
 
     /// Number of screen lines at a width.
     pub fn total(&self, width: u16) -> usize {
-        self.lines.iter().map(|line| WrappedLine::new(line, width).rows.len()).sum()
+        self.lines.iter().map(|line| row_count(line, width)).sum()
     }
 
     /// Scroll position that shows the end.
     pub fn last_scroll(&self, area: Rect) -> usize {
-        self.total(self.inside(area).width).saturating_sub(usize::from(area.height))
+        self.inside(area).1.saturating_sub(usize::from(area.height))
     }
 
     /// Draws the text.
@@ -52,37 +52,62 @@ impl<'a> TextLines<'a> {
         if area.is_empty() {
             return;
         }
-        let inside = self.inside(area);
-        let scroll = self.scroll.min(self.last_scroll(area));
-        let wrapped = self.lines.iter().map(|line| WrappedLine::new(line, inside.width));
-        let mut skipped = 0;
-        let mut y = inside.y;
-        for line in wrapped {
-            for (at, row) in line.rows.iter().enumerate() {
-                if skipped < scroll {
-                    skipped += 1;
-                } else if y < inside.bottom() {
-                    let indent = if at == 0 { 0 } else { line.indent };
-                    line.draw(row.clone(), inside.x + indent, y, inside.right(), buf);
-                    y += 1;
-                } else {
-                    break;
-                }
-            }
+        let (inside, total) = self.inside(area);
+        let scroll = self.scroll.min(total.saturating_sub(usize::from(area.height)));
+        let (mut skipped, mut y) = (0, inside.y);
+        for line in self.lines {
             if y == inside.bottom() {
                 break;
             }
+            let rows = if skipped < scroll { row_count(line, inside.width) } else { 0 };
+            if skipped + rows <= scroll && rows > 0 {
+                skipped += rows;
+                continue;
+            }
+            let line = WrappedLine::new(line, inside.width);
+            for (at, row) in line.rows.iter().enumerate().skip(scroll - skipped) {
+                if y == inside.bottom() {
+                    break;
+                }
+                let indent = if at == 0 { 0 } else { line.indent };
+                line.draw(row.clone(), inside.x + indent, y, inside.right(), buf);
+                y += 1;
+            }
+            skipped = scroll;
         }
         if inside.width < area.width {
-            draw::scrollbar(buf, area, scroll, self.total(inside.width), self.theme);
+            draw::scrollbar(buf, area, scroll, total, self.theme);
         }
     }
 
-    /// The area without the scroll bar, which is drawn only if the text does not fit.
-    fn inside(&self, area: Rect) -> Rect {
-        let scrolls = area.width > 2 && self.total(area.width) > usize::from(area.height);
-        Rect { width: area.width - u16::from(scrolls), ..area }
+    /// The area without the scroll bar, which is drawn only if the text does not fit, and the number of screen lines.
+    fn inside(&self, area: Rect) -> (Rect, usize) {
+        let total = self.total(area.width);
+        if area.width <= 2 || total <= usize::from(area.height) {
+            return (area, total);
+        }
+        let inside = Rect { width: area.width - 1, ..area };
+        (inside, self.total(inside.width))
     }
+}
+
+/// Number of rows of a line at a width. All lines of a text are counted for each drawing, so most of them, whose characters
+/// have one column, are counted without being split into graphemes.
+fn row_count(line: &Line<'_>, width: u16) -> usize {
+    let characters = || line.spans.iter().flat_map(|span| span.content.chars());
+    if !characters().all(has_one_column) {
+        return WrappedLine::new(line, width).rows.len();
+    }
+    if characters().count() <= usize::from(width) {
+        return 1;
+    }
+    let blanks: Vec<bool> = characters().map(|character| character == ' ').collect();
+    rows(&blanks, width, |is_blank| (*is_blank, 1)).0.len()
+}
+
+/// Whether a character is a grapheme of one column, whatever follows that is one too: Latin letters, punctuation, arrows.
+fn has_one_column(character: char) -> bool {
+    matches!(character, ' '..='~' | '\u{A1}'..='\u{AC}' | '\u{AE}'..='\u{FF}' | '\u{2010}'..='\u{2027}' | '\u{2190}'..='\u{21FF}')
 }
 
 /// A line broken into rows.
@@ -96,20 +121,8 @@ struct WrappedLine<'a> {
 impl<'a> WrappedLine<'a> {
     fn new(line: &'a Line<'_>, width: u16) -> Self {
         let graphemes: Vec<_> = line.styled_graphemes(Style::new()).collect();
-        let blank = graphemes.iter().take_while(|grapheme| grapheme.symbol == " ").count();
-        let indent = Some(draw::cells(blank)).filter(|indent| *indent <= width / 2).unwrap_or(0);
-        let mut rows = Vec::new();
-        let mut start = 0;
-        loop {
-            let room = if start == 0 { width } else { width - indent };
-            let first = if start == 0 { usize::from(indent) } else { 0 };
-            let (end, next) = row_end(graphemes.get(start..).unwrap_or_default(), room, first);
-            rows.push(start..start + end);
-            start += next;
-            if start >= graphemes.len() {
-                break;
-            }
-        }
+        let (rows, indent) =
+            rows(&graphemes, width, |grapheme| (grapheme.symbol == " ", draw::width(grapheme.symbol)));
         Self { graphemes, rows, indent }
     }
 
@@ -120,23 +133,47 @@ impl<'a> WrappedLine<'a> {
     }
 }
 
+/// Rows of graphemes, and the indent of all rows after the first. `measure` tells whether a grapheme is a blank, and its columns.
+fn rows<T>(graphemes: &[T], width: u16, measure: impl Fn(&T) -> (bool, u16)) -> (Vec<Range<usize>>, u16) {
+    let blank = graphemes.iter().take_while(|grapheme| measure(grapheme).0).count();
+    let indent = Some(draw::cells(blank)).filter(|indent| *indent <= width / 2).unwrap_or(0);
+    let mut rows = Vec::new();
+    let mut start = 0;
+    loop {
+        let room = if start == 0 { width } else { width - indent };
+        let first = if start == 0 { usize::from(indent) } else { 0 };
+        let (end, next) = row_end(graphemes.get(start..).unwrap_or_default(), room, first, &measure);
+        rows.push(start..start + end);
+        start += next;
+        if start >= graphemes.len() {
+            break;
+        }
+    }
+    (rows, indent)
+}
+
 /// Number of graphemes in the row, and number consumed: the blanks at the break are dropped. Breaks are at
 /// `first` or later.
-fn row_end(graphemes: &[StyledGrapheme<'_>], room: u16, first: usize) -> (usize, usize) {
+fn row_end<T>(
+    graphemes: &[T],
+    room: u16,
+    first: usize,
+    measure: impl Fn(&T) -> (bool, u16),
+) -> (usize, usize) {
     let mut used = 0;
     let mut blank = None;
     for (at, grapheme) in graphemes.iter().enumerate() {
-        let is_blank = grapheme.symbol == " ";
+        let (is_blank, columns) = measure(grapheme);
         if is_blank && at >= first {
             blank = Some(at);
         }
-        used += draw::width(grapheme.symbol);
+        used += columns;
         if used > room {
             // A word longer than a row is broken anywhere. Each row takes at least one grapheme, so that the
             // loop ends.
             let end = blank.filter(|blank| *blank > 0).unwrap_or(at.max(1));
             let rest = graphemes.get(end..).unwrap_or_default();
-            let blanks = rest.iter().take_while(|grapheme| grapheme.symbol == " ").count();
+            let blanks = rest.iter().take_while(|grapheme| measure(grapheme).0).count();
             return (end, end + blanks);
         }
     }
@@ -205,6 +242,31 @@ mod tests {
         assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 3)), 6);
         assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 9)), 0);
         assert_eq!(drawn(&[], 10, 2, 5), ["", ""]);
+    }
+
+    #[test]
+    fn characters_of_one_column_are_counted_as_graphemes_are() {
+        for character in ('\0'..='\u{FFFF}').filter(|character| has_one_column(*character)) {
+            assert_eq!(draw::width(&character.to_string()), 1, "{character:?}");
+        }
+        let texts = [
+            "  +2 ms  ACTIVE → FAULT HOLD × 3 although…",
+            "",
+            "        ",
+            "0123456789abcdef",
+            " a  b   c ",
+            "±1 °C  ¿–?",
+        ];
+        for text in texts {
+            for width in 1..=45 {
+                let line = Line::from(vec![text.into(), text.into()]);
+                assert_eq!(
+                    row_count(&line, width),
+                    WrappedLine::new(&line, width).rows.len(),
+                    "{text:?} at {width}"
+                );
+            }
+        }
     }
 
     #[test]
