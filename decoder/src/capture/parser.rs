@@ -64,6 +64,8 @@ pub struct Format {
     pub title: &'static str,
     /// Whether the format is text with one line per frame: reading can start after any line end.
     pub is_text: bool,
+    /// Whether frames are usually compressed inside of the capture.
+    pub is_packed: bool,
     /// Whether the first bytes of a capture (up to 64 KiB) match the format.
     pub detect: fn(&[u8]) -> bool,
     /// Creates a parser at the start of a capture.

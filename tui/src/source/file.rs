@@ -38,8 +38,10 @@ impl Capture {
     /// because each line must be processed when it arrives.
     pub fn frames(self, may_read_ahead: bool) -> (Frames, Progress) {
         let cores = available_parallelism().map_or(1, usize::from);
-        // Reading a binary format takes less time than passing its frames to another core.
-        let takes_long = self.size >= WORTH_A_THREAD && (self.is_compressed || self.reader.format().is_text);
+        // Reading plain binary frames takes less time than passing them to another core.
+        let format = self.reader.format();
+        let is_slow = self.is_compressed || format.is_packed || format.is_text;
+        let takes_long = self.size >= WORTH_A_THREAD && is_slow;
         let frames = if may_read_ahead && cores > 1 && takes_long {
             Frames::Ahead(ReadAhead::new(self.reader))
         } else {

@@ -30,6 +30,7 @@ pub(super) const FORMAT: Format = Format {
     name: "canking",
     title: CanKing::TITLE,
     is_text: true,
+    is_packed: false,
     detect: |head| first_lines(head, DETECTING_LINES).any(is_heading),
     parser: |_| Box::new(LineParser::new(CanKing)),
 };

@@ -34,6 +34,7 @@ pub(super) const FORMAT: Format = Format {
     name: "carbus",
     title: CarBus::TITLE,
     is_text: true,
+    is_packed: false,
     detect: |head| first_lines(head, 5).next().is_some_and(|line| line.starts_with(b"@ TEXT @")),
     parser: |_| Box::new(LineParser::new(CarBus::default())),
 };

@@ -38,6 +38,7 @@ pub(super) const FORMAT: Format = Format {
     name: "crtd",
     title: Crtd::TITLE,
     is_text: true,
+    is_packed: false,
     detect,
     parser: |_| Box::new(LineParser::new(Crtd)),
 };

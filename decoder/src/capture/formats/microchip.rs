@@ -31,6 +31,7 @@ pub(super) const FORMAT: Format = Format {
     name: "microchip",
     title: Microchip::TITLE,
     is_text: true,
+    is_packed: false,
     detect,
     parser: |_| Box::new(LineParser::new(Microchip::default())),
 };

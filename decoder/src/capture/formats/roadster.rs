@@ -29,6 +29,7 @@ pub(super) const FORMAT: Format = Format {
     name: "roadster",
     title: Roadster::TITLE,
     is_text: true,
+    is_packed: false,
     detect,
     parser: |_| Box::new(LineParser::new(Roadster)),
 };

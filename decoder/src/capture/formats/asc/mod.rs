@@ -35,6 +35,7 @@ pub(super) const FORMAT: Format = Format {
     name: "asc",
     title: Asc::TITLE,
     is_text: true,
+    is_packed: false,
     detect,
     parser: |_| Box::new(LineParser::new(Asc::default())),
 };

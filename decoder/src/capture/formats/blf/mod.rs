@@ -37,6 +37,7 @@ pub(super) const FORMAT: Format = Format {
     name: "blf",
     title: object::TITLE,
     is_text: false,
+    is_packed: true,
     detect: |head| head.starts_with(MAGIC),
     parser: |_| Box::new(Blf::default()),
 };

@@ -37,6 +37,7 @@ pub(super) const FORMAT: Format = Format {
     name: "busmaster",
     title: BusMaster::TITLE,
     is_text: true,
+    is_packed: false,
     detect: |head| first_lines(head, 5).next().is_some_and(|line| line.starts_with(b"***BUSMASTER")),
     parser: |_| Box::new(LineParser::new(BusMaster::default())),
 };

@@ -27,6 +27,7 @@ pub(super) const FORMAT: Format = Format {
     name: "candump",
     title: "candump text",
     is_text: true,
+    is_packed: false,
     detect: |head| {
         head.split(|byte| matches!(byte, b'\n' | b'\r')).take(DETECTING_LINES).any(|line| {
             let line = line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line);

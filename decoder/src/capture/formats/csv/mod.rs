@@ -36,6 +36,7 @@ pub(super) const FORMAT: Format = Format {
     name: "csv",
     title: Csv::TITLE,
     is_text: true,
+    is_packed: false,
     detect: |head| first_lines(head, DETECTING_LINES).any(|line| Layout::of_header(line).is_some()),
     parser: |_| Box::new(LineParser::new(Csv::default())),
 };

@@ -28,6 +28,7 @@ pub(super) const FORMAT: Format = Format {
     name: "excerpt",
     title: Rows::TITLE,
     is_text: true,
+    is_packed: false,
     detect: |head| PATTERNS.iter().any(|pattern| fits(pattern, head)),
     parser: |_| Box::new(Excerpt { rows: LineParser::new(Rows::default()) }),
 };

@@ -44,6 +44,7 @@ pub(super) const FORMAT: Format = Format {
     name: "mcap",
     title: "MCAP",
     is_text: false,
+    is_packed: true,
     detect: |head| head.starts_with(MAGIC),
     parser: |_| Box::new(Mcap::default()),
 };

@@ -28,7 +28,7 @@ use recording::{Mdf4Capture, UNFINISHED};
 use source::Source;
 
 use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, MAX_BUSES, Notice, Parser};
-use crate::frame::{Frame, Timestamp};
+use crate::frame::{BusIndex, Frame, Timestamp};
 
 const FINISHED: &[u8] = b"MDF     ";
 
@@ -39,6 +39,7 @@ pub(super) const FORMAT: Format = Format {
     name: "mdf4",
     title: TITLE,
     is_text: false,
+    is_packed: true,
     detect: |head| head.starts_with(FINISHED) || head.starts_with(UNFINISHED),
     parser: |_| Box::new(Mdf4::default()),
 };
@@ -69,6 +70,8 @@ struct Reading {
     notices: Vec<Notice>,
     others: u64,
     names: Vec<Vec<u8>>,
+    /// Channel of the last frame, and its bus.
+    last: Option<(Option<u64>, BusIndex)>,
 }
 
 impl Mdf4 {
@@ -103,7 +106,7 @@ impl Reading {
             notices.insert(0, Notice::Assumption(text.into()));
         }
         notices.reverse();
-        Ok(Self { start, sources, notices, others, names })
+        Ok(Self { start, sources, notices, others, names, last: None })
     }
 
     /// Emits frames and notices until the batch is full; `false` at the end.
@@ -121,7 +124,14 @@ impl Reading {
             let due = self.sources.iter_mut().filter_map(|source| Some((source.due()?, source)));
             let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take());
             let Some((time, found)) = next else { return false };
-            deliver(time.map(|time| Timestamp(self.start).plus(time)), found, frames, buses, batch);
+            deliver(
+                time.map(|time| Timestamp(self.start).plus(time)),
+                found,
+                frames,
+                buses,
+                &mut self.last,
+                batch,
+            );
         }
         true
     }
@@ -148,14 +158,18 @@ fn deliver(
     found: ChannelFrame,
     frames: &mut u64,
     buses: &mut BusNames,
+    last: &mut Option<(Option<u64>, BusIndex)>,
     batch: &mut Batch,
 ) {
-    let name = found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
-    let Some(bus) = buses.index_of(name.as_bytes()) else {
+    let name = || found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
+    let known = last.filter(|(channel, _)| *channel == found.channel).map(|(_, bus)| bus);
+    let Some(bus) = known.or_else(|| buses.index_of(name().as_bytes())) else {
+        let name = name();
         let reason = format!("channel {name}: more than {MAX_BUSES} channels");
         batch.notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
         return;
     };
+    *last = Some((found.channel, bus));
     *frames += 1;
     batch.push(Frame { number: *frames, time, bus, ..found.frame });
 }

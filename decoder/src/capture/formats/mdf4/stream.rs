@@ -86,20 +86,23 @@ impl Segment {
         }
     }
 
-    fn unpack(&self, file: &[u8]) -> (Vec<u8>, Option<String>) {
+    /// Replaces the content of `bytes`; returns the damage. `columns` is memory for transposed data.
+    fn unpack(&self, file: &[u8], bytes: &mut Vec<u8>, columns: &mut Vec<u8>) -> Option<String> {
+        bytes.clear();
         let data = file.get(self.start..).unwrap_or_default();
         let data = data.get(..self.stored).unwrap_or(data);
-        let mut bytes = Vec::new();
         let (codec, row) = match self.packing {
             Packing::Unknown(number) => {
                 let known = "expected 0 to 5 (zlib, zstd, LZ4)";
-                return (bytes, Some(format!("block compression {number}; {known}")));
+                return Some(format!("block compression {number}; {known}"));
             }
             Packing::Packed(codec, row) => (codec, row),
             Packing::Stored => (Codec::Zlib, 0),
         };
-        let damage = match codec.decompress(data, &mut bytes, self.length) {
-            Decompression::Whole(_) if bytes.len() == self.length => None,
+        let content = if row > 1 { &mut *columns } else { &mut *bytes };
+        content.clear();
+        let damage = match codec.decompress(data, content, self.length) {
+            Decompression::Whole(_) if content.len() == self.length => None,
             Decompression::Whole(_) | Decompression::TooLong => {
                 Some(format!("compressed block: size differs from the declared {} bytes", self.length))
             }
@@ -110,28 +113,32 @@ impl Segment {
                 codec.feature()
             )),
         };
-        if row > 1 {
-            // Incomplete transposed data cannot be converted to rows.
-            bytes = if damage.is_none() { rows(&bytes, row) } else { Vec::new() };
+        // Incomplete transposed data cannot be converted to rows.
+        if row > 1 && damage.is_none() {
+            transpose(columns, row, bytes);
         }
-        (bytes, damage)
+        damage
     }
 }
 
-/// Converts transposed data to rows.
-fn rows(columns: &[u8], row: usize) -> Vec<u8> {
+/// Rows that are converted together: they stay in the first cache.
+const ROWS_AT_ONCE: usize = 128;
+
+/// Converts transposed data to rows, which are added to `bytes`.
+fn transpose(columns: &[u8], row: usize, bytes: &mut Vec<u8>) {
     let count = columns.len() / row;
-    if count == 0 {
-        return columns.to_vec();
-    }
     let (matrix, rest) = columns.split_at(count * row);
-    let mut bytes = vec![0; matrix.len()];
-    for (index, column) in matrix.chunks_exact(count).enumerate() {
-        let places = bytes.iter_mut().skip(index).step_by(row);
-        places.zip(column).for_each(|(place, byte)| *place = *byte);
+    let start = bytes.len();
+    bytes.resize(start + matrix.len(), 0);
+    let rows = bytes.get_mut(start..).unwrap_or_default();
+    for (block, rows) in rows.chunks_mut(ROWS_AT_ONCE * row).enumerate() {
+        for (index, column) in matrix.chunks_exact(count).enumerate() {
+            let column = column.get(block * ROWS_AT_ONCE..).unwrap_or_default();
+            let places = rows.iter_mut().skip(index).step_by(row);
+            places.zip(column).for_each(|(place, byte)| *place = *byte);
+        }
     }
     bytes.extend_from_slice(rest);
-    bytes
 }
 
 /// Data blocks of a link in order, each at most once.
@@ -222,13 +229,17 @@ pub(super) struct Stream {
     pub(super) damage: Option<Damage>,
 }
 
-/// Content of the current segment if it is compressed; rebuilt if missing.
+/// Content of the current segment if it is compressed; rebuilt if missing. All segments use the same memory.
 #[derive(Debug, Default)]
-struct OpenSegment(Option<Vec<u8>>);
+struct OpenSegment {
+    is_unpacked: bool,
+    content: Vec<u8>,
+    columns: Vec<u8>,
+}
 
 impl Clone for OpenSegment {
     fn clone(&self) -> Self {
-        Self(None)
+        Self::default()
     }
 }
 
@@ -242,7 +253,7 @@ impl Stream {
             taken: 0,
             position: 0,
             length,
-            open: OpenSegment(None),
+            open: OpenSegment::default(),
             told: 0,
             damage: None,
         }
@@ -268,11 +279,10 @@ impl Stream {
                 return Outcome::End(bytes.len());
             };
             self.unpack(file, &segment);
-            let content = match &self.open.0 {
-                Some(content) => content.as_slice(),
-                None => {
-                    file.get(segment.start..).and_then(|rest| rest.get(..segment.stored)).unwrap_or_default()
-                }
+            let content = if self.open.is_unpacked {
+                self.open.content.as_slice()
+            } else {
+                file.get(segment.start..).and_then(|rest| rest.get(..segment.stored)).unwrap_or_default()
             };
             let rest = content.get(self.taken..).unwrap_or_default();
             let part = rest.get(..count - bytes.len()).unwrap_or(rest);
@@ -323,16 +333,16 @@ impl Stream {
     fn next_segment(&mut self) {
         self.index += 1;
         self.taken = 0;
-        self.open.0 = None;
+        self.open.is_unpacked = false;
     }
 
     fn unpack(&mut self, file: &[u8], segment: &Segment) {
-        if segment.packing == Packing::Stored || self.open.0.is_some() {
+        if segment.packing == Packing::Stored || self.open.is_unpacked {
             return;
         }
-        let (content, damage) = segment.unpack(file);
-        self.open.0 = Some(content);
-        if let Some(damage) = damage
+        let OpenSegment { is_unpacked, content, columns } = &mut self.open;
+        *is_unpacked = true;
+        if let Some(damage) = segment.unpack(file, content, columns)
             && self.told <= self.index
         {
             self.told = self.index + 1;
@@ -373,8 +383,20 @@ mod tests {
 
     #[test]
     fn columns_become_rows() {
+        let rows = |columns: &[u8], row| {
+            let mut bytes = Vec::new();
+            transpose(columns, row, &mut bytes);
+            bytes
+        };
         assert_eq!(rows(b"adbecfxy", 3), b"abcdefxy");
         assert_eq!(rows(b"ab", 3), b"ab");
         assert_eq!(rows(b"", 3), b"");
+        // More rows than are converted together: byte n of row m is in place n * count + m.
+        let (row, count) = (5, 2 * ROWS_AT_ONCE + 3);
+        let columns: Vec<u8> = (0..row * count).map(|place| u8::try_from(place % 251).unwrap()).collect();
+        let expected: Vec<u8> = (0..row * count)
+            .map(|place| u8::try_from((place % row * count + place / row) % 251).unwrap())
+            .collect();
+        assert_eq!(rows(&columns, row), expected);
     }
 }

@@ -31,6 +31,7 @@ pub(super) const FORMAT: Format = Format {
     name: "pcap",
     title: TITLE,
     is_text: false,
+    is_packed: false,
     detect: |head| {
         matches!(
             head.first_chunk().map(|magic| u32::from_be_bytes(*magic)),

@@ -30,6 +30,7 @@ pub(super) const FORMAT: Format = Format {
     name: "pcapng",
     title: "pcapng",
     is_text: false,
+    is_packed: false,
     detect: |head| {
         head.starts_with(b"\x0A\x0D\x0D\x0A")
             && matches!(head.get(START..12), Some(b"\x1A\x2B\x3C\x4D" | b"\x4D\x3C\x2B\x1A"))

@@ -32,6 +32,7 @@ pub(super) const FORMAT: Format = Format {
     name: "trc",
     title: Trc::TITLE,
     is_text: true,
+    is_packed: false,
     detect,
     parser: |_| Box::new(LineParser::new(Trc::new())),
 };
