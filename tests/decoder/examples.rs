@@ -52,5 +52,5 @@ fn each_prints_what_is_expected() {
         names.push(name);
     }
     names.sort();
-    assert_eq!(names, ["findings", "live_frames", "print_events", "signal_table"]);
+    assert_eq!(names, ["count_events", "findings", "live_frames", "print_events", "signal_table"]);
 }
