@@ -26,6 +26,7 @@ mod live;
 mod mcp;
 mod objects;
 mod output;
+#[cfg(unix)]
 mod page;
 mod panes;
 mod profiles;
