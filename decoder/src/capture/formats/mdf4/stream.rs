@@ -131,7 +131,8 @@ fn transpose(columns: &[u8], row: usize, bytes: &mut Vec<u8>) {
     let start = bytes.len();
     bytes.resize(start + matrix.len(), 0);
     let rows = bytes.get_mut(start..).unwrap_or_default();
-    for (block, rows) in rows.chunks_mut(ROWS_AT_ONCE * row).enumerate() {
+    // A row is at most 4 GiB long, which times 128 exceeds the addresses of WebAssembly.
+    for (block, rows) in rows.chunks_mut(ROWS_AT_ONCE.saturating_mul(row)).enumerate() {
         for (index, column) in matrix.chunks_exact(count).enumerate() {
             let column = column.get(block * ROWS_AT_ONCE..).unwrap_or_default();
             let places = rows.iter_mut().skip(index).step_by(row);
@@ -391,6 +392,7 @@ mod tests {
         assert_eq!(rows(b"adbecfxy", 3), b"abcdefxy");
         assert_eq!(rows(b"ab", 3), b"ab");
         assert_eq!(rows(b"", 3), b"");
+        assert_eq!(rows(b"ab", usize::MAX / 2), b"ab");
         // More rows than are converted together: byte n of row m is in place n * count + m.
         let (row, count) = (5, 2 * ROWS_AT_ONCE + 3);
         let columns: Vec<u8> = (0..row * count).map(|place| u8::try_from(place % 251).unwrap()).collect();
