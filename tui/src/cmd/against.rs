@@ -27,8 +27,7 @@ pub(super) fn job(good: &Path, input: &InputArgs, options: &SessionOptions) -> a
         paths.iter().all(|path| path.as_os_str() != "-"),
         "--against reads a capture twice; stdin cannot be read again, open a file"
     );
-    let files: Vec<_> = paths.into_iter().map(|path| CaptureFile { path, is_listed: true }).collect();
-    let mut all = relate(&files, &read_options(input), join_options(input)).series();
+    let mut all = relate(&CaptureFile::listed(&paths), &read_options(input), join_options(input)).series();
     let count = all.len();
     let bad = all.pop().filter(|_| count == 1);
     let bad = bad.with_context(|| format!("--against compares one capture; found {count}"))?;

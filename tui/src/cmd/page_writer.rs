@@ -22,7 +22,7 @@ pub(super) fn page_writer(input: &InputArgs, rules: &Arc<Setup>, news: &Sender<N
         if files.iter().any(|file| file.as_os_str() == "-") {
             bail!("a report reads a capture twice; stdin cannot be read again, open a file");
         }
-        let files: Vec<_> = files.into_iter().map(|path| CaptureFile { path, is_listed: true }).collect();
+        let files = CaptureFile::listed(&files);
         let mut all = relate(&files, &read_options(&input), join_options(&input)).series().into_iter();
         let (Some(series), None) = (all.next(), all.next()) else {
             bail!("a report covers one capture; open a single one, or use cobscope report");

@@ -27,6 +27,13 @@ pub struct CaptureFile {
     pub is_listed: bool,
 }
 
+impl CaptureFile {
+    /// Files that the user named.
+    pub fn listed(paths: &[PathBuf]) -> Vec<Self> {
+        paths.iter().map(|path| Self { path: path.clone(), is_listed: true }).collect()
+    }
+}
+
 /// One capture: a file, or the parts of a series in order.
 #[derive(Debug, Clone)]
 pub struct Series {
@@ -140,9 +147,8 @@ pub fn mixed_clocks(mixed: MixedClocks) -> anyhow::Error {
 /// Earliest and latest timestamp of files; `None` for pipes, which can be read only once.
 pub fn time_span(files: &[PathBuf], read: &ReadOptions) -> Option<(Timestamp, Timestamp)> {
     let mut all: Option<(Timestamp, Timestamp)> = None;
-    for path in files {
-        let file = CaptureFile { path: path.clone(), is_listed: true };
-        let scan = CaptureScan::read(&ReadableFile { file: &file, read })?;
+    for file in &CaptureFile::listed(files) {
+        let scan = CaptureScan::read(&ReadableFile { file, read })?;
         if let Some((first, last)) = scan.span() {
             let known = all.get_or_insert((first, last));
             *known = (known.0.min(first), known.1.max(last));

@@ -308,10 +308,9 @@ fn live_lane(live: &LiveBuses) -> Lane {
 fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
     let mut lanes: Vec<Lane> = Vec::new();
     let (mut names, mut firsts) = (Vec::new(), Vec::new());
-    let files = captures.paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
     let is_off = captures.join.is_off || captures.align;
     let join = JoinOptions { is_off, ..captures.join };
-    let relations = relate(&files.collect::<Vec<_>>(), &captures.read, join);
+    let relations = relate(&CaptureFile::listed(&captures.paths), &captures.read, join);
     for (index, CaptureFile { path, .. }) in relations.files.iter().enumerate() {
         let store = Store::open(path)?;
         let name = store.name().to_owned();

@@ -37,11 +37,10 @@ impl Input {
     /// # Errors
     /// If a capture cannot be opened or recognised, or if the captures have no common time.
     pub(super) fn open(paths: &[PathBuf], input: &InputArgs, align: bool) -> anyhow::Result<Self> {
-        let files = paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
         // Unrelated clocks do not continue each other.
         let join = join_options(input);
         let join = JoinOptions { is_off: join.is_off || align, ..join };
-        let relations = relate(&files.collect::<Vec<_>>(), &read_options(input), join);
+        let relations = relate(&CaptureFile::listed(paths), &read_options(input), join);
         let series = relations.series();
         let notes = series.iter().filter_map(Series::note);
         notes.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));

@@ -22,8 +22,7 @@ pub(in crate::cmd) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
         !input.join,
         "--join: ambiguous for more than two files; put the parts of each capture in a folder"
     );
-    let files = paths.iter().map(|path| CaptureFile { path: path.clone(), is_listed: true });
-    let series = joined(&files.collect::<Vec<_>>(), input);
+    let series = joined(&CaptureFile::listed(paths), input);
     let count = series.len();
     series
         .try_into()
@@ -43,8 +42,7 @@ pub(in crate::cmd) fn one(path: &Path, input: &InputArgs) -> anyhow::Result<Seri
     let mut files: Vec<PathBuf> =
         entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
-    let files = files.into_iter().map(|path| CaptureFile { path, is_listed: true });
-    let mut series = joined(&files.collect::<Vec<_>>(), input);
+    let mut series = joined(&CaptureFile::listed(&files), input);
     ensure!(
         series.len() == 1,
         "{name}: contains {} captures; expected the parts of one (--join, --part-gap)",

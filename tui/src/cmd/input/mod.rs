@@ -31,8 +31,7 @@ pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
 
 /// Captures to read, each a file or the parts of a series, which are reported.
 pub(super) fn series(input: &InputArgs) -> Vec<Series> {
-    let files = captures(input).into_iter().map(|path| CaptureFile { path, is_listed: true });
-    joined(&files.collect::<Vec<_>>(), input)
+    joined(&CaptureFile::listed(&captures(input)), input)
 }
 
 /// The series among `files`; joined and rejected parts are reported.
