@@ -5,6 +5,8 @@ use std::fs::{self, OpenOptions};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::cli::{run, run_in};
 use crate::support::{self, workspace};
@@ -176,6 +178,20 @@ fn tshark_lists_the_interfaces_and_captures_a_file() {
 /// Ends a process at the end of the test.
 struct Ended(Child);
 
+impl Ended {
+    /// Waits until the process ends by itself.
+    fn code(&mut self) -> Option<i32> {
+        let begin = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().unwrap() {
+                return status.code();
+            }
+            assert!(begin.elapsed() < Duration::from_mins(1), "does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
 impl Drop for Ended {
     fn drop(&mut self) {
         // SIGTERM: a killed tshark leaves dumpcap and its extcap program behind.
@@ -216,5 +232,5 @@ fn a_stream_of_a_silent_bus_ends_with_its_reader() {
     output.read_exact(&mut start).unwrap();
     assert_eq!(start, [0x0A, 0x0D, 0x0D, 0x0A]);
     drop(output);
-    assert_eq!(process.0.wait().unwrap().code(), Some(0));
+    assert_eq!(process.code(), Some(0));
 }
