@@ -330,6 +330,18 @@ fn parts_of_a_series_are_one_capture() {
     assert_eq!((&overview["errors"], &overview["warnings"]), (&json!(0), &json!(0)));
     let row = call(&mut session, &json!({"do": "rows", "list": "all", "from": 0, "count": 1})).0;
     assert_eq!(row["rows"][0]["frame"], 1);
+    // A part with comments only is left out; a gap above the limit is named, without an option of the command line.
+    let parts = [
+        ("run.log", beats(0..20)),
+        ("run-0002.log", b"# paused\n".to_vec()),
+        ("run-0003.log", beats(21..40)),
+    ];
+    let mut session = open(&parts.each_ref().map(|(name, content)| (*name, content.as_slice()))).unwrap();
+    assert_eq!(crate::page::overview(&mut session)["frames"], 78);
+    let mut apart = open(&[("run.log", &beats(0..20)), ("run-0002.log", &beats(30..50))]).unwrap();
+    let notes = crate::page::overview(&mut apart)["problems"].clone();
+    let text = "run-0002.log: not joined to run.log: starts 10.500 s after its last frame; parts of a capture follow within 5.000 s";
+    assert!(notes.as_array().unwrap().contains(&json!(text)), "{notes}");
     // Other files at the same time are merged: two buses of the same name.
     let other = open(&[("front.log", &beats(0..20)), ("rear.log", &beats(0..20))]);
     let merged = other.map(|mut session| crate::page::overview(&mut session)).unwrap();

@@ -8,7 +8,9 @@ use cobscope_decoder::capture::{
 };
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{Checkpoint, ReplayState, Walk};
-use cobscope_decoder::series::{CapturePlacement, JoinOptions, PossiblePart, arrange, relate};
+use cobscope_decoder::series::{
+    CapturePlacement, JoinOptions, NotJoined, PossiblePart, arrange, is_blank, relate,
+};
 use cobscope_decoder::session::SessionOptions;
 
 use crate::files::{Content, Source};
@@ -58,8 +60,7 @@ impl PossiblePart for NamedContent {
     }
 
     fn is_blank(&self) -> bool {
-        // The page names a capture without frames.
-        false
+        is_blank(Source::new(self.content.clone(), 0))
     }
 }
 
@@ -91,7 +92,12 @@ impl Captures {
             Some(PlacedContent { content, place })
         };
         let contents = placed.into_iter().filter_map(part).collect();
-        Ok(Self { contents, options, format, notes: relations.notes })
+        let note = |NotJoined { text, max_gap }| match max_gap {
+            Some(gap) => format!("{text}; parts of a capture follow within {gap}"),
+            None => text,
+        };
+        let notes = relations.notes.into_iter().map(note).collect();
+        Ok(Self { contents, options, format, notes })
     }
 
     /// Options of the decoder.

@@ -24,7 +24,7 @@ impl std::error::Error for MixedClocks {}
 /// Position of a capture among the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CapturePlacement {
-    /// Index of the capture on the command line.
+    /// Index of the capture among the names.
     pub index: usize,
     /// Captures with the same number are parts of one capture.
     pub group: usize,

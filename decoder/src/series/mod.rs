@@ -20,7 +20,7 @@ use names::{is_numbered_like, order_in_series};
 use scan::Apart;
 
 pub use arrange::{CapturePlacement, MixedClocks, arrange};
-pub use part::{PossiblePart, Relation};
+pub use part::{PossiblePart, Relation, is_blank};
 pub use scan::CaptureScan;
 
 /// Conditions for joining files.
@@ -53,6 +53,15 @@ pub struct SeriesParts {
     pub shifts: Vec<i64>,
 }
 
+/// Reason why two files with consecutive names are not parts of one capture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NotJoined {
+    /// Names of both files, and the reason.
+    pub text: String,
+    /// Longest gap that joins files, such as `5.000 s`, if the gap is the reason.
+    pub max_gap: Option<String>,
+}
+
 /// Relations of files, and notes on files that are not joined although their names are consecutive.
 #[derive(Debug, Clone, Default)]
 pub struct Relations {
@@ -61,7 +70,7 @@ pub struct Relations {
     /// Relation of each of these files; numbers are indices in `files`.
     pub of: Vec<Relation>,
     /// Reasons why files are not joined.
-    pub notes: Vec<String>,
+    pub notes: Vec<NotJoined>,
     /// Number of frames of each file that was read to its end.
     frames: Vec<u64>,
     /// Nanoseconds added to the timestamps of each file.
@@ -104,7 +113,7 @@ impl Relations {
         part == index
     }
 
-    /// The series, in the order of their first parts on the command line.
+    /// The series, in the order of their first parts among the files.
     pub fn series(&self) -> Vec<SeriesParts> {
         let count = self.files.len();
         let next = |index: usize| self.of.iter().position(|one| *one == Relation::Continues(index));
@@ -136,8 +145,8 @@ impl Relations {
     }
 }
 
-/// Finds the series among files. Only files with consecutive names, or that follow each other on the command
-/// line, are read to their ends.
+/// Finds the series among files. Only files with consecutive names, or that were named one after another,
+/// are read to their ends.
 pub fn relate(candidates: &[impl PossiblePart], join: JoinOptions) -> Relations {
     let all: Vec<usize> = (0..candidates.len()).collect();
     if join.is_off || candidates.len() < 2 {
@@ -173,14 +182,14 @@ pub fn relate(candidates: &[impl PossiblePart], join: JoinOptions) -> Relations 
                     scans.insert(after, later);
                 }
             }
-            Err(Apart { reason, is_later, is_close }) => {
+            Err(Apart { reason, max_gap, is_later, is_close }) => {
                 if is_later && is_numbered {
                     let relation = relations.of.iter_mut().skip(after).take(1);
                     relation.for_each(|one| *one = Relation::Later(before));
                 }
                 if is_close && is_numbered {
-                    let note = format!("{}: not joined to {}: {reason}", name(after), name(before));
-                    relations.notes.push(note);
+                    let text = format!("{}: not joined to {}: {reason}", name(after), name(before));
+                    relations.notes.push(NotJoined { text, max_gap });
                 }
             }
         }
@@ -208,7 +217,8 @@ fn joined_on_request(candidates: &[impl PossiblePart]) -> Relations {
                 }
                 Err(reason) => {
                     let first = candidates.get(*earlier).map_or(String::new(), shown);
-                    relations.notes.push(format!("{}: not joined to {first}: {reason}", shown(candidate)));
+                    let text = format!("{}: not joined to {first}: {reason}", shown(candidate));
+                    relations.notes.push(NotJoined { text, max_gap: None });
                 }
             }
         }
@@ -239,7 +249,7 @@ struct Pair {
     is_numbered: bool,
 }
 
-/// Pairs that may belong together: consecutive names first, then neighbours on the command line.
+/// Pairs that may belong together: consecutive names first, then neighbours that were named.
 fn pairs(candidates: &[impl PossiblePart], heads: &[Option<Head>], files: &[usize]) -> Vec<Pair> {
     let candidate = |index: usize| files.get(index).and_then(|file| candidates.get(*file));
     let head = |index: usize| files.get(index).and_then(|file| heads.get(*file)).and_then(Option::as_ref);

@@ -1,8 +1,12 @@
 //! Files that may be parts of a series, and their relations.
 
+use std::io::Read;
 use std::path::Path;
 
 use crate::capture::Batch;
+
+/// Maximum size of a part with nothing but comments, in bytes.
+const LARGEST_BLANK: u64 = 64 * 1024;
 
 /// A file that may be a part of a series.
 pub trait PossiblePart {
@@ -17,8 +21,16 @@ pub trait PossiblePart {
     /// `is_whole`: all of the file is wanted, so that reading ahead is worth its cost.
     fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str>;
 
-    /// Whether the file contains only empty lines and comments.
+    /// Whether the file contains only empty lines and comments; see [`is_blank`].
     fn is_blank(&self) -> bool;
+}
+
+/// Whether a file contains only empty lines and comments, at most 64 KiB; `false` if it cannot be read.
+pub fn is_blank(file: impl Read) -> bool {
+    let mut text = Vec::new();
+    let size = file.take(LARGEST_BLANK + 1).read_to_end(&mut text).unwrap_or(usize::MAX);
+    let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+    size as u64 <= LARGEST_BLANK && lines.all(|line| line.is_empty() || line.starts_with(b"#"))
 }
 
 /// Position of a file relative to the previous part of the same recording.

@@ -33,6 +33,8 @@ pub struct CaptureScan {
 /// Reason why a file does not continue another one.
 pub(super) struct Apart {
     pub(super) reason: String,
+    /// Longest gap that joins files, if the gap is the reason.
+    pub(super) max_gap: Option<String>,
     /// The file is later on the same clock and buses.
     pub(super) is_later: bool,
     /// The reason is worth a note.
@@ -41,7 +43,7 @@ pub(super) struct Apart {
 
 impl Apart {
     fn unrelated() -> Self {
-        Self { reason: String::new(), is_later: false, is_close: false }
+        Self { reason: String::new(), max_gap: None, is_later: false, is_close: false }
     }
 }
 
@@ -106,18 +108,18 @@ impl CaptureScan {
         let length_of_this = self.span.map_or(0, |(first, last)| last.since(first));
         // Files that overlap for longer come from different loggers.
         let is_close = if gap < 0 { -gap <= length_of_this / SHORT_OVERLAP } else { gap <= REPORTED };
-        let apart = |reason: String, is_later| Err(Apart { reason, is_later, is_close });
+        let apart = |reason: String| Err(Apart { reason, max_gap: None, is_later: false, is_close });
         match () {
-            () if gap < 0 => apart(format!("starts {} before its last frame", length(gap)), false),
+            () if gap < 0 => apart(format!("starts {} before its last frame", length(gap))),
             () if gap == 0 && is_same_frame(last, first) => {
-                apart("starts with its last frame, so they overlap".into(), false)
+                apart("starts with its last frame, so they overlap".into())
             }
             () if gap > max_gap => {
-                let limit = length(max_gap);
-                apart(format!("starts {} after its last frame (--part-gap {limit})", length(gap)), true)
+                let reason = format!("starts {} after its last frame", length(gap));
+                Err(Apart { reason, max_gap: Some(length(max_gap)), is_later: true, is_close })
             }
             () => match self.contradiction(next) {
-                Some(reason) => apart(reason, false),
+                Some(reason) => apart(reason),
                 None => Ok(()),
             },
         }

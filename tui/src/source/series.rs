@@ -1,19 +1,15 @@
 //! Files of a series; the library decides which files form one.
 
 use std::fs::File;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{Batch, ReadOptions};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::series::{
-    self, CaptureScan, JoinOptions, MixedClocks, PossiblePart, Relation, SeriesParts,
+    self, CaptureScan, JoinOptions, MixedClocks, NotJoined, PossiblePart, Relation, SeriesParts,
 };
 
 use super::file::open;
-
-/// Maximum size of a part with nothing but comments, in bytes.
-const LARGEST_BLANK: u64 = 64 * 1024;
 
 /// Maximum number of parts that a note lists at each end.
 const LISTED: usize = 4;
@@ -110,8 +106,11 @@ impl Relations {
     }
 
     /// Reasons why files are not joined.
-    pub fn notes(&self) -> &[String] {
-        &self.found.notes
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        self.found.notes.iter().map(|NotJoined { text, max_gap }| match max_gap {
+            Some(gap) => format!("{text} (--part-gap {gap})"),
+            None => text.clone(),
+        })
     }
 
     /// Nanoseconds added to the timestamps of a file: its relative clock starts again.
@@ -192,11 +191,7 @@ impl PossiblePart for ReadableFile<'_> {
     }
 
     fn is_blank(&self) -> bool {
-        let mut text = Vec::new();
-        let Ok(file) = File::open(&self.file.path) else { return false };
-        let size = file.take(LARGEST_BLANK + 1).read_to_end(&mut text).unwrap_or(usize::MAX);
-        let mut lines = text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
-        size as u64 <= LARGEST_BLANK && lines.all(|line| line.is_empty() || line.starts_with(b"#"))
+        File::open(&self.file.path).is_ok_and(series::is_blank)
     }
 }
 

@@ -43,7 +43,7 @@ impl Input {
         let relations = relate(&CaptureFile::listed(paths), &read_options(input), join);
         let series = relations.series();
         let notes = series.iter().filter_map(Series::note);
-        notes.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));
+        notes.chain(relations.notes()).for_each(|text| note(&text));
         let name = |path: &PathBuf| path.display().to_string();
         let (reading, names) = if let [series] = series.as_slice() {
             let frames = SeriesFrames::open(series, read_options(input), true)?;

@@ -39,7 +39,7 @@ pub(super) fn joined(files: &[CaptureFile], input: &InputArgs) -> Vec<Series> {
     let relations = relate(files, &read_options(input), join_options(input));
     let all = relations.series();
     let joined = all.iter().filter_map(Series::note);
-    joined.chain(relations.notes().iter().cloned()).for_each(|text| note(&text));
+    joined.chain(relations.notes()).for_each(|text| note(&text));
     all
 }
 
