@@ -4,7 +4,6 @@ mod cut_lines;
 mod cuts;
 mod interruption;
 mod lines;
-mod pipe_reader;
 mod program;
 mod pump;
 mod screen;

@@ -15,7 +15,6 @@ use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::words::plural;
 
 use super::interruption::interrupted;
-use super::pipe_reader::PipeReader;
 use super::pump::{PendingDeliveries, Pump};
 use super::sources::open;
 use crate::cli::LiveArgs;
@@ -54,13 +53,11 @@ pub(in crate::cmd) fn run(
 ) -> Result<Exit, Refusal> {
     let options = session_options(&arguments.input).map_err(|error| (Exit::Profile, error))?;
     let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
-    let (output, reader): (Box<dyn Write + Send>, PipeReader) = if path.as_os_str() == "-" {
-        (Box::new(io::stdout()), PipeReader::of(&io::stdout()))
+    let output: Box<dyn Write + Send> = if path.as_os_str() == "-" {
+        Box::new(io::stdout())
     } else {
         let created = output_file::create_at_once(path, Existing::Keep);
-        let created = created.map_err(|error| (Exit::Usage, refused(path, &error)))?;
-        let reader = PipeReader::of(&created);
-        (Box::new(created), reader)
+        Box::new(created.map_err(|error| (Exit::Usage, refused(path, &error)))?)
     };
     let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
     let (pump, inbox) =
@@ -71,7 +68,6 @@ pub(in crate::cmd) fn run(
     while !interrupted.load(Ordering::Relaxed) && written.is_ok() {
         match inbox.recv_timeout(WAIT) {
             Ok(came) => written = stream.take(&came),
-            Err(RecvTimeoutError::Timeout) if reader.is_gone() => break,
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
