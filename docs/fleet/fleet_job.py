@@ -30,7 +30,7 @@ TEMPORARY = "_staging/job"
 def open_folder(uri):
     """File system and path of a folder."""
     if "://" not in uri:
-        return pafs.LocalFileSystem(), os.path.abspath(uri)
+        return pafs.LocalFileSystem(), uri
     return pafs.FileSystem.from_uri(uri)
 
 
@@ -194,6 +194,9 @@ def job_of(words, documentation):
     parser.add_argument("--cobscope", default="cobscope")
     parser.add_argument("--max-bytes", type=int, default=20 << 30, help="largest capture (default: %(default)s)")
     job = vars(parser.parse_args(words[:len(words) - len(further) - ("--" in words)]))
+    for folder in ("captures", "lake"):
+        # Workers start in other folders.
+        job[folder] = job[folder] if "://" in job[folder] else os.path.abspath(job[folder])
     if job["bus"]:
         # Workers have no access to files of the driver.
         with open(job["bus"], "rb") as file:
