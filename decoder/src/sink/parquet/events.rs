@@ -3,7 +3,7 @@
 use std::io;
 
 use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, number};
+use super::time::{TimeCell, nanos, small_number};
 use crate::event::Event;
 use crate::session::Bus;
 use crate::sink::rows;
@@ -62,7 +62,7 @@ impl EventRows {
             Cell::Number(row.last_frame.cast_signed()),
             Cell::Text(row.kind),
             Cell::Text(row.protocol),
-            number(row.node),
+            small_number(row.node),
             Cell::text(row.node_name),
             Cell::text(row.device),
             Cell::Truth(row.presumed),

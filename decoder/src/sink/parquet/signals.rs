@@ -3,7 +3,7 @@
 use std::io;
 
 use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, number};
+use super::time::{TimeCell, nanos, small_number};
 use crate::event::Event;
 use crate::session::Bus;
 use crate::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
@@ -80,7 +80,7 @@ impl ValueTable for Pushed<'_> {
             Cell::text(self.capture),
             Cell::Text(source.bus),
             Cell::Number(source.frame.cast_signed()),
-            number(source.node),
+            small_number(source.node),
             Cell::text(source.device),
             Cell::Text(source.group),
             Cell::Text(cells.signal),

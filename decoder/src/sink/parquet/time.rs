@@ -24,10 +24,10 @@ pub(super) fn nanos(time: Option<Timestamp>) -> Cell<'static> {
 
 /// Node-ID or J1939 address.
 pub(super) fn node_number(node: Option<NodeId>) -> Cell<'static> {
-    node.map_or(Cell::Null, |node| Cell::Number(i64::from(node.number())))
+    small_number(node.map(NodeId::number))
 }
 
 /// A small number.
-pub(super) fn number(number: Option<u8>) -> Cell<'static> {
+pub(super) fn small_number(number: Option<u8>) -> Cell<'static> {
     number.map_or(Cell::Null, |number| Cell::Number(i64::from(number)))
 }
