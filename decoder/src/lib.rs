@@ -68,6 +68,7 @@ pub mod diagnosis;
 pub mod event;
 pub mod finding;
 pub mod frame;
+mod marked_line;
 pub mod pipeline;
 pub mod profile;
 pub mod query;

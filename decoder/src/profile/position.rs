@@ -3,6 +3,11 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::marked_line::{MarkedLine, visible};
+
+/// Max characters shown of a message, which may quote the text.
+const LONGEST_MESSAGE: usize = 1_000;
+
 /// Error in a text, with its position.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TextError {
@@ -12,29 +17,22 @@ pub struct TextError {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// Text of the line.
-    excerpt: String,
-    /// Number of marked characters, at least one.
-    width: usize,
+    marked: MarkedLine,
 }
 
 impl TextError {
     /// Error at the bytes `span` of `text`; only its first line is shown.
     pub fn at(text: &str, span: Range<usize>, message: impl Into<String>) -> Self {
-        let start = floor(text, span.start);
+        let start = text.floor_char_boundary(span.start);
         let before = text.get(..start).unwrap_or_default();
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-        let rest = text.get(line_start..).unwrap_or_default();
-        let excerpt = rest.split('\n').next().unwrap_or_default().trim_end();
-        let column = text.get(line_start..start).unwrap_or_default().chars().count() + 1;
-        let end = floor(text, span.end.max(start)).min(line_start + excerpt.len());
-        let width = text.get(start..end).map_or(1, |marked| marked.chars().count()).max(1);
+        let line =
+            text.get(line_start..).unwrap_or_default().split('\n').next().unwrap_or_default().trim_end();
         Self {
             message: message.into(),
             line: before.matches('\n').count() + 1,
-            column,
-            excerpt: excerpt.to_owned(),
-            width,
+            column: text.get(line_start..start).unwrap_or_default().chars().count() + 1,
+            marked: MarkedLine::of(line, start - line_start..span.end.saturating_sub(line_start)),
         }
     }
 
@@ -54,14 +52,14 @@ impl TextError {
 /// Prints the error without a file name.
 impl fmt::Display for TextError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { line, column, width, .. } = *self;
-        let message = self.message.replace('\n', ", ").replace(char::is_control, "\u{FFFD}");
-        let excerpt = self.excerpt.replace('\t', " ").replace(char::is_control, "\u{FFFD}");
+        let Self { line, column, marked: MarkedLine { shown, carets }, .. } = self;
+        let message = self.message.replace('\n', ", ");
+        let message: String = message.chars().take(LONGEST_MESSAGE).map(visible).collect();
         let number = line.to_string();
         let gutter = " ".repeat(number.len());
         writeln!(f, "{line}:{column}: {message}")?;
-        writeln!(f, "  {number} | {excerpt}")?;
-        write!(f, "  {gutter} | {:skip$}{}", "", "^".repeat(width), skip = column - 1)
+        writeln!(f, "  {number} | {shown}")?;
+        write!(f, "  {gutter} | {carets}")
     }
 }
 
@@ -100,15 +98,6 @@ fn plain(message: &str, line: &str) -> String {
     format!("found {found}, expected {expected}")
 }
 
-/// Character boundary at or before `at`.
-fn floor(text: &str, at: usize) -> usize {
-    let mut at = at.min(text.len());
-    while !text.is_char_boundary(at) {
-        at -= 1;
-    }
-    at
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,5 +116,13 @@ mod tests {
         let error = TextError::at("a", 7..9, "m");
         assert_eq!((error.line, error.column), (1, 2));
         assert_eq!(TextError::at("", 0..0, "m").to_string(), "1:1: m\n  1 | \n    | ^");
+    }
+
+    #[test]
+    fn of_a_very_long_line_the_surroundings_are_shown() {
+        let zeros = "\0".repeat(100_000);
+        let shown = TextError::at(&zeros, 99_999..100_000, "m".repeat(100_000)).to_string();
+        assert!(shown.starts_with("1:100000: m"), "{shown}");
+        assert!(shown.len() < 2_000, "{}", shown.len());
     }
 }

@@ -33,11 +33,7 @@ pub(super) fn fit_within(mut value: Value, longest: usize) -> String {
 pub(super) fn fit_text(text: &str) -> String {
     let mut text = escape_json(text).into_owned();
     while written(&text) > LONGEST {
-        let mut end = text.len().saturating_mul(9) / 10;
-        while !text.is_char_boundary(end) {
-            end = end.saturating_sub(1);
-        }
-        text.truncate(end);
+        text.truncate(text.floor_char_boundary(text.len().saturating_mul(9) / 10));
         text.push('…');
     }
     text
