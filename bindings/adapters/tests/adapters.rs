@@ -133,6 +133,15 @@ fn listen_only_mode_is_set_and_read_back_before_the_channel_goes_on_the_bus() {
 }
 
 #[test]
+fn bit_rates_without_a_constant_of_canlib_have_their_own_timing() {
+    for (bit_rate, timing) in [(20_000, "20000 13 2 1 1"), (800_000, "800000 7 2 1 1")] {
+        let driver = Driver::start("");
+        drop(AdapterKind::Kvaser.listen("0", bit_rate).unwrap());
+        assert!(driver.calls().contains(&format!("canSetBusParams {timing}\n")), "{}", driver.calls());
+    }
+}
+
+#[test]
 fn no_frame_of_100_000_is_lost_or_changed() {
     for (kind, channel) in CHANNELS {
         let driver = Driver::start("frames=100000,error_every=1000");
@@ -284,8 +293,9 @@ fn other_failures_are_sentences() {
          250000, 500000, 800000, 1000000"
     );
     assert_eq!(
-        error("", AdapterKind::Kvaser, "0", 800_000),
-        "800000 bit/s not available; expected 10000, 50000, 62500, 83333, 100000, 125000, 250000, 500000, 1000000"
+        error("", AdapterKind::Kvaser, "0", 300_000),
+        "300000 bit/s not available; expected 10000, 20000, 50000, 62500, 83333, 100000, 125000, 250000, 500000, 800000, \
+         1000000"
     );
     for (kind, channel) in CHANNELS {
         assert_eq!(

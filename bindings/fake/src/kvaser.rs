@@ -96,13 +96,16 @@ pub extern "system" fn canOpenChannel(channel: c_int, flags: c_int) -> c_int {
 pub extern "system" fn canSetBusParams(
     handle: c_int,
     rate: c_long,
-    _segment1: c_uint,
-    _segment2: c_uint,
-    _jump: c_uint,
-    _samples: c_uint,
+    segment_1: c_uint,
+    segment_2: c_uint,
+    jump_width: c_uint,
+    samples: c_uint,
     _mode: c_uint,
 ) -> c_int {
-    record(&format!("canSetBusParams {rate}"));
+    record(&match rate {
+        ..0 => format!("canSetBusParams {rate}"),
+        _ => format!("canSetBusParams {rate} {segment_1} {segment_2} {jump_width} {samples}"),
+    });
     if handle == HANDLE { OK } else { PARAMETER }
 }
 

@@ -3,6 +3,7 @@
 use std::ffi::{c_char, c_int, c_long, c_uint, c_ulong, c_void};
 use std::time::Duration;
 
+use super::Timing;
 use crate::driver_text::text;
 use crate::library::DriverLibrary;
 use crate::{OpenError, Vendor};
@@ -169,10 +170,14 @@ impl Api {
         Ok(handle)
     }
 
-    /// Sets a bit rate by its constant; the other parameters are then not used.
-    pub(super) fn set_bit_rate(&self, handle: ChannelHandle, constant: i8) -> Result<(), OpenError> {
+    pub(super) fn set_timing(&self, handle: ChannelHandle, timing: Timing) -> Result<(), OpenError> {
+        let Timing { bit_rate, segment_1, segment_2, jump_width, samples } = timing;
+        let [segment_1, segment_2, jump_width, samples] =
+            [segment_1, segment_2, jump_width, samples].map(c_uint::from);
         // SAFETY: no pointers.
-        let status = unsafe { (self.set_parameters)(handle, c_long::from(constant), 0, 0, 0, 0, 0) };
+        let status = unsafe {
+            (self.set_parameters)(handle, bit_rate.into(), segment_1, segment_2, jump_width, samples, 0)
+        };
         self.checked("canSetBusParams", status)
     }
 

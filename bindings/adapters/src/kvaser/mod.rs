@@ -18,18 +18,42 @@ use crate::{
 };
 use api::{Api, ChannelHandle, Received};
 
-/// Bit rates with the constants of CANlib (`canBITRATE_…`), which select timing parameters of the adapter.
-const BIT_RATES: &[(u32, i8)] = &[
-    (10_000, -9),
-    (50_000, -7),
-    (62_500, -6),
-    (83_333, -8),
-    (100_000, -5),
-    (125_000, -4),
-    (250_000, -3),
-    (500_000, -2),
-    (1_000_000, -1),
+/// Bit rates. CANlib has no constant for two rates of CiA 301: these sample at 87.5 and 80 % of a bit, and need a clock that
+/// is a multiple of 8 MHz. The driver refuses them for an adapter with another clock.
+const BIT_RATES: &[(u32, Timing)] = &[
+    (10_000, Timing::constant(-9)),
+    (20_000, Timing { bit_rate: 20_000, segment_1: 13, segment_2: 2, jump_width: 1, samples: 1 }),
+    (50_000, Timing::constant(-7)),
+    (62_500, Timing::constant(-6)),
+    (83_333, Timing::constant(-8)),
+    (100_000, Timing::constant(-5)),
+    (125_000, Timing::constant(-4)),
+    (250_000, Timing::constant(-3)),
+    (500_000, Timing::constant(-2)),
+    (800_000, Timing { bit_rate: 800_000, segment_1: 7, segment_2: 2, jump_width: 1, samples: 1 }),
+    (1_000_000, Timing::constant(-1)),
 ];
+
+/// Arguments of `canSetBusParams`.
+#[derive(Debug, Clone, Copy)]
+struct Timing {
+    /// Bit rate in bit/s, or a constant (`canBITRATE_…`), which leaves the others to the driver.
+    bit_rate: i32,
+    /// Time quanta before the sample, without the first one.
+    segment_1: u8,
+    /// Time quanta after the sample.
+    segment_2: u8,
+    /// Time quanta by which a bit may be lengthened or shortened.
+    jump_width: u8,
+    /// Samples of a bit.
+    samples: u8,
+}
+
+impl Timing {
+    const fn constant(bit_rate: i32) -> Self {
+        Self { bit_rate, segment_1: 0, segment_2: 0, jump_width: 0, samples: 0 }
+    }
+}
 
 /// Capability of a channel (`canCHANNEL_CAP_SILENT_MODE`).
 const SILENT_MODE: u32 = 0x0020_0000;
@@ -97,7 +121,7 @@ impl KvaserListener {
         let handle = api.open(number)?;
         // From here on, dropping the listener closes the channel.
         let mut listener = Self { api, handle, scale: 1, is_on_bus: false };
-        api.set_bit_rate(handle, timing)?;
+        api.set_timing(handle, timing)?;
         // The mode must be set while the channel is off the bus.
         if api.set_silent(handle).is_err() || !api.is_silent(handle) {
             return Err(not_listen_only(channel));
