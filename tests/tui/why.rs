@@ -261,6 +261,20 @@ fn nothing_wrong_and_nobody_there() {
 }
 
 #[test]
+fn withdrawn_events_have_no_reaction_times() {
+    let pdos = ["181#00", "201#00", "181#01", "201#01"];
+    let wrong = ["000#0102030405060708"; 5];
+    let frames = pdos.iter().chain(&wrong).enumerate();
+    let capture: String =
+        frames.map(|(index, frame)| format!("(1700000000.{index}00000) can0 {frame}\n")).collect();
+    let withdrawn = text(&["-"], &capture);
+    assert!(withdrawn.starts_with("bus can0 not detected as CANopen: "), "{withdrawn}");
+    assert!(!withdrawn.contains("reaction"), "{withdrawn}");
+    let kept = text(&["--protocol", "canopen", "-"], &capture);
+    assert!(kept.contains("TPDO1 → RPDO1 median 100.000 ms"), "{kept}");
+}
+
+#[test]
 fn a_profile_is_suggested_never_assumed() {
     let page = text(&["fixtures/devices/sydfec.log"], "");
     assert!(page.contains("\n  set points unknown: no profile assigned"), "{page}");

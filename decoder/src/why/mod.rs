@@ -221,7 +221,7 @@ impl Why {
             Some(moment) => self.now(buses, moment.bus, moment.node, moment.sequence),
             None => self.no_fault(buses),
         };
-        let reactions = self.reactions(moment.as_ref());
+        let reactions = self.reactions(buses, moment.as_ref());
         let (checks, document) = self.checks(buses, moment.as_ref(), nodes.first());
         let is_of_bus =
             |bus: &Bus| moment.as_ref().is_some_and(|it| it.node.is_some() && it.bus == bus.index());
@@ -341,15 +341,17 @@ impl Why {
         believed.flat_map(|bus| suggestions(bus, catalogue, wanted)).collect()
     }
 
-    /// The longest reaction times, of the faulty or chosen node if there is one.
-    fn reactions(&self, moment: Option<&Moment>) -> Vec<Reaction> {
+    /// The longest reaction times, of the faulty or chosen node if there is one; none from withdrawn events.
+    fn reactions(&self, buses: Buses<'_>, moment: Option<&Moment>) -> Vec<Reaction> {
         let chosen = self.question.chosen.as_ref().map(|chosen| chosen.node);
         let node = moment.and_then(|moment| moment.node).or(chosen);
         let is_of_bus = |bus| moment.is_none_or(|moment| moment.bus == bus);
         let of_bus = |watch: &BusWatch| {
             let bus = watch.index();
-            let all = watch.reactions(node).map(|(node, time)| Reaction { bus, node, time: time.clone() });
-            all.collect::<Vec<_>>()
+            let session = find(buses, bus);
+            let is_withdrawn = |node| session.is_some_and(|session| session.is_withdrawn(Some(node)));
+            let all = watch.reactions(node).filter(|(node, _)| !is_withdrawn(*node));
+            all.map(|(node, time)| Reaction { bus, node, time: time.clone() }).collect::<Vec<_>>()
         };
         let watched = self.buses.iter().filter(|watch| is_of_bus(watch.index()));
         let mut all: Vec<_> = watched.flat_map(of_bus).collect();
