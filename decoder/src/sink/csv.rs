@@ -55,7 +55,7 @@ impl<W: Write> Csv<W> {
     fn values(&mut self, event: &Event, bus: &Bus) {
         let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) else { return };
         self.begin();
-        let Some(named) = self.groups.of(&carried, || GroupNames::of(&carried, bus)) else { return };
+        let named = self.groups.of(&carried, || GroupNames::of(&carried, bus));
         for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
             let reading = values::reading(&signal, label);
             self.line.clear();

@@ -144,10 +144,7 @@ impl ValueRows {
     pub fn visit(&mut self, event: &Event, bus: &Bus, table: &mut impl ValueTable) {
         let Some(carried) = values::carried(event) else { return };
         let Self { groups, signals } = self;
-        let Some(NumberedNames { first, names }) = groups.of(&carried, || numbered(&carried, bus, signals))
-        else {
-            return;
-        };
+        let NumberedNames { first, names } = groups.of(&carried, || numbered(&carried, bus, signals));
         let source = ValueSource {
             time: event.time,
             bus: bus.name(),

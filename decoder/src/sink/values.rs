@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use foldhash::fast::FixedState;
@@ -56,12 +57,18 @@ impl<T> Default for Groups<T> {
 
 impl<T> Groups<T> {
     /// Cached data of a group; `learn` computes it for a new group or a new layout.
-    pub(super) fn of(&mut self, carried: &EventValues<'_>, learn: impl FnOnce() -> T) -> Option<&mut T> {
-        let known = self.0.get(&carried.group);
-        if !known.is_some_and(|(layout, _)| Arc::ptr_eq(layout, carried.layout)) {
-            self.0.insert(carried.group, (Arc::clone(carried.layout), learn()));
+    pub(super) fn of(&mut self, carried: &EventValues<'_>, learn: impl FnOnce() -> T) -> &mut T {
+        let learned = || (Arc::clone(carried.layout), learn());
+        match self.0.entry(carried.group) {
+            Entry::Vacant(unknown) => &mut unknown.insert(learned()).1,
+            Entry::Occupied(known) => {
+                let known = known.into_mut();
+                if !Arc::ptr_eq(&known.0, carried.layout) {
+                    *known = learned();
+                }
+                &mut known.1
+            }
         }
-        self.0.get_mut(&carried.group).map(|(_, known)| known)
     }
 }
 

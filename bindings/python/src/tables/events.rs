@@ -75,7 +75,7 @@ impl Table for Events {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let row = self.rows.row(event, bus);
         let bus = self.origin.bus.key(row.bus);
-        self.origin.push(row.time, bus, 1);
+        self.origin.push(row.time, bus);
         self.first_frame.push(Some(row.first_frame.cast_signed()));
         self.last_frame.push(Some(row.last_frame.cast_signed()));
         self.kind.push(Some(row.kind));

@@ -68,7 +68,7 @@ impl Table for Frames {
 
     fn frame(&mut self, frame: &Frame, bus: &str) {
         let bus = self.origin.bus.key(bus);
-        self.origin.push(frame.time, bus, 1);
+        self.origin.push(frame.time, bus);
         self.frame.push(Some(frame.number.cast_signed()));
         self.id.push(Some(frame.id.number().into()));
         let has = |flag| frame.flags.contains(flag);

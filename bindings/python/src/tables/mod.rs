@@ -71,13 +71,18 @@ impl Origin {
         origin
     }
 
-    /// Adds equal rows.
+    /// Adds a row.
     #[inline]
-    fn push(&mut self, time: Option<Timestamp>, bus: Key, count: usize) {
-        self.rows += count;
-        self.micros.push_times(time.map(|Timestamp(time)| time.div_euclid(1_000)), count);
-        self.nanos.push_times(time.map(|Timestamp(time)| time), count);
-        self.capture.push_keys(Some(self.name), count);
-        self.bus.push_keys(Some(bus), count);
+    fn push(&mut self, time: Option<Timestamp>, bus: Key) {
+        self.rows += 1;
+        self.micros.push(time.map(micros));
+        self.nanos.push(time.map(|Timestamp(time)| time));
+        self.capture.push_key(Some(self.name));
+        self.bus.push_key(Some(bus));
     }
+}
+
+/// Time in µs, rounded down.
+fn micros(Timestamp(time): Timestamp) -> i64 {
+    time.div_euclid(1_000)
 }

@@ -1,13 +1,14 @@
 //! The table of values: one row per value.
 
-use arrow_array::RecordBatch;
+use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
 
-use super::{Origin, Table};
-use crate::columns::{Key, Kind, Names, Numbers, Texts, schema};
+use super::{Table, micros};
+use crate::columns::{Key, Kind, Names, Numbers, Parts, Texts, schema};
 
 const SIGNALS: &[(&str, Kind)] = &[
     ("time", Kind::Time),
@@ -53,27 +54,45 @@ pub struct Signals {
 
 #[derive(Default)]
 struct SignalColumns {
-    origin: Origin,
-    known: Vec<SignalKeys>,
-    last_device: Option<(Box<str>, Key)>,
-    frame: Numbers<i64>,
-    node: Numbers<i64>,
+    capture: Names,
+    /// Number of the only capture.
+    name: Key,
+    bus: Names,
     device: Names,
     group: Names,
     signal: Names,
     id: Names,
+    unit: Names,
+    known: Vec<SignalKeys>,
+    last_device: Option<(Box<str>, Key)>,
+    /// Events of the rows since the last batch.
+    events: Vec<EventCells>,
+    /// Number of the signal of each row.
+    signals: Vec<u32>,
     value: Numbers<f64>,
     text: Texts,
-    unit: Names,
     label: Names,
     raw: Numbers<i64>,
     raw_hex: Texts,
 }
 
+/// Cells that are equal in all rows of an event.
+struct EventCells {
+    time: Option<Timestamp>,
+    frame: u64,
+    bus: Key,
+    group: Key,
+    device: Option<Key>,
+    node: Option<u8>,
+    /// Number of rows.
+    count: usize,
+}
+
 impl Signals {
     /// No rows yet.
     pub fn new(capture: &str) -> Self {
-        let columns = SignalColumns { origin: Origin::new(capture), ..SignalColumns::default() };
+        let mut columns = SignalColumns::default();
+        columns.name = columns.capture.key(capture);
         Self { schema: schema(SIGNALS), values: ValueRows::default(), columns }
     }
 }
@@ -86,11 +105,9 @@ impl ValueTable for SignalColumns {
             self.learn(source, cells);
         }
         let Some(known) = self.known.get_mut(number) else { return };
-        self.signal.push_keys(Some(known.signal), 1);
-        self.id.push_keys(Some(known.id), 1);
+        self.signals.push(cells.signal_number);
         self.value.push(cells.value);
         self.text.push(cells.text.as_deref());
-        self.unit.push_keys(known.unit, 1);
         let label = cells.label.map(|label| match &known.label {
             Some((last, key)) if **last == *label => *key,
             _ => {
@@ -99,7 +116,7 @@ impl ValueTable for SignalColumns {
                 key
             }
         });
-        self.label.push_keys(label, 1);
+        self.label.push_key(label);
         let raw = i64::try_from(cells.raw).ok();
         self.raw.push(raw);
         if raw.is_some() {
@@ -114,15 +131,52 @@ impl ValueTable for SignalColumns {
         let Some(known) = self.known.get(signal_number as usize) else { return };
         let (bus, group) = (known.bus, known.group);
         let device = source.device.map(|device| self.device_key(device));
-        self.origin.push(source.time, bus, count);
-        self.frame.push_times(Some(source.frame.cast_signed()), count);
-        self.node.push_times(source.node.map(i64::from), count);
-        self.device.push_keys(device, count);
-        self.group.push_keys(Some(group), count);
+        let (time, frame, node) = (source.time, source.frame, source.node);
+        self.events.push(EventCells { time, frame, bus, group, device, node, count });
     }
 }
 
 impl SignalColumns {
+    fn take(&mut self) -> Result<Vec<ArrayRef>, ArrowError> {
+        let (events, signals) = (std::mem::take(&mut self.events), std::mem::take(&mut self.signals));
+        let count = signals.len();
+        let numbers = |cell: fn(&EventCells) -> Option<i64>| {
+            Parts::of_runs(events.iter().map(|event| (cell(event), event.count)), count)
+        };
+        let names = |column: &mut Names, key: fn(&EventCells) -> Option<Key>| {
+            let keys = column.keys_of_runs(events.iter().map(|event| (key(event), event.count)), count);
+            column.array_of(keys)
+        };
+        let known = &self.known;
+        let names_of_signals = |column: &mut Names, key: fn(&SignalKeys) -> Option<Key>| {
+            let keys = signals.iter().map(|signal| known.get(*signal as usize).and_then(key));
+            column.array_of(Parts::of_rows(keys))
+        };
+        let capture = self.capture.keys_of_runs(std::iter::once((Some(self.name), count)), count);
+        let columns = vec![
+            numbers(|event| event.time.map(micros)).times(),
+            numbers(|event| event.time.map(|Timestamp(time)| time)).numbers(),
+            self.capture.array_of(capture)?,
+            names(&mut self.bus, |event| Some(event.bus))?,
+            numbers(|event| Some(event.frame.cast_signed())).numbers(),
+            numbers(|event| event.node.map(i64::from)).numbers(),
+            names(&mut self.device, |event| event.device)?,
+            names(&mut self.group, |event| Some(event.group))?,
+            names_of_signals(&mut self.signal, |known| Some(known.signal))?,
+            names_of_signals(&mut self.id, |known| Some(known.id))?,
+            self.value.take(),
+            self.text.take()?,
+            names_of_signals(&mut self.unit, |known| known.unit)?,
+            self.label.take()?,
+            self.raw.take(),
+            self.raw_hex.take()?,
+        ];
+        (self.events, self.signals) = (events, signals);
+        self.events.clear();
+        self.signals.clear();
+        Ok(columns)
+    }
+
     /// Forgets labels between batches if a capture has very many: labels of bits are composed.
     fn limit_labels(&mut self) {
         if self.label.size() > MOST_LABELS {
@@ -140,7 +194,7 @@ impl SignalColumns {
         }
         let unit = (!cells.unit.is_empty()).then(|| self.unit.key(cells.unit));
         let keys = SignalKeys {
-            bus: self.origin.bus.key(source.bus),
+            bus: self.bus.key(source.bus),
             group: self.group.key(source.group),
             signal: self.signal.key(cells.signal),
             id: self.id.key(cells.id),
@@ -178,31 +232,12 @@ impl Table for Signals {
     }
 
     fn rows(&self) -> usize {
-        self.columns.origin.rows
+        self.columns.signals.len()
     }
 
     fn take(&mut self) -> Result<RecordBatch, ArrowError> {
-        let it = &mut self.columns;
-        it.origin.rows = 0;
-        let columns = vec![
-            it.origin.micros.take_times(),
-            it.origin.nanos.take(),
-            it.origin.capture.take()?,
-            it.origin.bus.take()?,
-            it.frame.take(),
-            it.node.take(),
-            it.device.take()?,
-            it.group.take()?,
-            it.signal.take()?,
-            it.id.take()?,
-            it.value.take(),
-            it.text.take()?,
-            it.unit.take()?,
-            it.label.take()?,
-            it.raw.take(),
-            it.raw_hex.take()?,
-        ];
-        it.limit_labels();
+        let columns = self.columns.take()?;
+        self.columns.limit_labels();
         RecordBatch::try_new(self.schema(), columns)
     }
 }

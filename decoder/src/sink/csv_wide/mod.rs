@@ -79,7 +79,7 @@ impl<W: Write, S: Read + Write + Seek> CsvWide<W, S> {
     }
 
     fn row(&mut self, event: &Event, bus: &Bus, carried: &EventValues<'_>) -> io::Result<()> {
-        let Some(places) = self.groups.of(carried, || places(carried, bus)) else { return Ok(()) };
+        let places = self.groups.of(carried, || places(carried, bus));
         let row = self.spool.begin();
         if let Some(Timestamp(time)) = event.time {
             push_seconds(row, time);

@@ -19,6 +19,7 @@ mod recording;
 mod records;
 mod source;
 mod stream;
+mod transposed;
 
 use std::sync::Arc;
 

@@ -10,12 +10,13 @@
 //!         0 flags (4)  4 number of data blocks (4)
 //! ```
 //! Transposed data contain the first bytes of all rows, then the second bytes, and so on; an incomplete row
-//! is last.
+//! is last ([`super::transposed`]).
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::block::Block;
+use super::transposed::to_rows;
 use crate::capture::inflate::{Codec, Decompression};
 
 /// Number of bytes before the compressed data.
@@ -88,11 +89,11 @@ impl Segment {
 
     /// Replaces the content of `bytes`; returns the damage. `columns` is memory for transposed data.
     fn unpack(&self, file: &[u8], bytes: &mut Vec<u8>, columns: &mut Vec<u8>) -> Option<String> {
-        bytes.clear();
         let data = file.get(self.start..).unwrap_or_default();
         let data = data.get(..self.stored).unwrap_or(data);
         let (codec, row) = match self.packing {
             Packing::Unknown(number) => {
+                bytes.clear();
                 let known = "expected 0 to 5 (zlib, zstd, LZ4)";
                 return Some(format!("block compression {number}; {known}"));
             }
@@ -115,31 +116,12 @@ impl Segment {
         };
         // Incomplete transposed data cannot be converted to rows.
         if row > 1 && damage.is_none() {
-            transpose(columns, row, bytes);
+            to_rows(columns, row, bytes);
+        } else if row > 1 {
+            bytes.clear();
         }
         damage
     }
-}
-
-/// Rows that are converted together: they stay in the first cache.
-const ROWS_AT_ONCE: usize = 128;
-
-/// Converts transposed data to rows, which are added to `bytes`.
-fn transpose(columns: &[u8], row: usize, bytes: &mut Vec<u8>) {
-    let count = columns.len() / row;
-    let (matrix, rest) = columns.split_at(count * row);
-    let start = bytes.len();
-    bytes.resize(start + matrix.len(), 0);
-    let rows = bytes.get_mut(start..).unwrap_or_default();
-    // A row is at most 4 GiB long, which times 128 exceeds the addresses of WebAssembly.
-    for (block, rows) in rows.chunks_mut(ROWS_AT_ONCE.saturating_mul(row)).enumerate() {
-        for (index, column) in matrix.chunks_exact(count).enumerate() {
-            let column = column.get(block * ROWS_AT_ONCE..).unwrap_or_default();
-            let places = rows.iter_mut().skip(index).step_by(row);
-            places.zip(column).for_each(|(place, byte)| *place = *byte);
-        }
-    }
-    bytes.extend_from_slice(rest);
 }
 
 /// Data blocks of a link in order, each at most once.
@@ -383,22 +365,13 @@ mod tests {
     }
 
     #[test]
-    fn columns_become_rows() {
-        let rows = |columns: &[u8], row| {
-            let mut bytes = Vec::new();
-            transpose(columns, row, &mut bytes);
-            bytes
-        };
-        assert_eq!(rows(b"adbecfxy", 3), b"abcdefxy");
-        assert_eq!(rows(b"ab", 3), b"ab");
-        assert_eq!(rows(b"", 3), b"");
-        assert_eq!(rows(b"ab", usize::MAX / 2), b"ab");
-        // More rows than are converted together: byte n of row m is in place n * count + m.
-        let (row, count) = (5, 2 * ROWS_AT_ONCE + 3);
-        let columns: Vec<u8> = (0..row * count).map(|place| u8::try_from(place % 251).unwrap()).collect();
-        let expected: Vec<u8> = (0..row * count)
-            .map(|place| u8::try_from((place % row * count + place / row) % 251).unwrap())
-            .collect();
-        assert_eq!(rows(&columns, row), expected);
+    fn a_damaged_block_has_no_content_of_an_earlier_one() {
+        for packing in [Packing::Unknown(7), Packing::Packed(Codec::Zlib, 0), Packing::Packed(Codec::Zlib, 2)]
+        {
+            let segment = Segment { at: 0, start: 0, stored: 4, packing, length: 4 };
+            let (mut bytes, mut columns) = (b"earlier".to_vec(), b"earlier".to_vec());
+            assert!(segment.unpack(b"none", &mut bytes, &mut columns).is_some());
+            assert_eq!(bytes, b"", "{packing:?}");
+        }
     }
 }

@@ -1,0 +1,102 @@
+//! Columns of texts that repeat.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use arrow_array::types::Int32Type;
+use arrow_array::{ArrayRef, DictionaryArray, Int32Array, StringArray};
+use arrow_schema::ArrowError;
+use cobscope_decoder::sink::escape;
+
+use super::numbers::{Numbers, Parts};
+
+/// Number of a text in [`Names`].
+pub type Key = i32;
+
+/// Texts that repeat. All batches of a table share one dictionary, which grows.
+#[derive(Default)]
+pub struct Names {
+    keys: Numbers<Key>,
+    numbers: HashMap<Box<str>, Key>,
+    texts: Vec<Box<str>>,
+    array: Option<ArrayRef>,
+    /// Memory of batches with one text.
+    equal: Option<(Key, Parts<Key>)>,
+}
+
+impl Names {
+    /// Number of a text, which is escaped.
+    pub fn key(&mut self, text: &str) -> Key {
+        if let Some(key) = self.numbers.get(text) {
+            return *key;
+        }
+        let key = Key::try_from(self.texts.len()).unwrap_or(Key::MAX);
+        self.numbers.insert(text.into(), key);
+        self.texts.push(escape(text).into());
+        self.array = None;
+        key
+    }
+
+    /// Number of different texts.
+    pub fn size(&self) -> usize {
+        self.texts.len()
+    }
+
+    /// Forgets all texts and their numbers; only directly after [`Self::take`].
+    pub fn forget(&mut self) {
+        (self.numbers, self.texts, self.array, self.equal) = (HashMap::new(), Vec::new(), None, None);
+    }
+
+    /// Adds a row with a number of [`Self::key`].
+    #[inline]
+    pub fn push_key(&mut self, key: Option<Key>) {
+        self.keys.push(key);
+    }
+
+    /// Adds a row.
+    pub fn push(&mut self, text: Option<&str>) {
+        let key = text.map(|text| self.key(text));
+        self.keys.push(key);
+    }
+
+    /// The rows so far.
+    ///
+    /// # Errors
+    /// If there are more texts than numbers for them.
+    pub fn take(&mut self) -> Result<ArrayRef, ArrowError> {
+        let keys = self.keys.parts();
+        self.array_of(keys)
+    }
+
+    /// Rows with numbers of [`Self::key`], in place of rows that were added.
+    ///
+    /// # Errors
+    /// If there are more texts than numbers for them.
+    pub fn array_of(&mut self, keys: Parts<Key>) -> Result<ArrayRef, ArrowError> {
+        let texts = &self.texts;
+        let values = self.array.get_or_insert_with(|| Arc::new(StringArray::from_iter_values(texts)));
+        let values = Arc::clone(values);
+        let keys = Int32Array::new(keys.values, keys.valid);
+        Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, values)?))
+    }
+
+    /// Numbers of [`Self::key`] of `count` rows, of which each applies to some. Batches with one text share
+    /// memory.
+    pub fn keys_of_runs(
+        &mut self,
+        runs: impl Iterator<Item = (Option<Key>, usize)> + Clone,
+        count: usize,
+    ) -> Parts<Key> {
+        let first = runs.clone().next().and_then(|(key, _)| key);
+        match first.filter(|first| runs.clone().all(|(key, _)| key == Some(*first))) {
+            Some(key) => {
+                let known =
+                    self.equal.take().filter(|(known, parts)| *known == key && parts.values.len() >= count);
+                let known = known
+                    .unwrap_or_else(|| (key, Parts::of_runs(std::iter::once((Some(key), count)), count)));
+                self.equal.insert(known).1.first(count)
+            }
+            None => Parts::of_runs(runs, count),
+        }
+    }
+}
