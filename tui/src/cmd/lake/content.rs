@@ -37,12 +37,12 @@ impl CaptureContent {
         let (mut size, mut states) = (0_u64, Vec::new());
         for path in parts {
             let name = || shown(path);
-            let mut file = File::open(path).with_context(name)?;
+            let mut file = File::open(path).with_context(|| format!("{}: cannot be opened", name()))?;
             let found = file.metadata().with_context(name)?;
             ensure!(found.is_file(), "{}: not a file; a lake needs the whole content twice", name());
             states.push((path.clone(), state(&found)));
             loop {
-                let read = file.read(&mut block).with_context(name)?;
+                let read = file.read(&mut block).with_context(|| format!("{}: cannot be read", name()))?;
                 if read == 0 {
                     break;
                 }
