@@ -64,7 +64,7 @@ impl WaitingTable {
         if self.table.rows() == 0 {
             return;
         }
-        match self.table.take() {
+        match self.table.take().and_then(|batch| batch()) {
             Ok(batch) => {
                 self.rows += batch.num_rows();
                 self.batches.push_back(batch);

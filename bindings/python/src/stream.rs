@@ -13,7 +13,7 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::{Bus, Observer};
 
-use crate::tables::Table;
+use crate::tables::{Table, Unfinished, whole};
 
 /// Batches that may wait for their reader.
 const WAITING: usize = 2;
@@ -69,7 +69,7 @@ pub enum Next {
 /// Batches in order. An error is the last item.
 pub struct Batches {
     schema: SchemaRef,
-    receiver: Receiver<Result<RecordBatch, String>>,
+    receiver: Receiver<Result<Unfinished, String>>,
 }
 
 impl Batches {
@@ -91,7 +91,7 @@ impl Batches {
     pub fn of(schema: SchemaRef, batches: Vec<RecordBatch>) -> Self {
         let (sender, receiver) = sync_channel(batches.len().max(1));
         for batch in batches {
-            let _ = sender.try_send(Ok(batch));
+            let _ = sender.try_send(Ok(whole(batch)));
         }
         Self { schema, receiver }
     }
@@ -99,12 +99,15 @@ impl Batches {
     /// Waits for the next batch.
     pub fn next_within(&self, time: Duration) -> Next {
         match self.receiver.recv_timeout(time) {
-            Ok(Ok(batch)) => Next::Batch(batch),
-            Ok(Err(reason)) => Next::Failure(reason),
+            Ok(batch) => finished(batch).map_or_else(Next::Failure, Next::Batch),
             Err(RecvTimeoutError::Disconnected) => Next::End,
             Err(RecvTimeoutError::Timeout) => Next::Waiting,
         }
     }
+}
+
+fn finished(batch: Result<Unfinished, String>) -> Result<RecordBatch, String> {
+    batch?().map_err(|error| error.to_string())
 }
 
 impl Iterator for Batches {
@@ -112,7 +115,7 @@ impl Iterator for Batches {
 
     fn next(&mut self) -> Option<Self::Item> {
         let batch = self.receiver.recv().ok()?;
-        Some(batch.map_err(|reason| ArrowError::ExternalError(reason.into())))
+        Some(finished(batch).map_err(|reason| ArrowError::ExternalError(reason.into())))
     }
 }
 
@@ -122,7 +125,7 @@ impl RecordBatchReader for Batches {
     }
 }
 
-fn run(pass: &Pass, table: Box<dyn Table>, sender: SyncSender<Result<RecordBatch, String>>) {
+fn run(pass: &Pass, table: Box<dyn Table>, sender: SyncSender<Result<Unfinished, String>>) {
     let filter = pass.filter.clone();
     let mut reader = TableReader { table, filter, sender, is_closed: false };
     let end = pass.source.read(pass.has_rules, &mut reader);
@@ -145,7 +148,7 @@ fn run(pass: &Pass, table: Box<dyn Table>, sender: SyncSender<Result<RecordBatch
 struct TableReader {
     table: Box<dyn Table>,
     filter: Option<Arc<Filter>>,
-    sender: SyncSender<Result<RecordBatch, String>>,
+    sender: SyncSender<Result<Unfinished, String>>,
     /// The reader of the batches is gone.
     is_closed: bool,
 }
@@ -158,7 +161,7 @@ impl TableReader {
         }
     }
 
-    fn send_result(&mut self, batch: Result<RecordBatch, String>) {
+    fn send_result(&mut self, batch: Result<Unfinished, String>) {
         self.is_closed = self.is_closed || self.sender.send(batch).is_err();
     }
 }

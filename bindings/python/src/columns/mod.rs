@@ -9,7 +9,7 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, BooleanArray};
 use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 
-pub use names::{Key, Names};
+pub use names::{Key, Names, dictionary};
 pub use numbers::{Numbers, Parts};
 pub use texts::Texts;
 

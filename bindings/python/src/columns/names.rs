@@ -21,7 +21,7 @@ pub struct Names {
     texts: Vec<Box<str>>,
     array: Option<ArrayRef>,
     /// Memory of batches with one text.
-    equal: Option<(Key, Parts<Key>)>,
+    equal: Option<(Option<Key>, Parts<Key>)>,
 }
 
 impl Names {
@@ -73,11 +73,14 @@ impl Names {
     /// # Errors
     /// If there are more texts than numbers for them.
     pub fn array_of(&mut self, keys: Parts<Key>) -> Result<ArrayRef, ArrowError> {
+        dictionary(keys, &self.texts())
+    }
+
+    /// All texts, in the order of their numbers.
+    pub fn texts(&mut self) -> ArrayRef {
         let texts = &self.texts;
-        let values = self.array.get_or_insert_with(|| Arc::new(StringArray::from_iter_values(texts)));
-        let values = Arc::clone(values);
-        let keys = Int32Array::new(keys.values, keys.valid);
-        Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, values)?))
+        let array = self.array.get_or_insert_with(|| Arc::new(StringArray::from_iter_values(texts)));
+        Arc::clone(array)
     }
 
     /// Numbers of [`Self::key`] of `count` rows, of which each applies to some. Batches with one text share
@@ -87,16 +90,27 @@ impl Names {
         runs: impl Iterator<Item = (Option<Key>, usize)> + Clone,
         count: usize,
     ) -> Parts<Key> {
-        let first = runs.clone().next().and_then(|(key, _)| key);
-        match first.filter(|first| runs.clone().all(|(key, _)| key == Some(*first))) {
-            Some(key) => {
-                let known =
-                    self.equal.take().filter(|(known, parts)| *known == key && parts.values.len() >= count);
-                let known = known
-                    .unwrap_or_else(|| (key, Parts::of_runs(std::iter::once((Some(key), count)), count)));
-                self.equal.insert(known).1.first(count)
-            }
-            None => Parts::of_runs(runs, count),
+        if let Some((first, _)) = runs.clone().next()
+            && runs.clone().all(|(key, _)| key == first)
+        {
+            return self.equal_keys(first, count);
         }
+        Parts::of_runs(runs, count)
     }
+
+    /// The same number of [`Self::key`] in `count` rows. Batches share memory.
+    pub fn equal_keys(&mut self, key: Option<Key>, count: usize) -> Parts<Key> {
+        let known = self.equal.take().filter(|(known, parts)| *known == key && parts.values.len() >= count);
+        let known = known.unwrap_or_else(|| (key, Parts::of_runs(std::iter::once((key, count)), count)));
+        self.equal.insert(known).1.first(count)
+    }
+}
+
+/// A column of numbers of texts.
+///
+/// # Errors
+/// If a number has no text.
+pub fn dictionary(keys: Parts<Key>, texts: &ArrayRef) -> Result<ArrayRef, ArrowError> {
+    let keys = Int32Array::new(keys.values, keys.valid);
+    Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, Arc::clone(texts))?))
 }

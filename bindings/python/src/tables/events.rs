@@ -6,7 +6,7 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::rows::EventRows;
 
-use super::{BATCH_BYTES, BATCH_ROWS, Origin, Table};
+use super::{BATCH_BYTES, BATCH_ROWS, Origin, Table, Unfinished, whole};
 use crate::columns::{Kind, Names, Numbers, Texts, Truths, schema};
 
 const EVENTS: &[(&str, Kind)] = &[
@@ -98,7 +98,7 @@ impl Table for Events {
         self.rows() >= BATCH_ROWS || self.json.size() >= BATCH_BYTES
     }
 
-    fn take(&mut self) -> Result<RecordBatch, ArrowError> {
+    fn take(&mut self) -> Result<Unfinished, ArrowError> {
         self.origin.rows = 0;
         let columns = vec![
             self.origin.micros.take_times(),
@@ -117,6 +117,6 @@ impl Table for Events {
             self.text.take()?,
             self.json.take()?,
         ];
-        RecordBatch::try_new(self.schema(), columns)
+        RecordBatch::try_new(self.schema(), columns).map(whole)
     }
 }

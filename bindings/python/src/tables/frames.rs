@@ -4,7 +4,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 
-use super::{Origin, Table};
+use super::{Origin, Table, Unfinished, whole};
 use crate::columns::{Kind, Names, Numbers, Texts, Truths, schema};
 
 const FRAMES: &[(&str, Kind)] = &[
@@ -97,7 +97,7 @@ impl Table for Frames {
         self.origin.rows
     }
 
-    fn take(&mut self) -> Result<RecordBatch, ArrowError> {
+    fn take(&mut self) -> Result<Unfinished, ArrowError> {
         self.origin.rows = 0;
         let mut columns = vec![
             self.origin.micros.take_times(),
@@ -114,6 +114,6 @@ impl Table for Frames {
             self.length.take(),
             self.data.take_bytes()?,
         ]);
-        RecordBatch::try_new(self.schema(), columns)
+        RecordBatch::try_new(self.schema(), columns).map(whole)
     }
 }

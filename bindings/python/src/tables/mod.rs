@@ -21,6 +21,14 @@ pub const BATCH_ROWS: usize = 64 * 1024;
 /// Bytes of texts after which a batch ends.
 const BATCH_BYTES: usize = 16 << 20;
 
+/// A batch whose reader completes it, while the next one is decoded.
+pub type Unfinished = Box<dyn FnOnce() -> Result<RecordBatch, ArrowError> + Send>;
+
+/// A batch that is complete.
+pub fn whole(batch: RecordBatch) -> Unfinished {
+    Box::new(|| Ok(batch))
+}
+
 /// A table that grows by events or frames.
 pub trait Table: Send {
     /// Columns.
@@ -49,7 +57,7 @@ pub trait Table: Send {
     ///
     /// # Errors
     /// If the columns are inconsistent.
-    fn take(&mut self) -> Result<RecordBatch, ArrowError>;
+    fn take(&mut self) -> Result<Unfinished, ArrowError>;
 }
 
 /// Time and capture of a row, which all tables begin with.

@@ -1,14 +1,16 @@
 //! The table of values: one row per value.
 
-use arrow_array::{ArrayRef, RecordBatch};
+mod batch;
+
+use arrow_array::RecordBatch;
 use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
 
-use super::{Table, micros};
-use crate::columns::{Key, Kind, Names, Numbers, Parts, Texts, schema};
+use super::{Table, Unfinished};
+use crate::columns::{Key, Kind, Names, Numbers, Texts, schema};
+use batch::{EventCells, Rows, SignalBatch, SignalKeys, SpareRows};
 
 const SIGNALS: &[(&str, Kind)] = &[
     ("time", Kind::Time),
@@ -32,15 +34,13 @@ const SIGNALS: &[(&str, Kind)] = &[
 /// Labels that are kept for the next batch.
 const MOST_LABELS: usize = 1 << 16;
 
-/// Names of a signal in their dictionaries.
+/// A signal that had a value.
 #[derive(Default)]
-struct SignalKeys {
+struct KnownSignal {
     is_known: bool,
     bus: Key,
     group: Key,
-    signal: Key,
-    id: Key,
-    unit: Option<Key>,
+    keys: SignalKeys,
     /// The last label.
     label: Option<(Box<str>, Key)>,
 }
@@ -63,29 +63,15 @@ struct SignalColumns {
     signal: Names,
     id: Names,
     unit: Names,
-    known: Vec<SignalKeys>,
+    known: Vec<KnownSignal>,
     last_device: Option<(Box<str>, Key)>,
-    /// Events of the rows since the last batch.
-    events: Vec<EventCells>,
-    /// Number of the signal of each row.
-    signals: Vec<u32>,
+    rows: Rows,
+    spare: SpareRows,
     value: Numbers<f64>,
     text: Texts,
     label: Names,
     raw: Numbers<i64>,
     raw_hex: Texts,
-}
-
-/// Cells that are equal in all rows of an event.
-struct EventCells {
-    time: Option<Timestamp>,
-    frame: u64,
-    bus: Key,
-    group: Key,
-    device: Option<Key>,
-    node: Option<u8>,
-    /// Number of rows.
-    count: usize,
 }
 
 impl Signals {
@@ -105,7 +91,7 @@ impl ValueTable for SignalColumns {
             self.learn(source, cells);
         }
         let Some(known) = self.known.get_mut(number) else { return };
-        self.signals.push(cells.signal_number);
+        self.rows.signals.push(cells.signal_number);
         self.value.push(cells.value);
         self.text.push(cells.text.as_deref());
         let label = cells.label.map(|label| match &known.label {
@@ -132,49 +118,35 @@ impl ValueTable for SignalColumns {
         let (bus, group) = (known.bus, known.group);
         let device = source.device.map(|device| self.device_key(device));
         let (time, frame, node) = (source.time, source.frame, source.node);
-        self.events.push(EventCells { time, frame, bus, group, device, node, count });
+        self.rows.events.push(EventCells { time, frame, bus, group, device, node, count });
     }
 }
 
 impl SignalColumns {
-    fn take(&mut self) -> Result<Vec<ArrayRef>, ArrowError> {
-        let (events, signals) = (std::mem::take(&mut self.events), std::mem::take(&mut self.signals));
-        let count = signals.len();
-        let numbers = |cell: fn(&EventCells) -> Option<i64>| {
-            Parts::of_runs(events.iter().map(|event| (cell(event), event.count)), count)
-        };
-        let names = |column: &mut Names, key: fn(&EventCells) -> Option<Key>| {
-            let keys = column.keys_of_runs(events.iter().map(|event| (key(event), event.count)), count);
-            column.array_of(keys)
-        };
-        let known = &self.known;
-        let names_of_signals = |column: &mut Names, key: fn(&SignalKeys) -> Option<Key>| {
-            let keys = signals.iter().map(|signal| known.get(*signal as usize).and_then(key));
-            column.array_of(Parts::of_rows(keys))
-        };
-        let capture = self.capture.keys_of_runs(std::iter::once((Some(self.name), count)), count);
-        let columns = vec![
-            numbers(|event| event.time.map(micros)).times(),
-            numbers(|event| event.time.map(|Timestamp(time)| time)).numbers(),
-            self.capture.array_of(capture)?,
-            names(&mut self.bus, |event| Some(event.bus))?,
-            numbers(|event| Some(event.frame.cast_signed())).numbers(),
-            numbers(|event| event.node.map(i64::from)).numbers(),
-            names(&mut self.device, |event| event.device)?,
-            names(&mut self.group, |event| Some(event.group))?,
-            names_of_signals(&mut self.signal, |known| Some(known.signal))?,
-            names_of_signals(&mut self.id, |known| Some(known.id))?,
-            self.value.take(),
-            self.text.take()?,
-            names_of_signals(&mut self.unit, |known| known.unit)?,
-            self.label.take()?,
-            self.raw.take(),
-            self.raw_hex.take()?,
-        ];
-        (self.events, self.signals) = (events, signals);
-        self.events.clear();
-        self.signals.clear();
-        Ok(columns)
+    /// The rows since the last batch. Cells that the rows of an event or of a signal share are no columns yet.
+    fn take(&mut self) -> Result<SignalBatch, ArrowError> {
+        let rows = std::mem::replace(&mut self.rows, self.spare.take());
+        let count = rows.signals.len();
+        let capture = self.capture.equal_keys(Some(self.name), count);
+        let bus = self.bus.keys_of_runs(rows.of_events(|event| Some(event.bus)), count);
+        let device = self.device.keys_of_runs(rows.of_events(|event| event.device), count);
+        Ok(SignalBatch {
+            keys: self.known.iter().map(|known| known.keys).collect(),
+            capture: self.capture.array_of(capture)?,
+            bus: self.bus.array_of(bus)?,
+            device: self.device.array_of(device)?,
+            groups: self.group.texts(),
+            signals: self.signal.texts(),
+            ids: self.id.texts(),
+            units: self.unit.texts(),
+            value: self.value.take(),
+            text: self.text.take()?,
+            label: self.label.take()?,
+            raw: self.raw.take(),
+            raw_hex: self.raw_hex.take()?,
+            rows,
+            spare: self.spare.clone(),
+        })
     }
 
     /// Forgets labels between batches if a capture has very many: labels of bits are composed.
@@ -190,20 +162,14 @@ impl SignalColumns {
     fn learn(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
         let number = cells.signal_number as usize;
         while self.known.len() <= number {
-            self.known.push(SignalKeys::default());
+            self.known.push(KnownSignal::default());
         }
         let unit = (!cells.unit.is_empty()).then(|| self.unit.key(cells.unit));
-        let keys = SignalKeys {
-            bus: self.bus.key(source.bus),
-            group: self.group.key(source.group),
-            signal: self.signal.key(cells.signal),
-            id: self.id.key(cells.id),
-            unit,
-            label: None,
-            is_known: true,
-        };
+        let keys = SignalKeys { signal: self.signal.key(cells.signal), id: self.id.key(cells.id), unit };
+        let bus = self.bus.key(source.bus);
+        let group = self.group.key(source.group);
         if let Some(known) = self.known.get_mut(number) {
-            *known = keys;
+            *known = KnownSignal { is_known: true, bus, group, keys, label: None };
         }
     }
 
@@ -232,12 +198,13 @@ impl Table for Signals {
     }
 
     fn rows(&self) -> usize {
-        self.columns.signals.len()
+        self.columns.rows.signals.len()
     }
 
-    fn take(&mut self) -> Result<RecordBatch, ArrowError> {
-        let columns = self.columns.take()?;
+    fn take(&mut self) -> Result<Unfinished, ArrowError> {
+        let batch = self.columns.take()?;
         self.columns.limit_labels();
-        RecordBatch::try_new(self.schema(), columns)
+        let schema = self.schema();
+        Ok(Box::new(move || RecordBatch::try_new(schema, batch.columns()?)))
     }
 }
