@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::cli::{Output, run_in};
+use crate::support::workspace;
 
 const BOOT: &str = "(1700000000.000000) can0 705#00\n(1700000000.100000) can0 705#05\n";
 
@@ -75,6 +76,66 @@ fn check_replaces_its_reports_and_nothing_else() {
     }
     fs::write(folder.path().join("empty"), "").unwrap();
     assert_eq!(check("junit", "empty").code, 0);
+}
+
+#[test]
+fn pages_and_comparisons_replace_their_own_kind_and_nothing_else() {
+    let folder = folder();
+    let run = |words: &[&str], output: &str| run_in(folder.path(), &[words, &["-o", output]].concat(), "");
+    assert_eq!(run_in(folder.path(), &["lake", "add", "lake", "a.log"], "").code, 0);
+    let kinds: [(&str, &[&[&str]]); 2] = [
+        (
+            "a page of cobscope report",
+            &[&["report", "a.log"], &["report", "-f", "md", "a.log"], &["report", "--lake", "lake"]],
+        ),
+        (
+            "a comparison of cobscope diff",
+            &[
+                &["diff", "a.log", "a.log"],
+                &["diff", "-f", "json", "a.log", "a.log"],
+                &["diff", "-f", "html", "a.log", "a.log"],
+            ],
+        ),
+    ];
+    for (name, commands) in kinds {
+        for one in commands {
+            for other in commands {
+                assert_eq!(run(one, "own").code, 0, "{one:?}");
+                assert_eq!(run(other, "own").code, 0, "{one:?}, then {other:?}");
+            }
+            fs::write(folder.path().join("other"), "mine\n").unwrap();
+            let refused = run(one, "other");
+            let expected = format!("other: not overwritten; expected {name}, or no file\n");
+            assert_eq!(refused.code, 2, "{one:?}");
+            assert!(refused.stderr.ends_with(&expected), "{}", refused.stderr);
+            assert_eq!(fs::read_to_string(folder.path().join("other")).unwrap(), "mine\n");
+        }
+        fs::remove_file(folder.path().join("own")).unwrap();
+    }
+    fs::create_dir(folder.path().join("pages")).unwrap();
+    fs::write(folder.path().join("pages/index.html"), "mine").unwrap();
+    fs::copy(folder.path().join("a.log"), folder.path().join("b.log")).unwrap();
+    assert_eq!(run(&["report", "a.log", "b.log"], "pages").code, 2);
+    assert_eq!(fs::read_to_string(folder.path().join("pages/index.html")).unwrap(), "mine");
+}
+
+#[test]
+fn a_capture_beside_a_page_is_replaced_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = workspace().join("fixtures/canopen/heartbeat_lost.log");
+    let words = ["report", capture.to_str().unwrap(), "--attach", "-o", "page.html"];
+    for _ in 0..2 {
+        assert_eq!(run_in(folder.path(), &words, "").code, 0);
+    }
+    fs::write(folder.path().join("page.pcapng"), "mine").unwrap();
+    let refused = run_in(folder.path(), &words, "");
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("page.pcapng: not overwritten; expected a capture of"),
+        "{}",
+        refused.stderr
+    );
+    assert_eq!(fs::read_to_string(folder.path().join("page.pcapng")).unwrap(), "mine");
 }
 
 /// Runs the program where no file can have more than 1,024 bytes.

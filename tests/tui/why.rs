@@ -265,8 +265,9 @@ fn withdrawn_events_have_no_reaction_times() {
     let pdos = ["181#00", "201#00", "181#01", "201#01"];
     let wrong = ["000#0102030405060708"; 5];
     let frames = pdos.iter().chain(&wrong).enumerate();
-    let capture: String =
+    let lines: Vec<_> =
         frames.map(|(index, frame)| format!("(1700000000.{index}00000) can0 {frame}\n")).collect();
+    let capture = lines.concat();
     let withdrawn = text(&["-"], &capture);
     assert!(withdrawn.starts_with("bus can0 not detected as CANopen: "), "{withdrawn}");
     assert!(!withdrawn.contains("reaction"), "{withdrawn}");

@@ -20,6 +20,9 @@ const SHOWN_VALUE: usize = 120;
 /// Width of the section column.
 const LABEL: usize = 18;
 
+/// Text between the two captures, in the first line.
+pub const MARK: &str = "   BAD ";
+
 /// Writes the comparison; `is_complete` prints every difference and everything that was not seen.
 pub fn write(
     comparison: &Comparison,
@@ -28,7 +31,7 @@ pub fn write(
     output: &mut String,
 ) {
     let mut page = Page { output, is_complete, rest: if is_complete { usize::MAX } else { SHOWN_LINES } };
-    page.line("", &format!("GOOD {}   BAD {}", length(good), length(bad)));
+    page.line("", &format!("GOOD {}{MARK}{}", length(good), length(bad)));
     let closing = closing(comparison, is_complete);
     page.rest = page.rest.saturating_sub(closing.len());
     page.differences(comparison);

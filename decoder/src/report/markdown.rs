@@ -11,6 +11,9 @@ use crate::words::{grouped, plural};
 /// Minimum length of the fence of a code block.
 const FENCE: usize = 3;
 
+/// Start of each report.
+pub const MARK: &str = "# cobscope: ";
+
 /// The report.
 pub fn write(report: &Report) -> String {
     let mut page = Page(String::new());

@@ -20,7 +20,7 @@ pub struct CheckArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
     pub format: &'static FindingFormat,
-    /// Write to FILE instead of stdout
+    /// Write to FILE instead of stdout; an earlier report is replaced, no other file
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write a report page per failed capture, and an index page, to the folder DIR

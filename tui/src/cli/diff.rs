@@ -38,7 +38,7 @@ pub struct DiffArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: DiffFormat,
-    /// Write to FILE instead of stdout
+    /// Write to FILE instead of stdout; an earlier comparison is replaced, no other file
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 }

@@ -22,7 +22,8 @@ pub struct ReportArgs {
         conflicts_with_all = ["captures", "format", "story", "finding", "attach"]
     )]
     pub lake: Option<PathBuf>,
-    /// Write to FILE instead of stdout; for a folder or several captures, the folder of the pages
+    /// Write to FILE instead of stdout; for a folder or several captures, the folder of the pages; earlier
+    /// pages are replaced, no other file
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Output format

@@ -2,32 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use cobscope_decoder::bus_file::BaseFile;
 use cobscope_decoder::session::BusSnapshot;
 
-use super::input::{bus_file_text, limited};
+use super::input::bus_file_text;
 use crate::cli::InputArgs;
-use crate::path_text::shown;
 
 /// Start of the first line of such a file.
-const TITLE: &str = "# State before ";
-
-/// Checks that a bus file next to a capture is new, or belongs to an earlier cut.
-///
-/// # Errors
-/// If it has other content, or cannot be read.
-pub(super) fn ensure_own(path: &Path) -> anyhow::Result<()> {
-    if matches!(path.try_exists(), Ok(false)) {
-        return Ok(());
-    }
-    ensure!(
-        limited::text(path)?.starts_with(TITLE),
-        "{}: not overwritten; expected the bus file of a cut, or no file",
-        shown(path)
-    );
-    Ok(())
-}
+pub(super) const TITLE: &str = "# State before ";
 
 /// Text of a bus file in the folder of `path`; `title` is its first comment line.
 ///

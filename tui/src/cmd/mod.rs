@@ -29,6 +29,7 @@ mod print;
 mod profiles;
 mod reassign;
 mod remarks;
+mod replaced;
 mod report;
 mod results;
 mod rules;

@@ -175,11 +175,6 @@ pub(super) struct NamePolicy {
     pub(super) is_at_once: bool,
 }
 
-impl NamePolicy {
-    /// The whole output takes the place of an earlier one.
-    pub(super) const REPLACE: Self = Self { existing: Existing::Replace, is_at_once: false };
-}
-
 /// Names of the output files of one command.
 #[derive(Debug, Default)]
 pub(super) struct FinalNames(Vec<FinalName>);

@@ -7,6 +7,9 @@ use crate::sink::escape;
 /// Style of all pages, also of those that embed parts of a report.
 pub const STYLE: &str = include_str!("style.css");
 
+/// Element that each page contains.
+pub const MARK: &str = "<meta name=\"generator\" content=\"cobscope\">";
+
 /// A whole page; `class` selects the paper of its print.
 pub(super) fn page(title: &str, class: &str, body: &Markup) -> String {
     let page = html! {
@@ -15,6 +18,7 @@ pub(super) fn page(title: &str, class: &str, body: &Markup) -> String {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content="cobscope";
                 meta name="color-scheme" content="light dark";
                 meta http-equiv="Content-Security-Policy"
                     content="default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";

@@ -3,7 +3,6 @@
 mod judge;
 mod known;
 mod pages;
-mod replaced;
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -18,7 +17,8 @@ use cobscope_decoder::words::plural;
 use super::captures::{self, Source, SourceSeries};
 use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
 use super::messages::{Refusal, complain, note, warn};
-use super::output::{NamePolicy, ensure_not_read, files_read, is_colored, output, write_result};
+use super::output::{ensure_not_read, files_read, is_colored, write_result};
+use super::replaced::{OwnFile, replacing};
 use super::report;
 use crate::cli::CheckArgs;
 use crate::exit_code::Exit;
@@ -47,10 +47,7 @@ fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
     let known = KnownFindings::read(arguments)?;
     // Opens the output before the check, so that an error is reported at once.
-    if let Some(path) = &arguments.output {
-        replaced::ensure_report(path).map_err(|error| (Exit::Usage, error))?;
-    }
-    let mut output = output(arguments.output.as_deref(), NamePolicy::REPLACE, &arguments.baseline)
+    let mut output = replacing(arguments.output.as_deref(), OwnFile::Findings, &arguments.baseline)
         .map_err(|error| (Exit::Usage, error))?;
 
     let captures = captures::series(&captures, &arguments.input);

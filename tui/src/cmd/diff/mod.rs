@@ -1,6 +1,6 @@
 //! `cobscope diff`: differences between two captures.
 
-mod json;
+pub(super) mod json;
 mod pair;
 pub(super) mod quiet;
 
@@ -25,6 +25,7 @@ use super::decoding::{CaptureObserver, decode_capture, decode_quietly};
 use super::input::{session_options, setup};
 use super::messages::{complain, warn};
 use super::output;
+use super::replaced::{OwnFile, replacing};
 use super::report::provenance;
 use super::selected_findings::SelectedFindings;
 use crate::cli::{DiffArgs, DiffFormat};
@@ -79,7 +80,7 @@ pub fn run(arguments: &DiffArgs) -> Exit {
         exit = exit.max(Exit::Findings);
     }
     let read = output::files_read(&arguments.input);
-    match output::output(arguments.output.as_deref(), output::NamePolicy::REPLACE, &read) {
+    match replacing(arguments.output.as_deref(), OwnFile::Comparison, &read) {
         Ok(mut output) => {
             exit.max(output::write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
         }

@@ -13,7 +13,7 @@ use super::reading::{Composed, CutStart};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::cut;
 use crate::cmd::messages::note;
-use crate::cmd::output::{NamePolicy, output};
+use crate::cmd::replaced::{OwnFile, replacing};
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";
@@ -58,7 +58,7 @@ pub(super) fn attach(
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let embedded = match place {
         AttachPlace::File => {
-            let mut file = output(Some(&path), NamePolicy::REPLACE, read)?;
+            let mut file = replacing(Some(&path), OwnFile::Attachment, read)?;
             file.write_all(&bytes).and_then(|()| file.finish())?;
             None
         }
@@ -90,8 +90,7 @@ fn write_bus_file(
     let Some(CutStart { state, input, title }) = start else { return Ok(None) };
     let path = capture.with_extension(BUS_FILE_SUFFIX);
     let text = cut::text(state, &input, &path, &title)?;
-    cut::ensure_own(&path)?;
-    let mut file = output(Some(&path), NamePolicy::REPLACE, read)?;
+    let mut file = replacing(Some(&path), OwnFile::BusFile, read)?;
     file.write_all(text.as_bytes()).and_then(|()| file.finish())?;
     Ok(path.file_name().map(|name| name.to_string_lossy().into_owned()))
 }

@@ -9,7 +9,8 @@ use cobscope_decoder::report::html::{FleetPage, write_fleet};
 use super::provenance::command;
 use crate::cmd::lake_index;
 use crate::cmd::messages::Refusal;
-use crate::cmd::output::{NamePolicy, output, write_result};
+use crate::cmd::output::write_result;
+use crate::cmd::replaced::{OwnFile, replacing};
 use crate::exit_code::Exit;
 
 /// Writes the page to a file, else to stdout.
@@ -25,6 +26,6 @@ pub(super) fn write(lake: &Path, path: Option<&Path>) -> Result<Exit, Refusal> {
         version: env!("CARGO_PKG_VERSION").to_owned(),
     };
     let text = write_fleet(&page);
-    let mut output = output(path, NamePolicy::REPLACE, []).map_err(usage)?;
+    let mut output = replacing(path, OwnFile::Page, []).map_err(usage)?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
 }

@@ -18,7 +18,8 @@ use super::{attach, page};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::messages::{Refusal, complain, note};
-use crate::cmd::output::{NamePolicy, ensure_not_read, files_read, output, write_result};
+use crate::cmd::output::{ensure_not_read, files_read, write_result};
+use crate::cmd::replaced::{OwnFile, replacing};
 use crate::exit_code::Exit;
 use crate::path_text;
 
@@ -122,7 +123,7 @@ impl PageFolder {
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let mut output =
-            output(Some(&path), NamePolicy::REPLACE, &self.read).map_err(|error| (Exit::Usage, error))?;
+            replacing(Some(&path), OwnFile::Page, &self.read).map_err(|error| (Exit::Usage, error))?;
         let text = write_index(&index);
         let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish()));
         note(&format!("{}: {} and {INDEX}.html", path_text::shown(&self.folder), plural(pages, "report")));

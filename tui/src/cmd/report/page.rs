@@ -7,7 +7,8 @@ use cobscope_decoder::report::{Report, html, markdown};
 
 use crate::cli::PageStyle;
 use crate::cmd::messages::Refusal;
-use crate::cmd::output::{NamePolicy, output, write_result};
+use crate::cmd::output::write_result;
+use crate::cmd::replaced::{OwnFile, replacing};
 use crate::exit_code::Exit;
 use crate::output_file::{self, Existing};
 
@@ -22,7 +23,7 @@ pub(super) fn write(
     read: &[PathBuf],
 ) -> Result<Exit, Refusal> {
     let text = text(report, style);
-    let mut output = output(path, NamePolicy::REPLACE, read).map_err(|error| (Exit::Usage, error))?;
+    let mut output = replacing(path, OwnFile::Page, read).map_err(|error| (Exit::Usage, error))?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
 }
 

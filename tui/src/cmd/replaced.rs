@@ -1,0 +1,100 @@
+//! Files of earlier runs that a new output may replace.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use cobscope_decoder::comparison::text;
+use cobscope_decoder::report::{html, markdown};
+use cobscope_decoder::sink::findings::FINDING_FORMATS;
+
+use super::cut;
+use super::diff::json;
+use super::output::{CommandOutput, NamePolicy, output};
+use crate::output_file::Existing;
+use crate::path_text::shown;
+
+/// Bytes of the start and of the end of a file that contain its mark.
+const SEARCHED: u64 = 64 * 1024;
+
+/// A kind of output that replaces an earlier one of its kind, and no other file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OwnFile {
+    /// Findings of `check`.
+    Findings,
+    /// A page of `report`, or of a fleet.
+    Page,
+    /// Differences of `diff`.
+    Comparison,
+    /// The capture that belongs to a page.
+    Attachment,
+    /// The bus file that belongs to a part of a capture.
+    BusFile,
+}
+
+impl OwnFile {
+    /// Texts of which each such file contains one.
+    fn marks(self) -> Vec<&'static str> {
+        match self {
+            Self::Findings => FINDING_FORMATS.iter().map(|format| format.mark).collect(),
+            Self::Page => vec![html::MARK, markdown::MARK],
+            Self::Comparison => vec![html::MARK, text::MARK, json::MARK],
+            // Comments of its frames.
+            Self::Attachment => vec!["claim "],
+            Self::BusFile => vec![cut::TITLE],
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Findings => "a report of cobscope check",
+            Self::Page => "a page of cobscope report",
+            Self::Comparison => "a comparison of cobscope diff",
+            Self::Attachment => "a capture of cobscope report --attach",
+            Self::BusFile => "the bus file of a cut",
+        }
+    }
+}
+
+/// Opens an output that replaces an earlier one: a file not among the files `read`, else stdout.
+///
+/// # Errors
+/// If the file has other content, is an input, or cannot be read or created.
+pub(super) fn replacing<'a>(
+    path: Option<&Path>,
+    kind: OwnFile,
+    read: impl IntoIterator<Item = &'a PathBuf> + Clone,
+) -> anyhow::Result<CommandOutput> {
+    if let Some(path) = path {
+        super::output::ensure_not_read(path, read.clone())?;
+        ensure_own(path, kind)?;
+    }
+    output(path, NamePolicy { existing: Existing::Replace, is_at_once: false }, read)
+}
+
+/// Checks that an output file is new, empty, no file, or of this kind.
+///
+/// # Errors
+/// If it has other content, or cannot be read.
+fn ensure_own(path: &Path, kind: OwnFile) -> anyhow::Result<()> {
+    let size = match path.metadata() {
+        Ok(found) if found.is_file() && found.len() > 0 => found.len(),
+        _ => return Ok(()),
+    };
+    let name = shown(path);
+    let text = ends(path, size).with_context(|| format!("{name}: cannot be read"))?;
+    let is_own = kind.marks().iter().any(|mark| text.contains(mark));
+    ensure!(is_own, "{name}: not overwritten; expected {}, or no file", kind.name());
+    Ok(())
+}
+
+/// Start and end of a file.
+fn ends(path: &Path, size: u64) -> std::io::Result<String> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    Read::by_ref(&mut file).take(SEARCHED).read_to_end(&mut bytes)?;
+    file.seek(SeekFrom::Start(size.saturating_sub(SEARCHED)))?;
+    file.take(SEARCHED).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
