@@ -10,13 +10,15 @@ use cobscope_decoder::report::{html, markdown};
 use cobscope_decoder::sink::findings::FINDING_FORMATS;
 
 use super::cut;
-use super::diff::json;
 use super::output::{CommandOutput, NamePolicy, output};
 use crate::output_file::Existing;
 use crate::path_text::shown;
 
 /// Bytes of the start and of the end of a file that contain its mark.
 const SEARCHED: u64 = 64 * 1024;
+
+/// Key near the end of a comparison in JSON.
+const COMPARISON_KEY: &str = "\"longest_gap_percent\":";
 
 /// A kind of output that replaces an earlier one of its kind, and no other file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +41,7 @@ impl OwnFile {
         match self {
             Self::Findings => FINDING_FORMATS.iter().map(|format| format.mark).collect(),
             Self::Page => vec![html::MARK, markdown::MARK],
-            Self::Comparison => vec![html::MARK, text::MARK, json::MARK],
+            Self::Comparison => vec![html::MARK, text::MARK, COMPARISON_KEY],
             // Comments of its frames.
             Self::Attachment => vec!["claim "],
             Self::BusFile => vec![cut::TITLE],

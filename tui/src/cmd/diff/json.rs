@@ -7,9 +7,6 @@ use cobscope_decoder::comparison::{
 use cobscope_decoder::sink::escape_json;
 use serde_json::{Value, json};
 
-/// Key near the end of the object.
-pub(in crate::cmd) const MARK: &str = "\"longest_gap_percent\":";
-
 /// Writes the report and a line end.
 pub(super) fn write(
     comparison: &Comparison,

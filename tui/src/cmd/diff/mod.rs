@@ -1,6 +1,6 @@
 //! `cobscope diff`: differences between two captures.
 
-pub(super) mod json;
+mod json;
 mod pair;
 pub(super) mod quiet;
 
