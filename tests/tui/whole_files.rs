@@ -123,6 +123,10 @@ fn a_capture_beside_a_page_is_replaced_and_no_other() {
     for _ in 0..2 {
         assert_eq!(run_in(folder.path(), &words, "").code, 0);
     }
+    fs::write(folder.path().join("other.html"), "mine").unwrap();
+    let elsewhere = [&words[..4], &["other.html"]].concat();
+    assert_eq!(run_in(folder.path(), &elsewhere, "").code, 2);
+    assert!(!folder.path().join("other.pcapng").exists(), "a refused page has no capture");
     fs::write(folder.path().join("page.pcapng"), "mine").unwrap();
     let refused = run_in(folder.path(), &words, "");
     assert_eq!(refused.code, 2, "{}", refused.stderr);

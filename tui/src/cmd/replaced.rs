@@ -10,7 +10,7 @@ use cobscope_decoder::report::{html, markdown};
 use cobscope_decoder::sink::findings::FINDING_FORMATS;
 
 use super::cut;
-use super::output::{CommandOutput, NamePolicy, output};
+use super::output::{CommandOutput, NamePolicy, ensure_not_read, output};
 use crate::output_file::Existing;
 use crate::path_text::shown;
 
@@ -68,11 +68,22 @@ pub(super) fn replacing<'a>(
     kind: OwnFile,
     read: impl IntoIterator<Item = &'a PathBuf> + Clone,
 ) -> anyhow::Result<CommandOutput> {
-    if let Some(path) = path {
-        super::output::ensure_not_read(path, read.clone())?;
-        ensure_own(path, kind)?;
-    }
+    ensure_replaceable(path, kind, read.clone())?;
     output(path, NamePolicy { existing: Existing::Replace, is_at_once: false }, read)
+}
+
+/// Checks an output file before the work for it begins.
+///
+/// # Errors
+/// If the file has other content, is an input, or cannot be read.
+pub(super) fn ensure_replaceable<'a>(
+    path: Option<&Path>,
+    kind: OwnFile,
+    read: impl IntoIterator<Item = &'a PathBuf>,
+) -> anyhow::Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    ensure_not_read(path, read)?;
+    ensure_own(path, kind)
 }
 
 /// Checks that an output file is new, empty, no file, or of this kind.

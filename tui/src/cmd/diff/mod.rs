@@ -25,7 +25,7 @@ use super::decoding::{CaptureObserver, decode_capture, decode_quietly};
 use super::input::{session_options, setup};
 use super::messages::{complain, warn};
 use super::output;
-use super::replaced::{OwnFile, replacing};
+use super::replaced::{OwnFile, ensure_replaceable, replacing};
 use super::report::provenance;
 use super::selected_findings::SelectedFindings;
 use crate::cli::{DiffArgs, DiffFormat};
@@ -53,6 +53,11 @@ pub fn run(arguments: &DiffArgs) -> Exit {
             return Exit::Profile;
         }
     };
+    let read = output::files_read(&arguments.input);
+    if let Err(error) = ensure_replaceable(arguments.output.as_deref(), OwnFile::Comparison, &read) {
+        complain(&error);
+        return Exit::Usage;
+    }
     let mut exit = Exit::Clean;
     let mut records = Vec::new();
     for series in [good, bad] {
@@ -79,7 +84,6 @@ pub fn run(arguments: &DiffArgs) -> Exit {
     if !compared.is_equal() {
         exit = exit.max(Exit::Findings);
     }
-    let read = output::files_read(&arguments.input);
     match replacing(arguments.output.as_deref(), OwnFile::Comparison, &read) {
         Ok(mut output) => {
             exit.max(output::write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))

@@ -29,6 +29,7 @@ use super::captures::{self, SourceSeries};
 use super::input::{session_options, setup};
 use super::messages::{Refusal, complain};
 use super::output::files_read;
+use super::replaced::{OwnFile, ensure_replaceable};
 use crate::cli::ReportArgs;
 use crate::exit_code::Exit;
 
@@ -84,10 +85,11 @@ fn single(
     options: &SessionOptions,
     rules: &Arc<Setup>,
 ) -> Result<Exit, Refusal> {
-    let mut composed = compose(&source.series, &ReportScope::of(arguments), options, rules)
-        .map_err(|error| (Exit::Capture, error))?;
     let read = files_read(&arguments.input);
     let path = arguments.output.as_deref();
+    ensure_replaceable(path, OwnFile::Page, &read).map_err(|error| (Exit::Usage, error))?;
+    let mut composed = compose(&source.series, &ReportScope::of(arguments), options, rules)
+        .map_err(|error| (Exit::Capture, error))?;
     attach::attach(&mut composed, arguments.attach, path, &read).map_err(|error| (Exit::Usage, error))?;
     let mut exit = page::write(&composed.report, arguments.format, path, &read)?;
     if let Some(failure) = &composed.failure {
