@@ -3,7 +3,7 @@
     spark-submit fleet_job.py CAPTURES LAKE [--bus FILE] [--machine-from REGEX] [--cobscope PROGRAM] [-- OPTION…]
 
 CAPTURES and LAKE are folders or addresses that pyarrow.fs reads (s3://, gs://, abfss://, hdfs://, file://). Only new or changed
-files are read. Options after -- are passed to `cobscope lake add`. docs/fleet.md has figures.
+files are read, with `-- --replace` all of them. Options after -- are passed to `cobscope lake add`. docs/fleet.md has figures.
 """
 
 import argparse
@@ -25,6 +25,8 @@ BLOCK = 8 << 20
 COUNTER = re.compile(r"[-_.]?\d{3,}(?=(\.[A-Za-z][A-Za-z0-9]*)+$)")
 LOCAL = ("local", "subtree", "hdfs")
 TEMPORARY = "_staging/job"
+EMPTY = "machine=unknown/day=unknown/empty.parquet"
+PARTS_OF_LAKE = ("frames/", "signals/", "events/", "objects/", "findings/", "captures/", "wide/")
 
 
 def open_folder(uri):
@@ -81,6 +83,10 @@ def names_in(system, folder):
     return {os.path.splitext(info.base_name)[0] for info in found}
 
 
+def exists(system, path):
+    return system.get_file_info(path).type != pafs.FileType.NotFound
+
+
 def put(system, root, name, source):
     """Uploads a whole file: object stores show it once it is whole, other systems once it is renamed."""
     place = f"{root}/{name}"
@@ -93,6 +99,9 @@ def put(system, root, name, source):
         while block := source.read(BLOCK):
             output.write(block)
     if is_local:
+        # HDFS does not rename to the name of a file.
+        if system.type_name == "hdfs" and exists(system, place):
+            system.delete_file(place)
         system.move(target, place)
 
 
@@ -109,8 +118,22 @@ def fetch(system, root, group, folder):
                 copy.write(block)
 
 
-def publish(system, root, local):
-    """Uploads the captures of a local lake; those that the lake has are left out. Returns the reasons of failures."""
+def put_file(system, root, name, local):
+    with open(os.path.join(local, name), "rb") as source:
+        put(system, root, name, source)
+
+
+def publish_tables(system, root, local):
+    """Uploads the files without rows, which every lake has: one per table, that of `captures` last."""
+    tables = sorted((name for name in os.listdir(local) if os.path.isfile(os.path.join(local, name, EMPTY))), key="captures".__eq__)
+    if tables and not exists(system, f"{root}/{tables[-1]}/{EMPTY}"):
+        for table in tables:
+            put_file(system, root, f"{table}/{EMPTY}", local)
+
+
+def publish(system, root, local, replaces):
+    """Uploads the captures of a local lake; those that the lake has are left out, or replaced. Returns the reasons of failures."""
+    publish_tables(system, root, local)
     added, present, reasons = 0, 0, []
     index = os.path.join(local, "_index")
     entries = [os.path.join(folder, name) for folder, _, names in os.walk(index) for name in names if name.endswith(".json")]
@@ -122,13 +145,19 @@ def publish(system, root, local):
         failure = pq.ParquetFile(captures).read(["failure"])["failure"][0].as_py()
         if failure is not None:
             reasons.append(failure)
-        if system.get_file_info(f"{root}/{place}").type != pafs.FileType.NotFound:
-            present += 1
-            continue
+        former = []
+        if exists(system, f"{root}/{place}"):
+            if not replaces:
+                present += 1
+                continue
+            with system.open_input_file(f"{root}/{place}") as file:
+                former = json.loads(file.read())["files"]
         # The row of `captures` is the last of the files.
         for name in [*entry["files"], place]:
-            with open(os.path.join(local, name), "rb") as source:
-                put(system, root, name, source)
+            put_file(system, root, name, local)
+        for name in set(former).difference(entry["files"]):
+            if name.startswith(PARTS_OF_LAKE) and ".." not in name and exists(system, f"{root}/{name}"):
+                system.delete_file(f"{root}/{name}")
         added += 1
     return added, present, reasons
 
@@ -137,7 +166,7 @@ def add(group, job):
     """Adds the captures of one group; returns numbers and the reason of a failure."""
     source, source_root = open_folder(job["captures"])
     lake, lake_root = open_folder(job["lake"])
-    reasons, added, present = [], 0, 0
+    reasons, added, present, is_read = [], 0, 0, False
     size = sum(size for _, size, _ in group)
     with tempfile.TemporaryDirectory(prefix="cobscope-") as folder:
         local = os.path.join(folder, "lake")
@@ -154,8 +183,9 @@ def add(group, job):
             command = [job["cobscope"], "lake", "add", local, "--threads", "1", *options(job, folder), "--", *folders]
             run = subprocess.run(command, cwd=inside, capture_output=True, text=True, errors="replace", check=False)
             if os.path.isdir(local) and run.returncode in (0, 3):
-                added, present, reasons = publish(lake, lake_root, local)
-            if run.returncode not in (0, 3) or (run.returncode == 3 and not reasons and "no captures" not in run.stderr):
+                added, present, reasons = publish(lake, lake_root, local, "--replace" in job["further"])
+            is_read = run.returncode == 0 or (run.returncode == 3 and (bool(reasons) or "no captures" in run.stderr))
+            if not is_read:
                 reasons.append(f"exit status {run.returncode}: {run.stderr.strip()[-2000:]}")
     key, failed = key_of(group), f"failures/{hashlib.sha256(group[0][0].encode()).hexdigest()[:32]}.parquet"
     if reasons:
@@ -163,9 +193,11 @@ def add(group, job):
         buffer = pa.BufferOutputStream()
         pq.write_table(table, buffer, compression="zstd")
         put_bytes(lake, lake_root, failed, buffer.getvalue())
-    elif lake.get_file_info(f"{lake_root}/{failed}").type != pafs.FileType.NotFound:
+    elif exists(lake, f"{lake_root}/{failed}"):
         lake.delete_file(f"{lake_root}/{failed}")
-    put_bytes(lake, lake_root, f"_files/{key}.json", json.dumps(group).encode())
+    # What failed for another reason than its content is tried again by the next run.
+    if is_read:
+        put_bytes(lake, lake_root, f"_files/{key}.json", json.dumps(group).encode())
     return added, present, reasons, size
 
 
@@ -210,7 +242,7 @@ def prepare(job):
     if lake.type_name in LOCAL:
         lake.create_dir(f"{root}/_index", recursive=True)
         lake.delete_dir_contents(f"{root}/{TEMPORARY}", missing_dir_ok=True)
-    done = names_in(lake, f"{root}/_files")
+    done = set() if "--replace" in job["further"] else names_in(lake, f"{root}/_files")
     groups = [group for group in series_of(list_captures(job["captures"])) if key_of(group) not in done]
     tasks = tasks_of(job["captures"], groups)
     print(f"{len(groups)} new captures or series in {len(tasks)} tasks; {len(done)} known")

@@ -3,7 +3,9 @@
     fleet_jobs.py PROGRAM FOLDER MACHINES DAYS
 
 A run with Spark, a second one that adds nothing, one whose driver is killed and started again, one with Dask, and one that reads
-and writes an object store (moto, which has the interface of S3) must give the same lake. Its findings must be those of `check`, its reasons of failures those of the three broken files. Prints captures per minute.
+and writes an object store (moto, which has the interface of S3) must give the same lake. Its findings must be those of `check`, its
+reasons of failures those of the three broken files. A run with a wrong option is repeated, `--replace` reads again, and add.sh ends
+with an error only if an option is wrong. Prints captures per minute.
 """
 
 import hashlib
@@ -123,9 +125,50 @@ def main():
     assert_equal(whole, files(dask), "with Dask")
     print(f"equal with Dask: {60 * len(captures) / elapsed:.0f} captures per minute")
 
+    repeated(program, f"{fleet}/press-01", os.path.join(folder, "repeated"))
+    on_one_machine(program, fleet, os.path.join(folder, "one"))
 
     elapsed = on_object_store(program, fleet, folder, whole)
     print(f"equal on an object store: {60 * len(captures) / elapsed:.0f} captures per minute")
+
+
+def repeated(program, captures, lake):
+    """A capture that failed for another reason than its content is tried again; `--replace` reads captures of the lake again."""
+    sys.path.insert(0, os.path.join(REPOSITORY, "docs/fleet"))
+    import fleet_job
+
+    def add(*further):
+        job = fleet_job.job_of([captures, lake, "--cobscope", program, "--", *further], "")
+        results = [result for task in fleet_job.prepare(job) for result in fleet_job.add_all(task, job)]
+        return [sum(result[place] for result in results) for place in (0, 1)], [result[2] for result in results]
+
+    found, reasons = add("--machine", "one", "--frame")
+    count = len(reasons)
+    assert found == [0, 0] and count > 3 and all("exit status 2" in reason[0] for reason in reasons), reasons
+    assert len(rows(lake, "failures")) == count
+    assert add("--machine", "one") == ([count, 0], [[]] * count)
+    assert not [name for name in files(lake) if name.startswith("failures/")]
+    assert add("--machine", "one") == ([0, 0], [])
+    assert add("--machine", "two", "--replace") == ([count, 0], [[]] * count)
+    captures = rows(lake, "captures")
+    assert len(captures) == count and {row["machine"] for row in captures} == {"two"}, captures
+    print(f"{count} captures tried again after a wrong option, and replaced")
+
+
+def on_one_machine(program, fleet, lake):
+    """The script names machines by their folders, and hides no wrong option."""
+    def add(*options):
+        words = [os.path.join(REPOSITORY, "docs/fleet/add.sh"), fleet, lake, *options]
+        return subprocess.run(words, env={**os.environ, "COBSCOPE": program}, capture_output=True, text=True, check=False)
+
+    run = add("--frame")
+    assert run.returncode == 123 and "--frame" in run.stderr, run
+    run = add("--bus", f"{fleet}/press.bus.toml")
+    assert run.returncode == 0 and "not read: each machine needs a folder" in run.stderr, run.stderr[-2000:]
+    machines = {row["machine"] for row in rows(lake, "captures")}
+    folders = {name for name in os.listdir(fleet) if os.path.isdir(os.path.join(fleet, name))}
+    assert machines == folders, (machines, folders)
+    print(f"add.sh: {len(machines)} machines")
 
 
 def on_object_store(program, fleet, folder, expected):

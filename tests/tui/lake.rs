@@ -48,7 +48,7 @@ fn add(path: &Path, arguments: &[&str]) -> Output {
     run_in(path, &[&["lake", "add", "lake"], arguments].concat(), "")
 }
 
-/// Files below a folder, relative, with `/` between folders.
+/// Files below a folder, relative, with `/` between folders; without those that each lake has for its tables.
 fn files(folder: &Path) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut folders = vec![folder.to_owned()];
@@ -58,6 +58,9 @@ fn files(folder: &Path) -> BTreeSet<String> {
                 folders.push(entry.path());
             } else {
                 let path = entry.path();
+                if entry.file_name() == "empty.parquet" {
+                    continue;
+                }
                 found.insert(path.strip_prefix(folder).unwrap().to_str().unwrap().replace('\\', "/"));
             }
         }
@@ -342,8 +345,52 @@ fn machines_are_named_by_option_path_or_bus_file() {
         .collect();
     assert_eq!(machines.into_iter().collect::<Vec<_>>(), ["machine=crane", "machine=ex-1", "machine=ex-2"]);
     let output = add(&path, &["--machine-from", "x/([^/]+)/", "c.log"]);
-    assert_eq!(output.code, 3);
+    assert_eq!((output.code, output.stdout.as_str()), (2, "lake: 0 captures added, 1 without a machine\n"));
     assert!(output.stderr.contains("c.log: no match of --machine-from x/([^/]+)/"), "{}", output.stderr);
+}
+
+#[test]
+fn a_name_that_no_machine_can_have_is_refused_before_a_capture_is_read() {
+    let path = with_files("refused", &[("a.log", lost().as_str()), ("bus.toml", "machine = 'a–b'\n")]);
+    let output = add(&path, &["--bus", "bus.toml", "a.log"]);
+    let expected = "cobscope: bus.toml: name of the machine: a–b; expected letters, digits and ASCII\n";
+    assert_eq!((output.code, output.stderr.as_str()), (4, expected));
+    assert!(!path.join("lake").exists());
+    let output = add(&path, &[]);
+    let expected = "cobscope: found no capture, expected files or folders after the lake\n";
+    assert_eq!((output.code, output.stderr.as_str()), (2, expected));
+}
+
+#[test]
+fn every_table_exists_before_its_first_row() {
+    let path = with_files("empty", &[("a.log", "(1700000000.0) can0 705#00\n")]);
+    let output = add(&path, &["a.log"]);
+    assert!(output.stderr.contains(": 1 frame, "), "{}", output.stderr);
+    let lake = path.join("lake");
+    for table in ["captures", "findings", "objects", "events", "signals", "frames"] {
+        let file = lake.join(table).join("machine=unknown/day=unknown/empty.parquet");
+        let reader = SerializedFileReader::new(File::open(file).unwrap()).unwrap();
+        let metadata = reader.metadata().file_metadata();
+        assert_eq!(metadata.num_rows(), 0, "{table}");
+        let columns = metadata.schema_descr().columns();
+        assert_eq!(columns.last().unwrap().name(), "capture_hash", "{table}");
+    }
+    let Some(python) = python() else { return skip("python", "no Python for oracles") };
+    let arguments = ["tests/oracles/lake_queries.py", lake.to_str().unwrap(), "docs/lake", "--only-run"];
+    let run = Command::new(&python).current_dir(workspace()).args(arguments).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+}
+
+#[test]
+fn a_message_of_any_name_has_a_wide_table() {
+    let bus = format!("CAN–{}", "x".repeat(200));
+    let frames = format!("(1700000000.0) {bus} 705#05\n(1700000000.1) {bus} 182#08A01F0020\n");
+    let path = with_files("wide-names", &[("a.log", frames.as_str())]);
+    let output = add(&path, &["--wide", "--node", "2=rexroth-sydfec", "a.log"]);
+    assert_eq!(output.code, 0, "{}", output.stderr);
+    let folders: Vec<_> = files(&path.join("lake/wide")).into_iter().collect();
+    assert_eq!(folders.len(), 1, "{folders:?}");
+    assert!(folders[0].starts_with("unknown/CAN%E2%80%93xxx"), "{folders:?}");
 }
 
 #[test]

@@ -171,6 +171,15 @@ impl<W: Write + Send> Table<W> {
         self.file.finish().map_err(io_error)?;
         Ok(())
     }
+
+    /// As [`Self::finish`]; returns the output.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub(super) fn into_inner(mut self) -> io::Result<W> {
+        self.end_group()?;
+        self.file.into_inner().map_err(io_error)
+    }
 }
 
 /// Values of a column in the current row group.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::Event;
@@ -15,13 +16,14 @@ use cobscope_decoder::statistics::{Quality, Statistics};
 
 use super::content::CaptureContent;
 use super::folder::{LakeFolder, Staging};
-use super::machine::{machine_of, partition_value};
+use super::machine::machine_of;
 use crate::cli::{InputArgs, LakeAddArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture};
 use crate::cmd::check::{line_numbers, parts};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::cmd::lake_index::{EntrySummary, LakeEntry};
+use crate::path_text::shown;
 use crate::record::format::is_of_captures;
 use crate::select::Span;
 use crate::source::{Series, open};
@@ -46,6 +48,8 @@ pub(super) enum Addition {
     Present(LakeEntry),
     /// A file in a folder that is not a capture.
     Skipped,
+    /// The option names no machine for it, for this reason.
+    Unnamed(anyhow::Error),
 }
 
 /// A capture that was added.
@@ -66,14 +70,17 @@ impl AddInputs<'_> {
     /// Adds a capture unless its content is in the lake.
     ///
     /// # Errors
-    /// The files cannot be read at all, the machine has no valid name, or the lake cannot be written.
+    /// The files cannot be read at all, or the lake cannot be written.
     pub(super) fn add(&self, source: &SourceSeries) -> anyhow::Result<Addition> {
         let series = &source.series;
         if source.folder.is_some() && self.is_other_file(series) {
             return Ok(Addition::Skipped);
         }
-        let machine = machine_of(series.first(), self.arguments, self.options.bus_file.machine.as_deref())?;
-        partition_value(&machine)?;
+        let of_bus_file = self.options.bus_file.machine.as_deref();
+        let machine = match machine_of(series.first(), self.arguments, of_bus_file) {
+            Ok(machine) => machine,
+            Err(error) => return Ok(Addition::Unnamed(error)),
+        };
         let content = CaptureContent::of(&series.parts)?;
         let _lock = self.lake.lock(&content.hash)?;
         if let Some(entry) = self.lake.entry(&content.hash).filter(|_| !self.arguments.replace) {
@@ -90,7 +97,8 @@ impl AddInputs<'_> {
             has_wide: self.arguments.wide,
         };
         let mut staging = self.lake.stage(&content.hash, &machine)?;
-        let read = self.read(series, capture, &mut staging);
+        // Reasons why the capture cannot be read are part of its row: what remains concerns the lake.
+        let read = self.read(series, capture, &mut staging).with_context(|| shown(&self.arguments.lake));
         match read.and_then(|read| content.ensure_unchanged().map(|()| read)) {
             Ok(Addition::Added(mut added)) => {
                 added.files = staging.commit(&series.name(), std::mem::take(&mut added.summary))?;

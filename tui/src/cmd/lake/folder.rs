@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, ensure};
 use cobscope_decoder::sink::Output;
-use cobscope_decoder::sink::lake::{LakeFiles, TABLES};
+use cobscope_decoder::sink::lake::{LakeFiles, TABLES, empty_table};
 
-use super::machine::partition_value;
+use super::machine::{UNKNOWN, partition_value, path_value};
 use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, WIDE, file_stem};
 use crate::output_file::{self, Existing};
 use crate::path_text::shown;
@@ -27,6 +27,9 @@ const BUFFER: usize = 64 * 1024;
 
 /// File of a staging folder that contains all files of its capture.
 const COMMIT: &str = "commit.json";
+
+/// File without rows of each table.
+const EMPTY: &str = "empty.parquet";
 
 /// A lake.
 pub(super) struct LakeFolder {
@@ -46,7 +49,28 @@ impl LakeFolder {
                 .with_context(|| format!("{}: cannot create the folder", shown(&folder)))?;
         }
         lake.recover()?;
+        lake.create_tables()?;
         Ok(lake)
+    }
+
+    /// Creates all tables, each with a file without rows: queries can name a table before its first row, and engines read
+    /// machine and day as texts in every lake.
+    fn create_tables(&self) -> anyhow::Result<()> {
+        for table in TABLES {
+            let path = self.path(&format!("{table}/machine={UNKNOWN}/day={UNKNOWN}/{EMPTY}"));
+            if path.is_file() {
+                continue;
+            }
+            // Other runs may do the same.
+            let staged = self.root.join("_staging").join(format!("{table}-{}", std::process::id()));
+            let write = || {
+                path.parent().map_or(Ok(()), fs::create_dir_all)?;
+                fs::write(&staged, empty_table(table)?)?;
+                fs::rename(&staged, &path)
+            };
+            write().with_context(|| format!("{}: cannot be written", shown(&path)))?;
+        }
+        Ok(())
     }
 
     fn recover(&self) -> anyhow::Result<()> {
@@ -255,8 +279,8 @@ impl LakeFiles for Staging<'_> {
     }
 
     fn create_wide(&mut self, message: &str, day: &str, number: usize) -> io::Result<Output> {
-        // Names of buses and messages are of the capture.
-        let message = partition_value(message).map_err(io::Error::other)?;
+        // Names of buses and messages are of the capture, and may be any.
+        let message = path_value(message);
         self.create_in(&format!("{WIDE}/{}/{message}/{}", self.partition, day.replace('-', "/")), number)
     }
 }

@@ -3,25 +3,45 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::sink::escape;
+use sha2::{Digest as _, Sha256};
 
 use crate::cli::LakeAddArgs;
+use crate::cmd::messages::Refusal;
+use crate::exit_code::Exit;
 use crate::path_text::shown;
 
-/// Name of a machine that nothing names.
-const UNKNOWN: &str = "unknown";
+/// Name of a machine without a name, and of an unknown day.
+pub(super) const UNKNOWN: &str = "unknown";
 
 /// Longest name, in characters; escaped it fits into a path component of every file system.
 const LONGEST: usize = 64;
 
+/// Longest path component of a message, in bytes; file systems permit 255.
+const LONGEST_COMPONENT: usize = 120;
+
+/// Bytes of the digest at the end of a component that was cut.
+const DIGEST_BYTES: usize = 4;
+
 /// Partition of missing values in Hive, which no machine may have.
 const HIVE_NULL: &str = "__HIVE_DEFAULT_PARTITION__";
+
+/// Checks the names that hold for all captures, before the first one is read: those of the option and of the bus file.
+///
+/// # Errors
+/// One of them is no name of a machine.
+pub(super) fn check_names(arguments: &LakeAddArgs, of_bus_file: Option<&str>) -> Result<(), Refusal> {
+    let check = |name: &str| partition_value(name).map(|_| ());
+    arguments.machine.as_deref().map_or(Ok(()), check).map_err(|error| (Exit::Usage, error))?;
+    let file = arguments.input.bus.as_deref().map_or_else(String::new, shown);
+    of_bus_file.map_or(Ok(()), check).with_context(|| file).map_err(|error| (Exit::Profile, error))
+}
 
 /// Name of the machine of a capture: of the option, of the path, or of the bus file.
 ///
 /// # Errors
-/// The path does not match the pattern.
+/// The path does not match the pattern, or its part is no name of a machine.
 pub(super) fn machine_of(
     path: &Path,
     arguments: &LakeAddArgs,
@@ -33,12 +53,38 @@ pub(super) fn machine_of(
     if let Some(pattern) = &arguments.machine_from {
         let text = path.display().to_string();
         let text = if cfg!(windows) { text.replace('\\', "/") } else { text };
-        return match pattern.name(&text) {
-            Some(name) => Ok(name.to_owned()),
-            None => bail!("{}: no match of --machine-from {}", shown(path), escape(pattern.text())),
+        let Some(name) = pattern.name(&text) else {
+            bail!("{}: no match of --machine-from {}", shown(path), escape(pattern.text()));
         };
+        return partition_value(name).map(|_| name.to_owned()).with_context(|| shown(path));
     }
     Ok(of_bus_file.unwrap_or(UNKNOWN).to_owned())
+}
+
+/// Any name as a path component of bounded length. Letters and digits of all scripts stay; different names give different
+/// components.
+pub(super) fn path_value(name: &str) -> String {
+    let mut value = String::new();
+    for letter in name.chars() {
+        match letter {
+            '-' | '_' | '.' => value.push(letter),
+            _ if letter.is_alphanumeric() => value.push(letter),
+            _ => {
+                for byte in letter.encode_utf8(&mut [0; 4]).bytes() {
+                    let _ = write!(value, "%{byte:02X}");
+                }
+            }
+        }
+    }
+    if value.len() > LONGEST_COMPONENT || value.ends_with('.') || value.is_empty() {
+        let end = (0..=LONGEST_COMPONENT.min(value.len())).rev().find(|end| value.is_char_boundary(*end));
+        value.truncate(end.unwrap_or(0));
+        value.push('-');
+        for byte in Sha256::digest(name).iter().take(DIGEST_BYTES) {
+            let _ = write!(value, "{byte:02x}");
+        }
+    }
+    value
 }
 
 /// Name as a value in a path component, as Hive and Spark escape it: `a/b` is `a%2Fb`. Letters and digits of all scripts
@@ -83,6 +129,19 @@ mod tests {
         assert_eq!(value("C=1 %"), "C%3D1%20%25");
         assert_eq!(value("\0\n\x1b"), "%00%0A%1B");
         assert_eq!(value("Bagger Süd 挖"), "Bagger%20Süd%20挖");
+    }
+
+    #[test]
+    fn any_name_of_a_message_is_one_short_component() {
+        assert_eq!(path_value("can0_node_2_tpdo1"), "can0_node_2_tpdo1");
+        assert_eq!(path_value("CAN – left_ÄÖ 1"), "CAN%20%E2%80%93%20left_ÄÖ%201");
+        assert_eq!(path_value("a/../b%"), "a%2F..%2Fb%25");
+        let names = ["", ".", "..", "a.", &"x".repeat(121), &"x".repeat(122), &"ä".repeat(100)];
+        let values: Vec<_> = names.iter().map(|name| path_value(name)).collect();
+        for (place, value) in values.iter().enumerate() {
+            assert!((1..=129).contains(&value.len()) && !value.ends_with('.'), "{value}");
+            assert!(!values[..place].contains(value), "{value}");
+        }
     }
 
     #[test]

@@ -18,7 +18,7 @@ use cobscope_decoder::words::{grouped, plural};
 use self::add::{AddInputs, Addition};
 use self::folder::{LakeFolder, ensure_lake};
 use super::captures::{self, SourceSeries};
-use super::input::{catalogue, common_catalogue, options_of, setup};
+use super::input::{catalogue, common_catalogue, options_of, setup, with_user_folder};
 use super::messages::{Refusal, complain, note, warn};
 use super::output::print;
 use crate::cli::{LakeAddArgs, LakeCommand};
@@ -39,21 +39,20 @@ pub fn run(command: &LakeCommand) -> Exit {
 
 fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
     let usage = |error| (Exit::Usage, error);
-    let profile = |error| (Exit::Profile, error);
-    if arguments.input.captures.is_empty()
-        || arguments.input.captures.iter().any(|path| path.as_os_str() == "-")
-    {
+    let folders = &arguments.input.profiles;
+    let profile = |error| (Exit::Profile, with_user_folder(error, folders));
+    if arguments.input.captures.is_empty() {
+        return Err(usage(anyhow::anyhow!("found no capture, expected files or folders after the lake")));
+    }
+    if arguments.input.captures.iter().any(|path| path.as_os_str() == "-") {
         return Err(usage(anyhow::anyhow!(
             "a lake needs a capture twice; stdin cannot be read again, give a file"
         )));
     }
-    if let Some(name) = &arguments.machine {
-        machine::partition_value(name).map_err(usage)?;
-    }
-    let folders = &arguments.input.profiles;
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue).map_err(profile)?;
     let setup = Arc::new(setup(&arguments.input, &options.catalogue, None).map_err(profile)?);
+    machine::check_names(arguments, options.bus_file.machine.as_deref())?;
     ensure_lake(&arguments.lake).map_err(usage)?;
     let lake = LakeFolder::open(&arguments.lake).map_err(usage)?;
     let mut sources = captures::captures(&arguments.input.captures);
@@ -69,9 +68,8 @@ fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
         AddInputs { lake: &lake, arguments, options: &options, setup: &setup, is_alone: threads == 1 };
     let counts = add_all(&inputs, &captures, threads);
     let text = format!("{}: {}\n", shown(&arguments.lake), counts.text());
-    let exit = if counts.failed > 0 { Exit::Capture } else { Exit::Clean };
-    let found = counts.added + counts.present + counts.failed;
-    if found == 0 {
+    let exit = counts.exit();
+    if counts.found() == 0 {
         warn("no captures");
         return Ok(Exit::Capture);
     }
@@ -85,9 +83,23 @@ struct AdditionCounts {
     present: usize,
     /// Captures that were not read, or not to their end; those with a row in `captures` count as added, too.
     failed: usize,
+    /// Captures for which the option names no machine.
+    unnamed: usize,
 }
 
 impl AdditionCounts {
+    fn found(&self) -> usize {
+        self.added + self.present + self.failed + self.unnamed
+    }
+
+    fn exit(&self) -> Exit {
+        match self {
+            Self { failed: 1.., .. } => Exit::Capture,
+            Self { unnamed: 1.., .. } => Exit::Usage,
+            _ => Exit::Clean,
+        }
+    }
+
     fn text(&self) -> String {
         let mut parts = vec![format!("{} added", plural(self.added, "capture"))];
         if self.present > 0 {
@@ -96,6 +108,9 @@ impl AdditionCounts {
         if self.failed > 0 {
             parts.push(format!("{} unreadable or incomplete", self.failed));
         }
+        if self.unnamed > 0 {
+            parts.push(format!("{} without a machine", self.unnamed));
+        }
         parts.join(", ")
     }
 
@@ -103,6 +118,7 @@ impl AdditionCounts {
         self.added = self.added.saturating_add(other.added);
         self.present = self.present.saturating_add(other.present);
         self.failed = self.failed.saturating_add(other.failed);
+        self.unnamed = self.unnamed.saturating_add(other.unnamed);
         self
     }
 
@@ -118,9 +134,10 @@ impl AdditionCounts {
                     warn(failure);
                 }
                 note(&format!(
-                    "{name}: added to machine {}: {} frames, {}, {}",
+                    "{name}: added to machine {}: {} {}, {}, {}",
                     one.machine,
                     grouped(one.frames),
+                    if one.frames == 1 { "frame" } else { "frames" },
                     plural(one.files, "file"),
                     one.outcome.name()
                 ));
@@ -135,6 +152,10 @@ impl AdditionCounts {
                 note(&format!("{name}: already in the lake{other}; --replace adds it again"));
             }
             Ok(Addition::Skipped) => {}
+            Ok(Addition::Unnamed(error)) => {
+                self.unnamed += 1;
+                complain(&error);
+            }
             Err(error) => {
                 self.failed += 1;
                 complain(&error);

@@ -27,6 +27,7 @@ use self::partitions::Partitions;
 use self::wide::WideTables;
 use super::events::{self, EventRows};
 use super::signals::{self, SignalRows};
+use super::table::Table;
 use super::time::micros_of_date;
 use crate::event::{Event, EventKind};
 use crate::frame::Frame;
@@ -34,6 +35,23 @@ use crate::session::{Bus, Observer};
 
 /// Tables in the order in which their files receive their names: a capture is listed last.
 pub const TABLES: [&str; 6] = ["frames", "signals", "events", "objects", "findings", "captures"];
+
+/// A file of a table without rows. A lake has one per table, so that each table exists before its first row.
+///
+/// # Errors
+/// Never for a table of [`TABLES`].
+pub fn empty_table(table: &str) -> io::Result<Vec<u8>> {
+    let headings = match table {
+        "frames" => frames::HEADINGS,
+        "signals" => signals::HEADINGS,
+        "events" => events::HEADINGS,
+        "objects" => objects::HEADINGS,
+        "findings" => findings::HEADINGS,
+        "captures" => captures::HEADINGS,
+        _ => return Err(io::Error::other(format!("{table}: no table of a lake"))),
+    };
+    Table::new(Vec::new(), headings, &[(partitions::HASH, "")])?.into_inner()
+}
 
 /// Writer for the tables of one capture. After the first write error nothing more is written; `finish` returns the
 /// error.

@@ -16,7 +16,7 @@ const OPEN_DAYS: usize = 3;
 const MOST_FILES: usize = 1_000;
 
 /// Name of the constant column.
-const HASH: &str = "capture_hash";
+pub(super) const HASH: &str = "capture_hash";
 
 /// Receives a row: the time that determines its day, and its cells.
 pub(super) type PushRow<'a> = &'a mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>;
