@@ -84,6 +84,9 @@ fn errors_have_the_status_of_the_command() {
     let (status, text) = exit(&["fixtures/devices/sydfec.log", "fixtures/machine/machine.log"]);
     assert_eq!(status, Exit::Usage);
     assert!(text.starts_with("the 2 files are 2 captures"), "{text}");
+    let (status, text) = exit(&["--select=node-losst", "fixtures/devices/sydfec.log"]);
+    assert_eq!(status, Exit::Usage);
+    assert!(text.starts_with("--select: unknown rule 'node-losst'"), "{text}");
 }
 
 #[test]
@@ -91,7 +94,7 @@ fn results_equal_the_output_of_the_commands() {
     let program = run(&[&["check", "-f", "jsonl"][..], &SYDFEC].concat(), "").stdout;
     let own = embedded::check(&words(&SYDFEC)).unwrap();
     let root = format!("{}/", crate::support::workspace().display());
-    assert_eq!(own.value.replace(&root, ""), program);
+    assert_eq!(own.value.0.replace(&root, ""), program);
     assert!(own.messages.is_empty(), "{:?}", own.messages);
     assert_eq!(
         embedded::explain(&words(&["06090031"])).unwrap().value,

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::Value;
 
-use crate::errors::{ArgumentError, capture_error, raised};
+use crate::errors::{argument_error, capture_error, raised};
 use crate::records::{FINDINGS, OBJECTS, RecordTable, STORIES};
 use crate::stream::{Messages, Pass};
 use crate::table::{Table, TableKind};
@@ -26,7 +26,7 @@ pub struct Capture {
 impl Capture {
     fn pass(&self, filter: Option<&str>, has_rules: bool) -> PyResult<Pass> {
         let filter = filter.map(str::parse::<Filter>).transpose();
-        let filter = filter.map_err(|error| ArgumentError::new_err(format!("filter: {error}")))?;
+        let filter = filter.map_err(|error| argument_error(&format!("filter: {error}")))?;
         Ok(Pass {
             source: Arc::clone(&self.source),
             messages: Arc::clone(&self.messages),

@@ -25,6 +25,11 @@ pub fn raised(py: Python<'_>, error: &CommandError) -> PyErr {
     }
 }
 
+/// The exception for an argument that the module itself checks.
+pub fn argument_error(text: &str) -> PyErr {
+    Python::attach(|py| with_place(py, ArgumentError::new_err(text.to_owned()), (None, text)))
+}
+
 /// The exception for a capture.
 pub fn capture_error(py: Python<'_>, text: &str) -> PyErr {
     with_place(py, CaptureError::new_err(text.to_owned()), split(text))

@@ -24,12 +24,13 @@ use serde_json::Value;
 
 use errors::raised;
 
-/// Lines of `check -f jsonl`, their findings as a table, and messages.
+/// Lines of `check -f jsonl`, their findings as a table, messages, and the exit status.
 #[pyfunction]
-fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table, Vec<String>)> {
+fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table, Vec<String>, u8)> {
     let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, &error))?;
-    let lines: Vec<Value> = answer.value.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    Ok((answer.value, capture::findings_of(&lines)?, answer.messages))
+    let (text, exit) = answer.value;
+    let lines: Vec<Value> = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    Ok((text, capture::findings_of(&lines)?, answer.messages, exit as u8))
 }
 
 /// The object of `diff -f json`, and messages.

@@ -15,7 +15,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::capture::findings_of;
-use crate::errors::{ArgumentError, raised};
+use crate::errors::{argument_error, raised};
 use crate::table::Table;
 use crate::tables::{Events, Signals, Table as GrowingTable};
 
@@ -115,7 +115,7 @@ fn timestamp(seconds: f64) -> PyResult<Timestamp> {
     let count = (seconds * units).round() as i64;
     let time = count.checked_mul(nanoseconds).filter(|_| seconds.is_finite());
     time.map(Timestamp)
-        .ok_or_else(|| ArgumentError::new_err(format!("timestamp: found {seconds}; expected seconds")))
+        .ok_or_else(|| argument_error(&format!("timestamp: found {seconds}; expected seconds")))
 }
 
 fn can_id(id: u32, is_extended: bool) -> PyResult<CanId> {
@@ -126,7 +126,7 @@ fn can_id(id: u32, is_extended: bool) -> PyResult<CanId> {
     };
     checked.ok_or_else(|| {
         let bits = if is_extended { "29" } else { "11" };
-        ArgumentError::new_err(format!("id: found {id:#X}; expected {bits} bits"))
+        argument_error(&format!("id: found {id:#X}; expected {bits} bits"))
     })
 }
 
@@ -164,7 +164,7 @@ impl Decoder {
         let data = data.unwrap_or_default();
         let most = if fd { 64 } else { 8 };
         if data.len() > most {
-            return Err(ArgumentError::new_err(format!("data: {} bytes; expected max {most}", data.len())));
+            return Err(argument_error(&format!("data: {} bytes; expected max {most}", data.len())));
         }
         let flags = [
             (remote, FrameFlags::REMOTE),
@@ -183,9 +183,9 @@ impl Decoder {
         }
         let mut state = self.state();
         let LiveState { pipeline, tables, frames, .. } = &mut *state;
-        let Some(pipeline) = pipeline else { return Err(PyValueError::new_err("the decoder is finished")) };
+        let Some(pipeline) = pipeline else { return Err(argument_error("the decoder is finished")) };
         let Some(index) = pipeline.bus(bus) else {
-            return Err(ArgumentError::new_err(format!("bus: {bus}: too many buses")));
+            return Err(argument_error(&format!("bus: {bus}: too many buses")));
         };
         *frames += 1;
         pipeline.push(&Frame { bus: index, ..frame }, tables);
@@ -219,7 +219,7 @@ impl Decoder {
         let mut state = self.state();
         let LiveState { pipeline, tables, .. } = &mut *state;
         let Some(pipeline) = pipeline.take() else {
-            return Err(PyValueError::new_err("the decoder is finished"));
+            return Err(argument_error("the decoder is finished"));
         };
         let summary = pipeline.finish(tables);
         let lines = finding_lines(LIVE, summary).map_err(|error| raised(py, &error))?;

@@ -19,6 +19,8 @@ pub struct RecordTable {
 enum Place {
     /// JSON pointer.
     At(&'static str),
+    /// JSON pointer to an object: `5208:02`, as in other tables, in place of `0x5208:02`.
+    Object(&'static str),
     /// Texts of `lines`, one below the other.
     Lines,
     /// The whole record as JSON.
@@ -84,7 +86,7 @@ pub const OBJECTS: RecordTable = RecordTable {
         ("bus", Kind::Name, Place::At("/bus")),
         ("frame", Kind::Number, Place::At("/frame")),
         ("node", Kind::Number, Place::At("/node")),
-        ("object", Kind::Name, Place::At("/object")),
+        ("object", Kind::Name, Place::Object("/object")),
         ("name", Kind::Name, Place::At("/name")),
         ("value", Kind::Real, Place::At("/value")),
         ("text", Kind::Text, Place::At("/value")),
@@ -118,6 +120,10 @@ impl RecordTable {
 fn column(kind: Kind, place: Place, records: &[Value]) -> Result<ArrayRef, ArrowError> {
     let cells = records.iter().map(|record| match place {
         Place::At(pointer) => record.pointer(pointer).cloned(),
+        Place::Object(pointer) => {
+            let object = record.pointer(pointer).and_then(Value::as_str);
+            object.map(|object| Value::String(object.trim_start_matches("0x").to_owned()))
+        }
         Place::Lines => Some(Value::String(lines(record))),
         Place::Whole => Some(Value::String(record.to_string())),
     });

@@ -111,6 +111,9 @@ class Program(unittest.TestCase):
     def test_check_equals_findings(self):
         result = cobscope.check(MACHINE, bus=MACHINE_BUS)
         self.assertTrue(result.fails)
+        self.assertFalse(cobscope.check(MACHINE, bus=MACHINE_BUS, fail_on="never").fails)
+        with tempfile.TemporaryDirectory() as empty:
+            self.assertTrue(cobscope.check(empty).fails)
         self.assertEqual([capture["verdict"] for capture in result.captures], ["fail"])
         capture = cobscope.open(MACHINE, bus=MACHINE_BUS)
         self.assertEqual([row["fingerprint"] for row in result.findings], [row["fingerprint"] for row in capture.findings()])
@@ -125,7 +128,7 @@ class Program(unittest.TestCase):
         expected = lines(program("objects", "-f", "json", "--bus", MACHINE_BUS, "--node", "32", MACHINE))
         rows = [row for row in cobscope.open(MACHINE, bus=MACHINE_BUS).objects() if row["node"] == 32]
         self.assertEqual([row["json"] for row in rows], expected)
-        self.assertEqual((rows[0]["object"], rows[0]["value"], rows[0]["data"]), ("0x1000:00", 408, "98010000"))
+        self.assertEqual((rows[0]["object"], rows[0]["value"], rows[0]["data"]), ("1000:00", 408, "98010000"))
 
     def test_statistics(self):
         self.assertEqual(cobscope.open(MACHINE, bus=MACHINE_BUS).statistics(),
@@ -361,8 +364,23 @@ class Live(unittest.TestCase):
         self.assertEqual([row["value"] for row in decoder.signals()], [row["value"] for row in sydfec().signals()])
         self.assertEqual([row["fingerprint"] for row in findings], [row["fingerprint"] for row in sydfec().findings()])
         self.assertEqual(decoder.frames, expected[-1]["last_frame"])
-        with self.assertRaises(ValueError):
+        with self.assertRaises(cobscope.ArgumentError) as caught:
             decoder.push(1.0, 0x80)
+        self.assertEqual((caught.exception.place, caught.exception.reason), (None, "the decoder is finished"))
+
+    def test_events_are_passed_on_however_they_arise(self):
+        seen = []
+        decoder = cobscope.Decoder(on_event=lambda event: seen.append((event["kind"], event["json"].get("outcome"))))
+        decoder.push(10.0, 0x705, b"\0")
+        self.assertEqual(seen[0], ("boot-up", None))
+        decoder.push(11.0, 0x605, bytes.fromhex("4000100000000000"))
+        decoder.advance(13.5)
+        self.assertIn(("sdo-transfer", "timeout"), seen)
+        decoder.push(14.0, 0x605, bytes.fromhex("4000100000000000"))
+        before = len(seen)
+        decoder.finish()
+        self.assertGreater(len(seen), before)
+        self.assertEqual(list(decoder.events()), [])
 
     def test_a_notifier_calls_with_each_event(self):
         import can

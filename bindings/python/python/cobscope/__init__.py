@@ -63,7 +63,7 @@ def open(path, *, incomplete=False, **options):
 class CheckResult:
     """Verdicts of `check`."""
 
-    def __init__(self, text, findings, warnings):
+    def __init__(self, text, findings, warnings, exit_status):
         lines = [_json.loads(line) for line in text.splitlines()]
         #: Findings of all captures, a Table.
         self.findings = findings
@@ -73,11 +73,12 @@ class CheckResult:
         self.total = next((line for line in lines if line["kind"] == "total"), {})
         #: Warnings, such as unreadable lines.
         self.warnings = warnings
+        self._exit_status = exit_status
 
     @property
     def fails(self):
-        """Whether `cobscope check` ends with an error: a finding at or above `fail_on`, or an unreadable capture."""
-        return bool(self.total.get("fails") or self.total.get("unreadable"))
+        """Whether `cobscope check` ends with an error: a finding at or above `fail_on`, an unreadable capture, or none at all."""
+        return self._exit_status != 0
 
     def __repr__(self):
         verdicts = ", ".join(f"{capture['capture']}: {capture['verdict']}" for capture in self.captures)

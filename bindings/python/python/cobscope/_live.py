@@ -11,8 +11,8 @@ class Decoder(_Decoder):
         notifier = can.Notifier(bus, [decoder])
 
     Options are those of `open` that do not concern files of captures. Events and values wait until `events()` and
-    `signals()` fetch them, a million rows of each at most; with `on_event` it is called with each event, as a dictionary, on
-    the thread that pushes the frame.
+    `signals()` fetch them, a million rows of each at most. `on_event` is called with each event, as a dictionary, on the thread
+    that calls `push`, `advance` or `finish`; `events()` then has none of them.
     """
 
     def __new__(cls, *, on_event=None, **options):
@@ -37,11 +37,28 @@ class Decoder(_Decoder):
             transmitted=not message.is_rx,
             length=message.dlc if message.is_remote_frame else None,
         )
+
+    __call__ = on_message_received
+
+    def push(self, *frame, **options):
+        super().push(*frame, **options)
+        self._deliver()
+
+    def advance(self, timestamp):
+        super().advance(timestamp)
+        self._deliver()
+
+    def finish(self):
+        findings = super().finish()
+        self._deliver()
+        return findings
+
+    push.__doc__, advance.__doc__, finish.__doc__ = _Decoder.push.__doc__, _Decoder.advance.__doc__, _Decoder.finish.__doc__
+
+    def _deliver(self):
         if self.on_event is not None:
             for event in self.events():
                 self.on_event(event)
-
-    __call__ = on_message_received
 
     def on_error(self, error):
         """Errors of the bus are left to python-can."""

@@ -53,5 +53,7 @@ def words_of_captures(paths, options):
     Raises ArgumentError for an empty list of paths.
     """
     if not _all(paths):
-        raise ArgumentError("no capture")
+        error = ArgumentError("no capture")
+        error.place, error.reason = None, "no capture"
+        raise error
     return words(paths, options)

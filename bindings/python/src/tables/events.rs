@@ -99,12 +99,8 @@ impl Table for Events {
     }
 
     fn take(&mut self) -> Result<Unfinished, ArrowError> {
-        self.origin.rows = 0;
-        let columns = vec![
-            self.origin.micros.take_times(),
-            self.origin.nanos.take(),
-            self.origin.capture.take()?,
-            self.origin.bus.take()?,
+        let mut columns = self.origin.take()?.to_vec();
+        columns.extend([
             self.first_frame.take(),
             self.last_frame.take(),
             self.kind.take()?,
@@ -116,7 +112,7 @@ impl Table for Events {
             self.routine.take(),
             self.text.take()?,
             self.json.take()?,
-        ];
+        ]);
         RecordBatch::try_new(self.schema(), columns).map(whole)
     }
 }

@@ -98,15 +98,8 @@ impl Table for Frames {
     }
 
     fn take(&mut self) -> Result<Unfinished, ArrowError> {
-        self.origin.rows = 0;
-        let mut columns = vec![
-            self.origin.micros.take_times(),
-            self.origin.nanos.take(),
-            self.origin.capture.take()?,
-            self.origin.bus.take()?,
-            self.frame.take(),
-            self.id.take(),
-        ];
+        let mut columns = self.origin.take()?.to_vec();
+        columns.extend([self.frame.take(), self.id.take()]);
         columns.extend(self.flags.iter_mut().map(Truths::take));
         columns.extend([
             self.direction.take()?,

@@ -4,7 +4,7 @@ mod events;
 mod frames;
 mod signals;
 
-use arrow_array::RecordBatch;
+use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
@@ -85,8 +85,13 @@ impl Origin {
         self.rows += 1;
         self.micros.push(time.map(micros));
         self.nanos.push(time.map(|Timestamp(time)| time));
-        self.capture.push_key(Some(self.name));
         self.bus.push_key(Some(bus));
+    }
+
+    /// The columns of the rows so far: time, time in ns, capture, bus.
+    fn take(&mut self) -> Result<[ArrayRef; 4], ArrowError> {
+        let name = self.capture.equal_keys(Some(self.name), std::mem::take(&mut self.rows));
+        Ok([self.micros.take_times(), self.nanos.take(), self.capture.array_of(name)?, self.bus.take()?])
     }
 }
 

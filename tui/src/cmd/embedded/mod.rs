@@ -23,16 +23,16 @@ pub use answer::{Answer, CommandError};
 use answer::{answered, check_arguments, parsed};
 pub use source::{CaptureEnd, CaptureReader, CaptureResults, CaptureSource};
 
-/// The lines of `check -f jsonl`, with these arguments.
+/// The lines of `check -f jsonl` and its exit status, with these arguments.
 ///
 /// # Errors
 /// Those of the command; a capture that cannot be read is a line.
-pub fn check(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+pub fn check(arguments: &[OsString]) -> Result<Answer<(String, Exit)>, CommandError> {
     answered(|| {
         let format = ["--format", "jsonl"].map(OsString::from);
         let arguments = check_arguments(&[&format[..], arguments].concat())?;
-        let lines = check::lines(&arguments)?;
-        Ok(String::from_utf8_lossy(&lines).into_owned())
+        let (lines, exit) = check::lines(&arguments)?;
+        Ok((String::from_utf8_lossy(&lines).into_owned(), exit))
     })
 }
 

@@ -84,14 +84,13 @@ impl CaptureSource {
     /// As for [`Self::open`].
     pub fn pipeline(arguments: &[OsString]) -> Result<Answer<Pipeline>, CommandError> {
         answered(|| {
-            let (options, setup) =
-                check::ready(&check_arguments(arguments)?).map_err(|error| (Exit::Profile, error))?;
+            let (options, setup) = check::ready(&check_arguments(arguments)?)?;
             Ok(Pipeline::of_options(options, Some(setup)))
         })
     }
 
     fn of(arguments: CheckArgs) -> Result<Self, Refusal> {
-        let (options, setup) = check::ready(&arguments).map_err(|error| (Exit::Profile, error))?;
+        let (options, setup) = check::ready(&arguments)?;
         let series = one_capture(&arguments).map_err(|error| (Exit::Usage, error))?;
         Ok(Self { series, input: arguments.input, options, setup })
     }
