@@ -269,6 +269,17 @@ fn bad_requests_are_answered_and_nothing_outside_is_read() {
         let answer = client.ask(tool, &json!({"capture": "damaged.log"}));
         assert!(texts(&answer["warnings"]).contains("1 line or record unreadable"), "{answer}");
     }
+    let wrong = |tool: &str, arguments: Value| (tool.to_owned(), arguments);
+    for (tool, arguments) in [
+        wrong("findings", json!({"capture": "damaged.log", "rule": "node-lots"})),
+        wrong("findings", json!({"capture": "damaged.log", "node": "99"})),
+        wrong("why", json!({"capture": "damaged.log", "node": "can7:5"})),
+        wrong("objects", json!({"capture": "damaged.log", "node": "can7:5"})),
+    ] {
+        let error = client.tool(&tool, &arguments).unwrap_err();
+        let expected = ["rule: unknown rule", "node 99: not in", "node can7:5: not in"];
+        assert!(expected.iter().any(|start| error.contains(start)), "{tool} {arguments}: {error}");
+    }
     std::fs::remove_file(inner.join("damaged.log")).unwrap();
     let files = client.ask("captures", &json!({}));
     assert_eq!(files["files"].as_array().unwrap().len(), 1);

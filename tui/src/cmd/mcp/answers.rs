@@ -1,11 +1,11 @@
 //! Answers from the results of a whole capture.
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use cobscope_decoder::session::Buses;
 use serde_json::{Map, Value, json};
 
 use super::arguments::Arguments;
-use super::capture::OpenedCapture;
+use super::capture::{OpenedCapture, node_in};
 use super::fit::fit;
 use crate::cli::NodeArg;
 use crate::cmd::objects;
@@ -52,6 +52,7 @@ fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
 /// A bound is not valid in this capture, or no story is left.
 pub(super) fn why(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
     let node = arguments.parsed::<NodeArg>("node")?;
+    capture.ensure_node(node.as_ref())?;
     let at = seconds_of(capture, arguments)?;
     let wanted = arguments.number("story");
     let mut stories: Vec<_> = list(&capture.results.why, "stories").to_vec();
@@ -125,9 +126,11 @@ fn is_of(value: &Value, node: Option<&NodeArg>) -> bool {
 pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
     const ORDER: [&str; 3] = ["error", "warning", "note"];
     let node = arguments.parsed::<NodeArg>("node")?;
+    capture.ensure_node(node.as_ref())?;
     let rank = |severity: &str| ORDER.iter().position(|known| *known == severity).unwrap_or(ORDER.len());
     let least = arguments.text("severity").map_or(ORDER.len(), rank);
     let rule = arguments.text("rule");
+    capture.ensure_rule(rule)?;
     let found = capture.results.findings.iter().filter(|line| counts_as_finding(line)).filter(|line| {
         rank(line["severity"].as_str().unwrap_or_default()) <= least
             && rule.is_none_or(|rule| line["rule"] == rule)
@@ -181,9 +184,7 @@ fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) 
     };
     let prefix = arguments.text("object").unwrap_or_default().to_uppercase();
     let prefix = prefix.strip_prefix("0X").unwrap_or(&prefix);
-    let on = buses.iter().filter(|bus| node.bus.as_deref().is_none_or(|name| name == bus.name()));
-    let known: Vec<_> = on.filter_map(|bus| Some((bus, bus.node(node.id)?))).collect();
-    let (bus, found) = known.first().with_context(|| format!("node {}: not in this capture", node.id))?;
+    let (bus, found) = node_in(buses, &node)?;
     let all = found.store().sorted();
     let chosen = all.into_iter().filter(|(object, _)| object.to_string().starts_with(prefix));
     let records: Vec<_> = chosen

@@ -4,10 +4,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context as _, anyhow, bail, ensure};
 use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Bus, Buses, Node};
 
-use crate::cli::InputArgs;
+use crate::cli::{InputArgs, NodeArg};
 use crate::cmd::input::{catalogue, join_options, options_of, read_options, series, setup};
 use crate::cmd::results::Results;
 use crate::select::{Bound, BoundSide};
@@ -21,6 +23,7 @@ pub(super) struct OpenedCapture {
     parts: Vec<PathBuf>,
     pub(super) results: Results,
     pub(super) indexed: IndexedCapture,
+    rules: Arc<Setup>,
 }
 
 impl OpenedCapture {
@@ -42,11 +45,27 @@ impl OpenedCapture {
             join: join_options(&input),
             read: read_options(&input),
             session: options,
-            rules,
+            rules: Arc::clone(&rules),
             live: None,
         };
         let indexed = IndexedCapture::open(captures)?;
-        Ok(Self { name: series.name(), input, parts: series.parts, results, indexed })
+        Ok(Self { name: series.name(), input, parts: series.parts, results, indexed, rules })
+    }
+
+    /// Checks the name of a rule, so that a wrong one is not taken for a rule without findings.
+    ///
+    /// # Errors
+    /// The rule is unknown.
+    pub(super) fn ensure_rule(&self, rule: Option<&str>) -> anyhow::Result<()> {
+        rule.map_or(Ok(()), |rule| self.rules.check_name(rule)).map_err(|error| anyhow!("rule: {error}"))
+    }
+
+    /// Checks a node, so that a wrong one is not taken for a node without findings.
+    ///
+    /// # Errors
+    /// The node is not in this capture.
+    pub(super) fn ensure_node(&self, node: Option<&NodeArg>) -> anyhow::Result<()> {
+        node.map_or(Ok(()), |node| node_in(self.results.decoder.buses(), node).map(|_| ()))
     }
 
     /// Time of the first frame, the zero of seconds.
@@ -71,4 +90,14 @@ impl OpenedCapture {
             _ => WalkStart::Frame(1),
         }
     }
+}
+
+/// A node with its bus; the first one of this ID if no bus is named.
+///
+/// # Errors
+/// The node is not in this capture.
+pub(super) fn node_in<'a>(buses: Buses<'a>, node: &NodeArg) -> anyhow::Result<(&'a Bus, &'a Node)> {
+    let on = buses.iter().filter(|bus| node.bus.as_deref().is_none_or(|name| name == bus.name()));
+    let mut known = on.filter_map(|bus| Some((bus, bus.node(node.id)?)));
+    known.next().with_context(|| format!("node {}: not in this capture", node.shown()))
 }
