@@ -134,3 +134,20 @@ fn qemu_a_bit_rate_comes_from_the_controller() {
         ip(&format!("link set {bus} down"));
     }
 }
+
+#[test]
+fn qemu_the_mode_of_the_controller_is_the_one_of_the_system() {
+    if !has_devices() {
+        return;
+    }
+    for (setting, mode) in [("off", "acknowledges frames (listen-only off)"), ("on", "listen-only")] {
+        ip(&format!("link set can0 up type can bitrate 250000 listen-only {setting}"));
+        let live = Program::live(["can0"]);
+        let expected = format!(", {mode}, timestamps by ");
+        live.wait_message("mode of can0", |line| line.contains("can0: up") && line.contains(&expected));
+        live.interrupt();
+        ip("link set can0 down");
+    }
+    // Later tests expect a controller in normal mode.
+    ip("link set can0 type can listen-only off");
+}

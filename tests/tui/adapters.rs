@@ -129,6 +129,39 @@ fn a_missing_driver_is_one_sentence_with_its_package() {
 }
 
 #[test]
+fn the_mode_of_the_controller_is_printed_and_shown() {
+    for (source, bus) in SOURCES {
+        let folder = folder(&format!("mode-{bus}"));
+        let output = live(&folder, "frames=30", &library(), &[source, "--print", "-n", "30"]);
+        let said = text(&output.stderr);
+        let expected = format!(
+            "{bus}: up, 500000 bit/s, listen-only, timestamps by the adapter; cobscope sends no frames\n"
+        );
+        assert!(said.contains(&expected), "{said}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn the_bus_pane_shows_the_mode_of_the_controller() {
+    use crate::terminal::Session;
+    use pty_process::blocking::Command as PtyCommand;
+
+    let (source, bus) = SOURCES[0];
+    let folder = folder(&format!("pane-{bus}"));
+    let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope"))
+        .args(["live", source, "--pane", "bus"])
+        .current_dir(workspace())
+        .env("COBSCOPE_PCAN_LIBRARY", library())
+        .env("COBSCOPE_FAKE_SCENARIO", "frames=30")
+        .env("COBSCOPE_FAKE_CALLS", folder.join("calls"));
+    let session = Session::start(command, 40, 120);
+    session.wait_text("controller  listen-only");
+    session.send("q");
+    assert!(session.wait_end().success());
+}
+
+#[test]
 fn adapters_are_listed_with_their_state() {
     let folder = folder("list");
     let list = |scenario| text(&live(&folder, scenario, &library(), &[]).stdout);

@@ -134,6 +134,90 @@ fn it_can_end_at_the_first_finding() {
     assert_eq!(live.child.wait().unwrap().code(), Some(1));
 }
 
+/// The first error of machine.log is the refused write {45-46}: nothing later has a part in output and report, however
+/// much of the input was already read.
+#[test]
+fn the_first_finding_is_the_end_to_the_frame() {
+    let all = fixture("machine/machine.log");
+    let part: Vec<&str> = all.lines().take(46).collect();
+    let folder = folder("until");
+    let path = folder.join("run.log");
+    fs::write(&path, &all).unwrap();
+    let path = path.to_str().unwrap();
+    for more in [&[][..], &["--print"], &["-f", "jsonl"], &["--print", "-f", "jsonl", "--all"]] {
+        let command = |own: &[&str], input: &str| run(&[&["live", "--check"], own, more].concat(), input);
+        let expected = command(&["-"], &(part.join("\n") + "\n"));
+        let ended = command(&["-", "--until-finding"], &all);
+        assert!(ended.stdout == expected.stdout, "{more:?}: {}\n{}", ended.stdout, expected.stdout);
+        assert_eq!((ended.code, expected.code), (1, 1));
+        let followed = command(&["--follow", path, "--until-finding"], "");
+        assert!(followed.stdout == expected.stdout, "{more:?}: {}", followed.stdout);
+    }
+    let ended = run(&["live", "--check", "--until-finding", "-"], &all);
+    assert!(ended.stdout.contains("\n== can0 (46 frames, 10.361 s)\n"), "{}", ended.stdout);
+    // No error of this one is at or above the severity: all is read.
+    let clean = run(&["live", "--check", "--until-finding", "-"], &fixture("rules/clean/canopen.log"));
+    assert_eq!(clean.code, 0, "{}", clean.stdout);
+}
+
+/// A window of a trigger is completed before the end: its frames are judged, too.
+#[test]
+fn a_window_is_completed_after_the_first_finding() {
+    let folder = folder("until-window");
+    let record = folder.to_str().unwrap();
+    let trigger = ["--trigger-finding", "sdo-download-refused", "--after", "1s", "--record", record];
+    let arguments = [&["live", "--check", "--until-finding", "-"], &trigger[..]].concat();
+    let all = fixture("machine/machine.log");
+    let ended = run(&arguments, &all);
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    // The first frame later than 10.361 s + 1 s closes the window; it is the last one that is counted.
+    let title = ended.stdout.lines().find(|line| line.starts_with("== can0 (")).unwrap();
+    let count: usize = title.trim_start_matches("== can0 (").split(' ').next().unwrap().parse().unwrap();
+    let lines: Vec<&str> = all.lines().collect();
+    let time = |line: &str| line[1..].split(')').next().unwrap().parse::<f64>().unwrap();
+    let end = time(lines[45]) + 1.0;
+    assert!(time(lines[count - 2]) <= end && end < time(lines[count - 1]), "{title}");
+}
+
+/// The report names the bus, whichever option ends it.
+#[test]
+fn the_report_has_the_name_of_the_bus_however_it_ends() {
+    let all = fixture("machine/machine.log");
+    for (end, frames) in [(&["-n", "60"][..], "60 frames"), (&["--until-finding"], "46 frames")] {
+        let live = run(&[&["live", "--check", "-"], end].concat(), &all);
+        assert!(live.stdout.contains(&format!("\n== can0 ({frames}, ")), "{end:?}: {}", live.stdout);
+        assert!(live.stdout.contains("\ncan0          1 "), "{end:?}: {}", live.stdout);
+        assert!(live.stderr.contains("can0: up; 0 frames lost\n"), "{end:?}: {}", live.stderr);
+        let json = run(&[&["live", "--check", "-f", "jsonl", "-"], end].concat(), &all).stdout;
+        assert!(json.contains("\"capture\":\"can0\"") && !json.contains("\"capture\":\"\""), "{json}");
+    }
+    let folder = folder("names");
+    let path = folder.join("run.log");
+    fs::write(&path, "(1700000000.000000) can0 701#00\n").unwrap();
+    let path = path.to_str().unwrap();
+    // The name in the table, which is the last row of it.
+    let name = |stdout: &str| {
+        let row = stdout.lines().rev().nth(1).unwrap_or_default();
+        row.split("  ").next().unwrap_or_default().to_owned()
+    };
+    // On a busy machine, the first frame is read long after the start.
+    let followed = run(&["live", "--check", "--follow", path, "-T", "3000"], "");
+    assert_eq!(name(&followed.stdout), "can0", "{}", followed.stdout);
+    let mut open = Running::start(&["--check", "-", "-T", "3000"]);
+    open.input().write_all(b"(1700000000.000000) can0 701#00\n").unwrap();
+    open.line_with("can0          0 ");
+    assert_eq!(open.child.wait().unwrap().code(), Some(0), "the input is still open");
+    // can1 has no frame before the end.
+    let two = "(1700000000.000000) can0 701#00\n(1700000001.000000) can1 701#00\n";
+    let both = run(&["live", "--check", "-"], two);
+    assert_eq!(name(&both.stdout), "can0 can1", "{}", both.stdout);
+    let one = run(&["live", "--check", "-", "-n", "1"], two);
+    assert_eq!(name(&one.stdout), "can0", "{}", one.stdout);
+    // Without any frame, the report names the source.
+    let none = run(&["live", "--check", "-"], "");
+    assert_eq!(name(&none.stdout), "-", "{}", none.stdout);
+}
+
 #[test]
 fn it_ends_after_frames_and_after_silence() {
     let live =
@@ -216,6 +300,32 @@ fn a_growing_file_is_followed() {
     let mut child = live.child;
     child.kill().unwrap();
     child.wait().unwrap();
+}
+
+/// The formats that the help lists are read while they grow.
+#[test]
+fn files_of_several_formats_are_followed() {
+    let folder = folder("follow-formats");
+    for suffix in ["log", "trc", "asc", "csv", "pcapng", "mcap"] {
+        let whole = folder.join(format!("whole.{suffix}"));
+        let whole = whole.to_str().unwrap();
+        let converted = run(&["convert", "fixtures/devices/md2.log", whole], "");
+        assert_eq!(converted.code, 0, "{suffix}: {}", converted.stderr);
+        let print = ["-f", "jsonl", "--all", "--no-findings"];
+        let decoded = run(&[&["decode", whole], &print[..]].concat(), "");
+        let (first, last) = (decoded.stdout.lines().next().unwrap(), decoded.stdout.lines().last().unwrap());
+        let data = fs::read(whole).unwrap();
+        let (begin, end) = data.split_at(data.len() / 2);
+        let path = folder.join(format!("run.{suffix}"));
+        fs::write(&path, begin).unwrap();
+        let name = path.to_str().unwrap();
+        let mut live = Running::start(&[&["--follow", name, "--print"], &print[..]].concat());
+        live.line_with(first);
+        fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(end).unwrap();
+        live.line_with(last);
+        live.child.kill().unwrap();
+        live.child.wait().unwrap();
+    }
 }
 
 #[test]

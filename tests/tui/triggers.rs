@@ -76,6 +76,19 @@ fn each_capture_has_the_frames_of_its_window() {
     assert!(live.stderr.contains(" in 2 captures\n"), "{}", live.stderr);
 }
 
+/// 256M and 4G are 256 × 1024² and 4 × 1024³ bytes.
+#[test]
+fn the_ring_is_printed_in_the_units_of_its_options() {
+    let folder = folder("units");
+    let record = folder.to_str().unwrap();
+    let arguments = [&["live", "-"], &EMERGENCY[..], &["--record", record]].concat();
+    let ring = |more: &[&str]| run(&[&arguments[..], more].concat(), "").stderr;
+    let said = ring(&[]);
+    assert!(said.contains("; ring of up to 256 MiB in memory\n"), "{said}");
+    let said = ring(&["--ring-size", "64k", "--ring-files", "4G"]);
+    assert!(said.contains("; ring of up to 64 KiB in memory, of up to 4 GiB in files\n"), "{said}");
+}
+
 #[test]
 fn json_lines_are_printed_between_events() {
     let folder = folder("json");

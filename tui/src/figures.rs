@@ -1,7 +1,7 @@
 //! Formatting of numbers: times, rates, bits.
 //!
 //! ```text
-//! 7.204 (seconds)   99.745 (milliseconds)   29.5 (tenths)   12 kbit   1.6 MB
+//! 7.204 (seconds)   99.745 (milliseconds)   29.5 (tenths)   12 kbit   1.6 MB   256 MiB (limits)
 //! ```
 
 /// A number of tenths, with one decimal place below 100.
@@ -54,6 +54,18 @@ pub fn bytes(count: u64) -> String {
     }
 }
 
+/// A limit in bytes, with units of 1,024 as its option has them: `256 MiB`, `1.5 GiB`; about three digits.
+pub fn limit(count: u64) -> String {
+    let (unit, name) = match count {
+        ..1_024 => return format!("{count} B"),
+        1_024..1_048_576 => (10_u32, "KiB"),
+        1_048_576..1_073_741_824 => (20, "MiB"),
+        _ => (30, "GiB"),
+    };
+    let parts = u128::from(count).saturating_mul(10) >> unit;
+    if parts % 10 == 0 { format!("{} {name}", parts / 10) } else { format!("{} {name}", tenths(parts)) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,5 +81,10 @@ mod tests {
         );
         assert_eq!([seconds_to(7_206_000_999, 6), seconds_to(-1_500_000_000, 1)], ["7.206000", "-1.5"]);
         assert_eq!([bytes(999), bytes(12_345), bytes(1_640_000_000)], ["999 B", "12.3 kB", "1.6 GB"]);
+        // 64 × 1024, 256 × 1024², 1.5 × 1024³, 1 × 1024³ - 1.
+        assert_eq!(
+            [limit(65_536), limit(268_435_456), limit(1_610_612_736), limit(1_073_741_823), limit(1_023)],
+            ["64 KiB", "256 MiB", "1.5 GiB", "1023 MiB", "1023 B"]
+        );
     }
 }

@@ -30,6 +30,9 @@ pub struct LiveArgs {
     #[arg(long, value_name = "SEVERITY", default_value = "error")]
     pub fail_on: FailOn,
     /// Stop at the first finding at or above --fail-on
+    ///
+    /// No later frame is decoded, counted or judged, except those of an open window of --trigger. --record can contain
+    /// later frames.
     #[arg(long, requires = "check")]
     pub until_finding: bool,
     /// Stop after N frames (default: never)
@@ -45,7 +48,7 @@ pub struct LiveArgs {
     /// receive pcapng as the frames come, without panes or text.
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = ".")]
     pub record: Option<PathBuf>,
-    /// Start a new file at SIZE bytes: 64k or more, 100M, 2G
+    /// Start a new file at SIZE bytes: 64k or more, 100M, 2G (k, M and G are powers of 1,024)
     #[arg(long, value_name = "SIZE", requires = "record", value_parser = part_bytes)]
     pub record_size: Option<u64>,
     /// Start a new file after TIME: 90s, 10min, 1h
@@ -56,10 +59,10 @@ pub struct LiveArgs {
     pub record_files: Option<u32>,
     #[command(flatten)]
     pub triggers: TriggerArgs,
-    /// Read files to their end and wait for appended data
+    /// Read files to their end and wait for appended data: candump text, TRC, ASC, CSV, pcapng, MCAP
     #[arg(long)]
     pub follow: bool,
-    /// Keep up to SIZE bytes of data in the terminal UI; older frames are dropped with a note
+    /// Keep up to SIZE bytes of data in the terminal UI; older frames are dropped with a note (k, M, G: powers of 1,024)
     #[arg(long, value_name = "SIZE", default_value = "2G", value_parser = bytes)]
     pub keep: u64,
     #[command(flatten)]

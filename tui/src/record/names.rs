@@ -9,12 +9,12 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, bail};
 use cobscope_decoder::capture::WritableFormat;
 use jiff::civil::DateTime;
 
 use super::format;
-use crate::device_name;
+use crate::output_file;
 use crate::path_text::shown;
 
 /// Number of digits of a part number.
@@ -68,8 +68,9 @@ impl Names {
     pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
         let name = shown(path);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        let is_there = folder.as_os_str().is_empty() || device_name::is_device(path) || folder.is_dir();
-        ensure!(is_there, "{name}: folder {} does not exist; create it first", shown(&folder));
+        if let Some(problem) = output_file::folder_problem(path) {
+            bail!("{name}: {problem}");
+        }
         let stem = path.file_stem().with_context(|| format!("{name}: not a file name"))?.to_owned();
         let suffix = path.extension().unwrap_or_default().to_owned();
         let names = Self { folder, stem, suffix, is_numbered, number: 1 };

@@ -10,7 +10,7 @@ use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
 use cobscope_decoder::session::{BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::escape;
 
-use super::cut_lines::{CutLine, LineStyle, limit};
+use super::cut_lines::{CutLine, LineStyle, limit as limit_reached};
 use super::program::ProgramRunner;
 use super::triggers::Triggers;
 use crate::cli::LiveArgs;
@@ -18,7 +18,7 @@ use crate::cmd::cut;
 use crate::cmd::messages::note;
 use crate::cmd::output::print;
 use crate::exit_code::Exit;
-use crate::figures::bytes;
+use crate::figures::limit;
 use crate::record::format;
 use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 
@@ -65,8 +65,8 @@ impl Cuts {
             bytes: own.trigger_size,
         };
         let in_files =
-            own.ring_files.map_or_else(String::new, |size| format!(", of up to {} in files", bytes(size)));
-        let ring = format!("ring of up to {} in memory{in_files}", bytes(own.ring_size));
+            own.ring_files.map_or_else(String::new, |size| format!(", of up to {} in files", limit(size)));
+        let ring = format!("ring of up to {} in memory{in_files}", limit(own.ring_size));
         let runner = own.on_trigger.as_deref().map(ProgramRunner::start).transpose()?;
         let now = jiff::Zoned::now().datetime();
         let (recorder, news) = Recorder::on_triggers(options, session, state_text(arguments), now)?;
@@ -170,7 +170,7 @@ impl Cuts {
             && !self.has_refused
         {
             self.has_refused = true;
-            note(&format!("live: {} reached; later triggers are not recorded", limit(*reason)));
+            note(&format!("live: {} reached; later triggers are not recorded", limit_reached(*reason)));
         }
     }
 }

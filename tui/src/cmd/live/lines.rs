@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::SessionOptions;
@@ -61,6 +61,7 @@ pub(super) fn watch(
     let cuts = Cuts::open(arguments, options.clone()).map_err(|error| (Exit::Usage, error))?;
     let (pump, inbox) =
         Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
+    let opened = pump.state.get().buses.clone();
     greet(&pump.state.get());
     if let Some(cuts) = &cuts {
         cuts.greet();
@@ -74,6 +75,8 @@ pub(super) fn watch(
         frames: 0,
         first: None,
         last: None,
+        opened: opened.into_iter().map(|bus| bus.name).collect(),
+        reached: BTreeSet::new(),
         noted: BTreeSet::new(),
     };
     watch.run(arguments, &inbox, &pump.state, &interrupted);
@@ -87,8 +90,10 @@ fn conclude(mut watch: Watch, pump: Pump, arguments: &LiveArgs) -> Exit {
     let outcome = pump.finish();
     let live = state.get().clone();
     watch.report_troubles(&live);
-    let exit = watch.finish(arguments, &live);
-    for bus in &live.buses {
+    let watched = watch.bus_names();
+    let exit = watch.finish(arguments);
+    // The input may name buses after the last frame that was decoded.
+    for bus in live.buses.iter().filter(|bus| watched.contains(&bus.name)) {
         note(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
     }
     if let Some(outcome) = &outcome {
@@ -101,13 +106,13 @@ fn conclude(mut watch: Watch, pump: Pump, arguments: &LiveArgs) -> Exit {
     exit
 }
 
-/// Prints the sources and the note that nothing is transmitted.
+/// Prints the sources, their mode, and the note that no frame is sent.
 fn greet(live: &Live) {
     for bus in &live.buses {
         if is_down(bus) {
             note(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
         } else {
-            note(&format!("{}; listen only, nothing is transmitted", shown(bus)));
+            note(&format!("{}; cobscope sends no frames", shown(bus)));
         }
     }
     if let Some(record) = &live.record {
@@ -125,6 +130,10 @@ struct Watch {
     frames: u64,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
+    /// Buses of the sources at the start.
+    opened: Vec<String>,
+    /// Buses with frames or notices so far.
+    reached: BTreeSet<u8>,
     /// Messages on recording and sources already printed.
     noted: BTreeSet<String>,
 }
@@ -195,22 +204,32 @@ impl Watch {
         for item in items {
             match item {
                 Arrival::Frame(frame) => self.frame(&frame),
-                Arrival::Notice(notice) => {
-                    self.looker.printer.notice(&notice, &self.names);
-                    self.decoder.notice(&notice, &self.names, &mut self.looker);
-                    self.looker.advance(self.decoder.buses());
-                    if let Some(cuts) = &mut self.cuts {
-                        cuts.notice(&notice, &self.names, &mut self.looker.triggers);
-                    }
-                }
+                Arrival::Notice(notice) => self.notice(&notice),
+            }
+            // The size of a delivery depends on the load of the machine: the end must not.
+            if self.is_done() {
+                break;
             }
         }
         // The reader of the output expects lines without delay.
         self.looker.flush();
     }
 
+    fn notice(&mut self, notice: &Notice) {
+        if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = notice {
+            self.reached.insert(bus.0);
+        }
+        self.looker.printer.notice(notice, &self.names);
+        self.decoder.notice(notice, &self.names, &mut self.looker);
+        self.looker.advance(self.decoder.buses());
+        if let Some(cuts) = &mut self.cuts {
+            cuts.notice(notice, &self.names, &mut self.looker.triggers);
+        }
+    }
+
     fn frame(&mut self, frame: &Frame) {
         self.frames += 1;
+        self.reached.insert(frame.bus.0);
         let frame = Frame { number: self.frames, ..*frame };
         if self.first.is_none() {
             self.first = frame.time;
@@ -227,8 +246,31 @@ impl Watch {
         }
     }
 
+    /// Names of the buses of the sources, and of those that the input has named so far.
+    fn bus_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let reached = self.reached.iter().filter_map(|bus| self.names.names().get(usize::from(*bus)));
+        for name in self.opened.iter().chain(reached) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        names
+    }
+
+    /// Name of the capture in the report: its buses, or the sources as typed if the input has named none.
+    fn capture_name(&self, arguments: &LiveArgs) -> String {
+        let names = self.bus_names();
+        if names.is_empty() {
+            let sources = arguments.input.captures.iter().map(|path| path.display().to_string());
+            return sources.collect::<Vec<_>>().join(" ");
+        }
+        names.join(" ")
+    }
+
     /// Ends the session and prints the result of `check`.
-    fn finish(mut self, arguments: &LiveArgs, live: &Live) -> Exit {
+    fn finish(mut self, arguments: &LiveArgs) -> Exit {
+        let capture = self.capture_name(arguments);
         // Before the end of the decoder, at which no frame can be recorded any more.
         self.looker.flush();
         let recorded = self.cuts.take().map_or(Exit::Clean, Cuts::finish);
@@ -246,8 +288,6 @@ impl Watch {
         if !arguments.check {
             return written;
         }
-        let names: Vec<&str> = live.buses.iter().map(|bus| bus.name.as_str()).collect();
-        let capture = names.join(" ");
         let (frames, first, last) = (self.frames, self.first, self.last);
         let judged = CaptureResult { capture, frames, first, last, findings, ..CaptureResult::default() };
         let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };

@@ -102,7 +102,7 @@ fn show(
     terminal::listen(messages, settings.may_answer)?;
     terminal::run(&mut app, &mut screen, &inbox)?;
     drop(screen);
-    remember(&app, &settings.preferences)
+    remember(&app, settings)
 }
 
 /// Writes received items to the store.

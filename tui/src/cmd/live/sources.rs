@@ -70,10 +70,11 @@ pub(super) fn is_down(status: &BusStatus) -> bool {
     status.state == LinkState::Down
 }
 
-/// `can0: up, 250000 bit/s, error active`.
+/// `can0: up, 250000 bit/s, error active, acknowledges frames (listen-only off), timestamps by the kernel`.
 pub(super) fn shown(status: &BusStatus) -> String {
     let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
     let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
+    let mode = status.mode.map_or(String::new(), |mode| format!(", {}", mode.text()));
     let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", timestamps by {whose}"));
-    escape(&format!("{}: {}{rate}{controller}{stamps}", status.name, status.state.name())).into_owned()
+    escape(&format!("{}: {}{rate}{controller}{mode}{stamps}", status.name, status.state.name())).into_owned()
 }

@@ -269,6 +269,7 @@ fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, st
     let send = |what| outbox.send(Delivery { source: place, what }).is_ok();
     let mut arrivals = Arrivals::default();
     let mut asked = Instant::now();
+    let mut known = 0;
     let mut clock = source.has_local_times().then(|| ClockWatch::new(now(), Instant::now()));
     while !stop.load(Ordering::Relaxed) {
         let ended = source.receive(&mut arrivals, WAIT).err();
@@ -279,6 +280,12 @@ fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, st
             let set = |bus| Arrival::Notice(Notice::ClockSet { bus: BusIndex(bus), time, step });
             items.splice(..0, buses.map(set));
         }
+        // Reading can end with these items: the status of their buses precedes them.
+        let buses = arrivals.names.names().len();
+        if buses > known && !send(SourceItem::Status(source.status())) {
+            return;
+        }
+        known = buses;
         let count = items.len();
         if count > 0 && !send(SourceItem::Items { names: arrivals.names.clone(), items }) {
             return;

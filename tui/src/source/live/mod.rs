@@ -99,6 +99,36 @@ impl Stamps {
     }
 }
 
+/// Part that the controller of a bus takes in the traffic while it is read; this program sends no frame in any mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ControllerMode {
+    /// The controller neither acknowledges frames nor sends error frames.
+    ListenOnly,
+    /// Normal mode, which the system has set.
+    Normal,
+    /// The driver does not report the mode.
+    Unreported,
+    /// The mode is set by the server of the bus.
+    OfServer,
+}
+
+impl ControllerMode {
+    /// Whether the controller certainly takes no part in the traffic.
+    pub const fn is_listen_only(self) -> bool {
+        matches!(self, Self::ListenOnly)
+    }
+
+    /// The mode with its effect on the bus.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::ListenOnly => "listen-only",
+            Self::Normal => "acknowledges frames (listen-only off)",
+            Self::Unreported => "may acknowledge frames (listen-only not reported by the driver)",
+            Self::OfServer => "may acknowledge frames (listen-only set by the server)",
+        }
+    }
+}
+
 /// Status of a bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusStatus {
@@ -110,6 +140,8 @@ pub struct BusStatus {
     pub bit_rate: Option<u32>,
     /// State of the controller with its error counters: `error passive, rx 135 tx 0`.
     pub controller: Option<String>,
+    /// Mode of the controller; None for an interface that is not up, a virtual one, and text.
+    pub mode: Option<ControllerMode>,
     /// Clock of the timestamps.
     pub stamps: Stamps,
     /// Number of frames lost since it was opened.

@@ -7,7 +7,7 @@ use cobscope_decoder::capture::{BusNames, CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, LinkState, Timestamp};
 
 use super::backoff::{Attempts, ConnectError};
-use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd, Stamps};
+use super::{Arrival, Arrivals, BusStatus, ControllerMode, Source, SourceEnd, Stamps};
 
 /// A connection to the single bus of a source.
 pub trait Connection: Send + 'static {
@@ -28,6 +28,9 @@ pub trait Connection: Send + 'static {
 
     /// State of the controller, if the device reports it.
     fn controller(&self) -> Option<String>;
+
+    /// Mode of the controller.
+    fn mode(&self) -> ControllerMode;
 
     /// Minimum number of frames lost since it was opened.
     fn lost(&self) -> u64;
@@ -134,6 +137,7 @@ impl<C: Connection> Source for ReconnectingSource<C> {
                 state: LinkState::Up,
                 bit_rate: connection.bit_rate(),
                 controller: connection.controller(),
+                mode: Some(connection.mode()),
                 stamps: connection.stamps(),
                 lost: self.lost.saturating_add(connection.lost()),
             },
@@ -142,6 +146,7 @@ impl<C: Connection> Source for ReconnectingSource<C> {
                 state: LinkState::Gone,
                 bit_rate: None,
                 controller: Some(reason.clone()),
+                mode: None,
                 stamps: self.stamps,
                 lost: self.lost,
             },

@@ -162,10 +162,25 @@ fn socketcand(text: &str) -> Result<SourceSpec, String> {
     }
 }
 
+/// What is before the colon of all sources that have one.
+fn prefixes() -> Vec<&'static str> {
+    let adapters = ADAPTERS.iter().map(|(prefix, _)| *prefix);
+    ["slcan"].into_iter().chain(adapters).chain(["socketcand"]).collect()
+}
+
 /// `can0,123:7FF,400~7F0,#FFFFFFFF,j`, the syntax of candump.
 fn interface(text: &str) -> Result<InterfaceSpec, String> {
     let mut parts = text.split(',');
     let name = parts.next().unwrap_or_default();
+    // The kernel permits no colon in the name of an interface (dev_valid_name): the prefix of a source was meant.
+    if let Some((prefix, _)) = name.split_once(':').filter(|(prefix, _)| !prefix.is_empty()) {
+        return Err(format!("found {prefix:?} before the colon, expected {}", prefixes().join(", ")));
+    }
+    if let Some((name, rate)) = name.split_once('@') {
+        return Err(format!(
+            "found @{rate}, expected {name:?}: the system sets the bit rate of an interface"
+        ));
+    }
     if name.is_empty() || name.len() > LONGEST_NAME {
         return Err(format!("found {name:?}, expected an interface name of 1 to {LONGEST_NAME} characters"));
     }
@@ -232,7 +247,6 @@ mod tests {
         {
             assert_eq!(spec(path), Ok(SourceSpec::File(path.into())));
         }
-        assert!(spec("C:").is_ok_and(|found| matches!(found, SourceSpec::SocketCan(_))));
     }
 
     #[test]
@@ -254,6 +268,19 @@ mod tests {
             let expected = format!("found {rate:?} after @, expected a bit rate such as 500000, 500k or 1M");
             assert_eq!(error(&format!("pcan:USB1@{rate}")), expected);
         }
+    }
+
+    #[test]
+    fn a_name_is_no_unknown_adapter_and_has_no_bit_rate() {
+        let known = "expected slcan, pcan, kvaser, gs_usb, socketcand";
+        for (text, prefix) in
+            [("ixxat:0@500k", "ixxat"), ("PCAN:USB1@500k", "PCAN"), ("C:", "C"), ("can0:1,123:7FF", "can0")]
+        {
+            assert_eq!(spec(text), Err(format!("found {prefix:?} before the colon, {known}")), "{text}");
+        }
+        let rate = "found @500k, expected \"can0\": the system sets the bit rate of an interface";
+        assert_eq!(spec("can0@500k"), Err(rate.into()));
+        assert!(spec("can0,123:7FF").is_ok());
     }
 
     #[test]

@@ -19,7 +19,7 @@ use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use super::backoff::ConnectError;
 use super::returning::{Connection, ReconnectingSource, unreadable};
 use super::stamps::StampClock;
-use super::{AdapterSpec, Arrival, Source, Stamps, clock};
+use super::{AdapterSpec, Arrival, ControllerMode, Source, Stamps, clock};
 
 /// Maximum delay of a frame: the buffers of the USB line and the pauses between reads.
 const LAG: Duration = Duration::from_millis(50);
@@ -236,6 +236,11 @@ impl Connection for Adapter {
             }
             None => name.to_owned(),
         })
+    }
+
+    fn mode(&self) -> ControllerMode {
+        // `cobscope_adapters` refuses a channel without it.
+        ControllerMode::ListenOnly
     }
 
     fn lost(&self) -> u64 {

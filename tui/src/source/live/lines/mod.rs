@@ -137,6 +137,7 @@ impl Source for Lines {
             state: LinkState::Up,
             bit_rate: None,
             controller: None,
+            mode: None,
             stamps: Stamps::Recorded,
             lost: *lost,
         };

@@ -18,7 +18,7 @@ use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 
 use super::backoff::ConnectError;
 use super::returning::{Connection, ReconnectingSource, unreadable};
-use super::{Arrival, Source, Stamps, clock};
+use super::{Arrival, ControllerMode, Source, Stamps, clock};
 use milliseconds::MillisecondClock;
 use port::{Answer, BAUD_RATE, Port};
 
@@ -249,6 +249,11 @@ impl Connection for Adapter {
 
     fn controller(&self) -> Option<String> {
         self.controller.clone()
+    }
+
+    fn mode(&self) -> ControllerMode {
+        // `ready` refuses an adapter without it.
+        ControllerMode::ListenOnly
     }
 
     fn lost(&self) -> u64 {

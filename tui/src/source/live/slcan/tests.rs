@@ -161,6 +161,7 @@ fn an_adapter_is_closed_set_up_and_opened_to_listen_and_closed_in_the_end() {
         ("ttyACM7", LinkState::Up, Some(500_000))
     );
     assert_eq!((status.stamps, status.controller, status.lost), (Stamps::Adapter, None, 0));
+    assert_eq!(status.mode, Some(ControllerMode::ListenOnly));
     drop(source);
     adapter.hears("C\rS6\rZ1\rL\rC\r");
 }

@@ -9,11 +9,11 @@ use cobscope_decoder::capture::{BusNames, CapturePlace, Notice, kernel_frame};
 use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, LinkState};
 use nix::errno::Errno;
 use nix::sys::socket::{TimestampingFlag, setsockopt, sockopt};
-use socketcan::nl::{CanState, InterfaceDetails};
+use socketcan::nl::{CanCtrlMode, CanState, InterfaceDetails};
 use socketcan::{CanFdSocket, CanFilter, CanInterface, Socket as _, SocketOptions as _};
 
 use super::super::spec::InterfaceSpec;
-use super::super::{Arrival, Arrivals, BusStatus, Stamps};
+use super::super::{Arrival, Arrivals, BusStatus, ControllerMode, Stamps};
 use super::datagrams::{Datagram, Datagrams, now};
 
 /// Requested size of the receive buffer: 30,000 frames, 0.7 s of two full buses. Without privileges the
@@ -168,6 +168,7 @@ impl Interface {
             },
             bit_rate: self.bit_rate(),
             controller: self.details.as_ref().and_then(controller),
+            mode: self.details.as_ref().and_then(|details| mode(&self.spec.name, details)),
             stamps: if has_hardware { Stamps::Hardware } else { Stamps::Kernel },
             lost: self.lost,
         }
@@ -219,6 +220,21 @@ fn controller(details: &InterfaceDetails) -> Option<String> {
     Some(counters.map_or(state.to_owned(), |count| format!("{state}, rx {} tx {}", count.rxerr, count.txerr)))
 }
 
+/// Mode of the controller of an interface that is up, unless it is virtual.
+fn mode(name: &str, details: &InterfaceDetails) -> Option<ControllerMode> {
+    if !details.is_up || is_virtual(name) {
+        return None;
+    }
+    let Some(modes) = details.can.ctrl_mode else { return Some(ControllerMode::Unreported) };
+    let is_listening = modes.has_mode(CanCtrlMode::ListenOnly);
+    Some(if is_listening { ControllerMode::ListenOnly } else { ControllerMode::Normal })
+}
+
+/// Whether an interface has the name of virtual ones (vcan0, vxcan0), which have neither controller nor bit rate.
+fn is_virtual(name: &str) -> bool {
+    name.starts_with("vcan") || name.starts_with("vxcan")
+}
+
 /// Names of all CAN interfaces.
 pub(super) fn interfaces() -> Vec<String> {
     /// Type of CAN network interfaces (ARPHRD_CAN, linux/if_arp.h).
@@ -258,14 +274,20 @@ fn explained(name: &str, error: std::io::Error) -> anyhow::Error {
     anyhow::Error::from(error).context(format!("{name}: {hint}"))
 }
 
-/// Message with the command that brings an interface up.
+/// Bit rate of the command if the system has none, in bit/s: the usual one of mobile machines.
+const EXAMPLE_RATE: u32 = 250_000;
+
+/// Message with the command that brings an interface up, without a part in the traffic of the bus.
 pub fn how_to_bring_up(name: &str, bit_rate: Option<u32>) -> String {
-    let settings = if name.starts_with("vcan") {
-        String::new()
-    } else {
-        format!(" type can bitrate {}", bit_rate.map_or("250000".to_owned(), |rate| rate.to_string()))
-    };
-    format!("{name} is down; waiting for it: sudo ip link set {name} up{settings}")
+    let command = format!("{name} is down; waiting for it: sudo ip link set {name} up");
+    if is_virtual(name) {
+        return command;
+    }
+    let rate = bit_rate.unwrap_or(EXAMPLE_RATE);
+    format!(
+        "{command} type can bitrate {rate} listen-only on (listen-only off if there is only one other node on the bus: its \
+         frames need an acknowledgement)"
+    )
 }
 
 /// All interfaces, or the reason why there are none.
@@ -276,4 +298,51 @@ pub(super) fn any(spec: &InterfaceSpec) -> anyhow::Result<Vec<Interface>> {
     }
     let open = |name: String| Interface::open(InterfaceSpec { name, ..spec.clone() });
     names.into_iter().map(open).collect::<anyhow::Result<_>>().context("any")
+}
+
+#[cfg(test)]
+mod tests {
+    use socketcan::nl::CanCtrlModes;
+
+    use super::*;
+
+    /// Mode of `name`; flags as in CAN_CTRLMODE_* of linux/can/netlink.h, None without control modes.
+    fn mode_of(name: &str, is_up: bool, flags: Option<u32>) -> Option<ControllerMode> {
+        let mut details = InterfaceDetails { is_up, ..InterfaceDetails::new(3) };
+        // The kernel reports the mask as 0.
+        details.can.ctrl_mode = flags.map(|flags| CanCtrlModes::new(0, flags));
+        mode(name, &details)
+    }
+
+    #[test]
+    fn the_mode_is_the_one_of_the_system() {
+        // CAN_CTRLMODE_LISTENONLY is 02h, CAN_CTRLMODE_BERR_REPORTING 10h.
+        for (flags, expected) in [
+            (Some(0x00), ControllerMode::Normal),
+            (Some(0x10), ControllerMode::Normal),
+            (Some(0x02), ControllerMode::ListenOnly),
+            (Some(0x12), ControllerMode::ListenOnly),
+            (None, ControllerMode::Unreported),
+        ] {
+            assert_eq!(mode_of("can0", true, flags), Some(expected), "{flags:?}");
+            assert_eq!(mode_of("can0", false, flags), None, "{flags:?}");
+        }
+        assert_eq!((mode_of("vcan0", true, None), mode_of("vxcan1", true, None)), (None, None));
+    }
+
+    #[test]
+    fn the_command_brings_an_interface_up_in_listen_only_mode() {
+        let reason = "(listen-only off if there is only one other node on the bus: its frames need an acknowledgement)";
+        assert_eq!(
+            how_to_bring_up("can0", Some(125_000)),
+            format!(
+                "can0 is down; waiting for it: sudo ip link set can0 up type can bitrate 125000 listen-only on {reason}"
+            )
+        );
+        assert!(how_to_bring_up("can1", None).contains("can1 up type can bitrate 250000 listen-only on"));
+        for name in ["vcan0", "vxcan0"] {
+            let expected = format!("{name} is down; waiting for it: sudo ip link set {name} up");
+            assert_eq!(how_to_bring_up(name, None), expected);
+        }
+    }
 }

@@ -1,4 +1,7 @@
 //! CAN interfaces of Linux, opened for reading. Nothing is ever written to them.
+//!
+//! The mode of the controller is that of the system: in normal mode it acknowledges the frames of others, and sends error
+//! frames at a wrong bit rate. Only a privileged program can change it, and only while the interface is down.
 
 mod datagrams;
 mod interface;

@@ -49,7 +49,8 @@ impl Source for StandIn {
 
     fn status(&mut self) -> Vec<BusStatus> {
         let (name, state, stamps) = (NAME.to_owned(), LinkState::Up, Stamps::Kernel);
-        vec![BusStatus { name, state, bit_rate: None, controller: None, stamps, lost: self.lost }]
+        let (bit_rate, controller, mode, lost) = (None, None, None, self.lost);
+        vec![BusStatus { name, state, bit_rate, controller, mode, stamps, lost }]
     }
 
     fn lag(&self) -> Duration {

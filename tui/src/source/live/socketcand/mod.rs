@@ -1,7 +1,7 @@
 //! Buses of a socketcand server over TCP.
 //!
 //! Frames carry the times of the server. Depending on its configuration, opening a bus may bring its
-//! interface up. Nothing is ever sent to a bus.
+//! interface up. Nothing is ever sent to a bus; the server decides whether its interface acknowledges frames.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -14,7 +14,7 @@ use cobscope_decoder::frame::Timestamp;
 
 use super::backoff::ConnectError;
 use super::returning::{Connection, ReconnectingSource, unreadable};
-use super::{Arrival, Source, Stamps, clock};
+use super::{Arrival, ControllerMode, Source, Stamps, clock};
 
 /// Default port of socketcand.
 const DEFAULT_PORT: u16 = 29_536;
@@ -228,6 +228,10 @@ impl Connection for Server {
 
     fn controller(&self) -> Option<String> {
         None
+    }
+
+    fn mode(&self) -> ControllerMode {
+        ControllerMode::OfServer
     }
 
     fn lost(&self) -> u64 {

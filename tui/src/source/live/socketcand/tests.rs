@@ -130,6 +130,8 @@ fn a_bus_is_opened_in_raw_mode_and_its_frames_have_the_servers_times() {
         (status.name.as_str(), status.state, status.stamps),
         ("can0", LinkState::Up, Stamps::Recorded)
     );
+    // The protocol does not report the mode of the interface of the server.
+    assert_eq!(status.mode, Some(ControllerMode::OfServer));
     drop(source);
     server.join().unwrap();
 }
