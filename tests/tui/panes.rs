@@ -86,8 +86,10 @@ fn the_reference_of_panes() {
         table(&mut text, "column", legend.columns);
         table(&mut text, "mark", legend.marks);
     }
-    text += "\n## Layouts\n\nKey `|` or `--layout`. In a terminal of less than 140 columns the panes of the narrow layout are below each \
-             other. A pane that does not belong to the layout takes the place of the one in bold.\n\n\
+    text += "\n## Layouts\n\nKey `|` or `--layout`. The default is `diagnose` from 140 columns or 40 lines, else `one`. In a terminal of \
+             less than 140 columns the panes of the narrow layout are below each other. Panes that would have less than 8 lines \
+             are left out, from the last one of a column. A pane that does not belong to the layout takes the place of the one in \
+             bold.\n\n\
              | layout | 140 columns and more | narrower |\n| --- | --- | --- |\n";
     for layout in Layout::ALL {
         writeln!(text, "| `{}` | {} | {} |", layout.name(), columns(layout), stack(layout)).unwrap();

@@ -77,6 +77,11 @@ impl Screen {
         }
     }
 
+    /// Whether the program ends after the keys so far.
+    pub fn quits(&mut self) -> bool {
+        self.app.outputs().iter().any(|output| matches!(output, cobscope::app::Output::Quit))
+    }
+
     fn act(&mut self, action: Action) {
         self.app.act(action);
         self.settle();

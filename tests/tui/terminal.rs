@@ -300,6 +300,49 @@ fn a_layout_is_remembered_until_it_is_discarded() {
 }
 
 #[test]
+fn a_layout_of_the_command_line_or_the_config_file_is_not_remembered() {
+    let home = tempfile::tempdir().unwrap();
+    let memory = home.path().join("state/cobscope/view.toml");
+    let folder = home.path().join("config/cobscope");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("config.toml"), "split = 40\n[columns]\nframes = [\"ID\"]\n").unwrap();
+    let session = at_home(home.path(), &["--layout", "one"]);
+    session.wait_verdict();
+    session.send("i");
+    session.wait("screen without strip", |screen| !screen.contains("0 to"));
+    session.send("q");
+    assert!(session.wait_end().success());
+    let remembered = std::fs::read_to_string(&memory).unwrap();
+    assert!(remembered.ends_with("discards it.\nstrip = false\n"), "{remembered}");
+}
+
+/// crossterm drops colours and other attributes under NO_COLOR unless the program decides.
+#[test]
+fn no_color_removes_colours_unless_an_option_or_a_key_asks_for_them() {
+    let start = |options: &[&str]| {
+        let command = PtyCommand::new(env!("CARGO_BIN_EXE_cobscope")).arg("view").args(options);
+        let session = Session::start(command.args(PVE).current_dir(workspace()).env("NO_COLOR", "1"), 24, 80);
+        session.wait_verdict();
+        session
+    };
+    let has = |session: &Session, sequence: &[u8]| {
+        let seen = session.seen.0.lock().unwrap();
+        seen.written.windows(sequence.len()).any(|part| part == sequence)
+    };
+    let (colour, bold) = (b"38;5;", b"\x1b[1m");
+    let always = start(&["--color", "always"]);
+    assert!(has(&always, colour) && has(&always, bold));
+    let plain = start(&[]);
+    assert!(!has(&plain, colour) && has(&plain, bold));
+    plain.send("T");
+    plain.wait_seen("colours", |seen| seen.written.windows(5).any(|part| part == colour));
+    for session in [always, plain] {
+        session.send("q");
+        assert!(session.wait_end().success());
+    }
+}
+
+#[test]
 fn the_config_file_decides_keys_and_layout() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path().join("config/cobscope");

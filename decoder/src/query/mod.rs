@@ -4,6 +4,7 @@
 //! text ─lexer─▶ tokens ─parser─▶ expression ─compile (fields, kinds, literal)─▶ Filter ─record─▶ yes or no
 //! ```
 
+mod cell_filters;
 mod compile;
 mod completion;
 mod error;
@@ -16,6 +17,7 @@ mod literal;
 mod parser;
 pub mod record;
 
+pub use cell_filters::{kind_filter, subject_filter};
 pub use completion::{Completion, Expected, completion};
 pub use error::FilterError;
 pub use filter::{Filter, MAX_TESTS};

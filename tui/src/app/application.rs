@@ -66,6 +66,8 @@ pub struct App {
     pub(super) is_surveyed: bool,
     /// The view opens at the first story: no position was requested and no key pressed.
     pub(super) opens_at_story: bool,
+    /// Index of the story of the last jump; several stories can have the same frame.
+    pub(super) last_story: Option<usize>,
     /// A jump whose target was not known when it was requested.
     pub(super) awaited_jump: Option<Action>,
 }

@@ -71,34 +71,20 @@ impl App {
         }
     }
 
-    /// Goes to the story that is `by` stories after the one at the cursor; without one at the cursor, to the first.
-    pub(super) fn step_story(&mut self, by: isize) {
+    /// Goes to the story after or before the one at the cursor; without one at the cursor, to the first.
+    pub(super) fn step_story(&mut self, is_forward: bool) {
         let survey = self.core.timeline.survey();
-        let Some(diagnosis) = &survey.diagnosis else {
-            drop(survey);
-            return self.nothing_further(
-                "story",
-                if by < 0 { Action::PreviousStory } else { Action::NextStory },
-                0,
-            );
-        };
-        let frames: Vec<u64> = diagnosis.stories.iter().map(|story| story.began.frames.last).collect();
+        let stories = survey.diagnosis.iter().flat_map(|diagnosis| &diagnosis.stories);
+        let frames: Vec<u64> = stories.map(|story| story.began.frames.last).collect();
         drop(survey);
-        let at = frames.iter().position(|frame| *frame == self.core.cursor.frame);
-        let next = match at {
-            Some(at) => at.checked_add_signed(by),
-            None => Some(0),
+        let Some(next) = next_story(&frames, self.core.cursor.frame, self.last_story, is_forward) else {
+            let action = if is_forward { Action::NextStory } else { Action::PreviousStory };
+            return self.nothing_further("story", action, 0);
         };
-        let count = frames.len();
-        let Some((next, (frame, title))) = next.and_then(|next| Some((next, self.story(next)?))) else {
-            return self.nothing_further(
-                "story",
-                if by < 0 { Action::PreviousStory } else { Action::NextStory },
-                0,
-            );
-        };
+        let Some((frame, title)) = self.story(next) else { return };
+        self.last_story = Some(next);
         self.core.go(JumpPlace::Frame(frame));
-        self.core.notify(&format!("story {} of {count}: {title}", next.saturating_add(1)));
+        self.core.notify(&format!("story {} of {}: {title}", next.saturating_add(1), frames.len()));
         self.refresh_panes();
     }
 
@@ -145,7 +131,48 @@ impl App {
     }
 }
 
+/// Index of the story after or before the one at the cursor; without one at the cursor, of the first. Stories
+/// without a frame, 0, have no place to go to. `last` is the story of the last jump: several stories can have
+/// the same frame.
+fn next_story(frames: &[u64], cursor: u64, last: Option<usize>, is_forward: bool) -> Option<usize> {
+    let has_place = |at: &usize| frames.get(*at).is_some_and(|frame| *frame > 0);
+    let is_here = |at: &usize| frames.get(*at) == Some(&cursor);
+    let here = last.filter(is_here).or_else(|| (0..frames.len()).find(is_here));
+    match here {
+        None => (0..frames.len()).find(has_place),
+        Some(at) if is_forward => (at.saturating_add(1)..frames.len()).find(has_place),
+        Some(at) => (0..at).rev().find(has_place),
+    }
+}
+
 /// Number of places outside the filter, before another text.
 fn skipped_text(skipped: usize) -> String {
     if skipped == 0 { String::new() } else { format!("{skipped} outside the filter skipped; ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Story 1 in frame 30, stories 2 and 4 in frame 12, story 3 without a frame.
+    #[test]
+    fn stories_of_one_frame_are_visited_one_after_the_other() {
+        let frames = [30, 12, 0, 12];
+        let visit = |is_forward: bool| {
+            let (mut cursor, mut last, mut visited) = (1, None, Vec::new());
+            while let Some(next) = next_story(&frames, cursor, last, is_forward) {
+                (cursor, last) = (frames[next], Some(next));
+                visited.push(next);
+            }
+            visited
+        };
+        assert_eq!(visit(true), [0, 1, 3]);
+        // From outside all stories also the previous one is the first.
+        assert_eq!(visit(false), [0]);
+        assert_eq!(next_story(&frames, 12, Some(3), false), Some(1));
+        assert_eq!(next_story(&frames, 12, Some(1), false), Some(0));
+        // The cursor was moved to the frame by other means.
+        assert_eq!(next_story(&frames, 12, Some(0), true), Some(3));
+        assert_eq!(next_story(&[0], 12, None, true), None);
+    }
 }

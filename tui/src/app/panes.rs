@@ -109,6 +109,11 @@ impl App {
         if self.is_forgotten && now == self.defaults { None } else { Some(now) }
     }
 
+    /// Whether the user discarded the remembered view.
+    pub fn is_forgotten(&self) -> bool {
+        self.is_forgotten
+    }
+
     /// Discards the remembered view.
     pub(super) fn forget(&mut self) {
         self.is_forgotten = true;
@@ -117,6 +122,6 @@ impl App {
         self.core.columns = self.defaults.columns.clone();
         self.core.theme = self.core.theme.with(self.defaults.palette, self.core.theme.depth());
         self.fit();
-        self.core.notify("the remembered layout, columns and colours are discarded");
+        self.core.notify("the remembered layout, split, strip, columns and colours are discarded");
     }
 }

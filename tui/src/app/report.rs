@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use cobscope_decoder::finding::Severity;
+
 use super::application::{App, Mode, PromptPurpose};
 use super::requests::ReportRequest;
 
@@ -27,6 +29,11 @@ impl App {
                 .core
                 .refuse("no finding selected: select one in Findings or Why, or go to one with ]");
         };
+        if let Some(reason) = self.without_story(finding) {
+            return self
+                .core
+                .refuse(&format!("finding {finding}: {reason}, in no story; a report needs a story"));
+        }
         self.reporting = Some(finding);
         let name = self.report_name(finding);
         self.ask(PromptPurpose::Report, "report to");
@@ -36,14 +43,25 @@ impl App {
         self.refresh_prompt_row();
     }
 
-    /// Finding of the selected row, else the one at the cursor.
+    /// Finding of the selected row, else the one at the cursor; of several the first that is not a note.
     fn chosen_finding(&self) -> Option<u64> {
         let of_row = self.panes.get(self.pane).and_then(|pane| pane.finding(&self.core));
         of_row.or_else(|| {
             let frame = self.core.cursor.frame;
             let survey = self.core.timeline.survey();
-            survey.places.iter().find(|place| place.frame == frame).map(|place| place.id)
+            let here: Vec<_> = survey.places.iter().filter(|place| place.frame == frame).collect();
+            let main = here.iter().find(|place| place.severity > Severity::Note).or(here.first());
+            main.map(|place| place.id)
         })
+    }
+
+    /// Reason why no story contains a finding; None if one does, or as long as it is not known.
+    fn without_story(&self, finding: u64) -> Option<&'static str> {
+        let survey = self.core.timeline.survey();
+        let group = survey.findings.as_ref()?.group(finding)?;
+        let stories = &survey.diagnosis.as_ref()?.stories;
+        let is_told = stories.iter().any(|story| story.findings.contains(&finding));
+        group.omission().filter(|_| !is_told)
     }
 
     /// Proposed name: capture, rule and number of the finding.

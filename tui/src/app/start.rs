@@ -90,12 +90,13 @@ impl App {
             early: Vec::new(),
             is_surveyed: false,
             opens_at_story: start.at.is_none() && !start.follows,
+            last_story: None,
             awaited_jump: None,
         };
         app.history = History::starting(app.shown());
         app.start_comparison();
         if start.follows {
-            app.core.notify("listen-only: nothing is transmitted; space pauses or resumes following");
+            app.core.notify("cobscope sends no frames; space pauses or resumes following");
             app.core.is_following = true;
             app.core.go(JumpPlace::End);
         } else {

@@ -7,7 +7,7 @@ use super::application::{App, Mode, PromptPurpose};
 use super::output::Output;
 use super::{strip, view};
 use crate::action::Action;
-use crate::panes::{Effect, PaneId};
+use crate::panes::{Effect, OPTIONAL, PaneId};
 use crate::state::JumpPlace;
 use crate::theme::{Depth, Palette};
 use crate::timeline::Matcher;
@@ -66,7 +66,6 @@ impl App {
                 Some(Action::Up) => *scroll = scroll.saturating_sub(1),
                 Some(Action::PageDown) => *scroll += usize::from(self.area.height / 2),
                 Some(Action::PageUp) => *scroll = scroll.saturating_sub(usize::from(self.area.height / 2)),
-                Some(Action::Quit) => self.outputs.push(Output::Quit),
                 _ => self.mode = Mode::Panes,
             },
         }
@@ -183,8 +182,8 @@ impl App {
             Action::Pause => self.pause(),
             Action::SearchNext => self.core.search(false),
             Action::SearchPrevious => self.core.search(true),
-            Action::NextStory => self.step_story(1),
-            Action::PreviousStory => self.step_story(-1),
+            Action::NextStory => self.step_story(true),
+            Action::PreviousStory => self.step_story(false),
             Action::NextFinding => self.finding(true),
             Action::PreviousFinding => self.finding(false),
             Action::NextError => self.error(true),
@@ -232,6 +231,9 @@ impl App {
     }
 
     fn pause(&mut self) {
+        if !self.core.timeline.grows() && !self.core.is_following {
+            return self.core.refuse("the capture is complete; no new frames to follow");
+        }
         self.core.is_following = !self.core.is_following;
         self.core.notify(if self.core.is_following {
             "following new frames"
@@ -269,10 +271,35 @@ impl App {
         }
     }
 
-    /// Passes the action to the current pane.
+    /// Passes the action to the current pane. If the pane does not perform it, the panes that do are named.
     fn pass(&mut self, action: Action) {
-        let effects = self.panes.get_mut(self.pane).map(|pane| pane.act(action, &self.core));
-        self.apply(effects.unwrap_or_default());
+        let Some(pane) = self.panes.get_mut(self.pane) else { return };
+        let effects = pane.act(action, &self.core);
+        if effects.is_empty() && OPTIONAL.contains(&action) && !pane.performs().contains(&action) {
+            return self.refuse_action(action);
+        }
+        self.apply(effects);
+    }
+
+    /// `nothing to plot here; p works in Nodes, Events, Frames, Detail, Signals`.
+    fn refuse_action(&mut self, action: Action) {
+        let performs =
+            |id: &&PaneId| self.panes.get(**id).is_some_and(|pane| pane.performs().contains(&action));
+        let panes: Vec<&str> = PaneId::ALL.iter().filter(performs).map(|id| id.title()).collect();
+        let does = match action {
+            Action::Left | Action::Right => "move to",
+            Action::Toggle => "expand",
+            Action::Sort => "sort",
+            Action::Highlight => "highlight",
+            Action::Plot => "plot",
+            _ => "zoom",
+        };
+        let nothing = match action {
+            Action::SetCursor => "no plot".to_owned(),
+            _ => format!("nothing to {does}"),
+        };
+        let key = self.keymap.keys(action).first().map_or("it", String::as_str);
+        self.core.refuse(&format!("{nothing} here; {key} works in {}", panes.join(", ")));
     }
 
     fn apply(&mut self, effects: Vec<Effect>) {

@@ -1,11 +1,13 @@
 //! Settings of the terminal UI: options, then the remembered view, then the config file.
 
+use std::collections::BTreeSet;
+
 use super::output::enable_colors;
 use crate::app::{App, Preferences};
 use crate::cli::{Color, ScreenArgs};
-use crate::config::Config;
+use crate::config::{Config, PaneColumns};
 use crate::keymap::Keymap;
-use crate::panes::PaneId;
+use crate::panes::{Arrangement, PaneId};
 use crate::terminal::{Background, background};
 use crate::theme::{Borders, Depth, Palette, Theme, ThemeName};
 
@@ -53,14 +55,15 @@ impl ScreenSettings {
         let asked = answer.and_then(|answer| answer.palette).unwrap_or_default();
         let preferences = |config: &Config| Preferences {
             layout: config.layout,
-            split: config.split,
+            // As the panes are drawn: a share beyond the limits is not a change of the user.
+            split: config.split.map(|split| Arrangement::new(None, Some(split)).split()),
             has_strip: config.strip.unwrap_or(true),
             palette: match config.theme {
                 Some(ThemeName::Light) => Palette::Light,
                 Some(ThemeName::Dark) => Palette::Dark,
                 Some(ThemeName::Auto) | None => asked,
             },
-            columns: config.columns.clone().unwrap_or_default(),
+            columns: chosen(config.columns.clone().unwrap_or_default()),
         };
         let options = Config { theme: arguments.theme, layout: arguments.layout, ..Config::default() };
         let defaults = preferences(&options.clone().or(config.clone()));
@@ -79,30 +82,50 @@ impl ScreenSettings {
     }
 }
 
-/// Remembers layout, strip and colours if the user changed them, or removes the remembered choice.
+/// Remembers the settings that the user changed, or removes the remembered choice.
 ///
 /// # Errors
 /// The file cannot be written or removed.
-pub fn remember(app: &App, opened: &Preferences) -> anyhow::Result<()> {
+pub fn remember(app: &App, settings: &ScreenSettings) -> anyhow::Result<()> {
     let Some(now) = app.preferences() else { return Config::forget() };
+    // After ctrl-r the view started again without a remembered choice.
+    let (opened, kept) = if app.is_forgotten() {
+        (&settings.defaults, Config::default())
+    } else {
+        (&settings.preferences, Config::remembered())
+    };
     if now == *opened {
         return Ok(());
     }
-    let theme = (now.palette != opened.palette).then_some(match now.palette {
+    changed(&now, opened, kept).remember()
+}
+
+/// The settings that changed since `opened`; all others stay as they were remembered. A setting of the command
+/// line or of the config file is not remembered.
+fn changed(now: &Preferences, opened: &Preferences, kept: Config) -> Config {
+    let palette = match now.palette {
         Palette::Dark => ThemeName::Dark,
         Palette::Light => ThemeName::Light,
-    });
-    // Unchanged settings stay as they were remembered.
-    let kept = Config::remembered();
-    let config = Config {
-        theme: theme.or(kept.theme),
-        layout: now.layout,
-        split: now.split,
-        columns: Some(now.columns),
-        strip: Some(now.has_strip).filter(|shown| *shown != opened.has_strip).or(kept.strip),
-        ..Config::default()
     };
-    config.remember()
+    let mut columns = kept.columns.unwrap_or_default();
+    let panes: BTreeSet<&String> = now.columns.keys().chain(opened.columns.keys()).collect();
+    for pane in panes.into_iter().filter(|pane| now.columns.get(*pane) != opened.columns.get(*pane)) {
+        // An empty list means all columns, also if the config file chooses some.
+        columns.insert(pane.clone(), now.columns.get(pane).cloned().unwrap_or_default());
+    }
+    Config {
+        theme: if now.palette == opened.palette { kept.theme } else { Some(palette) },
+        layout: if now.layout == opened.layout { kept.layout } else { now.layout },
+        split: if now.split == opened.split { kept.split } else { now.split },
+        columns: Some(columns).filter(|columns| !columns.is_empty()),
+        strip: if now.has_strip == opened.has_strip { kept.strip } else { Some(now.has_strip) },
+        ..Config::default()
+    }
+}
+
+/// Columns without the empty lists, which mean all columns.
+fn chosen(columns: PaneColumns) -> PaneColumns {
+    columns.into_iter().filter(|(_, titles)| !titles.is_empty()).collect()
 }
 
 /// Colours of the terminal.
@@ -120,5 +143,63 @@ fn depth(color: Color) -> Depth {
         (true, _) => Depth::None,
         (_, true) => Depth::Full,
         _ => Depth::Sixteen,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::panes::Layout;
+
+    fn columns(pane: &str, titles: &[&str]) -> (String, Vec<String>) {
+        (pane.to_owned(), titles.iter().map(|title| (*title).to_owned()).collect())
+    }
+
+    /// Layout and split by the command line, columns by the config file; the user hides the strip.
+    #[test]
+    fn only_settings_that_a_key_changed_are_remembered() {
+        let opened = Preferences {
+            layout: Some(Layout::One),
+            split: Some(40),
+            columns: [columns("events", &["No"])].into(),
+            ..Preferences::default()
+        };
+        let now = Preferences { has_strip: false, ..opened.clone() };
+        let found = changed(&now, &opened, Config::default());
+        assert_eq!((found.layout, found.split, found.strip), (None, None, Some(false)));
+        assert!(found.columns.is_none() && found.theme.is_none());
+        // The remembered settings stay.
+        let kept = Config { layout: Some(Layout::List), split: Some(62), ..Config::default() };
+        let now = Preferences { palette: Palette::Light, ..opened.clone() };
+        let found = changed(&now, &opened, kept);
+        assert_eq!((found.layout, found.split, found.strip), (Some(Layout::List), Some(62), None));
+        assert_eq!(found.theme, Some(ThemeName::Light));
+    }
+
+    #[test]
+    fn a_setting_changed_back_to_its_default_replaces_the_remembered_one() {
+        let opened = Preferences { split: Some(62), ..Preferences::default() };
+        let kept = Config { split: Some(62), ..Config::default() };
+        assert_eq!(changed(&Preferences::default(), &opened, kept).split, None);
+    }
+
+    #[test]
+    fn columns_are_remembered_by_pane() {
+        let opened = Preferences {
+            columns: [columns("events", &["No"]), columns("nodes", &["Name"])].into(),
+            ..Preferences::default()
+        };
+        // The user shows all columns of the nodes again, and chooses those of the frames.
+        let now = Preferences {
+            columns: [columns("events", &["No"]), columns("frames", &["ID"])].into(),
+            ..Preferences::default()
+        };
+        let found = changed(&now, &opened, Config::default()).columns.unwrap();
+        assert_eq!(found, [columns("frames", &["ID"]), columns("nodes", &[])].into());
+        // The config file still chooses those of the events.
+        let file = Config { columns: Some(opened.columns.clone()), ..Config::default() };
+        let read = Config { columns: Some(found), ..Config::default() }.or(file);
+        let expected = [columns("events", &["No"]), columns("frames", &["ID"])];
+        assert_eq!(chosen(read.columns.unwrap()), expected.into());
     }
 }

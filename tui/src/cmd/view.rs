@@ -93,7 +93,7 @@ fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> 
     terminal::listen(messages, settings.may_answer)?;
     terminal::run(&mut app, &mut screen, &inbox)?;
     drop(screen);
-    remember(&app, &settings.preferences)
+    remember(&app, settings)
 }
 
 /// The comparison with another capture, if one is requested.

@@ -1,8 +1,9 @@
 //! The config file of the terminal UI, and the view that is remembered from run to run.
 //!
 //! ```text
-//! $XDG_CONFIG_HOME/cobscope/config.toml   written by the user: theme, ascii, pane, layout, split, strip, [keys]
-//! $XDG_STATE_HOME/cobscope/view.toml      written by the program: theme, layout, split, strip
+//! $XDG_CONFIG_HOME/cobscope/config.toml   written by the user: theme, ascii, pane, layout, split, strip, [columns],
+//!                                         [keys]
+//! $XDG_STATE_HOME/cobscope/view.toml      written by the program: theme, layout, split, strip, [columns]
 //! ```
 //!
 //! An option of the command line overrides the remembered view, which overrides the config file.
@@ -30,6 +31,9 @@ pub use folders::config as folder;
 /// Maximum size of a config file, in bytes.
 const LARGEST: u64 = 64 * 1024;
 
+/// Titles of columns by name of the pane; an empty list means all columns.
+pub type PaneColumns = BTreeMap<String, Vec<String>>;
+
 /// Settings of the terminal UI; `None`: not set.
 #[derive(Debug, Clone, Default)]
 pub struct Config {
@@ -46,7 +50,7 @@ pub struct Config {
     /// The strip of time is shown.
     pub strip: Option<bool>,
     /// Titles of the columns that are shown, by name of the pane.
-    pub columns: Option<BTreeMap<String, Vec<String>>>,
+    pub columns: Option<PaneColumns>,
     /// Keys of actions.
     pub keymap: Keymap,
 }
@@ -68,7 +72,7 @@ struct ConfigFile {
 
 /// One key or several.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a key, or a list of keys")]
 enum KeyNames {
     One(String),
     Several(Vec<String>),
@@ -141,7 +145,7 @@ impl Config {
             layout: self.layout.or(other.layout),
             split: self.split.or(other.split),
             strip: self.strip.or(other.strip),
-            columns: self.columns.or(other.columns),
+            columns: merged(self.columns, other.columns),
             keymap: other.keymap,
         }
     }
@@ -197,10 +201,19 @@ impl Config {
     }
 }
 
+/// Chosen columns by name of the pane; `first` takes precedence.
+fn merged(first: Option<PaneColumns>, second: Option<PaneColumns>) -> Option<PaneColumns> {
+    match (first, second) {
+        (Some(first), Some(mut all)) => {
+            all.extend(first);
+            Some(all)
+        }
+        (first, second) => first.or(second),
+    }
+}
+
 /// Columns of panes; both must exist.
-fn columns(
-    found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>,
-) -> Result<BTreeMap<String, Vec<String>>, (usize, String)> {
+fn columns(found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>) -> Result<PaneColumns, (usize, String)> {
     let panes = Panes::default();
     let mut all = BTreeMap::new();
     for (name, titles) in found {
@@ -282,6 +295,7 @@ mod tests {
         let (at, reason) = wrong("\nlayuot = \"one\"");
         assert!(at == 1 && reason.contains("unknown field `layuot`"), "{at} {reason}");
         assert_eq!(wrong("[keys]\nplod = \"P\""), (7, "no action \"plod\"; did you mean plot?".to_owned()));
+        assert_eq!(wrong("[keys]\nplot = 5").1, "expected a key, or a list of keys");
         assert_eq!(wrong("split = \"wide\"").0, 8);
         let (at, reason) = wrong("[columns]\nnodes = [\"Nod\"]");
         assert!(at == 19 && reason.starts_with("no column \"Nod\"; columns: ID/hex"), "{at} {reason}");

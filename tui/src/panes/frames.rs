@@ -84,7 +84,8 @@ fn columns(bus: u16, is_j1939: bool, data: u16) -> Vec<Column> {
 }
 
 const ID: usize = 1;
-const COLUMNS: usize = 13;
+const PGN: usize = 2;
+const SOURCE: usize = 3;
 
 fn key(row: &IdentifierRow) -> Key {
     (row.bus, row.id, row.is_remote)
@@ -95,8 +96,12 @@ fn age(core: &Core, row: &IdentifierRow) -> Option<i64> {
     Some(core.world()?.time()?.since(row.last_time?))
 }
 
-/// Whether the next frame is overdue.
+/// Whether the next frame is overdue. Requests, responses, commands and faults have no interval.
 fn is_overdue(core: &Core, row: &IdentifierRow) -> bool {
+    let bus = core.world().and_then(|world| world.buses().get(usize::from(row.bus.0)));
+    if !bus.is_some_and(|bus| bus.is_periodic(row.id)) {
+        return false;
+    }
     let (Some(age), Some(mean)) = (age(core, row), row.intervals.mean()) else { return false };
     let (longest, count) = (row.intervals.longest().map_or(0, |(length, _)| length), row.intervals.count());
     let limit = mean.saturating_mul(3);
@@ -128,9 +133,9 @@ fn order<'a>(core: &Core, world: &'a ReplayState, sort: Option<(usize, bool)>) -
     let mut compare: Compare<'_> = match column {
         0 => Box::new(|one, other| one.bus.cmp(&other.bus)),
         ID => Box::new(|one, other| one.id.number().cmp(&other.id.number())),
-        2 | 3 => {
+        PGN | SOURCE => {
             let part = move |row: &IdentifierRow| {
-                group(world, row).map(|id| if column == 2 { id.pgn.number() } else { u32::from(id.source) })
+                group(world, row).map(|id| if column == PGN { id.pgn.number() } else { u32::from(id.source) })
             };
             Box::new(move |one, other| part(one).cmp(&part(other)))
         }
@@ -181,6 +186,13 @@ impl Frames {
         let is_j1939 = world.identifiers().rows().iter().any(|row| matches!(row.id, CanId::Extended(_)));
         let shown = columns(bus_width(core, area.width), is_j1939, data_width(world.identifiers(), area));
         chosen(core, "frames", columns(4, true, 0), shown)
+    }
+
+    /// Indices of the visible columns.
+    fn shown(core: &Core, world: &ReplayState) -> Vec<usize> {
+        let area = Rect::new(0, 0, core.width, core.height.saturating_sub(1));
+        let columns = Self::columns(core, world, area);
+        Table::new(&core.theme, &columns).row_count(world.identifiers().rows().len()).shown(area)
     }
 
     fn draw_row(
@@ -327,11 +339,11 @@ impl Pane for Frames {
             Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
                 self.moves(action, core, world);
             }
-            Action::Left => self.table.move_column(-1, COLUMNS),
-            Action::Right => self.table.move_column(1, COLUMNS),
+            Action::Left => self.table.move_column(-1, &Self::shown(core, world)),
+            Action::Right => self.table.move_column(1, &Self::shown(core, world)),
             Action::Sort => {
                 self.selected = self.row(core, world).map(key);
-                self.table.cycle_sort();
+                self.table.cycle_sort(&Self::shown(core, world));
             }
             Action::Highlight => {
                 let row = self.row(core, world).map(key);
@@ -363,7 +375,7 @@ impl Pane for Frames {
         }
         let state = TableState { selected: self.at(&rows), ..self.table.clone() };
         if Table::is_title_at(inside, y) {
-            self.table.cycle_sort();
+            self.table.cycle_sort(&table.shown(inside));
         } else if let Some(row) = table.row_at(inside, y, &state).and_then(|row| rows.get(row)) {
             self.selected = Some(key(row));
         }
@@ -386,6 +398,10 @@ impl Pane for Frames {
         columns(4, true, 0)
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Sort, Action::Highlight, Action::Plot]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
@@ -402,8 +418,11 @@ impl Pane for Frames {
         let world = core.world()?;
         let row = self.row(core, world)?;
         let bus = world.buses().get(usize::from(row.bus.0))?;
-        Some(match self.table.column {
-            0 => format!("bus == {:?}", bus.name()),
+        let group = group(world, row);
+        Some(match (self.table.column_in(&Self::shown(core, world)), group) {
+            (0, _) => format!("bus == {:?}", bus.name()),
+            (PGN, Some(group)) => format!("pgn == {}", group.pgn.number()),
+            (SOURCE, Some(group)) => format!("source_address == 0x{:02X}", group.source),
             _ => filter(core, bus, row),
         })
     }

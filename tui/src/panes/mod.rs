@@ -23,7 +23,7 @@ pub use effect::Effect;
 pub use findings::filtered_places;
 pub use layout::{Arrangement, Cell, Layout, SPLIT};
 pub use legend::{COMMON, Legend, LegendEntry};
-pub use pane::{Pane, Sorting};
+pub use pane::{OPTIONAL, Pane, Sorting};
 
 macro_rules! panes {
     ($($id:ident $name:literal $title:literal $make:expr;)*) => {

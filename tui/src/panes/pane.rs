@@ -12,6 +12,19 @@ use crate::widgets::table::Column;
 /// Column of a sort order, and whether it is descending; None for the order of the pane.
 pub type Sorting = Option<(usize, bool)>;
 
+/// Actions that only some panes perform.
+pub const OPTIONAL: [Action; 9] = [
+    Action::Left,
+    Action::Right,
+    Action::Toggle,
+    Action::Sort,
+    Action::Highlight,
+    Action::Plot,
+    Action::ZoomIn,
+    Action::ZoomOut,
+    Action::SetCursor,
+];
+
 /// A view of the captures with its own selection.
 pub trait Pane {
     /// Draws the pane into `area`.
@@ -54,6 +67,11 @@ pub trait Pane {
     /// All columns of its table; empty without a table.
     fn heads(&self) -> Vec<Column> {
         Vec::new()
+    }
+
+    /// Those of [`OPTIONAL`] that the pane performs.
+    fn performs(&self) -> &'static [Action] {
+        &[]
     }
 
     /// Actions shown in the key bar.

@@ -12,6 +12,7 @@ use std::borrow::Cow;
 use std::cmp::Ordering;
 
 use cobscope_decoder::replay::node_filter;
+use cobscope_decoder::sink::text::Tone;
 use cobscope_decoder::statistics::{BusStatistics, Distribution};
 use cobscope_decoder::words::plural;
 use ratatui::buffer::Buffer;
@@ -51,16 +52,22 @@ struct Counts {
     aborted: usize,
     timed_out: usize,
     other: usize,
+    /// One of the others is an error.
+    is_other_bad: bool,
 }
 
 impl Counts {
     fn add(&mut self, exchanges: &[Exchange]) {
         for exchange in exchanges.get(self.seen..).unwrap_or_default() {
             match exchange.outcome {
-                "complete" | "positive" => {}
-                "aborted" | "negative" => self.aborted += 1,
+                // Nothing is missing in a request that wants no response, nor in a response on its own.
+                "complete" | "positive" | "suppressed" | "unsolicited" => {}
+                "aborted" | "negative" | "overflow" => self.aborted += 1,
                 "timeout" | "no-answer" => self.timed_out += 1,
-                _ => self.other += 1,
+                _ => {
+                    self.other += 1;
+                    self.is_other_bad |= exchange.tone == Tone::Bad;
+                }
             }
         }
         self.seen = exchanges.len();
@@ -108,8 +115,10 @@ struct Parts {
     detail: Rect,
 }
 
+const NUMBER: usize = 0;
 const DURATION: usize = 2;
 const BUS: usize = 3;
+const NODES: usize = 4;
 const CONTENT: usize = 6;
 const OUTCOME: usize = 8;
 
@@ -119,7 +128,7 @@ fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
         0 | 1 => one.spot.cmp(&other.spot),
         DURATION => one.duration.cmp(&other.duration),
         BUS => one.bus.cmp(&other.bus),
-        4 => one.who.cmp(&other.who),
+        NODES => one.who.cmp(&other.who),
         5 => one.kind.cmp(other.kind),
         CONTENT => one.what.cmp(&other.what),
         7 => one.size.cmp(&other.size),
@@ -174,18 +183,19 @@ impl Transfers {
         let theme = &core.theme;
         let mut counts = self.counts;
         counts.add(&survey.exchanges);
-        let wrong = |count: usize, what: &str| {
-            let role = if count > 0 { Role::Bad } else { Role::Quiet };
+        let counted = |count: usize, what: &str, role| {
+            let role = if count > 0 { role } else { Role::Quiet };
             Span::styled(format!(", {count} {what}"), theme.style(role))
         };
         let so_far = if survey.is_complete { "" } else { " so far" };
         let mut spans = vec![
             Span::raw(format!("{}{so_far}", plural(counts.seen, "transfer"))),
-            wrong(counts.aborted, "refused or aborted"),
-            wrong(counts.timed_out, "without response"),
+            counted(counts.aborted, "refused or aborted", Role::Bad),
+            counted(counts.timed_out, "without response", Role::Bad),
         ];
         if counts.other > 0 {
-            spans.push(wrong(counts.other, "incomplete"));
+            let role = if counts.is_other_bad { Role::Bad } else { Role::Caution };
+            spans.push(counted(counts.other, "incomplete", role));
         }
         if survey.more_exchanges > 0 {
             let text = format!("; {} more after the first {MOST_EXCHANGES}", survey.more_exchanges);
@@ -206,6 +216,13 @@ impl Transfers {
             table: Rect { y: area.y + above, height: area.height - above - below, ..area },
             detail: Rect { y: area.bottom() - below, height: below, ..area },
         }
+    }
+
+    /// Indices of the visible columns.
+    fn shown(&self, core: &Core, survey: &Survey) -> Vec<usize> {
+        let area = self.parts(core, survey, Rect::new(0, 0, core.width, core.height)).table;
+        let columns = columns(core, area.width);
+        Table::new(&core.theme, &columns).row_count(survey.exchanges.len()).shown(area)
     }
 
     /// The details of the selected transfer.
@@ -295,9 +312,14 @@ impl Pane for Transfers {
             Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
                 return self.go(action, core);
             }
-            Action::Left => self.table.move_column(-1, OUTCOME + 1),
-            Action::Right => self.table.move_column(1, OUTCOME + 1),
-            Action::Sort => self.table.cycle_sort(),
+            Action::Left | Action::Right | Action::Sort => {
+                let shown = self.shown(core, &core.timeline.survey());
+                match action {
+                    Action::Left => self.table.move_column(-1, &shown),
+                    Action::Right => self.table.move_column(1, &shown),
+                    _ => self.table.cycle_sort(&shown),
+                }
+            }
             Action::Open => {
                 let survey = core.timeline.survey();
                 let current = self.current(core, &survey);
@@ -323,7 +345,7 @@ impl Pane for Transfers {
             self.table.column = column;
         }
         if Table::is_title_at(below, y) {
-            self.table.cycle_sort();
+            self.table.cycle_sort(&table.shown(below));
             return Vec::new();
         }
         let order = self.order(&survey);
@@ -360,6 +382,10 @@ impl Pane for Transfers {
         arranged("Time", 9, 4, 0)
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Sort]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
@@ -374,13 +400,16 @@ impl Pane for Transfers {
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
         let survey = core.timeline.survey();
         let exchange = self.current(core, &survey)?;
-        Some(match (self.table.column, exchange.node) {
-            (BUS, _) => format!("bus == {:?}", bus_name(core, exchange.bus)),
-            (4, Some(node)) => node_filter(node),
-            (OUTCOME, _) => {
+        let column = self.table.column_in(&self.shown(core, &survey));
+        Some(match (column, exchange.node, &exchange.subject) {
+            (NUMBER, ..) if exchange.frames.last > 0 => format!("frames == {}", exchange.frames.last),
+            (BUS, ..) => format!("bus == {:?}", bus_name(core, exchange.bus)),
+            (NODES, Some(node), _) => node_filter(node),
+            (CONTENT, _, Some(subject)) => subject.to_string(),
+            (OUTCOME, ..) => {
                 format!("kind == {:?} && outcome == {:?}", exchange.event_kind, exchange.outcome)
             }
-            _ => format!("kind == {:?}", exchange.event_kind),
+            _ => exchange.kind_filter.to_string(),
         })
     }
 

@@ -122,7 +122,7 @@ fn lines(survey: &Survey) -> Vec<WhyLine> {
     if let Some(findings) = survey.findings.as_ref().filter(|_| count == 0 && survey.is_complete) {
         lines.push(WhyLine::plain(nothing(diagnosis, findings), Role::Good));
     }
-    lines.extend(diagnosis.notes.iter().map(|line| WhyLine::of(line, 0)));
+    lines.extend(diagnosis.notes.iter().map(|note| WhyLine::of(&note.line, 0)));
     number(&mut lines);
     lines
 }
@@ -252,6 +252,10 @@ impl Pane for Why {
 
     fn legend(&self) -> &'static Legend {
         &legend::WHY
+    }
+
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Toggle]
     }
 
     fn actions(&self) -> &'static [Action] {

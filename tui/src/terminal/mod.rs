@@ -16,6 +16,7 @@ use ratatui::crossterm::event::{
     KeyEventKind,
 };
 use ratatui::crossterm::execute;
+use ratatui::crossterm::style::force_color_output;
 use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
@@ -60,6 +61,9 @@ impl Screen {
             give_back();
             hook(info);
         }));
+        // The theme alone decides about colours: it knows NO_COLOR, --color and the key for colours. Otherwise
+        // crossterm would drop colours, bold and underline under NO_COLOR.
+        force_color_output(true);
         enable_raw_mode().context("the UI cannot use this terminal")?;
         let output = BufWriter::with_capacity(OUTPUT, stdout());
         let terminal = Terminal::new(CrosstermBackend::new(output)).context("cannot set up the terminal")?;

@@ -3,6 +3,7 @@
 //! ```text
 //! frames      181 frames, 29.5/s, 1691 bit/s; worst second 47 frames, 2436 bit from 2.849 s
 //! master      NMT start 1
+//! controller  acknowledges frames (listen-only off)
 //! wiring      cannot be judged: this capture has no error frames
 //! timestamps  in steps of 0.001 ms
 //! capture     a.log: candump text, 12.3 kB
@@ -49,6 +50,7 @@ pub(super) fn lines(
             ));
         }
     }
+    told.extend(bus.and_then(|(bus, _)| controller(core, bus)));
     told.extend(quality(core, survey, buses));
     told.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", Role::Caution, text)));
     told.extend(files(core).into_iter().map(|text| ("capture", Role::Text, text)));
@@ -63,6 +65,14 @@ pub(super) fn rates_of(survey: &Survey, bus: &Bus, statistics: &BusStatistics) -
     let quality = &survey.statistics.quality;
     let hint = format!("set bitrate = 250000 in [bus.{}] of a bus file (--bus)", bus.name());
     rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
+}
+
+/// Mode of the controller of a live bus: one in normal mode takes part in the traffic.
+fn controller(core: &Core, bus: &Bus) -> Option<(&'static str, Role, String)> {
+    let live = core.timeline.live()?.get();
+    let mode = live.buses.iter().find(|status| status.name == bus.name())?.mode?;
+    let role = if mode.is_listen_only() { Role::Text } else { Role::Caution };
+    Some(("controller", role, mode.text().to_owned()))
 }
 
 /// Quality of the capture.

@@ -319,6 +319,10 @@ impl Pane for BusPane {
         &legend::BUS
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::ZoomIn, Action::ZoomOut]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Left,

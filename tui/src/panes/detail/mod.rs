@@ -340,6 +340,10 @@ impl Pane for Detail {
         &legend::DETAIL
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Toggle, Action::Plot]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Back,

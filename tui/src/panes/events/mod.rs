@@ -9,6 +9,7 @@
 mod cells;
 mod columns;
 
+use cobscope_decoder::query::{kind_filter, subject_filter};
 use cobscope_decoder::replay::node_filter;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -60,19 +61,30 @@ impl Events {
         (first..(first + height).min(core.rows().len()), state.selected)
     }
 
-    /// The next visible column on one side, or the current one. The severity cannot be chosen.
-    fn beside(&self, core: &Core, is_right: bool) -> usize {
+    /// Indices of the visible columns that can be chosen: all but the severity.
+    fn shown(core: &Core) -> Vec<usize> {
         let width = core.width.saturating_sub(1);
         let columns = columns(core, width);
-        let has_room =
-            |column: &usize| *column > columns::SEVERITY && Table::width_of(&columns, *column, width) > 0;
-        let column = self.column.unwrap_or(columns::SEVERITY);
-        let found = if is_right {
-            (column + 1..columns::COUNT).find(has_room)
-        } else {
-            (0..column).rev().find(has_room)
-        };
-        found.unwrap_or(column)
+        // The scroll bar has a column of its own.
+        let shown = Table::new(&core.theme, &columns).shown(Rect::new(0, 0, width, core.height));
+        shown.into_iter().filter(|column| *column != columns::SEVERITY).collect()
+    }
+
+    /// The chosen column; if it is no longer visible, the next one.
+    fn column(&self, core: &Core) -> Option<usize> {
+        let column = self.column?;
+        Some(TableState { column, ..TableState::default() }.column_in(&Self::shown(core)))
+    }
+
+    /// The next visible column on one side, or the current one; the first one without a choice.
+    fn beside(&self, core: &Core, is_right: bool) -> usize {
+        let shown = Self::shown(core);
+        let mut state = TableState { column: self.column.unwrap_or_default(), ..TableState::default() };
+        match self.column {
+            None => state.column = state.column_in(&shown),
+            Some(_) => state.move_column(if is_right { 1 } else { -1 }, &shown),
+        }
+        state.column
     }
 
     fn step(core: &Core, delta: isize) -> Vec<Effect> {
@@ -153,7 +165,7 @@ impl Pane for Events {
                 Vec::new()
             }
             Action::Highlight => {
-                let column = self.column.unwrap_or(columns::NODE);
+                let column = self.column(core).unwrap_or(columns::NODE);
                 let wanted = core.row().map(|row| cells::text(core, row, None, column).into_owned());
                 self.highlight = if self.highlight == wanted { None } else { wanted };
                 Vec::new()
@@ -204,6 +216,10 @@ impl Pane for Events {
         columns::all()
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Toggle, Action::Highlight, Action::Plot]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
@@ -222,14 +238,18 @@ impl Pane for Events {
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
         let row = core.row()?;
         let event = &row.event;
-        let kind = format!("kind == {:?}", event.kind.name());
-        Some(match self.column {
-            None => row.filter(),
-            Some(columns::NUMBER) => format!("frames == {}", event.frames.last),
-            Some(columns::BUS) => format!("bus == {:?}", row.bus),
-            Some(columns::NODE) => node_filter(event.node?),
-            Some(_) => kind,
-        })
+        let bus = core.world().and_then(|world| world.buses().get(usize::from(event.bus.0)));
+        let of_cell = match self.column(core).unwrap_or(columns::EVENT) {
+            columns::NUMBER if event.frames.last > 0 => Some(format!("frames == {}", event.frames.last)),
+            columns::BUS => Some(format!("bus == {:?}", row.bus)),
+            columns::ID => bus.zip(row.id()).map(|(bus, id)| bus.filter_of_id(id)),
+            columns::NODE => event.node.map(node_filter),
+            columns::KIND => Some(kind_filter(event)),
+            columns::OBJECT if !row.object.is_empty() => bus.and_then(|bus| subject_filter(event, bus)),
+            _ => None,
+        };
+        // Times, values and data have no field that other events share.
+        Some(of_cell.unwrap_or_else(|| row.filter()))
     }
 
     fn line(&self, core: &Core) -> Option<String> {

@@ -104,6 +104,12 @@ fn arranged(time: u16, bus: u16, width: u16) -> Vec<Column> {
     ]
 }
 
+/// Indices of columns that can be filtered.
+const SEVERITY: usize = 0;
+const BUS: usize = 1;
+const RULE: usize = 7;
+const SUBJECT: usize = 8;
+
 /// Index of the column with the tree.
 const TEXT: usize = 9;
 
@@ -188,6 +194,32 @@ impl Findings {
         self.selected = self.listed.rows.get(self.table.selected).map(|item| item.id);
     }
 
+    /// Indices of the visible columns.
+    fn shown(&self, core: &Core, survey: &Survey) -> Vec<usize> {
+        let (notes, count) =
+            (detail::notes(core, survey, self.listed.chosen.as_ref()).len(), self.listed.rows.len());
+        let area = parts(Rect::new(0, 0, core.width, core.height), notes, count).table;
+        let columns = columns(core, area.width);
+        Table::new(&core.theme, &columns).row_count(count).shown(area)
+    }
+
+    /// The filter for a cell; None for a column without a field.
+    fn filter_of(&self, core: &Core, survey: &Survey) -> Option<String> {
+        let item = self.item(core, survey)?;
+        let facts = facts(survey, &item)?;
+        let of_node = || match facts.node {
+            Some(node) => node_filter(node),
+            None => format!("bus == {:?}", bus_name(core, facts.bus)),
+        };
+        Some(match self.table.column_in(&self.shown(core, survey)) {
+            SEVERITY => format!("severity == {:?}", facts.severity.name()),
+            BUS => format!("bus == {:?}", bus_name(core, facts.bus)),
+            RULE => format!("rule == {:?}", facts.rule),
+            SUBJECT => facts.subject.clone().unwrap_or_else(of_node),
+            _ => of_node(),
+        })
+    }
+
     /// Goes to the first evidence.
     fn open(&self, core: &Core) -> Vec<Effect> {
         let survey = core.timeline.survey();
@@ -260,9 +292,14 @@ impl Pane for Findings {
                 let survey = core.timeline.survey();
                 self.moves(action, core, &survey);
             }
-            Action::Left => self.table.move_column(-1, TEXT + 1),
-            Action::Right => self.table.move_column(1, TEXT + 1),
-            Action::Sort => self.table.cycle_sort(),
+            Action::Left | Action::Right | Action::Sort => {
+                let shown = self.shown(core, &core.timeline.survey());
+                match action {
+                    Action::Left => self.table.move_column(-1, &shown),
+                    Action::Right => self.table.move_column(1, &shown),
+                    _ => self.table.cycle_sort(&shown),
+                }
+            }
             Action::Toggle => {
                 let item =
                     self.listed.rows.get(self.at(&self.listed.rows)).filter(|item| item.open.is_some());
@@ -292,7 +329,7 @@ impl Pane for Findings {
             self.table.column = column;
         }
         if Table::is_title_at(table_area, y) {
-            self.table.cycle_sort();
+            self.table.cycle_sort(&table.shown(table_area));
         } else if let Some(row) = table.row_at(table_area, y, &self.state(rows)) {
             self.selected = rows.get(row).map(|item| item.id);
         }
@@ -323,6 +360,10 @@ impl Pane for Findings {
         arranged(9, 4, 0)
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Toggle, Action::Sort]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Open,
@@ -338,13 +379,7 @@ impl Pane for Findings {
     }
 
     fn filter_of_cell(&self, core: &Core) -> Option<String> {
-        let survey = core.timeline.survey();
-        let facts = facts(&survey, &self.item(core, &survey)?)?;
-        drop(survey);
-        match facts.node {
-            Some(node) => Some(node_filter(node)),
-            None => Some(format!("bus == {:?}", bus_name(core, facts.bus))),
-        }
+        self.filter_of(core, &core.timeline.survey())
     }
 
     fn finding(&self, core: &Core) -> Option<u64> {

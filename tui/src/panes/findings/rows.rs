@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use cobscope_decoder::diagnosis::incident::{IncidentFinding, incidents};
 use cobscope_decoder::finding::phrase::what;
-use cobscope_decoder::finding::{Findings, Group, Severity};
+use cobscope_decoder::finding::{About, Findings, Group, Severity};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
@@ -44,6 +44,8 @@ pub(super) struct Facts {
     pub(super) frame: u64,
     pub(super) rule: String,
     pub(super) about: String,
+    /// Filter for the subject; None for a finding about a node or bus as a whole.
+    pub(super) subject: Option<String>,
     pub(super) text: String,
     /// Suppressed by the bus file with a reason.
     pub(super) is_suppressed: bool,
@@ -146,12 +148,23 @@ pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
             frame: group.began().frames.last,
             rule: escape(&group.rule).into_owned(),
             about: escape(&group.key.about.to_string()).into_owned(),
+            subject: match &group.key.about {
+                About::Whole => None,
+                About::Object(object) => Some(format!("object == 0x{object}")),
+                About::Pgn(pgn) => Some(format!("pgn == {pgn}")),
+                other => Some(format!("about == {:?}", other.to_string())),
+            },
             text: escape(&what(group)).into_owned(),
             is_suppressed: group.suppressed.is_some(),
         });
     }
     let opened = survey.news.get(item.place)?;
     let news = &opened.news;
+    let subject = match (news.object, news.pgn, &news.about) {
+        (Some(object), ..) => Some(format!("object == 0x{object}")),
+        (_, Some(pgn), _) => Some(format!("pgn == {pgn}")),
+        (.., about) => about.as_ref().map(|about| format!("about == {about:?}")),
+    };
     let about = news.object.map(|object| object.to_string());
     let about = about.or_else(|| news.pgn.map(|pgn| format!("pgn:{pgn}"))).or_else(|| news.about.clone());
     Some(Facts {
@@ -165,6 +178,7 @@ pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
         frame: opened.spot.frame,
         rule: escape(&news.rule).into_owned(),
         about: escape(&about.unwrap_or_default()).into_owned(),
+        subject,
         text: escape(&news.text).into_owned(),
         is_suppressed: false,
     })

@@ -129,9 +129,18 @@ impl Nodes {
         TableState { selected: self.selected(lines), column: self.column, sort, ..TableState::default() }
     }
 
+    /// Indices of the visible columns.
+    fn shown(&self, core: &Core) -> Vec<usize> {
+        let count = self.lines(core).len();
+        let (table, _) = split(Rect::new(0, 0, core.width, core.height), count);
+        let columns = chosen(core, "nodes", columns(0), columns(core.width));
+        Table::new(&core.theme, &columns).row_count(count).shown(table)
+    }
+
     fn open(&mut self, core: &Core) -> Vec<Effect> {
         let Some(key) = self.chosen(core) else { return Vec::new() };
-        if let Some(node) = key.node().filter(|_| self.column == EFFECT) {
+        let column = self.state(&self.lines(core)).column_in(&self.shown(core));
+        if let Some(node) = key.node().filter(|_| column == EFFECT) {
             self.gates = Some(0);
             return vec![Effect::Node(node)];
         }
@@ -250,12 +259,10 @@ impl Pane for Nodes {
             Action::PageUp => self.select(&lines, at.saturating_sub(page)),
             Action::Top => self.select(&lines, 0),
             Action::Bottom => self.select(&lines, usize::MAX),
-            Action::Left => {
-                self.column = self.column.saturating_sub(1);
-                Vec::new()
-            }
-            Action::Right => {
-                self.column = (self.column + 1).min(columns(0).len() - 1);
+            Action::Left | Action::Right => {
+                let mut state = self.state(&lines);
+                state.move_column(if action == Action::Left { -1 } else { 1 }, &self.shown(core));
+                self.column = state.column;
                 Vec::new()
             }
             Action::Sort => {
@@ -306,6 +313,10 @@ impl Pane for Nodes {
 
     fn heads(&self) -> Vec<Column> {
         columns(0)
+    }
+
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Sort, Action::Plot]
     }
 
     fn actions(&self) -> &'static [Action] {

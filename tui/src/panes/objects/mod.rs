@@ -90,6 +90,14 @@ impl Objects {
         self.object = rows.get(self.state.selected).map(KnownObject::address);
     }
 
+    /// Indices of the visible columns.
+    fn shown(&self, core: &Core) -> Vec<usize> {
+        let [_, table, _] = layout(Rect::new(0, 0, core.width, core.height));
+        let count = Subject::of(core).map_or(0, |subject| self.rows(&subject).len());
+        let columns = chosen(core, "objects", columns(), columns());
+        Table::new(&core.theme, &columns).row_count(count).shown(table)
+    }
+
     /// The table state with the current row of the selected object.
     fn state(&self, rows: &[KnownObject<'_>]) -> TableState {
         let place = rows.iter().position(|known| Some(known.address()) == self.object);
@@ -181,19 +189,20 @@ impl Pane for Objects {
             Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
                 self.go(core, action);
             }
-            Action::Left => self.state.move_column(-1, columns().len()),
-            Action::Right => self.state.move_column(1, columns().len()),
-            Action::Sort => self.state.cycle_sort(),
+            Action::Left => self.state.move_column(-1, &self.shown(core)),
+            Action::Right => self.state.move_column(1, &self.shown(core)),
+            Action::Sort => self.state.cycle_sort(&self.shown(core)),
             Action::Clear => self.search.clear(),
             Action::Toggle => return Self::next_node(core),
             Action::Open => {
                 let Some(subject) = Subject::of(core) else { return Vec::new() };
                 let rows = self.rows(&subject);
-                let frame = self.selected(&rows).and_then(KnownObject::frame);
-                return vec![match frame {
-                    Some(frame) => Effect::Go(JumpPlace::Frame(frame)),
-                    None => Effect::Refuse("this value is not from a frame".into()),
-                }];
+                let Some(frame) = self.selected(&rows).and_then(KnownObject::frame) else {
+                    return vec![Effect::Refuse("this value is not from a frame".into())];
+                };
+                // The node stays selected when the user comes back to its objects.
+                let node = Effect::Node(subject.key());
+                return vec![node, Effect::Go(JumpPlace::Frame(frame)), Effect::ShowDetail];
             }
             Action::Back if !self.search.is_empty() => {
                 self.search.clear();
@@ -214,7 +223,7 @@ impl Pane for Objects {
             self.state.column = column;
         }
         if Table::is_title_at(place, y) {
-            self.state.cycle_sort();
+            self.state.cycle_sort(&table.shown(place));
         } else if let Some(row) = table.row_at(place, y, &self.state(&rows)) {
             self.state.selected = row;
             self.object = rows.get(row).map(KnownObject::address);
@@ -257,6 +266,10 @@ impl Pane for Objects {
 
     fn heads(&self) -> Vec<Column> {
         columns()
+    }
+
+    fn performs(&self) -> &'static [Action] {
+        &[Action::Left, Action::Right, Action::Toggle, Action::Sort]
     }
 
     fn actions(&self) -> &'static [Action] {

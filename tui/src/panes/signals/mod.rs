@@ -309,6 +309,18 @@ impl Pane for Signals {
         self.list.columns(Rect::ZERO).to_vec()
     }
 
+    fn performs(&self) -> &'static [Action] {
+        &[
+            Action::Left,
+            Action::Right,
+            Action::Toggle,
+            Action::Plot,
+            Action::ZoomIn,
+            Action::ZoomOut,
+            Action::SetCursor,
+        ]
+    }
+
     fn actions(&self) -> &'static [Action] {
         &[
             Action::Toggle,
@@ -320,6 +332,10 @@ impl Pane for Signals {
             Action::Copy,
             Action::Open,
         ]
+    }
+
+    fn filter_of_cell(&self, _core: &Core) -> Option<String> {
+        self.list.selected().map(|signal| format!("signals.name == {:?}", signal.name))
     }
 
     #[expect(

@@ -206,6 +206,12 @@ impl<'a> Table<'a> {
         placed.iter().rev().find(|column| inside.x + column.x <= x).map(|column| column.index)
     }
 
+    /// Indices of the columns that are visible in an area.
+    pub fn shown(&self, area: Rect) -> Vec<usize> {
+        let placed = columns::place(self.columns, self.inside(area).width);
+        placed.iter().map(|column| column.index).collect()
+    }
+
     /// Whether a screen line is that of the column heads.
     pub fn is_title_at(area: Rect, y: u16) -> bool {
         area.y == y && body(area).y > y
@@ -223,7 +229,14 @@ impl<'a> Table<'a> {
         Rect { width: area.width - u16::from(scrolls), ..area }
     }
 
+    /// The visible column that keys act on; None without a selected one.
+    fn current(&self, placed: &[columns::VisibleColumn]) -> Option<usize> {
+        let state = self.state.filter(|state| self.is_focused && state.column < self.columns.len())?;
+        Some(state.column_in(&placed.iter().map(|column| column.index).collect::<Vec<_>>()))
+    }
+
     fn draw_titles(&self, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
+        let current = self.current(placed);
         let sort = self.state.and_then(|state| state.sort);
         for column in placed {
             let Some(Column { title, align, .. }) = self.columns.get(column.index) else { continue };
@@ -235,7 +248,7 @@ impl<'a> Table<'a> {
             };
             let mut place = Rect { x: area.x + column.x, width: column.width, height: 1, ..area };
             let mut style = self.theme.style(Role::HeaderCell);
-            if self.is_focused && self.state.is_some_and(|state| state.column == column.index) {
+            if current == Some(column.index) {
                 style = style.patch(self.theme.style(Role::Key));
             }
             // The mark stays visible if the head is cut.
@@ -284,7 +297,7 @@ impl<'a> Table<'a> {
 
     /// Underlines the current column in the selected row.
     fn mark_cell(&self, placed: &[columns::VisibleColumn], place: Rect, buf: &mut Buffer) {
-        let current = self.state.map(|state| state.column).filter(|_| self.is_focused);
+        let current = self.current(placed);
         if let Some(column) = placed.iter().find(|column| Some(column.index) == current) {
             let cell = Rect { x: place.x + column.x, width: column.width, ..place };
             buf.set_style(cell, Style::new().add_modifier(Modifier::UNDERLINED));

@@ -65,13 +65,23 @@ impl TableState {
         self.clamp(len);
     }
 
-    /// Selects another of `count` columns.
-    pub fn move_column(&mut self, delta: isize, count: usize) {
-        self.column = self.column.saturating_add_signed(delta).min(count.saturating_sub(1));
+    /// The selected column. If it is not among the visible ones in `shown`, the next of them, or the last one.
+    pub fn column_in(&self, shown: &[usize]) -> usize {
+        let next = shown.iter().find(|column| **column >= self.column).or(shown.last());
+        next.copied().unwrap_or(self.column)
     }
 
-    /// Cycles the sort order of the current column: ascending, descending, off.
-    pub fn cycle_sort(&mut self) {
+    /// Selects another of the visible columns in `shown`.
+    pub fn move_column(&mut self, delta: isize, shown: &[usize]) {
+        let present = self.column_in(shown);
+        let place = shown.iter().position(|column| *column == present).unwrap_or(0);
+        let place = place.saturating_add_signed(delta).min(shown.len().saturating_sub(1));
+        self.column = shown.get(place).copied().unwrap_or(present);
+    }
+
+    /// Cycles the sort order of the current one of the visible columns in `shown`: ascending, descending, off.
+    pub fn cycle_sort(&mut self, shown: &[usize]) {
+        self.column = self.column_in(shown);
         self.sort = match self.sort {
             Some((column, false)) if column == self.column => Some((column, true)),
             Some((column, true)) if column == self.column => None,
@@ -199,18 +209,38 @@ mod tests {
     fn sorting_goes_round() {
         let mut state = TableState { column: 2, ..TableState::default() };
         let mut seen = Vec::new();
+        let all = [0, 1, 2, 3];
         for _ in 0..3 {
-            state.cycle_sort();
+            state.cycle_sort(&all);
             seen.push(state.sort);
         }
         assert_eq!(seen, [Some((2, false)), Some((2, true)), None]);
-        state.cycle_sort();
-        state.move_column(1, 4);
-        state.cycle_sort();
+        state.cycle_sort(&all);
+        state.move_column(1, &all);
+        state.cycle_sort(&all);
         assert_eq!(state.sort, Some((3, false)));
-        state.move_column(1, 4);
+        state.move_column(1, &all);
         assert_eq!(state.column, 3);
-        state.move_column(-9, 4);
+        state.move_column(-9, &all);
         assert_eq!(state.column, 0);
+    }
+
+    #[test]
+    fn hidden_columns_are_skipped() {
+        let shown = [1, 2, 5];
+        let mut state = TableState::default();
+        assert_eq!(state.column_in(&shown), 1);
+        state.move_column(1, &shown);
+        assert_eq!(state.column, 2);
+        state.move_column(1, &shown);
+        assert_eq!(state.column, 5);
+        state.move_column(-1, &shown);
+        assert_eq!(state.column, 2);
+        // Columns can disappear: the next one is selected, else the last one.
+        assert_eq!((state.column_in(&[0, 4]), state.column_in(&[0, 1]), state.column_in(&[])), (4, 1, 2));
+        state.cycle_sort(&[0, 4]);
+        assert_eq!((state.column, state.sort), (4, Some((4, false))));
+        state.move_column(1, &[]);
+        assert_eq!(state.column, 4);
     }
 }
