@@ -173,7 +173,9 @@ fn references_name_the_part() {
     assert_eq!(
         output.stderr,
         "cobscope: part1.log..part2.log: 2 parts of one capture: part1.log from {1}, part2.log from {4}; \
-         --separate reads each alone\n"
+         --separate reads each alone\n\
+         cobscope: part1.log..part2.log: 1 line or record unreadable (part2.log line 1: not a candump line; found \
+         \"rubbish\"); all others decoded\n"
     );
     let output = in_folder(&place, &["decode", "-f", "jsonl", "part1.log", "part2.log"]);
     assert!(output.stdout.contains(r#""file":"part2.log","line":1"#), "{}", output.stdout);

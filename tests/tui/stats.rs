@@ -315,6 +315,29 @@ fn only_what_lies_between_the_bounds_is_counted() {
 }
 
 #[test]
+fn messages_that_look_like_canopen_are_presumed() {
+    // SYNC and TPDO1 of node 2 are decoded, marked ?; the EMCY is not, because nothing confirms CANopen.
+    let log = "(1700000000.000000) can0 080#\n(1700000000.001000) can0 182#0899190000\n\
+               (1700000000.500000) can0 082#FF01800000000000\n(1700000001.000000) can0 080#\n\
+               (1700000001.001000) can0 182#0899190000\n";
+    let hint = "          no heartbeat, NMT command or SDO response; --protocol canopen, --node ID=PROFILE or a bus \
+                file with the nodes (convert --bus-file writes one) confirms CANopen\n";
+    let text = run(&["stats", "-"], log).stdout;
+    assert!(text.contains("bus can0  CANopen presumed, not confirmed\n"), "{text}");
+    assert!(
+        text.contains(hint) && text.contains("  1 frame of no known or confirmed service, 0 malformed\n")
+    );
+    for confirmed in [&["--protocol", "canopen"], &["--node", "2=rexroth-sydfec"]] {
+        let text = run(&[&["stats", "-"], &confirmed[..]].concat(), log).stdout;
+        assert!(text.contains("bus can0  CANopen\n"), "{text}");
+        assert!(!text.contains("confirms CANopen") && !text.contains("service,"), "{text}");
+    }
+    // The same identifiers with a heartbeat need no hint.
+    let text = run(&["stats", "-"], &format!("{log}(1700000001.002000) can0 702#05\n")).stdout;
+    assert!(text.contains("bus can0  CANopen\n") && !text.contains("confirms CANopen"), "{text}");
+}
+
+#[test]
 fn uds_that_nobody_named_is_seen_by_its_answers() {
     // Two requests for a session (10 03) with their responses (50 03 …).
     let log = "(1700000000.000000) can0 6E0#0210030000000000\n(1700000000.010000) can0 6E8#065003003201F400\n\

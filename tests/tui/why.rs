@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use crate::cli::run;
+use crate::support::workspace;
 
 fn text(arguments: &[&str], input: &str) -> String {
     let output = run(&[&["why"], arguments].concat(), input);
@@ -254,7 +255,7 @@ fn nothing_wrong_and_nobody_there() {
         "no fault in this capture"
     );
     let absent =
-        "node 9/09 not present in this capture; nodes present: 2\nno fault of node 9/09 in this capture\n";
+        "node 9/09 not present in this capture; nodes present: 2/02\nno fault of node 9/09 in this capture\n";
     assert_eq!(text(&["--node", "9", capture], ""), absent);
     let foreign = text(&["-"], "(1700000000.000000) can0 18FEF100#0102030405060708\n");
     assert_eq!(foreign, "bus can0 not detected as CANopen: no CANopen message\nno fault in this capture\n");
@@ -400,7 +401,27 @@ fn several_captures_and_several_buses() {
 }
 
 #[test]
-fn what_could_not_be_read_is_said_where_the_output_has_no_place_for_it() {
+fn a_story_that_does_not_exist_is_a_wrong_argument() {
+    const LOST: &str = "fixtures/canopen/heartbeat_lost.log";
+    let stories = answer(&[LOST], "")["stories"].as_array().unwrap().len();
+    assert!(stories > 0);
+    for command in ["why", "report"] {
+        let last = run(&[command, "--story", &stories.to_string(), LOST], "");
+        assert_eq!(last.code, 0, "{command}: {}", last.stderr);
+        let next = (stories + 1).to_string();
+        let missing = run(&[command, "--story", &next, LOST], "");
+        let said = format!("cobscope: {LOST}: --story {next}: no such story; stories: {stories}\n");
+        assert_eq!((missing.code, missing.stdout.as_str(), missing.stderr), (2, "", said), "{command}");
+        // The lost end of an incomplete capture may contain the story.
+        let cut = run(&[command, "--story", "99", "fixtures/malformed/packet_cut_off.pcap"], "");
+        assert_eq!(cut.code, 3, "{command}");
+        let said = "--story 99: no such story; stories: 0; fixtures/malformed/packet_cut_off.pcap: byte 49: ";
+        assert!(cut.stderr.contains(said), "{command}: {}", cut.stderr);
+    }
+}
+
+#[test]
+fn what_could_not_be_read_is_reported() {
     const CUT: &str = "fixtures/malformed/packet_cut_off.pcap";
     const LINES: &str = "fixtures/malformed/candump_errors.log";
     for words in [&["why"][..], &["objects"], &["decode", "-f", "csv"], &["decode", "-f", "csv-wide"]] {
@@ -412,5 +433,106 @@ fn what_could_not_be_read_is_said_where_the_output_has_no_place_for_it() {
         let said = format!("cobscope: {LINES}: 38 lines or records unreadable (first: line ");
         assert!(lines.starts_with(&said) && lines.lines().count() == 1, "{lines}");
     }
-    assert_eq!(run(&["decode", LINES], "").stderr, "");
+}
+
+#[test]
+fn unreadable_lines_are_reported_in_every_selection_and_format() {
+    // Lines 110 and 111; the last frame is at 4.399 s, so --to excludes the events for both.
+    let clean =
+        std::fs::read_to_string(workspace().join("fixtures/stories/wandfluh-md2/clean-run.log")).unwrap();
+    let log = format!("{clean}garbage\n(x) can0 12#zz\n");
+    let note = "cobscope: -: 2 lines or records unreadable (first: line 110: not a candump line; found \"garbage\"); \
+                all others decoded\n";
+    let folder = tempfile::tempdir().unwrap();
+    let output = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (mcap, parquet) = (output("a.mcap"), output("a.parquet"));
+    for words in [
+        &[][..],
+        &["--filter", "node == 1"],
+        &["--only-node", "1"],
+        &["--from", "1"],
+        &["--to", "2"],
+        &["-f", "jsonl"],
+        &["-f", "jsonl", "--filter", "node == 1"],
+        &["-f", "csv"],
+        &["-f", "csv-wide"],
+        &["-f", "none"],
+        &["-f", "mcap", "-o", &mcap],
+        &["-f", "parquet", "-o", &parquet],
+    ] {
+        let output = run(&[&["decode", "-"], words].concat(), &log);
+        let notes: Vec<_> = output.stderr.lines().filter(|line| line.contains("unreadable")).collect();
+        assert_eq!((output.code, notes), (0, vec![note.trim_end()]), "{words:?}");
+    }
+}
+
+#[test]
+fn a_range_of_time_limits_all_lines() {
+    // Node 5 sends its first frame at 131.930 s; its EMCY 5231 is at 137.933 s.
+    const MACHINE: &str = "fixtures/machine/machine.log";
+    let first = text(&["--node", "5", "--to", "12.5", MACHINE], "");
+    assert_eq!(
+        first,
+        "node 5/05 not present up to 12.500 s; nodes present: 2/02\nno fault of node 5/05 up to 12.500 s\n"
+    );
+    let absent =
+        format!("cobscope: {MACHINE}: node 5/05 sent no frame up to 12.500 s; nodes present: 2/02\n");
+    for words in [&["why", "--to"][..], &["why", "--at"], &["objects", "--at"]] {
+        let output = run(&[words, &["12.5", "--node", "5", MACHINE]].concat(), "");
+        assert_eq!(output.stderr, absent, "{words:?}");
+    }
+    assert_eq!(answer(&["--node", "5", "--to", "12.5", MACHINE], "")["since"], json!([]));
+    // The start of node 5 is before the range, its EMCY after it.
+    let middle = text(&["--node", "5", "--from", "135", "--to", "137", MACHINE], "");
+    assert!(
+        middle.starts_with("no fault of node 5/05 from 135.000 s to 137.000 s\nlast changes\n"),
+        "{middle}"
+    );
+    assert!(middle.contains("\nset points and gates at 137.000 s, node 5/05\n"), "{middle}");
+    assert!(!middle.contains("5231") && !middle.contains("NOTE"), "{middle}");
+    // A fault that still holds where the range ends.
+    let open = text(&["--node", "5", "--to", "#1594", MACHINE], "");
+    assert!(open.contains("EMCY 5231") && open.contains(", still present [emcy-raised]"), "{open}");
+}
+
+#[test]
+fn present_nodes_are_listed_with_their_buses() {
+    let log = "(1700000000.0) can0 705#05\n(1700000000.0) can1 701#05\n(1700000000.1) can1 705#05\n";
+    let page = run(&["why", "--node", "9", "-"], log);
+    let present = "nodes present: can0 5/05, can1 1/01, can1 5/05\n";
+    assert!(
+        page.stdout.starts_with(&format!("node 9/09 not present in this capture; {present}")),
+        "{}",
+        page.stdout
+    );
+    assert_eq!(page.stderr, format!("cobscope: -: node 9/09 sent no frame; {present}"));
+}
+
+#[test]
+fn a_node_that_was_still_alive_is_not_the_cause_of_a_missing_response() {
+    // fixtures/canopen/sdo_no_answer.log: node 2 sends heartbeats up to 7.900 s {160}; its SDO client waits from
+    // 5.554 s {113} to 6.554 s.
+    let stories = answer(&["fixtures/canopen/sdo_no_answer.log"], "");
+    let rules: Vec<_> = stories["stories"].as_array().unwrap().iter().map(|story| &story["rules"]).collect();
+    let alone = |rule: &str| rules.iter().filter(|rules| **rules == &json!([rule])).count();
+    assert_eq!((alone("node-lost"), alone("sdo-no-response")), (2, 2), "{rules:?}");
+    // The request follows the last heartbeat at 1.0 s, so the lost node explains it.
+    let beat = |at: f64| format!("({at:.6}) can0 702#05\n");
+    let mut log: String =
+        (0..=10).map(|beat_number| beat(1_700_000_000.0 + f64::from(beat_number) / 10.0)).collect();
+    log.push_str("(1700000001.050000) can0 602#4017100000000000\n");
+    log.extend(
+        (0..40).map(|number| format!("({:.6}) can0 705#05\n", 1_700_000_001.06 + f64::from(number) / 10.0)),
+    );
+    assert_eq!(findings(&answer(&["-"], &log)), ["node-lost", "sdo-no-response"]);
+}
+
+#[test]
+fn an_effect_before_its_cause_has_its_own_label() {
+    let page = text(&["fixtures/rules/operational-lost.log"], "");
+    assert!(page.contains("\n  before       -30 ms  operational → pre-operational"), "{page}");
+    let page = text(&["fixtures/diagnosis/bus-off.log"], "");
+    assert!(page.contains("\n  before       -367 ms  1/01  no heartbeat after {149}"), "{page}");
+    let line = answer(&["fixtures/diagnosis/bus-off.log"], "")["stories"][0]["lines"][1].clone();
+    assert_eq!(line["label"], "effect");
 }

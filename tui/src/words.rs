@@ -22,6 +22,7 @@ pub fn protocols(bus: &Bus) -> String {
     let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
     match (seen.as_slice(), bus.doubt()) {
         ([], Some(reason)) => format!("not detected as CANopen: {reason}"),
+        ([], None) if bus.is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
         ([], None) => "no CANopen, J1939 or UDS messages".to_owned(),
         (seen, _) => seen.join(" and "),
     }
@@ -64,6 +65,16 @@ pub fn unknown_bus(captures: &str, name: &str, by: &str, names: &[&str]) -> Opti
 
 /// Note on nodes that the user named and that sent no frame, with the nodes that did.
 pub fn unheard(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Option<String> {
+    unheard_until(capture, buses, options, None)
+}
+
+/// As [`unheard`], for a capture of which only the part up to `end` was read.
+pub fn unheard_until(
+    capture: &str,
+    buses: Buses<'_>,
+    options: &SessionOptions,
+    end: Option<&str>,
+) -> Option<String> {
     let mut missing: Vec<NodeId> = Vec::new();
     for bus in buses.iter() {
         for (node, is_own) in options.named_nodes(bus.name()) {
@@ -79,10 +90,23 @@ pub fn unheard(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Opt
         [_] => (first.words(), String::new()),
         several => ("named nodes".to_owned(), format!(" {}", list(several.iter().copied()))),
     };
-    let present = buses.iter().flat_map(Bus::nodes).filter(|node| node.last_seen().0 > 0).map(Node::id);
-    let present = list(present);
-    let present = if present.is_empty() { "none".to_owned() } else { present };
-    Some(format!("{capture}: {subject}{others} sent no frame; nodes present: {present}"))
+    let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
+    let present = present(buses, |node| node.last_seen().0 > 0);
+    Some(format!("{capture}: {subject}{others} sent no frame{end}; nodes present: {present}"))
+}
+
+/// Labels of the nodes for which `is_meant` is true, with their buses if there are several: `can0 1/01, can1 5/05`.
+pub fn present(buses: Buses<'_>, is_meant: impl Fn(&Node) -> bool) -> String {
+    let mut all = Vec::new();
+    for bus in buses.iter() {
+        let nodes = bus.nodes().filter(|node| is_meant(node)).map(|node| node.id().label());
+        if buses.len() > 1 {
+            all.extend(nodes.map(|node| format!("{} {node}", escape(bus.name()))));
+        } else {
+            all.extend(nodes);
+        }
+    }
+    if all.is_empty() { "none".to_owned() } else { shortened(all) }
 }
 
 /// Whether a node sent a frame, also under a later node-ID, or was present before the capture.
@@ -91,7 +115,11 @@ fn has_sent(bus: &Bus, node: NodeId) -> bool {
 }
 
 fn list(nodes: impl Iterator<Item = NodeId>) -> String {
-    let labels: Vec<String> = nodes.map(NodeId::label).collect();
+    shortened(nodes.map(NodeId::label).collect())
+}
+
+/// Labels separated by commas, of many only the first.
+fn shortened(labels: Vec<String>) -> String {
     let more = if labels.len() > LISTED { ", …" } else { "" };
     let shown: Vec<String> = labels.into_iter().take(LISTED).collect();
     format!("{}{more}", shown.join(", "))

@@ -15,6 +15,9 @@ use crate::words::plural;
 /// Maximum number of effects listed in a story.
 const SHOWN_EFFECTS: usize = 6;
 
+/// Delay in ns up to which an effect is before its cause; above it, the printed delay is 0 ms.
+const EARLIER: i64 = -500_000;
+
 /// Meaning of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -29,6 +32,8 @@ pub enum Label {
     More,
     /// A consequence.
     Effect,
+    /// A consequence that the capture shows before its cause: a deadline must pass, or the device reports it first.
+    EarlierEffect,
     /// A step to take.
     Act,
     /// Causes that the capture disproves.
@@ -50,6 +55,7 @@ impl Label {
             Self::FirstEffect => "FIRST EFFECT",
             Self::More => "",
             Self::Effect => "  then",
+            Self::EarlierEffect => "  before",
             Self::Act => "DO NOW",
             Self::Disproved => "NOT THE CAUSE",
             Self::Unjudged => "NOT JUDGED",
@@ -65,7 +71,7 @@ impl Label {
             Self::NoCause => "no-cause",
             Self::FirstEffect => "first-effect",
             Self::More => "more",
-            Self::Effect => "effect",
+            Self::Effect | Self::EarlierEffect => "effect",
             Self::Act => "act",
             Self::Disproved => "disproved",
             Self::Unjudged => "not-judged",
@@ -122,7 +128,10 @@ impl Page<'_> {
         let mut effects: Vec<_> = plot.findings.iter().skip(usize::from(!is_effect)).collect();
         effects.sort_by_key(|it| (it.group.began().time, std::cmp::Reverse(it.severity())));
         for effect in effects.iter().take(SHOWN_EFFECTS) {
-            lines.push(line(Label::Effect, self.effect((root.group, began), effect), effect.group.began()));
+            let delay = delay(effect.group, began);
+            let is_earlier = delay.is_some_and(|delay| delay <= EARLIER);
+            let label = if is_earlier { Label::EarlierEffect } else { Label::Effect };
+            lines.push(line(label, self.effect((root.group, delay), effect), effect.group.began()));
         }
         let rest = effects.len().saturating_sub(SHOWN_EFFECTS);
         if rest > 0 {
@@ -200,11 +209,10 @@ impl Page<'_> {
     }
 
     /// `+2 ms   ACTIVE → FAULT HOLD {105}`.
-    fn effect(&self, (root, began): (&Group, Occurrence), finding: &IncidentFinding<'_>) -> String {
+    fn effect(&self, (root, delay): (&Group, Option<i64>), finding: &IncidentFinding<'_>) -> String {
         let group = finding.group;
-        let delay = group.began().time.zip(began.time).map(|(effect, cause)| effect.since(cause));
         let delay = delay.map_or_else(String::new, |delay| {
-            let sign = if delay <= -500_000 { '-' } else { '+' };
+            let sign = if delay <= EARLIER { '-' } else { '+' };
             format!("{sign}{}  ", interval(delay.saturating_abs()))
         });
         let is_same_node = group.key.node == root.key.node && group.key.bus == root.key.bus;
@@ -213,6 +221,11 @@ impl Page<'_> {
         let also = finding.also().map_or_else(String::new, |also| format!("; {also}"));
         format!("{delay}{text}{more}{also}")
     }
+}
+
+/// Time from the cause to an effect, in ns.
+fn delay(effect: &Group, cause: Occurrence) -> Option<i64> {
+    effect.began().time.zip(cause.time).map(|(effect, cause)| effect.since(cause))
 }
 
 /// The worst occurrence, the members, and the reason for a lower severity.

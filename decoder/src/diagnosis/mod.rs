@@ -33,7 +33,7 @@ pub struct Setting {
     pub zero: Option<Timestamp>,
     /// The capture ends at this requested moment: only stories that last, or ended up to [`RECENT`] before it.
     pub end: Option<Timestamp>,
-    /// The capture still grows: open conditions are not at its end.
+    /// The capture still grows, or was not read to its end: open conditions are not at its end.
     pub is_growing: bool,
 }
 
@@ -45,8 +45,19 @@ pub const RECENT: i64 = 10_000_000_000;
 pub struct Diagnosis {
     /// Stories with a warning or an error.
     pub stories: Vec<Story>,
-    /// Findings that are notes only, each as one line.
-    pub notes: Vec<StoryLine>,
+    /// Findings that are notes only.
+    pub notes: Vec<Note>,
+}
+
+/// A finding that is only a note.
+#[derive(Debug, Clone)]
+pub struct Note {
+    /// The finding as one line.
+    pub line: StoryLine,
+    /// Ids of the findings, including those printed with the first one.
+    pub findings: Vec<u64>,
+    /// Nodes that the findings concern.
+    pub nodes: Vec<(BusIndex, NodeId)>,
 }
 
 /// A cause with all findings that it explains.
@@ -111,7 +122,7 @@ impl Diagnosis {
         let mut diagnosis = Self::default();
         for plot in plots(incidents(counting)) {
             if plot.severity() == Severity::Note {
-                diagnosis.notes.extend(page.note(&plot));
+                diagnosis.notes.extend(note(&plot, &page));
             } else {
                 diagnosis.stories.extend(story(&plot, &page));
             }
@@ -127,11 +138,19 @@ impl Diagnosis {
         diagnosis
     }
 
-    /// Keeps stories that concern a node.
+    /// Keeps stories and notes that concern a node, or no node.
     pub fn keep_node(&mut self, is_meant: impl Fn(BusIndex, NodeId) -> bool) {
-        self.stories.retain(|story| {
-            story.nodes.is_empty() || story.nodes.iter().any(|(bus, node)| is_meant(*bus, *node))
-        });
+        let is_kept = |nodes: &[(BusIndex, NodeId)]| {
+            nodes.is_empty() || nodes.iter().any(|(bus, node)| is_meant(*bus, *node))
+        };
+        self.stories.retain(|story| is_kept(&story.nodes));
+        self.notes.retain(|note| is_kept(&note.nodes));
+    }
+
+    /// Keeps stories and notes with a finding of which `is_meant` is true.
+    pub fn keep_findings(&mut self, is_meant: impl Fn(u64) -> bool) {
+        self.stories.retain(|story| story.findings.iter().any(|id| is_meant(*id)));
+        self.notes.retain(|note| note.findings.iter().any(|id| is_meant(*id)));
     }
 }
 
@@ -144,15 +163,16 @@ fn order(story: &Story) -> (Option<Timestamp>, u64) {
     (story.began.time, story.began.frames.first)
 }
 
+fn note(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Note> {
+    let findings = plot.groups().map(|group| group.id).collect();
+    Some(Note { line: page.note(plot)?, findings, nodes: plot.nodes() })
+}
+
 fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
     let root = plot.root()?;
     let ranking = ranking();
     let weights = plot.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
-    let of_nodes = plot.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
-    let mut nodes: Vec<_> = of_nodes.collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    let all = || plot.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()));
+    let all = || plot.groups();
     let ended = all().map(Group::ended).max_by_key(|at| (at.time, at.frames.last));
     let steps = steps::steps(plot);
     let began = plot.fact.as_ref().map_or_else(|| root.began(), |fact| fact.at);
@@ -164,7 +184,7 @@ fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
         title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| page.fact(root, fact)),
         findings: all().map(|group| group.id).collect(),
         rules: plot.findings.iter().map(|it| Arc::clone(&it.group.rule)).collect(),
-        nodes,
+        nodes: plot.nodes(),
         began,
         ended: ended.unwrap_or_else(|| root.ended()),
         lasts: all().any(|group| group.lasts_to_end),

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use super::incident::{Incident, IncidentFinding};
 use crate::finding::{Cause, FactCause, Group, Severity};
+use crate::frame::BusIndex;
+use crate::wire::NodeId;
 
 /// Findings of one story: an incident, or all incidents with the same fact as their cause.
 pub(super) struct Plot<'a> {
@@ -12,7 +14,21 @@ pub(super) struct Plot<'a> {
     pub(super) findings: Vec<IncidentFinding<'a>>,
 }
 
-impl Plot<'_> {
+impl<'a> Plot<'a> {
+    /// All findings, each followed by those printed with it.
+    pub(super) fn groups(&self) -> impl Iterator<Item = &'a Group> {
+        self.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()))
+    }
+
+    /// Nodes that the findings concern, in ascending order.
+    pub(super) fn nodes(&self) -> Vec<(BusIndex, NodeId)> {
+        let of_nodes = self.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
+        let mut nodes: Vec<_> = of_nodes.collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
     /// Highest severity of the findings.
     pub(super) fn severity(&self) -> Severity {
         let all = self.findings.iter().map(IncidentFinding::severity);

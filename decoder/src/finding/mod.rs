@@ -236,6 +236,16 @@ pub struct Group {
 }
 
 impl Group {
+    /// Reason why the finding starts no story, in words; None if it starts one or joins that of its cause.
+    pub fn omission(&self) -> Option<&'static str> {
+        match self.severity {
+            _ if self.suppressed.is_some() => Some("suppressed by the bus file"),
+            _ if self.is_absorbed => Some("covered by another finding"),
+            Severity::Note => Some("a note"),
+            Severity::Warning | Severity::Error => None,
+        }
+    }
+
     /// Key that is equal in every run over the same traffic: `sdo-no-response|can0|5|0x1018:01`.
     pub fn fingerprint(&self) -> String {
         let node = self.key.node.map_or_else(String::new, |node| node.to_string());

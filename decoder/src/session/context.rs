@@ -172,12 +172,12 @@ impl Context<'_> {
         }
         // A SYNC may precede the first frame of a node that the user named: the note waits for a node.
         let is_early = node.is_none() && self.shared.bus.named.names_canopen();
-        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed
-            && !is_early
-            && !std::mem::replace(&mut self.shared.notices.canopen_presumed, true)
-        {
-            let text = "CANopen not confirmed yet: decoded by the predefined connection set, marked ?";
-            self.emit_note(frame, text.into());
+        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed && !is_early {
+            self.shared.bus.canopen.note_presumed();
+            if !std::mem::replace(&mut self.shared.notices.canopen_presumed, true) {
+                let text = "CANopen not confirmed yet: decoded by the predefined connection set, marked ?";
+                self.emit_note(frame, text.into());
+            }
         }
         self.is_followed(node, frame)
     }

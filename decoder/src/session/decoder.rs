@@ -438,7 +438,7 @@ impl BusDecoder {
             let frame = cx.last_frame();
             let frames = plural(count, "frame");
             let text = format!(
-                "{frames} of unknown service ({extended} with 29-bit identifier); --frames prints them"
+                "{frames} of unknown service ({extended} with 29-bit identifier); decode --frames prints them"
             );
             cx.emit_note(&frame, text);
             for hint in cx.bus.unnamed.hints() {

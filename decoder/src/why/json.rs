@@ -46,7 +46,7 @@ pub fn line(
         })
     });
     let stories = (1..).zip(&report.diagnosis.stories).map(|(number, it)| page.story(number, it));
-    let notes = report.diagnosis.notes.iter().map(|it| page.story_line(it));
+    let notes = report.diagnosis.notes.iter().map(|it| page.story_line(&it.line));
     let steps = report.diagnosis.stories.get(report.story).map(|story| &story.steps);
     let steps = steps.into_iter().flatten();
     let steps = steps.map(|it| json!({"text": it.text, "section": it.section, "by": it.by}));

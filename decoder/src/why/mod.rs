@@ -122,7 +122,7 @@ pub struct Report {
     /// Buses not detected as CANopen, with the reason.
     pub doubts: Vec<(BusIndex, String)>,
     /// Nodes present, if the chosen node is not.
-    pub others: Option<Vec<NodeId>>,
+    pub others: Option<Vec<(BusIndex, NodeId)>>,
 }
 
 impl Observer for Why {
@@ -361,12 +361,15 @@ impl Why {
     }
 
     /// Nodes present, if the chosen node is not among them.
-    fn others(&self, buses: Buses<'_>) -> Option<Vec<NodeId>> {
+    fn others(&self, buses: Buses<'_>) -> Option<Vec<(BusIndex, NodeId)>> {
         let chosen = self.question.chosen.as_ref()?;
         let there = || buses.iter().filter(|bus| chosen.is_on(bus));
         let is_there = there().any(|bus| bus.node(chosen.node).is_some_and(|node| node.last_seen().0 > 0));
-        (!is_there)
-            .then(|| there().flat_map(Bus::nodes).map(Node::id).filter(|id| *id != chosen.node).collect())
+        let nodes = |bus: &'_ Bus| {
+            let ids = bus.nodes().map(Node::id).filter(|id| *id != chosen.node);
+            ids.map(|id| (bus.index(), id)).collect::<Vec<_>>()
+        };
+        (!is_there).then(|| there().flat_map(nodes).collect())
     }
 }
 

@@ -29,8 +29,19 @@ pub struct Setting<'a> {
     pub buses: Buses<'a>,
     /// Timestamp of the first frame.
     pub first: Option<Timestamp>,
-    /// Requested moment as typed by the user.
+    /// Requested moment: the report is about the state at that time.
     pub at: Option<&'a str>,
+    /// Start of the range of faults.
+    pub from: Option<&'a str>,
+    /// End of the range of faults, after which nothing was decoded.
+    pub to: Option<&'a str>,
+}
+
+impl<'a> Setting<'a> {
+    /// Setting for a report about a whole capture.
+    pub const fn new(buses: Buses<'a>, first: Option<Timestamp>) -> Self {
+        Self { buses, first, at: None, from: None, to: None }
+    }
 }
 
 /// Writes the report.
@@ -122,19 +133,32 @@ impl Page<'_> {
         }
     }
 
-    fn end(&self) -> String {
-        match self.setting.at {
-            Some(at) => format!("up to {at}"),
-            None => "in this capture".into(),
+    /// Range of faults: `in this capture`, `up to 12.500 s`, `from 1.000 s to 12.500 s`.
+    fn range(&self) -> String {
+        match (self.setting.from, self.setting.at.or(self.setting.to)) {
+            (None, None) => "in this capture".into(),
+            (None, Some(end)) => format!("up to {end}"),
+            (Some(from), None) => format!("from {from} on"),
+            (Some(from), Some(end)) => format!("from {from} to {end}"),
         }
     }
 
     /// Writes which nodes are present, if the chosen one is not.
     fn absent(&mut self, report: &Report) {
-        let end = self.end();
         if let (Some(others), Some(chosen)) = (&report.others, &report.question.chosen) {
-            let others: Vec<_> = others.iter().map(ToString::to_string).collect();
+            let has_several_buses = self.setting.buses.len() > 1;
+            let name = |(bus, node): &(BusIndex, NodeId)| {
+                if has_several_buses {
+                    format!("{} {}", self.bus_name(*bus), node.label())
+                } else {
+                    node.label()
+                }
+            };
+            let others: Vec<_> = others.iter().map(name).collect();
             let others = if others.is_empty() { "none".into() } else { others.join(", ") };
+            // Frames before the range of faults were decoded, too.
+            let end = self.setting.at.or(self.setting.to);
+            let end = end.map_or_else(|| "in this capture".to_owned(), |end| format!("up to {end}"));
             self.line(0, &format!("{} not present {end}; nodes present: {others}", chosen.node.words()));
         }
     }
@@ -168,7 +192,7 @@ impl Page<'_> {
     /// Writes findings that are notes only.
     fn notes(&mut self, report: &Report) {
         let notes = &report.diagnosis.notes;
-        for line in notes.iter().take(SHOWN_NOTES) {
+        for line in notes.iter().take(SHOWN_NOTES).map(|note| &note.line) {
             self.line(0, &format!("{:14} {}", line.label.word(), line.text));
         }
         let rest = notes.len().saturating_sub(SHOWN_NOTES);
@@ -178,7 +202,7 @@ impl Page<'_> {
     }
 
     fn headline(&mut self, report: &Report) {
-        let end = self.end();
+        let end = self.range();
         let Some(moment) = &report.moment else {
             let of = report
                 .question
@@ -243,7 +267,8 @@ impl Page<'_> {
         if report.quiet.is_empty() {
             return;
         }
-        match self.setting.at {
+        let end = self.setting.to.filter(|_| report.moment.is_none());
+        match self.setting.at.or(end) {
             Some(at) => self.line(0, &format!("silent at {at}")),
             None => self.line(0, "silent at that time"),
         }
@@ -259,10 +284,10 @@ impl Page<'_> {
     }
 
     fn states(&mut self, report: &Report) {
-        let when = match (self.setting.at, &report.moment) {
-            (Some(at), _) => format!("at {at}"),
-            (None, Some(_)) => "at that time".to_owned(),
-            (None, None) => "at the end".to_owned(),
+        let when = match (self.setting.at, &report.moment, self.setting.to) {
+            (Some(at), ..) | (None, None, Some(at)) => format!("at {at}"),
+            (None, Some(_), _) => "at that time".to_owned(),
+            (None, None, None) => "at the end".to_owned(),
         };
         for state in &report.nodes {
             let is_of_fault = report.moment.as_ref().is_some_and(|moment| moment.node == Some(state.node));

@@ -50,7 +50,7 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         let failure = match decode_capture(capture, &arguments.input, &options, &mut judging) {
             Ok(decoded) => {
                 judging.finish(decoded.decoder.buses());
-                if !printer.has_events() {
+                if !printer.is_done() {
                     decoded.report_unreadable(&name);
                 }
                 let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());

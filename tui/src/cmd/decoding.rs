@@ -8,14 +8,14 @@ use cobscope_decoder::session::{Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::escape;
 
 use super::input::{read_options, series, session_options, unknown_buses};
-use super::messages::{complain, warn};
+use super::messages::{complain, exit_of, warn};
 use super::output;
 use super::remarks;
 use crate::cli::InputArgs;
 use crate::exit_code::Exit;
 use crate::select::Span;
 use crate::source::{Series, SeriesFrames, time_span};
-use crate::words::unheard;
+use crate::words::unheard_until;
 
 /// Observer of a capture that can end decoding early.
 pub(super) trait CaptureObserver: Observer {
@@ -52,6 +52,11 @@ pub(super) trait CaptureObserver: Observer {
         true
     }
 
+    /// The moment at which the observer ended the capture, as text; `None` if all frames were read.
+    fn early_end(&self) -> Option<String> {
+        None
+    }
+
     /// Called with the next frames, before the events of the first one. Returns the number of frames of which the observer
     /// took note; 0 ends the capture before the first one.
     fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
@@ -85,7 +90,7 @@ pub(super) struct DecodedCapture {
 }
 
 impl DecodedCapture {
-    /// Reports unreadable lines and records, if the output does not contain them as events.
+    /// Reports unreadable lines and records.
     pub(super) fn report_unreadable(&self, name: &str) {
         if let Some(text) = self.unreadable_text(name) {
             warn(&text);
@@ -200,7 +205,7 @@ pub(super) fn decode_quietly(
     let warnings = if watcher.is_done() {
         Vec::new()
     } else {
-        warnings(&name(), (input, options), frames.buses(), &decoder)
+        warnings(&name(), (input, options), frames.buses(), (&decoder, watcher.early_end()))
     };
     match failure {
         Some(failure) if !has_frames => Err(failure),
@@ -216,12 +221,12 @@ fn warnings(
     name: &str,
     (input, options): (&InputArgs, &SessionOptions),
     names: &BusNames,
-    decoder: &Decoder,
+    (decoder, early_end): (&Decoder, Option<String>),
 ) -> Vec<String> {
     let mut warnings = unknown_buses(name, input, options, names);
     let (capture, buses) = (escape(name).into_owned(), decoder.buses());
     warnings.extend(remarks::limits(&capture, buses));
-    warnings.extend(unheard(&capture, buses, options));
+    warnings.extend(unheard_until(&capture, buses, options, early_end.as_deref()));
     warnings
 }
 
@@ -276,21 +281,29 @@ fn push_batch(
 /// Creates a report for each capture and prints all of them, including those for truncated captures.
 pub(super) fn report(
     input: &InputArgs,
-    mut one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+    one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
 ) -> Exit {
-    let options = match session_options(input) {
-        Ok(options) => options,
+    match session_options(input) {
+        Ok(options) => report_with(input, &options, one),
         Err(error) => {
             complain(&error);
-            return Exit::Profile;
+            Exit::Profile
         }
-    };
+    }
+}
+
+/// As [`report`], with options that were read before.
+pub(super) fn report_with(
+    input: &InputArgs,
+    options: &SessionOptions,
+    mut one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+) -> Exit {
     let mut exit = Exit::Clean;
     let mut text = String::new();
     for series in series(input) {
-        if let Some(error) = one(&series, &options, &mut text).unwrap_or_else(Some) {
+        if let Some(error) = one(&series, options, &mut text).unwrap_or_else(Some) {
             complain(&error);
-            exit = exit.max(Exit::Capture);
+            exit = exit.max(exit_of(&error));
         }
     }
     exit.max(output::print(text.as_bytes()))

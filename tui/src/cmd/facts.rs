@@ -10,9 +10,10 @@ use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::why::{NodeChoice, Question, Why};
 
+use super::messages::absent_value;
 use super::selected_findings::SelectedFindings;
 use crate::cli::{InputArgs, SelectArgs};
-use crate::select::{Selection, Span};
+use crate::select::{Bound, Selection, Span};
 
 /// Facts of the capture, and findings within the selection.
 pub(super) struct Facts {
@@ -50,6 +51,11 @@ impl Facts {
     /// Message for a range after the end of the capture; see [`Selection::missed`].
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         self.selection.missed(frame, last)
+    }
+
+    /// Start of the range in the current capture.
+    pub(super) fn from(&self) -> Option<Bound> {
+        self.selection.from()
     }
 
     /// Whether a frame without an event may change anything, or may be needed.
@@ -95,7 +101,7 @@ impl Observer for Facts {
     }
 }
 
-/// Stories with a selected finding, about the chosen node.
+/// Stories and notes with a selected finding, about the chosen node.
 pub(super) fn diagnosis(
     findings: &Findings,
     selected: &BTreeSet<u64>,
@@ -103,7 +109,7 @@ pub(super) fn diagnosis(
     (question, buses): (&Question, Buses<'_>),
 ) -> Diagnosis {
     let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
-    diagnosis.stories.retain(|story| story.findings.iter().any(|id| selected.contains(id)));
+    diagnosis.keep_findings(|id| selected.contains(&id));
     if let Some(chosen) = &question.chosen {
         diagnosis.keep_node(|index, node| {
             let bus = buses.iter().find(|bus| bus.index() == index);
@@ -112,6 +118,23 @@ pub(super) fn diagnosis(
         });
     }
     diagnosis
+}
+
+/// Checks that the story of `--story` exists; `failure` ended reading early.
+///
+/// # Errors
+/// If the capture has fewer stories.
+pub(super) fn ensure_story(
+    capture: &str,
+    story: usize,
+    diagnosis: &Diagnosis,
+    failure: Option<&anyhow::Error>,
+) -> anyhow::Result<()> {
+    let stories = diagnosis.stories.len();
+    if story <= stories {
+        return Ok(());
+    }
+    Err(absent_value(format!("{capture}: --story {story}: no such story; stories: {stories}"), failure))
 }
 
 /// The question of a command line: a node without a profile is the chosen node.

@@ -290,11 +290,6 @@ impl Printer {
         }
     }
 
-    /// Whether the output contains all kinds of events, including those for unreadable lines.
-    pub(super) fn has_events(&self) -> bool {
-        self.output.as_ref().is_some_and(|output| output.format.content != EventContent::Values)
-    }
-
     /// Whether the output has no notes, or they are not readable as text.
     pub(super) fn hides_notes(&self) -> bool {
         let is_hidden = |format: &EventFormat| format.content == EventContent::Values || format.is_binary;

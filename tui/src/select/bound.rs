@@ -89,6 +89,19 @@ impl Bound {
         moment.map(Self::Moment).context(option)
     }
 
+    /// The bound as text: `12.500 s` after `first`, the time of the first frame; `frame 12`.
+    pub fn text(self, first: Option<Timestamp>) -> String {
+        let nanoseconds = match (self, first) {
+            (Self::Frame(number), _) => return format!("frame {number}"),
+            (Self::Offset(offset), _) => offset,
+            (Self::Clock(_), _) => 0,
+            (Self::Moment(moment), first) => moment.since(first.unwrap_or(moment)),
+        };
+        let sign = if nanoseconds < 0 { "-" } else { "" };
+        let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
+        format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
+    }
+
     /// Whether the bound is after `frame`. `first` is the time of the first frame. A frame without a
     /// timestamp precedes every time.
     pub fn is_behind(self, frame: &Frame, first: Option<Timestamp>) -> bool {

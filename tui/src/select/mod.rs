@@ -3,6 +3,7 @@
 
 mod bound;
 mod clock;
+mod limit;
 
 use std::cmp::Ordering;
 
@@ -17,6 +18,7 @@ use cobscope_decoder::wire::NodeId;
 use crate::figures::seconds;
 pub use bound::{Bound, Span, ensure_order};
 pub use clock::{BoundSide, spans_days, wall_clock};
+pub use limit::TimeLimit;
 
 /// Selected nodes; all if empty.
 #[derive(Debug, Default)]
@@ -150,6 +152,11 @@ impl Selection {
         self.from = from.map(|bound| bound.resolve(BoundSide::From, first, span)).transpose()?;
         self.to = to.map(|bound| bound.resolve(BoundSide::To, first, span)).transpose()?;
         ensure_order(self.from, self.to)
+    }
+
+    /// Start of the range in the current capture.
+    pub fn from(&self) -> Option<Bound> {
+        self.from
     }
 
     /// Message for a capture that ends before `from`; `frame` and `last` belong to its last frame.

@@ -134,6 +134,10 @@ pub struct Exchange {
     pub kind: &'static str,
     /// Event kind as in filters.
     pub event_kind: &'static str,
+    /// Filter for the kind as it is shown.
+    pub kind_filter: Box<str>,
+    /// Filter for the object, PGN or service, if it has one.
+    pub subject: Option<Box<str>>,
     /// Object or service, and result.
     pub what: Box<str>,
     /// The same for a row: value or failure before the name of the object.

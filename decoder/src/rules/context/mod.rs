@@ -187,6 +187,7 @@ pub struct Alarm<'b, 'a> {
     assumed: Option<&'static str>,
     at: Occurrence,
     since: Option<Timestamp>,
+    requested: Option<Timestamp>,
 }
 
 impl<'b, 'a> Alarm<'b, 'a> {
@@ -205,6 +206,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             assumed: None,
             at,
             since: None,
+            requested: None,
         }
     }
 
@@ -286,6 +288,18 @@ impl<'b, 'a> Alarm<'b, 'a> {
         self.ongoing()
     }
 
+    /// Sets the time of the request that has no response: a node that was lost after it is not the cause.
+    pub(crate) fn requested(mut self, time: Option<Timestamp>) -> Self {
+        self.requested = time;
+        self
+    }
+
+    /// As [`Alarm::requested`], in the clock of [`Context::now`].
+    pub(crate) fn requested_at(self, time: i64) -> Self {
+        let time = self.context.timestamp_of(time);
+        self.requested(time)
+    }
+
     /// Reports the finding. `text` is called only for the first occurrence and for each worse one.
     pub fn report(self, text: impl FnOnce() -> String) {
         let Self {
@@ -302,6 +316,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             assumed,
             at,
             since,
+            requested,
         } = self;
         let (rule, bus) = (context.rule, context.bus);
         let gap = if is_reported { None } else { context.ambiguous_gap(&at) };
@@ -330,6 +345,7 @@ impl<'b, 'a> Alarm<'b, 'a> {
             now: context.now,
             at,
             since: since.or(at.time),
+            requested,
         };
         let is_new = !context.ledger.knows(&claim.key);
         let (traffic, meter, now) = (context.traffic, context.meter, context.now);

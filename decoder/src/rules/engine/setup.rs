@@ -68,15 +68,21 @@ impl Setup {
     pub fn select(mut self, selection: RuleSelection) -> Result<Self, String> {
         let policy = Arc::make_mut(&mut self.policy);
         for pattern in selection.select.iter().chain(&selection.ignore) {
-            if !policy.knows_pattern(pattern) {
-                return Err(unknown(policy, pattern));
-            }
+            check_pattern(policy, pattern)?;
         }
         for rule in &mut policy.rules {
             rule.is_on &= selection.admits(&rule.name);
         }
         policy.selection = selection;
         Ok(self)
+    }
+
+    /// Checks a name or pattern of a selection of rules.
+    ///
+    /// # Errors
+    /// It means no rule; the text suggests a similar name.
+    pub fn check_pattern(&self, pattern: &str) -> Result<(), String> {
+        check_pattern(&self.policy, pattern)
     }
 
     /// Checks a rule name given on the command line.
@@ -153,6 +159,10 @@ fn expect(
     Ok((place, expectation))
 }
 
+fn check_pattern(policy: &Policy, pattern: &str) -> Result<(), String> {
+    if policy.knows_pattern(pattern) { Ok(()) } else { Err(unknown(policy, pattern)) }
+}
+
 fn unknown(policy: &Policy, rule: &str) -> String {
     let near = policy.rules.iter().map(|known| &*known.name).find(|known| is_near(known, rule));
     match near {
@@ -203,7 +213,7 @@ fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) 
     let Some((profile, name)) = settings.rule.split_once(':') else { return Ok(()) };
     let rule = device_rule(catalogue, profile, name)
         .map_err(|message| TextError::at(text, settings.span.clone(), message))?;
-    let keys: Vec<_> = rule.tolerances().collect();
+    let keys: Vec<_> = rule.tolerances().map(|one| one.key).collect();
     for (key, span, value) in &settings.tolerances {
         let message = if !keys.contains(&key.as_str()) {
             no_tolerance(&settings.rule, &keys, key)

@@ -78,7 +78,9 @@ impl Ledger {
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
             let holds = cause.lasts || cause.effect == Effect::Same;
-            let is_in_time = |(place, seen): &(usize, i64)| *seen >= from || holds && self.is_ongoing(*place);
+            let is_in_time = |(place, seen): &(usize, i64)| {
+                (*seen >= from || holds && self.is_ongoing(*place)) && self.precedes(*place, claim)
+            };
             if let Some((place, _)) = self.seen_of(by, claim, node).into_iter().flatten().find(is_in_time)
                 && let Some(group) = self.groups.get(place)
             {
@@ -115,6 +117,12 @@ impl Ledger {
         all.next().map(|(_, group)| group.id)
     }
 
+    /// Whether the condition of a group had begun when the request of a claim was sent.
+    fn precedes(&self, place: usize, claim: &Claim) -> bool {
+        let start = self.courses.get(place).and_then(|course| course.last_start);
+        start.zip(claim.requested).is_none_or(|(start, requested)| start <= requested)
+    }
+
     /// Groups of a rule with the times of their last occurrences: about the same subject, then the latest one.
     fn seen_of(&self, rule: u16, claim: &Claim, node: Option<NodeId>) -> [Option<(usize, i64)>; 2] {
         let same = self.by_key.get(&Key { rule, ..claim.key.clone() });
@@ -131,12 +139,13 @@ impl Ledger {
                 links.push((place, by, Effect::Same));
                 continue;
             }
+            let requested = self.courses.get(place).and_then(|course| course.requested);
             let causes = causes().of(rule, self.absorbed_by(group.key.rule));
             for cause in causes.filter(|cause| cause.effect != Effect::Quality) {
-                let found = self
-                    .latest_of(&cause.by, group, cause.is_on_node)
-                    .filter(|by| by.id != group.id && explains(by, group.began().time, cause));
-                if let Some(by) = found {
+                let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|(by, start)| {
+                    by.id != group.id && explains((by, *start), (group.began().time, requested), cause)
+                });
+                if let Some((by, _)) = found {
                     links.push((place, by.id, cause.effect));
                     break;
                 }
@@ -181,11 +190,12 @@ impl Ledger {
         is_open && self.courses.get(place).is_some_and(|course| course.is_ongoing)
     }
 
-    fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<&Group> {
+    /// The latest group of a rule that may explain `effect`, with the start of its condition.
+    fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<(&Group, Option<Timestamp>)> {
         let place = self.rules.iter().position(|known| *known.name == *rule)?;
         let node = if is_on_node { effect.key.node } else { None };
         let (place, _) = self.latest.get(&(u16::try_from(place).ok()?, effect.key.bus, node))?;
-        self.groups.get(*place)
+        Some((self.groups.get(*place)?, self.courses.get(*place)?.first_start))
     }
 }
 
@@ -215,9 +225,18 @@ impl CauseEntry {
     }
 }
 
-/// Whether a finding may explain a finding that started at `effect`.
-fn explains(cause: &Group, effect: Option<Timestamp>, entry: &CauseEntry) -> bool {
+/// Whether a finding, whose condition started at `start`, may explain a finding that began at `effect`, about a request
+/// sent at `requested`.
+fn explains(
+    (cause, start): (&Group, Option<Timestamp>),
+    (effect, requested): (Option<Timestamp>, Option<Timestamp>),
+    entry: &CauseEntry,
+) -> bool {
     let (Some(began), Some(effect)) = (cause.began().time, effect) else { return false };
+    // A deadline passes before a silence is reported, but the last frame of a node proves that it was alive until then.
+    if start.is_some_and(|start| start < began && requested.unwrap_or(effect) < start) {
+        return false;
+    }
     let holds = entry.lasts || entry.effect == Effect::Same;
     let lasted = cause.lasted.filter(|_| holds).unwrap_or(0);
     (-entry.before..=entry.within.saturating_add(lasted)).contains(&effect.since(began))

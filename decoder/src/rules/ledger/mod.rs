@@ -52,6 +52,8 @@ pub(super) struct Claim {
     pub(super) at: Occurrence,
     /// Start of a condition.
     pub(super) since: Option<Timestamp>,
+    /// Time of the request that has no response.
+    pub(super) requested: Option<Timestamp>,
 }
 
 /// The bus of a claim, and the node if the bus knows it.
@@ -66,6 +68,13 @@ struct GroupState {
     is_ongoing: bool,
     /// Start of the condition; None if it is over.
     since: Option<Timestamp>,
+    /// Start of the condition when the group was opened first: a silence starts at the last frame, before its
+    /// deadline.
+    first_start: Option<Timestamp>,
+    /// Start of the condition when the group was opened last.
+    last_start: Option<Timestamp>,
+    /// Time of the first request that has no response.
+    requested: Option<Timestamp>,
     /// Occurrences since the group was last opened.
     since_open: u64,
     /// Largest measure so far.
@@ -313,7 +322,14 @@ impl Ledger {
         };
         group.suppressed = self.policy.suppression(&group);
         self.groups.push(group);
-        self.courses.push(GroupState { worst: f64::NEG_INFINITY, word: claim.word, ..GroupState::default() });
+        self.courses.push(GroupState {
+            worst: f64::NEG_INFINITY,
+            word: claim.word,
+            first_start: claim.since,
+            last_start: claim.since,
+            requested: claim.requested,
+            ..GroupState::default()
+        });
         self.by_key.insert(claim.key.clone(), place);
         place
     }
@@ -390,6 +406,7 @@ impl Ledger {
             return (was_ongoing && !claim.is_ongoing).then_some(place);
         }
         group.is_open = true;
+        course.last_start = claim.since;
         course.since_open = 1;
         (!claim.is_ongoing).then_some(place)
     }

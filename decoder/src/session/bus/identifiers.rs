@@ -79,6 +79,20 @@ impl Bus {
         name == SRDO && self.routes.find(CanId::standard(other)).is_none()
     }
 
+    /// Whether frames of an identifier may be expected at intervals: not for requests, responses, commands and
+    /// faults, which follow an event.
+    pub fn is_periodic(&self, id: CanId) -> bool {
+        match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            Some(Service::IsoTp(_) | Service::TestMarker) => false,
+            Some(Service::J1939(id)) if !self.j1939.is_rejected() => event_of_group(id.pgn).is_none(),
+            Some(Service::Named(name)) => name == SRDO || !self.is_settled(None),
+            service @ Some(Service::Nmt | Service::Emcy(_) | Service::Sdo(..) | Service::Lss(_)) => {
+                !self.is_settled_service(service)
+            }
+            _ => true,
+        }
+    }
+
     /// Filter expression that matches the events of an identifier.
     pub fn filter_of_id(&self, id: CanId) -> String {
         let service = self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
@@ -236,13 +250,20 @@ impl Bus {
 /// Filter by event kind for management and transport messages, by PGN for all others.
 fn filter_of_group(id: J1939Id) -> String {
     let sender = format!("source_address == 0x{:02X}", id.source);
-    let kind = match id.pgn {
+    match event_of_group(id.pgn) {
+        Some(kind) => format!("kind == \"{kind}\" && {sender}"),
+        None => format!("pgn == {} && {sender}", id.pgn.number()),
+    }
+}
+
+/// Event kind of a management or transport message; `None` for all others.
+const fn event_of_group(pgn: Pgn) -> Option<&'static str> {
+    Some(match pgn {
         Pgn::ACKNOWLEDGEMENT => "acknowledgement",
         Pgn::REQUEST => "j1939-request",
         Pgn::TP_CM | Pgn::TP_DT | Pgn::ETP_CM | Pgn::ETP_DT => "j1939-transfer",
         Pgn::ADDRESS_CLAIMED => "address-claim",
         Pgn::COMMANDED_ADDRESS => "commanded-address",
-        pgn => return format!("pgn == {} && {sender}", pgn.number()),
-    };
-    format!("kind == \"{kind}\" && {sender}")
+        _ => return None,
+    })
 }

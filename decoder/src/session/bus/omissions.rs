@@ -55,7 +55,7 @@ impl Omissions {
         );
         add(
             self.fd,
-            " in CAN FD format not decoded: only classical CANopen and J1939 are; --frames prints them"
+            " in CAN FD format not decoded: only classical CANopen and J1939 are; decode --frames prints them"
                 .into(),
         );
         add(

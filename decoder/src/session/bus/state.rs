@@ -201,6 +201,11 @@ impl Bus {
         self.canopen.is_confirmed() || self.named.has_canopen()
     }
 
+    /// Whether messages were decoded as CANopen although nothing confirms that the bus uses it.
+    pub fn is_canopen_presumed(&self) -> bool {
+        self.canopen.is_presumed() && !self.named.has_canopen()
+    }
+
     /// Whether the 29-bit frames are confirmed as J1939, or contain an address that the user named.
     pub fn is_j1939(&self) -> bool {
         self.j1939.is_confirmed() || self.named.has_j1939()
@@ -424,6 +429,11 @@ impl Bus {
     /// Bit rate in bit/s, from the bus file, otherwise from the capture.
     pub fn bit_rate(&self) -> Option<u32> {
         self.options.bus_file.bit_rate(&self.name).or(self.recorded_bit_rate)
+    }
+
+    /// Time in ns after which an SDO request without a response has timed out.
+    pub(crate) fn sdo_silence(&self) -> i64 {
+        self.options.sdo_silence
     }
 
     /// Number in the object store of a node.

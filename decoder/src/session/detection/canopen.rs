@@ -40,6 +40,8 @@ pub(in crate::session) enum ProtocolStatus {
 pub(in crate::session) struct CanopenDetection {
     choice: ProtocolChoice,
     status: ProtocolStatus,
+    /// Messages were decoded as CANopen without evidence.
+    has_presumed: bool,
     evidence: u32,
     contradictions: u32,
     unsupported: u32,
@@ -62,6 +64,7 @@ impl CanopenDetection {
         Self {
             choice,
             status,
+            has_presumed: false,
             evidence: 0,
             contradictions: 0,
             unsupported: 0,
@@ -81,6 +84,17 @@ impl CanopenDetection {
     #[inline]
     pub(in crate::session) fn is_confirmed(&self) -> bool {
         self.status == ProtocolStatus::Confirmed
+    }
+
+    /// Notes a message that is decoded as CANopen without evidence.
+    #[inline]
+    pub(in crate::session) fn note_presumed(&mut self) {
+        self.has_presumed = true;
+    }
+
+    /// Whether messages were decoded as CANopen, and there is neither evidence nor contradiction.
+    pub(in crate::session) fn is_presumed(&self) -> bool {
+        self.has_presumed && self.status == ProtocolStatus::Presumed
     }
 
     /// Counts a message that only CANopen uses.

@@ -21,7 +21,8 @@ use super::decoding::{CaptureObserver, decode_capture, report};
 use super::messages::complain;
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
-use crate::select::{Bound, BoundSide, Span};
+use crate::select::{Span, TimeLimit};
+use crate::words::present;
 use entry::{hex, label, place};
 use want::Want;
 
@@ -43,7 +44,7 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
     };
     let several = arguments.input.captures.len() > 1;
     report(&arguments.input, |series, options, output| {
-        let mut until = TimeLimit { at: arguments.at, first: None };
+        let mut until = Until(TimeLimit::new(arguments.at, None));
         let decoded = decode_capture(series, &arguments.input, options, &mut until)?;
         let name = series.name();
         decoded.report_unreadable(&name);
@@ -54,15 +55,17 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
             let _ = writeln!(output, "== {}", escape(&name));
         }
         if let Some(want) = &want {
-            want.compare(decoded.decoder.buses(), until.first, &name, output);
+            want.compare(decoded.decoder.buses(), until.0.first(), &name, output);
         } else {
             for bus in decoded.decoder.buses() {
-                print_bus(bus, arguments, until.first, &name, output);
+                print_bus(bus, arguments, until.0.first(), &name, output);
             }
         }
         // A node of `--node` is reported for every command.
         let of_file = want.as_ref().filter(|_| arguments.input.node.is_empty()).map(Want::chosen);
-        if let Some(absent) = of_file.and_then(|chosen| absent(decoded.decoder.buses(), chosen)) {
+        let absent =
+            of_file.and_then(|chosen| absent(decoded.decoder.buses(), chosen, until.early_end().as_deref()));
+        if let Some(absent) = absent {
             complain(&anyhow::anyhow!("{name}: {absent}"));
         }
         Ok(decoded.failure)
@@ -70,28 +73,27 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
 }
 
 /// Observer that ends the capture at `--at`.
-struct TimeLimit {
-    at: Option<Bound>,
-    first: Option<Timestamp>,
-}
+struct Until(TimeLimit);
 
-impl Observer for TimeLimit {
+impl Observer for Until {
     fn event(&mut self, _: &Event, _: &Bus) {}
 }
 
-impl CaptureObserver for TimeLimit {
+impl CaptureObserver for Until {
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        self.at = self.at.map(|at| at.resolve(BoundSide::At, first, span)).transpose()?;
-        Ok(())
+        self.0.begin(first, span)
     }
 
     fn wants_frames(&self) -> bool {
-        self.at.is_some()
+        self.0.is_limited()
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        !self.at.is_some_and(|at| at.is_before(frame, self.first))
+        !self.0.ends_before(frame)
+    }
+
+    fn early_end(&self) -> Option<String> {
+        self.0.passed()
     }
 }
 
@@ -264,14 +266,13 @@ pub(super) fn record(
 }
 
 /// Message if the chosen node is not present; `None` for an unknown bus, which was already reported.
-fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId)) -> Option<String> {
+fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId), end: Option<&str>) -> Option<String> {
     let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
     let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
     if is_there || !buses.iter().any(|bus| is_meant(&bus)) {
         return None;
     }
-    let present: Vec<_> =
-        buses.iter().filter(is_meant).flat_map(Bus::nodes).map(|node| node.id().to_string()).collect();
-    let present = if present.is_empty() { "none".to_owned() } else { present.join(", ") };
-    Some(format!("{} not present; nodes present: {present}", node.words()))
+    let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
+    let present = present(buses, |_| true);
+    Some(format!("{} not present{end}; nodes present: {present}", node.words()))
 }

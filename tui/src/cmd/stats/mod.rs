@@ -8,11 +8,12 @@ mod text;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Bus, Observer, Preview};
+use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
-use super::decoding::{CaptureObserver, decode_capture, report};
-use super::messages::{complain, warn};
+use super::decoding::{CaptureObserver, decode_capture, report_with};
+use super::input::{check_rules_of, session_options, setup};
+use super::messages::{Refusal, complain, warn};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, Span};
@@ -21,11 +22,14 @@ pub(super) use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
-    if let Err(error) = arguments.select.selection() {
-        complain(&error);
-        return Exit::Usage;
-    }
-    report(&arguments.input, |series, options, output| {
+    let options = match ready(arguments) {
+        Ok(options) => options,
+        Err((exit, error)) => {
+            complain(&error);
+            return exit;
+        }
+    };
+    report_with(&arguments.input, &options, |series, options, output| {
         let selection = arguments.select.selection()?;
         let mut counting = Counting { statistics: Statistics::default(), selection };
         let decoded = decode_capture(series, &arguments.input, options, &mut counting)?;
@@ -46,6 +50,22 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         }
         Ok(decoded.failure)
     })
+}
+
+/// Options for decoding.
+///
+/// # Errors
+/// If an option, the bus file or a profile is not valid.
+fn ready(arguments: &StatsArgs) -> Result<SessionOptions, Refusal> {
+    let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
+    arguments.select.selection().map_err(usage)?;
+    let options = session_options(&arguments.input).map_err(profile)?;
+    // The command has no findings, but a misspelt rule is an error in the filters of all commands.
+    if let Some(filter) = arguments.select.filter.as_ref().filter(|it| !it.compared("rule").is_empty()) {
+        let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
+        check_rules_of(Some(filter), &setup).map_err(usage)?;
+    }
+    Ok(options)
 }
 
 /// The object of `-f json`, with its line end.

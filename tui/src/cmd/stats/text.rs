@@ -19,6 +19,10 @@ use super::report::Report;
 use crate::figures::{millis, seconds};
 use crate::words::{commands, error_frames, faults, period, protocols, rates, since, stamps};
 
+/// Reason why CANopen is only presumed, and what confirms it.
+const UNCONFIRMED: &str = "no heartbeat, NMT command or SDO response; --protocol canopen, --node ID=PROFILE or a bus file \
+                           with the nodes (convert --bus-file writes one) confirms CANopen";
+
 /// Writes the report of one capture.
 pub fn write(report: &Report<'_>, output: &mut String) {
     let mut text = String::new();
@@ -73,10 +77,15 @@ fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, 
     if let Some(beginning) = statistics.beginning() {
         let _ = writeln!(text, "          {}", begins(&beginning));
     }
+    if bus.is_canopen_presumed() {
+        let _ = writeln!(text, "          {UNCONFIRMED}");
+    }
     if statistics.undecoded + statistics.malformed > 0 {
+        // Services other than SYNC, TIME and PDO are decoded only on a confirmed bus.
+        let known = if bus.is_canopen_presumed() { "known or confirmed" } else { "known" };
         let _ = writeln!(
             text,
-            "          {} of no known service, {} malformed",
+            "          {} of no {known} service, {} malformed",
             plural(statistics.undecoded, "frame"),
             statistics.malformed
         );

@@ -8,67 +8,90 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::diagnosis;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Judge};
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
+use cobscope_decoder::rules::{Engine, Judge, Setup};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{Question, json};
 
-use super::decoding::{CaptureObserver, decode_capture, report};
-use super::facts::{Facts, diagnosis, question};
-use super::input::setup;
-use super::messages::complain;
+use super::decoding::{CaptureObserver, decode_capture, report_with};
+use super::facts::{Facts, diagnosis, ensure_story, question};
+use super::input::{check_rules_of, session_options, setup};
+use super::messages::{Refusal, complain};
 use crate::cli::{ReportFormat, WhyArgs};
 use crate::exit_code::Exit;
-use crate::select::{Bound, BoundSide, Span};
+use crate::select::{Span, TimeLimit};
 
 /// Runs the command.
 pub fn run(arguments: &WhyArgs) -> Exit {
-    if let Err(error) = arguments.select.selection() {
-        complain(&error);
-        return Exit::Usage;
-    }
+    let (options, setup) = match ready(arguments) {
+        Ok(ready) => ready,
+        Err((exit, error)) => {
+            complain(&error);
+            return exit;
+        }
+    };
     let several = arguments.input.captures.len() > 1;
-    report(&arguments.input, |series, options, output| {
+    report_with(&arguments.input, &options, |series, options, output| {
         let question = question(&arguments.input, &arguments.select, arguments.story);
         let question = Question { latest: arguments.at.is_some(), ..question };
-        let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
         let mut watch = Watch {
-            engine: Engine::new(setup),
+            engine: Engine::new(Arc::clone(&setup)),
             facts: Facts::new(question.clone(), &arguments.select)?,
-            at: arguments.at,
-            first: None,
+            limit: TimeLimit::new(arguments.at, arguments.select.to),
         };
         let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
         let name = series.name();
         decoded.report_unreadable(&name);
         let buses = decoded.decoder.buses();
-        let Watch { engine, mut facts, at, first } = watch;
+        let Watch { engine, mut facts, limit } = watch;
+        let first = limit.first();
         let findings = engine.finish(buses, &mut facts);
         let last = decoded.decoder.last_time();
         if let Some(missed) = facts.missed(decoded.decoder.frames(), last) {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
-        let end = last.filter(|_| at.is_some());
-        let at = at.map(|at| moment(at, first));
-        let setting = diagnosis::Setting { zero: first, end, is_growing: false };
+        let is_of_moment = question.latest;
+        let end = limit.text();
+        let (at, to) = if is_of_moment { (end.as_deref(), None) } else { (None, end.as_deref()) };
+        let from = facts.from().map(|from| from.text(first));
+        let setting = diagnosis::Setting {
+            zero: first,
+            end: last.filter(|_| is_of_moment),
+            is_growing: limit.passed().is_some(),
+        };
         let (why, selected) = facts.results(&findings);
         let diagnosis = diagnosis(&findings, &selected, setting, (&question, buses));
+        ensure_story(&name, question.story, &diagnosis, decoded.failure.as_ref())?;
         let answer = why.report(diagnosis, buses, &options.catalogue);
         match arguments.format {
             ReportFormat::Text => {
                 if several && !series.is_joined_from(&arguments.input.captures) {
                     let _ = writeln!(output, "== {}", escape(&name));
                 }
-                text::write(&answer, &Setting { buses, first, at: at.as_deref() }, output);
+                let from = from.as_deref();
+                text::write(&answer, &Setting { buses, first, at, from, to }, output);
             }
             ReportFormat::Json => {
-                output.push_str(&json::line(&answer, buses, first, at.as_deref(), &name));
+                output.push_str(&json::line(&answer, buses, first, at, &name));
                 output.push('\n');
             }
         }
         Ok(decoded.failure)
     })
+}
+
+/// Options for decoding, and rules.
+///
+/// # Errors
+/// If an option, the bus file or a profile is not valid.
+fn ready(arguments: &WhyArgs) -> Result<(SessionOptions, Arc<Setup>), Refusal> {
+    let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
+    arguments.select.selection().map_err(usage)?;
+    let options = session_options(&arguments.input).map_err(profile)?;
+    let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
+    check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(usage)?;
+    Ok((options, Arc::new(setup)))
 }
 
 /// The object of `-f json`, about the whole capture.
@@ -81,25 +104,11 @@ pub(super) fn line(
     json::line(answer, buses, first, None, name)
 }
 
-/// A moment as text.
-fn moment(at: Bound, first: Option<Timestamp>) -> String {
-    let nanoseconds = match (at, first) {
-        (Bound::Frame(number), _) => return format!("frame {number}"),
-        (Bound::Offset(offset), _) => offset,
-        (Bound::Clock(_), _) => 0,
-        (Bound::Moment(moment), first) => moment.since(first.unwrap_or(moment)),
-    };
-    let sign = if nanoseconds < 0 { "-" } else { "" };
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
-}
-
-/// Observer that ends the capture at `--at`.
+/// Observer that ends the capture at `--at` or `--to`.
 struct Watch {
     engine: Engine,
     facts: Facts,
-    at: Option<Bound>,
-    first: Option<Timestamp>,
+    limit: TimeLimit,
 }
 
 impl Observer for Watch {
@@ -137,8 +146,7 @@ impl Watch {
 
 impl CaptureObserver for Watch {
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        self.at = self.at.map(|at| at.resolve(BoundSide::At, first, span)).transpose()?;
+        self.limit.begin(first, span)?;
         self.facts.begin(first, span)
     }
 
@@ -147,7 +155,7 @@ impl CaptureObserver for Watch {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        if self.at.is_some_and(|at| at.is_before(frame, self.first)) {
+        if self.limit.ends_before(frame) {
             return false;
         }
         self.engine.frame(frame);
@@ -155,9 +163,14 @@ impl CaptureObserver for Watch {
     }
 
     fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        match (self.at, frames.first()) {
-            (None, _) => self.engine.frames(frames),
-            (Some(_), first) => usize::from(first.is_some_and(|frame| self.frame(frame, names))),
+        if self.limit.is_limited() {
+            usize::from(frames.first().is_some_and(|frame| self.frame(frame, names)))
+        } else {
+            self.engine.frames(frames)
         }
+    }
+
+    fn early_end(&self) -> Option<String> {
+        self.limit.passed()
     }
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use cobscope_decoder::event::{Event, EventKind, Kind, TransferFigures};
 use cobscope_decoder::frame::Frame;
+use cobscope_decoder::query::{kind_filter, subject_filter};
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayState};
 use cobscope_decoder::rules::{Engine, Setup};
 use cobscope_decoder::session::Bus;
@@ -253,6 +254,8 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         node: event.node,
         kind: line.kind,
         event_kind: event.kind.name(),
+        kind_filter: kind_filter(event).into(),
+        subject: subject_filter(event, told.bus).map(Into::into),
         what: escape(&line.what).into(),
         news: escape(&news).into(),
         duration,

@@ -9,6 +9,7 @@ use crate::rules::Context;
 use crate::rules::device::case::RuleCase;
 use crate::rules::device::describe::with_details;
 use crate::wire::NodeId;
+use crate::words::plural;
 
 /// COB-ID bit 31: the service does not exist. Bit 29: the identifier has 29 bits.
 const INVALID: u64 = 1 << 31;
@@ -29,7 +30,7 @@ pub(in crate::rules::device) fn judge_frame(case: &RuleCase<'_>, frame: &Frame, 
         return context.pass();
     }
     let length = frame.length;
-    report_id(case, frame.id, &format!("{length} bytes, not a valid SDO message"), context);
+    report_id(case, frame.id, &format!("{}, not a valid SDO message", plural(length, "byte")), context);
 }
 
 /// Checks a PDO with a reserved identifier.
@@ -122,5 +123,5 @@ pub(in crate::rules::device) fn judge_remote_length(
     let Some(event) = case.event else { return };
     let (name, text) = (pdo.name, &case.rule.text);
     let alarm = context.fail(event).node(Some(case.facts.id)).about(About::Name(name.to_string().into()));
-    alarm.report(|| with_details(text, &format!("{asked} bytes requested, {name} has {has}")));
+    alarm.report(|| with_details(text, &format!("{} requested, {name} has {has}", plural(asked, "byte"))));
 }

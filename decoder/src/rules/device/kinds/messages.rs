@@ -9,6 +9,7 @@ use crate::rules::device::case::RuleCase;
 use crate::rules::device::describe::with_details;
 use crate::rules::device::progress::RuleProgress;
 use crate::wire::j1939::Pgn;
+use crate::words::plural;
 
 /// A message of `on` has `bytes` bytes.
 pub(super) fn judge_length(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
@@ -24,7 +25,7 @@ pub(super) fn judge_length(case: &RuleCase<'_>, event: &TriggerEvent<'_>, contex
         return context.pass();
     }
     let (text, length) = (&case.rule.text, message.length);
-    case.fail(event, context).report(|| with_details(text, &format!("{length} bytes")));
+    case.fail(event, context).report(|| with_details(text, &plural(length, "byte")));
 }
 
 /// A group is sent only after a request. A request before the first frame of the node may not be in the capture.

@@ -7,6 +7,7 @@ use crate::profile::device::{AtBoot, ClearMeaning, RuleKind};
 use crate::rules::Context;
 use crate::rules::device::case::RuleCase;
 use crate::rules::device::describe::with_details;
+use crate::words::plural;
 
 /// Bytes of an EMCY (CiA 301 §7.2.7.3), and those before the manufacturer-specific ones.
 const BYTES: u8 = 8;
@@ -42,7 +43,7 @@ fn length_defect(emergency: &Emergency, device: &Device) -> Option<String> {
         (Some(_), Some(_)) => BEFORE.saturating_add(emergency.vendor_length),
     };
     let is_ready = bytes == 0 && device.emcy.at_boot == AtBoot::ReadyTelegram;
-    (bytes != BYTES && !is_ready).then(|| format!("{bytes} bytes"))
+    (bytes != BYTES && !is_ready).then(|| plural(bytes, "byte"))
 }
 
 /// The code is in the list of the profile.

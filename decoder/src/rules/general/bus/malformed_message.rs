@@ -5,6 +5,7 @@ use crate::finding::About;
 use crate::rules::general::j1939::transport_violation::is_transport;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
@@ -45,7 +46,7 @@ impl Rule for MalformedMessage {
         let alarm = context.fail(event).about(About::Name(error.layer.into()));
         alarm.report(|| match error.needed {
             0 => (*reason).to_owned(),
-            needed => format!("{reason}: {} bytes (min {needed})", error.available),
+            needed => format!("{reason}: {} (min {needed})", plural(error.available, "byte")),
         });
     }
 }

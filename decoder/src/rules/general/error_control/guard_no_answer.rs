@@ -43,6 +43,8 @@ struct Guarded {
     /// Consecutive requests without a response; `frames` has the first and the last of them.
     missed: u64,
     frames: FrameRange,
+    /// Time of the first of them.
+    requested: i64,
 }
 
 #[derive(Default)]
@@ -61,7 +63,9 @@ impl Guarded {
                 return;
             }
             if self.answers {
-                self.frames.first = if self.missed == 0 { first } else { self.frames.first };
+                if self.missed == 0 {
+                    (self.requested, self.frames.first) = (asked, first);
+                }
                 self.frames.last = first;
                 self.missed = self.missed.saturating_add(1);
             }
@@ -77,6 +81,7 @@ impl Guarded {
         }
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let alarm = context.fail(event).frames(frames).measure(missed as f64);
+        let alarm = alarm.requested_at(self.requested);
         alarm.report(|| missed_text(missed, frames));
     }
 }
@@ -147,6 +152,7 @@ impl Rule for GuardNoAnswer {
             let (missed, frames) = (guarded.missed, guarded.frames);
             #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
             let alarm = context.fail_at(context.now, Some(node), frames).measure(missed as f64);
+            let alarm = alarm.requested_at(guarded.requested);
             alarm.report(|| missed_text(missed, frames));
         }
     }

@@ -5,6 +5,7 @@ use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Need, Policy, Rule};
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
@@ -52,6 +53,8 @@ impl Rule for PdoLong {
         }
         let (name, length) = (pdo.name, pdo.length);
         let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-        alarm.report(|| format!("{name} with {length} bytes > {mapped} bytes (mapping)"));
+        alarm.report(|| {
+            format!("{name} with {} > {} (mapping)", plural(length, "byte"), plural(mapped, "byte"))
+        });
     }
 }

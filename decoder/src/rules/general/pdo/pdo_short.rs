@@ -6,6 +6,7 @@ use crate::profile::PdoDirection;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Need, Policy, Rule};
+use crate::words::plural;
 
 declare_rule! {
     /// # What it checks
@@ -58,6 +59,8 @@ impl Rule for PdoShort {
         }
         let (name, length) = (pdo.name, pdo.length);
         let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(mapped));
-        alarm.report(|| format!("{name} with {length} bytes < {mapped} bytes (mapping)"));
+        alarm.report(|| {
+            format!("{name} with {} < {} (mapping)", plural(length, "byte"), plural(mapped, "byte"))
+        });
     }
 }

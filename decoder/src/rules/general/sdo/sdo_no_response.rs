@@ -96,7 +96,8 @@ impl SdoNoResponse {
         };
         let severity = if is_early { Severity::Warning } else { Severity::Error };
         let alarm = context.fail(event).about(about(transfer)).severity(severity).measure(f64::MAX);
-        let alarm = alarm.reported_by_device();
+        let requested = event.time.map(|time| time.plus(waited.saturating_neg()));
+        let alarm = alarm.reported_by_device().requested(requested);
         let milliseconds = waited / 1_000_000;
         alarm.report(|| format!("no SDO response ({what} after {milliseconds} ms)"));
     }
@@ -135,7 +136,9 @@ impl Rule for SdoNoResponse {
             // The client did not continue the transfer, or did not start it.
             (Outcome::Timeout, _) if transfer.awaits_client => {}
             (Outcome::Timeout, _) => {
-                let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX);
+                let silence = context.bus.sdo_silence();
+                let requested = event.time.map(|time| time.plus(silence.saturating_neg()));
+                let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX).requested(requested);
                 alarm.report(|| "no SDO response".to_owned());
             }
             (outcome, Some(waited)) => self.given_up(event, transfer, (outcome, waited), context),

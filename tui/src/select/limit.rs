@@ -1,0 +1,66 @@
+//! End of the part of a capture that a command reads: `--at` and `--to`.
+
+use cobscope_decoder::frame::{Frame, Timestamp};
+
+use super::bound::{Bound, Span};
+use super::clock::BoundSide;
+
+/// End of the part of a capture that is read.
+#[derive(Debug, Default)]
+pub struct TimeLimit {
+    bounds: Vec<(BoundSide, Bound)>,
+    first: Option<Timestamp>,
+    /// The bound that ended reading.
+    passed: Option<Bound>,
+}
+
+impl TimeLimit {
+    /// The capture ends at the earlier one of both moments.
+    pub fn new(at: Option<Bound>, to: Option<Bound>) -> Self {
+        let bounds = [(BoundSide::At, at), (BoundSide::To, to)];
+        let bounds = bounds.into_iter().filter_map(|(side, bound)| Some((side, bound?))).collect();
+        Self { bounds, ..Self::default() }
+    }
+
+    /// Whether there is a limit.
+    pub fn is_limited(&self) -> bool {
+        !self.bounds.is_empty()
+    }
+
+    /// Takes the first frame of the capture.
+    ///
+    /// # Errors
+    /// If a bound is not possible for this capture; see [`Bound::resolve`].
+    pub fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.first = first.time;
+        for (side, bound) in &mut self.bounds {
+            *bound = bound.resolve(*side, first, span)?;
+        }
+        Ok(())
+    }
+
+    /// Timestamp of the first frame.
+    pub fn first(&self) -> Option<Timestamp> {
+        self.first
+    }
+
+    /// Whether the capture ends before `frame`.
+    pub fn ends_before(&mut self, frame: &Frame) -> bool {
+        let first = self.first;
+        let is_passed = |(_, bound): &&(BoundSide, Bound)| bound.is_before(frame, first);
+        let passed = self.bounds.iter().find(is_passed).map(|(_, bound)| *bound);
+        self.passed = self.passed.or(passed);
+        passed.is_some()
+    }
+
+    /// The bound that ended reading, as text; `None` if all frames were read.
+    pub fn passed(&self) -> Option<String> {
+        Some(self.passed?.text(self.first))
+    }
+
+    /// The end as text; `None` without a limit.
+    pub fn text(&self) -> Option<String> {
+        let bound = self.passed.or_else(|| self.bounds.first().map(|(_, bound)| *bound))?;
+        Some(bound.text(self.first))
+    }
+}
