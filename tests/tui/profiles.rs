@@ -2,11 +2,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use cobscope_decoder::profile::Catalogue;
 
 use crate::cli::run;
 use crate::docs::is_current;
+use crate::support::workspace;
 
 /// A folder of this test with one profile in it.
 fn folder(name: &str, text: &str) -> PathBuf {
@@ -63,7 +65,7 @@ fn bus_files_beside_profiles_are_passed_over() {
     let folder = folder("beside", PUMP);
     let all = ["uds/named.bus.toml", "machine/machine.bus.toml", "incidents/250k.bus.toml"];
     for (at, file) in all.into_iter().enumerate() {
-        let file = crate::support::workspace().join("fixtures").join(file);
+        let file = workspace().join("fixtures").join(file);
         fs::copy(file, folder.join(format!("bus{at}.toml"))).unwrap();
     }
     fs::write(folder.join("id.toml"), "[[id]]\nid = 0x1A0\nservice = \"none\"\n").unwrap();
@@ -322,4 +324,36 @@ fn a_profile_of_the_user_explains_as_well() {
     let output = run(&["explain", "2001", "--device", "pump", "--profiles", &path(&broken)], "");
     assert_eq!(output.code, 4);
     assert!(output.stderr.contains("pump.toml:3:1: unknown field `indx`"), "{}", output.stderr);
+}
+
+#[test]
+fn a_profile_in_the_folder_of_the_user_is_named_where_it_is_not_read() {
+    let profiles = folder("config/cobscope/profiles", PUMP);
+    let config = Path::new(env!("CARGO_TARGET_TMPDIR")).join("config");
+    let run = |arguments: &[&str]| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_cobscope"));
+        let program = program.args(arguments).current_dir(workspace()).env("XDG_CONFIG_HOME", &config);
+        let output = program.stdin(Stdio::null()).output().unwrap();
+        (String::from_utf8(output.stderr).unwrap(), output.status.code())
+    };
+    let hint = format!("; --user-profiles reads it from {}", profiles.display());
+    let lake = folder("config-lake", PUMP);
+    let (capture, lake) = ("fixtures/rules/clean/canopen.log", path(&lake));
+    for command in [&["check"][..], &["lake", "add", &lake]] {
+        let given = |node| run(&[command, &["--node", node, capture]].concat());
+        let list = "(cobscope profiles list)";
+        let expected = format!("cobscope: --node 5=acme-pump: unknown profile 'acme-pump' {list}{hint}\n");
+        assert_eq!(given("5=acme-pump"), (expected, Some(4)));
+        // No folder has it.
+        let expected = format!("cobscope: --node 5=other: unknown profile 'other' {list}\n");
+        assert_eq!(given("5=other"), (expected, Some(4)));
+    }
+    let bus = path(&profiles.join("machine.bus.toml"));
+    fs::write(&bus, "[node.5]\ndevice = \"acme-pump\"\n").unwrap();
+    let expected = format!(
+        "cobscope: {bus}:2:10: unknown profile 'acme-pump'{hint}\n  2 | device = \"acme-pump\"\n    |          \
+         ^^^^^^^^^^^\n"
+    );
+    assert_eq!(run(&["check", "--bus", &bus, capture]), (expected, Some(4)));
+    assert_eq!(run(&["check", "--user-profiles", "--node", "5=acme-pump", capture]).1, Some(0));
 }

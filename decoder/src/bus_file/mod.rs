@@ -199,6 +199,31 @@ mod tests {
     }
 
     #[test]
+    fn a_value_of_another_type_is_refused_with_the_expected_ones() {
+        const VALUE: &str =
+            "expected a whole number or a text; give other values as data, bytes in hexadecimal";
+        const IDENTIFIER: &str = "expected a CAN identifier: 0x1A0, \"1A0\" or \"000001A0\" as in candump";
+        for value in ["1.5", "true", "[1]"] {
+            let object = format!("[[node.5.object]]\nobject = '6000:00'\nvalue = {value}");
+            let error = BusFile::parse(&object).unwrap_err();
+            assert_eq!((error.line, error.message.as_str()), (3, VALUE), "{value}");
+            let error = BusFile::parse(&format!("[[id]]\nid = {value}\nservice = 'sync'")).unwrap_err();
+            assert_eq!((error.line, error.message.as_str()), (2, IDENTIFIER), "{value}");
+        }
+    }
+
+    #[test]
+    fn eds_and_dcf_are_one_key() {
+        for key in ["eds", "dcf"] {
+            let file = BusFile::parse(&format!("[node.5]\n{key} = 'a.dcf'")).unwrap();
+            assert_eq!(file.device_files().map(|(_, _, name)| name).collect::<Vec<_>>(), ["a.dcf"]);
+        }
+        let error = BusFile::parse("[node.5]\neds = 'a.eds'\ndcf = 'a.dcf'").unwrap_err();
+        assert_eq!((error.line, error.column), (3, 7));
+        assert_eq!(error.message, "eds and dcf are the same key; expected one file per node");
+    }
+
+    #[test]
     fn everything_a_bus_file_can_say() {
         let file = BusFile::parse(
             r#"

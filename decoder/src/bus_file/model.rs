@@ -103,7 +103,10 @@ struct Node {
     object: Vec<AuthoredObject>,
     #[serde(default)]
     device: Option<Spanned<String>>,
-    #[serde(default, alias = "dcf")]
+    /// Same as `eds`.
+    #[serde(default)]
+    dcf: Option<Spanned<String>>,
+    #[serde(default)]
     eds: Option<String>,
     #[serde(default)]
     unit: BTreeMap<Spanned<String>, String>,
@@ -181,7 +184,8 @@ fn settings(
         settings.nodes.push(id);
         settings.names.extend(node.name.map(|name| (id, name)));
         settings.devices.extend(node.device.map(|device| (id, device.into())));
-        settings.device_files.extend(node.eds.map(|file| (id, file)));
+        let file = device_file(node.eds, node.dcf)?;
+        settings.device_files.extend(file.map(|file| (id, file)));
         for (object, unit) in node.unit {
             settings.units.push((id, address(&object)?, unit));
         }
@@ -210,6 +214,16 @@ fn settings(
         settings.owners.push((can_id, owner));
     }
     Ok(settings)
+}
+
+/// The device file of a node, under either name of the key.
+fn device_file(eds: Option<String>, dcf: Option<Spanned<String>>) -> Result<Option<String>, TextProblem> {
+    match (eds, dcf) {
+        (Some(_), Some(dcf)) => {
+            Err((dcf.span(), "eds and dcf are the same key; expected one file per node".to_owned()))
+        }
+        (eds, dcf) => Ok(eds.or_else(|| dcf.map(Spanned::into_inner))),
+    }
 }
 
 fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextProblem> {

@@ -18,7 +18,10 @@ pub enum ObjectValue {
 
 /// Value as written in the file.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a whole number or a text; give other values as data, bytes in hexadecimal"
+)]
 pub(super) enum Value {
     Integer(i64),
     Text(String),

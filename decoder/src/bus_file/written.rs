@@ -28,7 +28,7 @@ impl From<Spanned<String>> for SpannedText {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a CAN identifier: 0x1A0, \"1A0\" or \"000001A0\" as in candump")]
 pub(super) enum Number {
     Integer(i64),
     Text(String),

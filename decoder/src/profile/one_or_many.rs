@@ -7,9 +7,9 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// A single value or a list; [`tables`] reports errors inside tables more precisely.
+/// A text or a list of texts; [`tables`] reports errors inside tables more precisely.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a text, or a list of texts")]
 pub(super) enum OneOrMany<T> {
     One(T),
     Many(Vec<T>),
@@ -49,4 +49,21 @@ where
     }
 
     deserializer.deserialize_any(Tables(PhantomData))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_type_is_refused_with_the_expected_ones() {
+        #[derive(Debug, Deserialize)]
+        struct Entry {
+            only: OneOrMany<String>,
+        }
+        let entry = |text: &str| toml::from_str::<Entry>(text).map(|entry| entry.only.into_vec());
+        assert_eq!(entry("only = 'a'").unwrap(), ["a"]);
+        assert_eq!(entry("only = ['a', 'b']").unwrap(), ["a", "b"]);
+        assert_eq!(entry("only = 5").unwrap_err().message(), "expected a text, or a list of texts");
+    }
 }

@@ -42,7 +42,7 @@ pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec};
 pub use procedure::{
     Fallback, Procedure, ProcedureStatus, ProcedureStep, StatusCode, StatusCodes, StatusSpec,
 };
-pub use rule::{CountWindow, DeviceRule, RuleKind, Severity, Shape, VariableWindow, Waiver};
+pub use rule::{CountWindow, DeviceRule, RuleKind, RuleTolerance, Severity, Shape, VariableWindow, Waiver};
 pub use sample::Sample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 

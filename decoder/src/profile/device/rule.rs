@@ -14,6 +14,8 @@
 //! - A PDO is recognised by the identifier in force. If that is only assumed, a missing PDO proves nothing.
 //! - A rule that never started, or whose `while` was never proven, is *not exercised*.
 
+use std::borrow::Cow;
+
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -282,6 +284,19 @@ pub enum Shape {
     Sdo,
 }
 
+/// A number of a device rule that the bus file can override.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RuleTolerance {
+    /// Key in `[rules."profile:rule"]`.
+    pub key: &'static str,
+    /// Value without a setting in the bus file.
+    pub value: f64,
+    /// Unit; empty for a factor or a count.
+    pub unit: &'static str,
+    /// Meaning of the limit.
+    pub text: String,
+}
+
 impl DeviceRule {
     /// Keys that the kind of rule requires and that are missing.
     pub fn missing(&self) -> Option<&'static str> {
@@ -340,11 +355,37 @@ impl DeviceRule {
         }
     }
 
-    /// Keys of the rule that the user can override.
-    pub fn tolerances(&self) -> impl Iterator<Item = &'static str> {
-        let all =
-            [("ms", self.ms.is_some()), ("times", self.ms_of.is_some()), ("count", self.count.is_some())];
-        all.into_iter().filter(|(_, is_there)| *is_there).map(|(key, _)| key)
+    /// Numbers of the rule that the user can override.
+    pub fn tolerances(&self) -> impl Iterator<Item = RuleTolerance> {
+        let tolerance = |key, value, unit, text| RuleTolerance { key, value, unit, text };
+        let ms = self.ms.map(|ms| tolerance("ms", ms, "ms", self.time_text().to_owned()));
+        let of = |of: Reference| format!("factor for the time in {}", of.object);
+        let times = self.ms_of.map(|it| tolerance("times", self.times, "", of(it)));
+        let count =
+            self.count.map(|count| tolerance("count", f64::from(count), "", self.count_text().into_owned()));
+        [ms, times, count].into_iter().flatten()
+    }
+
+    /// Meaning of `ms`.
+    const fn time_text(&self) -> &'static str {
+        match self.kind {
+            RuleKind::MinInterval => "min interval",
+            RuleKind::MaxInterval => "max interval",
+            RuleKind::Follow => "max time to the expected event",
+            RuleKind::OnRequest => "max time after the request",
+            RuleKind::Precondition => "time without the condition before a finding",
+            RuleKind::Order => "time without a check after the event that requires the order",
+            _ => "time limit",
+        }
+    }
+
+    /// Meaning of `count`.
+    fn count_text(&self) -> Cow<'static, str> {
+        match self.per {
+            Some(CountWindow::Seconds(seconds)) => format!("max number in {seconds} s").into(),
+            Some(CountWindow::Variable(VariableWindow::Sync)) => "max number between two SYNCs".into(),
+            Some(CountWindow::Variable(VariableWindow::While)) | None => "max number".into(),
+        }
     }
 
     /// Overrides one of the tolerances.

@@ -50,7 +50,7 @@ pub(super) fn frame(thing: &str, asked: &LookupScope) -> Option<String> {
     (!readings.is_empty()).then(|| readings.join("\n"))
 }
 
-/// Defect of a text with `#` that is not a frame: the part that is not hexadecimal, or its length.
+/// Defect of a wrong frame with `#`: the part with other characters than hexadecimal digits, or its length.
 pub(super) fn defect(thing: &str) -> Option<String> {
     let (id, data) = thing.split_once('#')?;
     let quoted = |text: &str| text.escape_debug().to_string();

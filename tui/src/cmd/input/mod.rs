@@ -17,7 +17,7 @@ use cobscope_decoder::series::JoinOptions;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::wire::NodeId;
 
-use super::messages::{note, warn};
+use super::messages::{collected, note, warn};
 use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
 use crate::source::{CaptureFile, Series, relate};
 use crate::words::unknown_bus;
@@ -233,6 +233,22 @@ pub(super) fn common_catalogue(folders: &[PathBuf]) -> Catalogue {
     let mut catalogue = Catalogue::default();
     add_folders(&mut catalogue, folders);
     catalogue
+}
+
+/// Names `--user-profiles` in an error about a profile that only the user's folder has.
+pub(super) fn with_user_folder(error: anyhow::Error, folders: &[PathBuf]) -> anyhow::Error {
+    let Some(folder) = user_folder().filter(|folder| folder.is_dir()) else { return error };
+    // The position in a bus file follows in further lines.
+    let text = format!("{error:#}");
+    let (first, place) = text.split_at(text.find('\n').unwrap_or(text.len()));
+    // Problems of other profiles do not concern the command.
+    let ((own, common), _) = collected(|| (catalogue(&[]), common_catalogue(folders)));
+    let common = common.ids();
+    let mut missing = own.ids().into_iter().filter(|id| !common.contains(id));
+    if !missing.any(|id| first.contains(&format!("unknown profile '{id}'"))) {
+        return error;
+    }
+    anyhow!("{first}; --user-profiles reads it from {}{place}", folder.display())
 }
 
 fn add_folders(catalogue: &mut Catalogue, folders: &[PathBuf]) {

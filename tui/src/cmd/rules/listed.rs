@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use cobscope_decoder::finding::{RuleOrigin, Severity};
-use cobscope_decoder::profile::device::DeviceRule;
+use cobscope_decoder::profile::device::{DeviceRule, RuleTolerance};
 use cobscope_decoder::profile::{Catalogue, Device};
 use cobscope_decoder::query::fields::distance;
 use cobscope_decoder::rules::{Tolerance, declarations};
@@ -19,7 +19,7 @@ pub(in crate::cmd) struct ListedRule {
     pub(super) title: String,
     /// Headings and paragraphs; empty for a device rule.
     pub(super) explanation: String,
-    pub(super) tolerances: &'static [Tolerance],
+    pub(super) tolerances: Vec<ListedTolerance>,
     pub(super) cases: Vec<String>,
     /// Document and section; for a device rule.
     pub(super) source: String,
@@ -29,6 +29,28 @@ pub(in crate::cmd) struct ListedRule {
     pub(super) variants: Vec<String>,
     /// Profiles that waive the rule, with variant, reason and section.
     pub(super) waivers: Vec<(String, String)>,
+}
+
+/// Number of a rule that the bus file can override.
+pub(super) struct ListedTolerance {
+    pub(super) key: &'static str,
+    pub(super) default: f64,
+    /// Empty for a count or a factor.
+    pub(super) unit: &'static str,
+    pub(super) text: String,
+}
+
+impl From<&Tolerance> for ListedTolerance {
+    fn from(tolerance: &Tolerance) -> Self {
+        let Tolerance { key, default, unit, text } = *tolerance;
+        Self { key, default, unit, text: text.to_owned() }
+    }
+}
+
+impl From<RuleTolerance> for ListedTolerance {
+    fn from(RuleTolerance { key, value, unit, text }: RuleTolerance) -> Self {
+        Self { key, default: value, unit, text }
+    }
 }
 
 /// All rules in alphabetical order, general ones first.
@@ -43,7 +65,7 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
             origin: RuleOrigin::General,
             title: rule.title.to_owned(),
             explanation: rule.manual(),
-            tolerances: rule.tolerances,
+            tolerances: rule.tolerances.iter().map(ListedTolerance::from).collect(),
             cases: rule.cases.iter().map(|case| (*case).to_owned()).collect(),
             source: rule.section("Source").map(|text| text.trim().to_owned()).unwrap_or_default(),
             note: String::new(),
@@ -141,7 +163,7 @@ fn of_device(name: String, rule: &DeviceRule, device: &Device) -> ListedRule {
         origin: RuleOrigin::Device,
         title: rule.text.clone(),
         explanation: String::new(),
-        tolerances: &[],
+        tolerances: rule.tolerances().map(ListedTolerance::from).collect(),
         cases: Vec::new(),
         source: source.join(", "),
         note: rule.note.clone(),
@@ -157,7 +179,7 @@ impl ListedRule {
         let name = if self.name.contains(':') { format!("{:?}", self.name) } else { self.name.clone() };
         let severity = if self.is_on { self.severity.name() } else { "off" };
         let mut lines = vec![format!("[rules.{name}]"), format!("severity = \"{severity}\"")];
-        for tolerance in self.tolerances {
+        for tolerance in &self.tolerances {
             lines.push(format!("{} = {}", tolerance.key, tolerance.default));
         }
         lines.join("\n")

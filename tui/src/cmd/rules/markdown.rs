@@ -45,10 +45,10 @@ fn section(rule: &ListedRule, text: &mut String) {
     }
     if !rule.tolerances.is_empty() {
         let _ = writeln!(text, "| tolerance | default | limits |\n| --- | --- | --- |");
-        for tolerance in rule.tolerances {
+        for tolerance in &rule.tolerances {
             let unit = if tolerance.unit.is_empty() { "" } else { " " };
             let default = format!("{}{unit}{}", tolerance.default, tolerance.unit);
-            let _ = writeln!(text, "| `{}` | {default} | {} |", tolerance.key, cell(tolerance.text));
+            let _ = writeln!(text, "| `{}` | {default} | {} |", tolerance.key, cell(&tolerance.text));
         }
         text.push('\n');
     }

@@ -61,13 +61,9 @@ fn tolerances(rule: &ListedRule) -> Table {
         ("UNIT", Align::Left),
         ("LIMITS", Align::Left),
     ]);
-    for tolerance in rule.tolerances {
-        let cells = [tolerance.key, "", tolerance.unit, tolerance.text];
-        let mut cells = cells.map(str::to_owned);
-        if let Some(cell) = cells.get_mut(1) {
-            *cell = tolerance.default.to_string();
-        }
-        table.row(cells);
+    for tolerance in &rule.tolerances {
+        let default = tolerance.default.to_string();
+        table.row([tolerance.key, &default, tolerance.unit, &tolerance.text].map(str::to_owned));
     }
     table
 }
