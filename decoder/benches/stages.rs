@@ -277,7 +277,7 @@ fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
     let mut known = WRITABLE.iter();
     let format = known.find(|format| format.name == name).ok_or("no such format")?;
     let output = Box::new(BufWriter::with_capacity(OUTPUT, io::sink()));
-    let mut writer = (format.writer)(output, &WriteOptions { packing });
+    let mut writer = (format.writer)(output, &WriteOptions { packing, ..WriteOptions::default() });
     for frame in captures.first.iter().cycle().take(captures.frames) {
         writer.write(black_box(frame), "can0")?;
     }

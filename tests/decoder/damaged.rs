@@ -34,7 +34,8 @@ impl Write for Shared {
 fn written(name: &str, packing: Packing) -> Vec<u8> {
     let format = WRITABLE.iter().find(|format| format.name == name).unwrap();
     let output = Shared::default();
-    let mut writer = (format.writer)(Box::new(output.clone()), &WriteOptions { packing });
+    let mut writer =
+        (format.writer)(Box::new(output.clone()), &WriteOptions { packing, ..WriteOptions::default() });
     for number in 0..30_u8 {
         let frame = Frame::data_frame(CanId::standard(0x180 + u16::from(number)), &[number; 4]);
         let time = Some(Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000_000));

@@ -25,7 +25,8 @@ struct Made {
 fn made(packing: Packing) -> Made {
     let format = WRITABLE.iter().find(|format| format.name == "mcap").unwrap();
     let output = Shared::default();
-    let mut writer = (format.writer)(Box::new(output.clone()), &WriteOptions { packing });
+    let mut writer =
+        (format.writer)(Box::new(output.clone()), &WriteOptions { packing, ..WriteOptions::default() });
     let mut chunks = Vec::new();
     for number in 0..24_u8 {
         let mut frame = Frame::data_frame(CanId::standard(0x180 + u16::from(number)), &[number; 5]);

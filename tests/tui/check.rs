@@ -188,8 +188,9 @@ fn rules_a_bus_file_names_wrongly_are_shown_with_their_place() {
     for (bus, said) in wrong {
         fs::write(&file, bus).unwrap();
         // All commands that judge report it.
-        for command in ["check", "decode"] {
-            let output = run(&[command, "--bus", text(&file), LOST], "");
+        for command in ["check", "decode", "why", "report", "diff"] {
+            let captures = if command == "diff" { &[LOST, LOST][..] } else { &[LOST] };
+            let output = run(&[&[command, "--bus", text(&file)], captures].concat(), "");
             assert_eq!(output.code, 4, "{bus}");
             assert!(output.stderr.contains(said), "{said}\n{}", output.stderr);
         }
@@ -381,6 +382,28 @@ fn rules_that_have_to_be_exercised() {
 }
 
 #[test]
+fn an_unknown_rule_in_an_option_is_a_wrong_argument_of_every_command() {
+    for (command, option, value) in [
+        ("check", "--select", "node-losst"),
+        ("check", "--ignore", "emcy-raised,node-losst"),
+        ("check", "--require-exercised", "node-losst"),
+        ("report", "--finding", "node-losst"),
+        ("check", "--filter", "rule == node-losst"),
+        ("decode", "--filter", "rule == node-losst"),
+        ("why", "--filter", "rule == node-losst"),
+        ("report", "--filter", "rule == node-losst"),
+        ("stats", "--filter", "rule == node-losst"),
+        ("live", "--filter", "rule == node-losst"),
+    ] {
+        let input = if command == "live" { &["--print", "-"][..] } else { &[LOST] };
+        let boot = "(1700000000.000000) can0 705#00\n";
+        let output = run(&[&[command, option, value], input].concat(), boot);
+        let said = format!("cobscope: {option}: unknown rule 'node-losst'; did you mean 'node-lost'?\n");
+        assert_eq!((output.code, output.stderr), (2, said), "{command}");
+    }
+}
+
+#[test]
 fn coverage_by_rule_and_by_case_of_the_test_plan() {
     // Six heartbeats in time, one late, then none; one boot-up at the start; no EMCY.
     let output = check(&["--coverage", LOST]).stdout;
@@ -440,6 +463,23 @@ fn the_rules_are_listed_and_explained() {
         device.contains("\nSource\n") && device.contains("[rules.\"danfoss-pve-ci:avc-gap\"]"),
         "{device}"
     );
+    // The numbers of device rules: one per kind of key, as in their profiles.
+    for (rule, row, line) in [
+        ("danfoss-pve-ci:avc-gap", "\n  ms       250  ms    max interval\n", "\n  ms = 250\n"),
+        (
+            "danfoss-pve-ci:control-0f-in-fault-hold",
+            "\n  count        2        max number\n",
+            "\n  count = 2\n",
+        ),
+        (
+            "rexroth-vpcd:tpdo1-at-its-event-timer",
+            "\n  times        2        factor for the time in 1800:05\n",
+            "\n  times = 2\n",
+        ),
+    ] {
+        let page = run(&["explain", rule], "").stdout;
+        assert!(page.contains(row) && page.contains(line), "{page}");
+    }
     // The snippet contains the defaults.
     let bus = folder("snippet").join("bus.toml");
     let snippet = page.stdout.split("\nBus file, with the defaults\n").nth(1).unwrap();

@@ -161,7 +161,7 @@ fn a_report_of_the_selected_finding() {
     assert!(page.starts_with("# ") && page.contains("8305"), "{page}");
 
     session.send("Rnone/case.html\r");
-    session.wait_text("none/case.html: cannot be written: No such file");
+    session.wait_text("none/case.html: folder none does not exist; create it first");
     // At the first frame there is no finding.
     session.send("2:0\r");
     session.wait_text("#1/190");

@@ -1,6 +1,7 @@
 //! Behaviour of the program as seen by its user.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod actions;
 mod adapters;
 mod baseline;
 mod bus_file;

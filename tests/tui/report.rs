@@ -301,12 +301,12 @@ fn stories_are_selected() {
     assert!(count == 1 && title.contains("guarding requests missing"), "{title}");
     assert_eq!(claims(&["--only-node", "7"]).0, 0);
     let missing = report(&[SYDFEC, "--story", "9"]);
-    assert_eq!(missing.code, 3);
-    assert!(missing.stderr.contains("story 9 does not exist"), "{}", missing.stderr);
+    assert_eq!(missing.code, 2);
+    assert!(missing.stderr.contains(": --story 9: no such story; stories: "), "{}", missing.stderr);
     let unknown = report(&[SYDFEC, "--finding", "no-such-rule"]);
     assert_eq!(unknown.code, 2, "{}", unknown.stderr);
     let absent = report(&[SYDFEC, "--finding", "node-lost"]);
-    assert_eq!(absent.code, 3, "{}", absent.stderr);
+    assert_eq!(absent.code, 2, "{}", absent.stderr);
     let stdin = run(&["report", "-"], "(1700000000.000000) can0 705#00\n");
     assert_eq!(stdin.code, 2);
     assert!(stdin.stderr.contains("reads a capture twice"), "{}", stdin.stderr);
@@ -332,6 +332,27 @@ fn a_folder_gives_an_index() {
     fs::write(&copy, "(1700000000.000000) can0 705#00\n").unwrap();
     let refused = report(&[text(&copy), "-o", text(&copy)]);
     assert_eq!((refused.code, fs::read(&copy).unwrap().len()), (2, 32), "{}", refused.stderr);
+}
+
+#[test]
+fn a_folder_without_captures_has_no_index() {
+    let empty = folder("report_empty");
+    let pages = folder("report_empty_pages");
+    // At first without a file, then with one that is not a capture.
+    for _ in 0..2 {
+        for words in [&["report", text(&empty), "-o"][..], &["check", text(&empty), "--report"]] {
+            let output = run(&[words, &[text(&pages)]].concat(), "");
+            let said = format!("cobscope: {}: no captures\n", text(&empty));
+            assert_eq!((output.code, output.stderr), (3, said), "{words:?}");
+            assert_eq!(fs::read_dir(&pages).unwrap().count(), 0, "{words:?}");
+        }
+        fs::write(empty.join("notes.md"), "not a capture").unwrap();
+    }
+    // Other captures are reported.
+    let output = report(&[text(&empty), CLEAN, "-o", text(&pages)]);
+    assert_eq!(output.code, 3, "{}", output.stderr);
+    assert!(output.stderr.contains(": no captures\n"), "{}", output.stderr);
+    assert_eq!(fs::read_dir(&pages).unwrap().count(), 2);
 }
 
 #[test]

@@ -132,7 +132,7 @@ fn sarif_holds_what_code_scanning_shows() {
 }
 
 #[test]
-fn junit_has_a_suite_a_capture_and_a_case_a_rule() {
+fn junit_has_a_suite_per_capture_and_a_case_per_exercised_rule() {
     let output = check(&["-f", "junit", LOST, CLEAN]).stdout;
     assert!(output.contains("<testsuite name=\"fixtures/rules/node-lost.log\""), "{output}");
     let (lost, clean) = output.split_once("<testsuite name=\"fixtures/rules/clean/canopen.log\"").unwrap();
@@ -141,6 +141,11 @@ fn junit_has_a_suite_a_capture_and_a_case_a_rule() {
     assert!(!clean.contains("<skipped") && clean.contains(" rules not exercised</system-out>"), "{clean}");
     assert!(clean.contains("skipped=\"0\"") && clean.contains("time=\"5.951\""), "{clean}");
     assert!(!clean.contains("<failure"), "{clean}");
+    let lines = check(&["-f", "jsonl", CLEAN]).stdout;
+    let summary: Value = serde_json::from_str(lines.lines().next().unwrap()).unwrap();
+    let rules = summary["rules"].as_array().unwrap();
+    let exercised = rules.iter().filter(|rule| rule["verdict"] != "not-exercised").count();
+    assert!(exercised < rules.len() && clean.matches("<testcase ").count() == exercised, "{clean}");
     let lenient = check(&["-f", "junit", "--fail-on", "never", LOST]).stdout;
     assert!(!lenient.contains("<failure") && lenient.contains("<system-out>error can0 5/05"), "{lenient}");
     let unread = check(&["-f", "junit", "no/such.log"]).stdout;

@@ -116,6 +116,59 @@ fn pages_and_comparisons_replace_their_own_kind_and_nothing_else() {
 }
 
 #[test]
+fn no_output_replaces_one_of_another_command() {
+    let folder = folder();
+    let run = |words: &[&str]| run_in(folder.path(), &[words, &["-o", "own"]].concat(), "");
+    let kinds: [&[&[&str]]; 3] = [
+        &[&["report", "a.log"], &["report", "-f", "md", "a.log"]],
+        &[
+            &["diff", "a.log", "a.log"],
+            &["diff", "-f", "json", "a.log", "a.log"],
+            &["diff", "-f", "html", "a.log", "a.log"],
+        ],
+        &[&["check", "a.log"], &["check", "-f", "jsonl", "a.log"], &["check", "-f", "junit", "a.log"]],
+    ];
+    for (place, earlier) in kinds.iter().enumerate() {
+        for one in *earlier {
+            assert_eq!(run(one).code, 0, "{one:?}");
+            let content = fs::read(folder.path().join("own")).unwrap();
+            let others = kinds.iter().enumerate().filter(|(other, _)| *other != place);
+            for other in others.flat_map(|(_, commands)| *commands) {
+                let refused = run(other);
+                assert_eq!(refused.code, 2, "{one:?}, then {other:?}");
+                assert!(refused.stderr.contains("own: not overwritten"), "{}", refused.stderr);
+            }
+            assert_eq!(fs::read(folder.path().join("own")).unwrap(), content, "{one:?}");
+            fs::remove_file(folder.path().join("own")).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_missing_folder_of_an_output_has_one_message() {
+    let folder = folder();
+    let outputs: [&[&str]; 8] = [
+        &["decode", "a.log", "-o", "no/x.log"],
+        &["check", "a.log", "-o", "no/x.log"],
+        &["check", "a.log", "--update-baseline", "--baseline", "no/x.log"],
+        &["diff", "a.log", "a.log", "-o", "no/x.log"],
+        &["report", "a.log", "-o", "no/x.log"],
+        &["convert", "a.log", "no/x.log"],
+        &["convert", "a.log", "b.log", "--bus-file", "no/x.log"],
+        &["live", "--print", "--record", "no/x.log", "-"],
+    ];
+    for words in outputs {
+        let refused = run_in(folder.path(), words, BOOT);
+        let expected = "cobscope: no/x.log: folder no does not exist; create it first\n";
+        assert_eq!((refused.code, refused.stderr.as_str()), (2, expected), "{words:?}");
+        assert_eq!(names(folder.path()), ["a.log"], "{words:?}");
+    }
+    let refused = run_in(folder.path(), &["decode", "a.log", "-o", "a.log/x.log"], "");
+    let expected = "cobscope: a.log/x.log: a.log is not a folder; choose another name\n";
+    assert_eq!((refused.code, refused.stderr.as_str()), (2, expected));
+}
+
+#[test]
 fn a_capture_beside_a_page_is_replaced_and_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let capture = workspace().join("fixtures/canopen/heartbeat_lost.log");
@@ -181,6 +234,29 @@ fn on_a_full_disk_an_output_stays_a_part() {
     let run = run_on_full_disk(folder.path(), &update);
     assert_eq!(run.code, 3, "{}", run.stderr);
     assert_eq!(fs::read(folder.path().join("known.json")).unwrap(), b"");
+}
+
+#[test]
+fn on_a_full_disk_no_page_is_claimed() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("captures")).unwrap();
+    let lost = workspace().join("fixtures/canopen/heartbeat_lost.log");
+    fs::copy(&lost, folder.path().join("captures/a.log")).unwrap();
+    let machine = workspace().join("fixtures/machine/machine.log");
+    let words = ["report", machine.to_str().unwrap(), "--attach", "-o", "a.html"];
+    let attached = run_on_full_disk(folder.path(), &words);
+    assert_eq!(attached.code, 3, "{}", attached.stderr);
+    assert!(attached.stderr.contains("a.pcapng: "), "{}", attached.stderr);
+    assert_eq!(names(folder.path()), ["a.pcapng.part", "captures"]);
+    for words in [&["report", "captures", "-o", "pages"][..], &["check", "captures", "--report", "pages"]] {
+        let run = run_on_full_disk(folder.path(), words);
+        assert_eq!(run.code, 3, "{words:?}: {}", run.stderr);
+        let pages = names(&folder.path().join("pages"));
+        assert_eq!(pages, ["captures_a.log.html.part", "index.html.part"], "{words:?}");
+        let claims = run.stderr.lines().filter(|line| line.starts_with("cobscope: pages: ")).count();
+        assert_eq!(claims, 0, "{words:?}: {}", run.stderr);
+        fs::remove_dir_all(folder.path().join("pages")).unwrap();
+    }
 }
 
 #[test]

@@ -84,6 +84,22 @@ pub fn create_at_once(path: &Path, existing: Existing) -> io::Result<File> {
     options.open(path)
 }
 
+/// Why the folder of a file cannot contain it, with the remedy; `None` for a folder, and if only an attempt shows it.
+pub fn folder_problem(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty())?;
+    if device_name::is_device(path) {
+        return None;
+    }
+    match folder.metadata() {
+        Ok(found) if found.is_dir() => None,
+        Ok(_) => Some(format!("{} is not a folder; choose another name", shown(folder))),
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            Some(format!("folder {} does not exist; create it first", shown(folder)))
+        }
+        Err(_) => None,
+    }
+}
+
 /// Whether a path names a device or a pipe of Windows, which cannot be examined without opening it.
 ///
 /// # Errors
@@ -185,6 +201,21 @@ mod tests {
         assert_eq!(fs::read(part_of(&path)).unwrap(), b"");
         name.discard();
         assert_eq!(names(folder.path()), ["out.log"]);
+    }
+
+    #[test]
+    fn a_folder_exists_or_has_a_remedy() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), b"1").unwrap();
+        let problem = |name: &str| {
+            let text = folder_problem(&folder.path().join(name))?;
+            Some(text.replace(&folder.path().display().to_string(), "@").replace('\\', "/"))
+        };
+        assert_eq!(folder_problem(Path::new("out.log")), None);
+        assert_eq!(problem("out.log"), None);
+        let missing = "folder @/no does not exist; create it first";
+        assert_eq!(problem("no/out.log").as_deref(), Some(missing));
+        assert_eq!(problem("file/out.log").as_deref(), Some("@/file is not a folder; choose another name"));
     }
 
     #[cfg(unix)]

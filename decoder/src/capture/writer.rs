@@ -66,6 +66,8 @@ pub enum Packing {
 pub struct WriteOptions {
     /// Compression.
     pub packing: Packing,
+    /// Comment of the whole capture; empty for none. Stored in pcapng, where Wireshark shows it as capture comment.
+    pub comment: &'static str,
 }
 
 /// A format that can be written.

@@ -81,8 +81,9 @@ impl Citations {
 pub(super) fn numbered(story: &Story) -> Vec<ClaimLine> {
     let mut last = 0;
     let numbered = |line: &crate::diagnosis::StoryLine| {
-        let is_fact = matches!(line.label, Label::Cause | Label::FirstEffect | Label::Effect)
-            && line.at.frames.last > 0;
+        let is_fact =
+            matches!(line.label, Label::Cause | Label::FirstEffect | Label::Effect | Label::EarlierEffect)
+                && line.at.frames.last > 0;
         last += usize::from(is_fact);
         ClaimLine { mark: is_fact.then_some(last), label: line.label, text: line.text.clone() }
     };

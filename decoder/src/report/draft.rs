@@ -95,14 +95,14 @@ impl Draft {
         let mut report = facts(ground);
         if plans.is_empty() {
             let mut account = String::new();
-            let setting = why::text::Setting { buses: ground.buses, first: ground.first, at: None };
+            let setting = why::text::Setting::new(ground.buses, ground.first);
             why::text::write(ground.answer, &setting, &mut account);
             report.account = account.lines().map(str::to_owned).collect();
         }
         let mut draft = Self { report, plans, excerpt: Excerpt::default(), zero: ground.first };
         if let Some(plan) = draft.plans.first_mut() {
             let mut context = String::new();
-            let setting = why::text::Setting { buses: ground.buses, first: ground.first, at: None };
+            let setting = why::text::Setting::new(ground.buses, ground.first);
             why::text::write_context(ground.answer, &setting, &mut context);
             plan.claim.context = context.lines().map(str::to_owned).collect();
         }
@@ -302,7 +302,7 @@ fn facts(ground: &Ground<'_>) -> Report {
 }
 
 fn notes(diagnosis: &Diagnosis) -> Vec<String> {
-    diagnosis.notes.iter().map(|line| line.text.clone()).collect()
+    diagnosis.notes.iter().map(|note| note.line.text.clone()).collect()
 }
 
 /// Nodes with a profile, and its source.

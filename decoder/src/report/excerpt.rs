@@ -13,6 +13,9 @@ pub(super) const MOST_FRAMES: usize = 100_000;
 /// Name of the format in [`WRITABLE`].
 const FORMAT: &str = "pcapng";
 
+/// Comment of each cut-out capture.
+pub const COMMENT: &str = "cut out by cobscope report: the frames of its claims";
+
 /// Frames around the claims, with comments at those that the claims cite.
 #[derive(Debug, Clone, Default)]
 pub struct Excerpt {
@@ -70,7 +73,8 @@ impl Excerpt {
         let format = WRITABLE.iter().find(|format| format.name == FORMAT);
         let format = format.ok_or_else(|| io::Error::other("pcapng is not a writable format"))?;
         let bytes = SharedBytes::default();
-        let mut writer = (format.writer)(Box::new(bytes.clone()), &WriteOptions::default());
+        let options = WriteOptions { comment: COMMENT, ..WriteOptions::default() };
+        let mut writer = (format.writer)(Box::new(bytes.clone()), &options);
         for frame in &self.frames {
             let bus = self.buses.get(usize::from(frame.bus.0)).map_or("", String::as_str);
             match self.comments.get(&frame.number) {

@@ -40,7 +40,14 @@ mod tests {
         toml::from_str::<GlossaryFile>(include_str!("glossary.toml")).unwrap();
         let texts = marks().iter().flat_map(|it| [it.mark.as_str(), it.meaning.as_str()]);
         let text = texts.collect::<Vec<_>>().join("\n");
-        let labels = [Label::Cause, Label::NoCause, Label::FirstEffect, Label::Effect, Label::Act];
+        let labels = [
+            Label::Cause,
+            Label::NoCause,
+            Label::FirstEffect,
+            Label::Effect,
+            Label::EarlierEffect,
+            Label::Act,
+        ];
         for label in labels.into_iter().chain([Label::Disproved, Label::Unjudged]) {
             assert!(text.contains(label.word().trim()), "{label:?}");
         }

@@ -25,7 +25,7 @@ mod window;
 
 pub use claims::SHOWN_CLAIMS;
 pub use draft::{Draft, Ground};
-pub use excerpt::Excerpt;
+pub use excerpt::{COMMENT as ATTACHMENT_COMMENT, Excerpt};
 pub use model::{
     Attachment, CaptureFacts, Claim, ClaimLine, Coverage, Curve, EvidenceFrame, HashedFile, NodeValues,
     ObjectRow, Plot, PlotMark, Provenance, Report, RuleSource,

@@ -50,8 +50,9 @@ pub struct ConvertArgs {
     pub only_node: Vec<NodeArg>,
     /// Write a bus file with the state before the first frame of --from: mappings, values of objects, NMT states
     ///
-    /// decode --bus FILE then decodes the part as within the whole capture. FILE contains the settings of --bus, --node,
-    /// --eds and --dbc.
+    /// decode --bus FILE then decodes the part with the mappings, values and states of the whole capture. The first state,
+    /// mode, bits and set point of a device, trouble codes and silences are reported as new; rules on orders, rates and
+    /// intervals start again. FILE contains the settings of --bus, --node, --eds and --dbc.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["split_size", "split_at"])]
     pub bus_file: Option<PathBuf>,
     /// Add the meaning of each frame as a comment (pcapng, ASC, TRC, CSV)

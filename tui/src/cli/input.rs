@@ -198,7 +198,7 @@ pub struct NodeArg {
 
 impl NodeArg {
     /// The node as typed: `can0:5`.
-    fn shown(&self) -> String {
+    pub fn shown(&self) -> String {
         self.bus.as_ref().map_or_else(|| self.id.to_string(), |bus| format!("{bus}:{}", self.id))
     }
 

@@ -85,8 +85,9 @@ pub enum Command {
     /// adapter (slcan:/dev/ttyACM0@500k), an adapter of PEAK (pcan:USB1@500k) or Kvaser (kvaser:0@500k) with its
     /// installed driver, a gs_usb adapter such as candleLight or CANable 2 (gs_usb:@500k, gs_usb:SERIAL@500k), a bus of a server (socketcand://host/can0), - for candump text on stdin (ssh machine
     /// candump -L any | cobscope live -), or a growing file with --follow. Without SOURCE the interfaces and
-    /// adapters of this computer are listed. No frame is ever transmitted; adapters without listen-only mode are
-    /// refused.
+    /// adapters of this computer are listed. No frame is ever transmitted. Adapters are opened in listen-only mode, or
+    /// refused. A CAN interface keeps the mode that the system has set, and a server decides about its own; in normal
+    /// mode they acknowledge frames.
     #[command(
         mut_arg("captures", |arg| arg.value_name("SOURCE").help("Bus or file to show")),
         mut_arg("separate", |arg| arg.hide(true)),

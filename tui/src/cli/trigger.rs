@@ -51,10 +51,10 @@ pub struct TriggerArgs {
     /// End each capture TIME after its last trigger
     #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "10s", requires = "causes", value_parser = side)]
     pub after: Duration,
-    /// Keep up to SIZE bytes of frames in memory
+    /// Keep up to SIZE bytes of frames in memory (k, M and G are powers of 1,024)
     #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "256M", requires = "causes", value_parser = part_bytes)]
     pub ring_size: u64,
-    /// Also write the ring to files of up to SIZE bytes in total, which are removed at the end
+    /// Also write the ring to files of up to SIZE bytes in total (k, M, G: powers of 1,024), which are removed at the end
     ///
     /// --before then reaches back as far as these files. After a crash or power cut they contain the frames up to the last
     /// second: ring-DATE_TIME-0001.pcapng, …
@@ -63,7 +63,7 @@ pub struct TriggerArgs {
     /// Write at most N captures; later triggers are only printed
     #[arg(long, help_heading = HEADING, value_name = "N", default_value_t = 100, requires = "causes")]
     pub trigger_files: u32,
-    /// Write captures of at most SIZE bytes in total; later triggers are only printed
+    /// Write captures of at most SIZE bytes in total (k, M, G: powers of 1,024); later triggers are only printed
     #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "1G", requires = "causes", value_parser = bytes)]
     pub trigger_size: u64,
     /// Run PROGRAM with the name of each complete capture as its only argument

@@ -16,7 +16,7 @@ pub struct ViewArgs {
     #[command(flatten)]
     pub input: InputArgs,
     /// Start at TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or both
-    /// (default: first frame)
+    /// (default: most likely cause, else first frame)
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
     /// Show only events that match EXPR, such as 'kind == emcy && node == 4'

@@ -1,6 +1,7 @@
 //! Messages on stderr.
 
 use std::cell::RefCell;
+use std::fmt;
 use std::io::Write as _;
 
 use cobscope_decoder::sink::escape;
@@ -9,6 +10,32 @@ use crate::exit_code::Exit;
 
 /// An error with its exit status.
 pub(super) type Refusal = (Exit, anyhow::Error);
+
+/// Value of an option that does not exist in a capture, such as the number of a story.
+#[derive(Debug)]
+struct AbsentValue(String);
+
+impl fmt::Display for AbsentValue {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for AbsentValue {}
+
+/// Error for the value of an option that does not exist in a capture. The end of an incomplete capture may contain it:
+/// then the error is `failure`, which ended reading.
+pub(super) fn absent_value(text: String, failure: Option<&anyhow::Error>) -> anyhow::Error {
+    match failure {
+        Some(failure) => anyhow::anyhow!("{text}; {failure:#}"),
+        None => AbsentValue(text).into(),
+    }
+}
+
+/// Exit status for an error of one capture: an option names an absent value, or the capture cannot be read.
+pub(super) fn exit_of(error: &anyhow::Error) -> Exit {
+    if error.is::<AbsentValue>() { Exit::Usage } else { Exit::Capture }
+}
 
 thread_local! {
     /// Messages of this thread, if another program runs a command and prints them itself.

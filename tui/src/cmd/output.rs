@@ -3,7 +3,7 @@
 use std::io::{self, BufWriter, ErrorKind, IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, ensure};
+use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::sink::{EventFormat, Output, OutputFiles, SpoolFile};
 
 use super::input::files_named;
@@ -126,7 +126,21 @@ pub(super) fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
     let name = shown(path);
     match error.kind() {
         ErrorKind::AlreadyExists => anyhow::anyhow!("{name}: file exists; use --force to overwrite it"),
-        _ => anyhow::anyhow!("{name}: cannot be created: {error}"),
+        _ => match output_file::folder_problem(path) {
+            Some(problem) => anyhow::anyhow!("{name}: {problem}"),
+            None => anyhow::anyhow!("{name}: cannot be created: {error}"),
+        },
+    }
+}
+
+/// Checks that the folder of an output file exists, before the work for the file begins.
+///
+/// # Errors
+/// If there is no such folder.
+pub(super) fn ensure_folder(path: &Path) -> anyhow::Result<()> {
+    match output_file::folder_problem(path) {
+        Some(problem) => bail!("{}: {problem}", shown(path)),
+        None => Ok(()),
     }
 }
 

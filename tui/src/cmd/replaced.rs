@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::comparison::text;
-use cobscope_decoder::report::{html, markdown};
+use cobscope_decoder::report::{ATTACHMENT_COMMENT, html, markdown};
 use cobscope_decoder::sink::findings::FINDING_FORMATS;
 
 use super::cut;
-use super::output::{CommandOutput, NamePolicy, ensure_not_read, output};
+use super::output::{CommandOutput, NamePolicy, ensure_folder, ensure_not_read, output};
 use crate::output_file::Existing;
 use crate::path_text::shown;
 
@@ -41,9 +41,8 @@ impl OwnFile {
         match self {
             Self::Findings => FINDING_FORMATS.iter().map(|format| format.mark).collect(),
             Self::Page => vec![html::MARK, markdown::MARK],
-            Self::Comparison => vec![html::MARK, text::MARK, COMPARISON_KEY],
-            // Comments of its frames.
-            Self::Attachment => vec!["claim "],
+            Self::Comparison => vec![html::COMPARISON_MARK, text::MARK, COMPARISON_KEY],
+            Self::Attachment => vec![ATTACHMENT_COMMENT],
             Self::BusFile => vec![cut::TITLE],
         }
     }
@@ -75,7 +74,7 @@ pub(super) fn replacing<'a>(
 /// Checks an output file before the work for it begins.
 ///
 /// # Errors
-/// If the file has other content, is an input, or cannot be read.
+/// If the file has other content, is an input, cannot be read, or its folder does not exist.
 pub(super) fn ensure_replaceable<'a>(
     path: Option<&Path>,
     kind: OwnFile,
@@ -83,6 +82,7 @@ pub(super) fn ensure_replaceable<'a>(
 ) -> anyhow::Result<()> {
     let Some(path) = path else { return Ok(()) };
     ensure_not_read(path, read)?;
+    ensure_folder(path)?;
     ensure_own(path, kind)
 }
 

@@ -23,7 +23,7 @@ const BESIDE = /\.(toml|eds|dcf|xdd|xdc|dbc|json)$/i;
 /** Suffixes of exported files. */
 const SUFFIXES: Record<string, string> = { csv: "values.csv", jsonl: "events.jsonl", text: "events.txt", pcapng: "frames.pcapng" };
 
-const FORMATS = "candump log, pcap and pcapng, ASC, BLF, TRC, MDF4, MCAP, CSV, BUSMASTER, CRTD and others; plain or gzip";
+const FORMATS = "candump log, pcap and pcapng, ASC, BLF, TRC, MDF4, MCAP, CSV, BUSMASTER, CRTD and others; plain, gzip or zstd";
 
 /** Selection of the events. */
 interface Shown { filter: string; onlyNews: boolean }

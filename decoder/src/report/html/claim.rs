@@ -4,7 +4,6 @@ use maud::{Markup, html};
 
 use super::parts::{fact, frame_id, linked, severity};
 use super::plot::plot;
-use crate::diagnosis::Label;
 use crate::report::model::{Claim, EvidenceFrame, NodeValues};
 use crate::words::plural;
 
@@ -85,7 +84,7 @@ fn story(claim: &Claim) -> Markup {
     html! {
         dl.story {
             @for line in &claim.lines {
-                dt { @if line.label == Label::Effect { "then" } @else { (line.label.word()) } }
+                dt { (line.label.word().trim()) }
                 dd {
                     @if let Some(number) = line.mark { (fact(number)) }
                     (linked(&line.text, claim))

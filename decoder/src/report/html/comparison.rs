@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::document::page;
+use super::document::{COMPARISON_MARK, marked_page};
 use super::sections::made;
 use crate::bus_file::DiffTolerances;
 use crate::comparison::{
@@ -83,7 +83,7 @@ pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
             (marks())
         }
     };
-    page(&format!("{title} – {} and {}", good.name, bad.name), "report", &body)
+    marked_page(&format!("{title} – {} and {}", good.name, bad.name), "report", COMPARISON_MARK, &body)
 }
 
 /// `good.log: 612.0 s, 1,204 frames, 3 error frames`.

@@ -12,7 +12,7 @@ mod plot;
 mod sections;
 
 pub use comparison::{ComparisonPage, write_comparison};
-pub use document::{MARK, STYLE};
+pub use document::{COMPARISON_MARK, MARK, STYLE};
 pub use fleet::{FleetPage, write_fleet};
 pub use index::{IndexPage, IndexRow, RuleCount, write_index};
 

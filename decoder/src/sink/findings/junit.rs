@@ -1,4 +1,4 @@
-//! JUnit XML: one suite per capture, one test case per rule.
+//! JUnit XML: one suite per capture, one test case per exercised rule.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::words::plural;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "junit",
-    help: "JUnit XML: one suite per capture, one test case per rule",
+    help: "JUnit XML: one suite per capture, one test case per exercised rule",
     mark: "<testsuites name=\"cobscope\"",
     has_lines: true,
     write: |report, _, out| write_at_once(out, |text| write(report, text)),

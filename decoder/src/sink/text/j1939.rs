@@ -68,7 +68,7 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
         Some(pgn) => group(pgn, transfer.name.as_deref()),
         None => "PGN unknown".into(),
     };
-    let _ = write!(what, " {}: {}", size_words(transfer), bytes(&transfer.data));
+    let _ = write!(what, " {}", content_words(transfer));
     let tone = outcome_words(transfer, &mut what);
     push_irregular(transfer, &mut what);
     if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
@@ -97,6 +97,12 @@ fn size_words(transfer: &J1939Transfer) -> String {
         }
         _ => plural(transfer.size, "byte"),
     }
+}
+
+/// `14 bytes: 41 42 …`; without data only the size.
+fn content_words(transfer: &J1939Transfer) -> String {
+    let size = size_words(transfer);
+    if transfer.data.is_empty() { size } else { format!("{size}: {}", bytes(&transfer.data)) }
 }
 
 /// Appends missing and repeated packets.
@@ -130,7 +136,7 @@ pub(super) fn transfer_words(transfer: &J1939Transfer) -> TransferWords {
             push_signals(layout, &transfer.data, &mut signals);
             parts.push(String::from_utf8_lossy(&signals).trim_start_matches([':', ' ']).to_owned());
         }
-        None => parts.push(format!("{}: {}", size_words(transfer), bytes(&transfer.data))),
+        None => parts.push(content_words(transfer)),
     }
     TransferWords { object, name: name.to_owned(), result: parts.join(", ") }
 }

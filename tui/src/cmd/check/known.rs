@@ -11,6 +11,7 @@ use cobscope_decoder::words::plural;
 use crate::cli::CheckArgs;
 use crate::cmd::input::limited;
 use crate::cmd::messages::{Refusal, note};
+use crate::cmd::output::ensure_folder;
 use crate::exit_code::Exit;
 use crate::output_file::{self, Existing};
 use crate::path_text::shown;
@@ -84,6 +85,7 @@ fn compared(path: &Path) -> anyhow::Result<Baseline> {
 /// Content of the baseline to update; empty if there is no file or an empty file.
 fn replaced(path: &Path) -> anyhow::Result<Baseline> {
     let name = shown(path);
+    ensure_folder(path)?;
     let is_missing = matches!(path.try_exists(), Ok(false));
     let bytes = if is_missing { Vec::new() } else { limited::bytes(path)? };
     if bytes.is_empty() {

@@ -15,7 +15,7 @@ use cobscope_decoder::sink::findings::{Report, TextOptions};
 use cobscope_decoder::words::plural;
 
 use super::captures::{self, Source, SourceSeries};
-use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup};
+use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup, with_user_folder};
 use super::messages::{Refusal, complain, note, warn};
 use super::output::{ensure_not_read, files_read, is_colored, write_result};
 use super::replaced::{OwnFile, replacing};
@@ -39,7 +39,7 @@ pub fn run(arguments: &CheckArgs) -> Exit {
 }
 
 fn checked(arguments: &CheckArgs) -> Result<Exit, Refusal> {
-    let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;
+    let (options, setup) = ready(arguments)?;
     check_names(arguments, &setup)?;
     if arguments.report.is_some() {
         report::ensure_files(&arguments.input.captures).map_err(|error| (Exit::Usage, error))?;
@@ -113,12 +113,12 @@ fn judged<'a>(
     Ok(Judged { report, found, exit })
 }
 
-/// Findings of `-f jsonl`, without any output of the command.
+/// Findings of `-f jsonl` and the exit status, without any output of the command.
 ///
 /// # Errors
 /// As for the command.
-pub(super) fn lines(arguments: &CheckArgs) -> Result<Vec<u8>, Refusal> {
-    let (options, setup) = ready(arguments).map_err(|error| (Exit::Profile, error))?;
+pub(super) fn lines(arguments: &CheckArgs) -> Result<(Vec<u8>, Exit), Refusal> {
+    let (options, setup) = ready(arguments)?;
     check_names(arguments, &setup)?;
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
     let known = KnownFindings::read(arguments)?;
@@ -126,7 +126,7 @@ pub(super) fn lines(arguments: &CheckArgs) -> Result<Vec<u8>, Refusal> {
     let judged = judged(arguments, &captures, (&options, &setup), known)?;
     let mut lines = Vec::new();
     write(&judged.report, arguments, &mut lines).map_err(|error| (Exit::Capture, error.into()))?;
-    Ok(lines)
+    Ok((lines, judged.exit))
 }
 
 /// Checks the rules that the options name.
@@ -174,14 +174,24 @@ fn check_selection(arguments: &CheckArgs, setup: &Setup) -> anyhow::Result<()> {
 }
 
 /// Options for decoding and rules.
-pub(super) fn ready(arguments: &CheckArgs) -> anyhow::Result<(SessionOptions, Arc<Setup>)> {
+///
+/// # Errors
+/// If a rule of `--select` or `--ignore` is unknown, or the bus file or a profile is not valid.
+pub(super) fn ready(arguments: &CheckArgs) -> Result<(SessionOptions, Arc<Setup>), Refusal> {
     let folders = &arguments.input.profiles;
+    let profile = |error| (Exit::Profile, with_user_folder(error, folders));
     let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
-    let options = options_of(&arguments.input, catalogue)?;
-    let setup = setup(&arguments.input, &options.catalogue, arguments.today)?;
-    let selection =
-        RuleSelection { select: arguments.selected_rules.clone(), ignore: arguments.ignored_rules.clone() };
-    let setup = setup.select(selection).map_err(anyhow::Error::msg)?;
+    let options = options_of(&arguments.input, catalogue).map_err(profile)?;
+    let setup = setup(&arguments.input, &options.catalogue, arguments.today).map_err(profile)?;
+    let (select, ignore) = (&arguments.selected_rules, &arguments.ignored_rules);
+    for (option, patterns) in [("--select", select), ("--ignore", ignore)] {
+        for pattern in patterns {
+            let known = setup.check_pattern(pattern).map_err(anyhow::Error::msg);
+            known.context(option).map_err(|error| (Exit::Usage, error))?;
+        }
+    }
+    let selection = RuleSelection { select: select.clone(), ignore: ignore.clone() };
+    let setup = setup.select(selection).map_err(|error| (Exit::Usage, anyhow::Error::msg(error)))?;
     Ok((options, Arc::new(setup)))
 }
 

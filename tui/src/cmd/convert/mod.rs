@@ -24,8 +24,7 @@ use cobscope_decoder::sink::escape;
 use super::cut;
 use super::input::{read_options, session_options, unknown_buses};
 use super::messages::{complain, note};
-use super::output::refused;
-use super::output::{ensure_not_read, files_known};
+use super::output::{ensure_folder, ensure_not_read, files_known, refused};
 use crate::cli::ConvertArgs;
 use crate::exit_code::Exit;
 use crate::output_file::{self, Existing};
@@ -93,6 +92,7 @@ fn open_outputs(
         ensure!(path.as_path() != out, "--bus-file {shown}: is also the output; choose another file");
         let read: Vec<PathBuf> = captures.iter().cloned().chain(files_known(&arguments.input)).collect();
         ensure_not_read(path, &read)?;
+        ensure_folder(path)?;
         let is_free = arguments.force || path.symlink_metadata().is_err();
         ensure!(is_free, "{shown}: file exists; use --force to overwrite it");
     }

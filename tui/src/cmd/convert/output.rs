@@ -81,7 +81,7 @@ impl Output {
         }
         let mut output = Self {
             format,
-            options: WriteOptions { packing: arguments.packing.into() },
+            options: WriteOptions { packing: arguments.packing.into(), ..WriteOptions::default() },
             losses: Losses::new(format.holds),
             names,
             splits,
@@ -245,7 +245,7 @@ impl Output {
 fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertArgs) -> anyhow::Result<()> {
     let written = Arc::new(AtomicU64::new(0));
     let counted = CountedOutput { output: io::sink(), written: Arc::clone(&written) };
-    let options = WriteOptions { packing: arguments.packing.into() };
+    let options = WriteOptions { packing: arguments.packing.into(), ..WriteOptions::default() };
     let mut writer = (format.writer)(Box::new(counted), &options);
     let frame = Frame::data_frame(CanId::standard(0), &[]);
     let frame = Frame { number: 1, time: Some(Timestamp(0)), ..frame };

@@ -18,12 +18,12 @@ use cobscope_decoder::finding::{Findings, Group};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::report::html::{self, ComparisonPage};
 use cobscope_decoder::report::{HashedFile, Provenance};
-use cobscope_decoder::rules::{Engine, Judge};
+use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
 
 use super::decoding::{CaptureObserver, decode_capture, decode_quietly};
 use super::input::{session_options, setup};
-use super::messages::{complain, warn};
+use super::messages::{Refusal, complain, warn};
 use super::output;
 use super::replaced::{OwnFile, ensure_replaceable, replacing};
 use super::report::provenance;
@@ -35,33 +35,18 @@ use crate::source::Series;
 
 /// Runs the command.
 pub fn run(arguments: &DiffArgs) -> Exit {
-    let pair = pair(&arguments.input).and_then(|pair| {
-        selection(arguments)?;
-        Ok(pair)
-    });
-    let [good, bad] = match pair {
-        Ok(pair) => pair,
-        Err(error) => {
+    let ([good, bad], options, setup) = match ready(arguments) {
+        Ok(ready) => ready,
+        Err((exit, error)) => {
             complain(&error);
-            return Exit::Usage;
-        }
-    };
-    let options = match session_options(&arguments.input) {
-        Ok(options) => options,
-        Err(error) => {
-            complain(&error);
-            return Exit::Profile;
+            return exit;
         }
     };
     let read = output::files_read(&arguments.input);
-    if let Err(error) = ensure_replaceable(arguments.output.as_deref(), OwnFile::Comparison, &read) {
-        complain(&error);
-        return Exit::Usage;
-    }
     let mut exit = Exit::Clean;
     let mut records = Vec::new();
     for series in [good, bad] {
-        match record(&series, arguments, &options, false) {
+        match record(&series, arguments, (&options, &setup), false) {
             Ok((recorded, failure)) => {
                 if let Some(error) = failure {
                     complain(&error);
@@ -93,6 +78,21 @@ pub fn run(arguments: &DiffArgs) -> Exit {
             Exit::Usage
         }
     }
+}
+
+/// The two captures, options for decoding, and rules.
+///
+/// # Errors
+/// If an option, the bus file or a profile is not valid, or the output is refused.
+fn ready(arguments: &DiffArgs) -> Result<([Series; 2], SessionOptions, Arc<Setup>), Refusal> {
+    let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
+    let pair = pair(&arguments.input).map_err(usage)?;
+    selection(arguments).map_err(usage)?;
+    let options = session_options(&arguments.input).map_err(profile)?;
+    let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
+    let read = output::files_read(&arguments.input);
+    ensure_replaceable(arguments.output.as_deref(), OwnFile::Comparison, &read).map_err(usage)?;
+    Ok((pair, options, Arc::new(setup)))
 }
 
 /// The comparison in its format.
@@ -142,12 +142,11 @@ fn selection(arguments: &DiffArgs) -> anyhow::Result<Selection> {
 fn record(
     series: &Series,
     arguments: &DiffArgs,
-    options: &SessionOptions,
+    (options, setup): (&SessionOptions, &Arc<Setup>),
     is_quiet: bool,
 ) -> anyhow::Result<(RecordedCapture, Option<anyhow::Error>)> {
-    let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
     let mut watch = Watch {
-        engine: Engine::new(setup),
+        engine: Engine::new(Arc::clone(setup)),
         facts: Facts {
             recorder: Recorder::new(arguments.at_event.clone()),
             selection: selection(arguments)?,

@@ -1,10 +1,13 @@
 //! A comparison without messages: for the terminal UI, with the differences by what they concern, and for other programs.
 
+use std::sync::Arc;
+
 use cobscope_decoder::comparison::{self, CaptureRecord, DifferenceMarks};
 use cobscope_decoder::session::SessionOptions;
 
 use super::{json, record};
 use crate::cli::{DiffArgs, DiffFormat, InputArgs};
+use crate::cmd::input::setup;
 use crate::source::Series;
 
 /// Two captures to compare.
@@ -29,7 +32,7 @@ pub(in crate::cmd) fn compared(
     arguments: &DiffArgs,
     options: &SessionOptions,
 ) -> anyhow::Result<String> {
-    let [good, bad] = [read(good, arguments, options)?, read(bad, arguments, options)?];
+    let [good, bad] = records([good, bad], arguments, options)?;
     let mut compared = comparison::compare(&good, &bad, &options.bus_file.diff);
     if !arguments.only.is_empty() {
         compared.keep(&arguments.only);
@@ -39,9 +42,19 @@ pub(in crate::cmd) fn compared(
     Ok(text)
 }
 
-fn read(series: &Series, arguments: &DiffArgs, options: &SessionOptions) -> anyhow::Result<CaptureRecord> {
-    let (recorded, failure) = record(series, arguments, options, true)?;
-    failure.map_or(Ok(recorded.record), Err)
+/// # Errors
+/// If a capture cannot be read to its end, or the rules of the bus file are not valid.
+fn records(
+    [good, bad]: [&Series; 2],
+    arguments: &DiffArgs,
+    options: &SessionOptions,
+) -> anyhow::Result<[CaptureRecord; 2]> {
+    let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
+    let read = |series: &Series| {
+        let (recorded, failure) = record(series, arguments, (options, &setup), true)?;
+        failure.map_or(Ok(recorded.record), Err)
+    };
+    Ok([read(good)?, read(bad)?])
 }
 
 impl ComparisonJob {
@@ -61,7 +74,7 @@ impl ComparisonJob {
             format: DiffFormat::Text,
             output: None,
         };
-        let (good, bad) = (read(&good, &arguments, &options)?, read(&bad, &arguments, &options)?);
+        let [good, bad] = records([&good, &bad], &arguments, &options)?;
         let compared = comparison::compare(&good, &bad, &options.bus_file.diff);
         Ok(DifferenceMarks::new(&compared, &good, &bad))
     }

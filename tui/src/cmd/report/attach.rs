@@ -12,8 +12,9 @@ use super::provenance::sha256;
 use super::reading::{Composed, CutStart};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::cut;
-use crate::cmd::messages::note;
+use crate::cmd::messages::{Refusal, note};
 use crate::cmd::replaced::{OwnFile, replacing};
+use crate::exit_code::Exit;
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";
@@ -41,25 +42,25 @@ pub(super) fn check(arguments: &ReportArgs) -> anyhow::Result<()> {
 /// Adds the frames around the claims to a report whose page is written to `page`.
 ///
 /// # Errors
-/// If the file cannot be written, or is one of the files `read`.
+/// If the file cannot be created or written, or is one of the files `read`.
 pub(super) fn attach(
     composed: &mut Composed,
     place: Option<AttachPlace>,
     page: Option<&Path>,
     read: &[PathBuf],
-) -> anyhow::Result<()> {
+) -> Result<(), Refusal> {
     let Some(place) = place else { return Ok(()) };
     if composed.excerpt.is_empty() {
         note(&format!("{}: no claim; no capture attached", composed.report.capture.name));
         return Ok(());
     }
-    let bytes = composed.excerpt.pcapng().context("cannot write the cut-out capture")?;
+    let bytes = composed.excerpt.pcapng().context("cannot write the cut-out capture");
+    let bytes = bytes.map_err(|error| (Exit::Capture, error))?;
     let path = page.map_or_else(|| PathBuf::from("report"), Path::to_owned).with_extension(SUFFIX);
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let embedded = match place {
         AttachPlace::File => {
-            let mut file = replacing(Some(&path), OwnFile::Attachment, read)?;
-            file.write_all(&bytes).and_then(|()| file.finish())?;
+            write(&path, OwnFile::Attachment, read, &bytes)?;
             None
         }
         AttachPlace::Embedded => Some(STANDARD.encode(&bytes)),
@@ -86,11 +87,20 @@ fn write_bus_file(
     start: Option<CutStart>,
     capture: &Path,
     read: &[PathBuf],
-) -> anyhow::Result<Option<String>> {
+) -> Result<Option<String>, Refusal> {
     let Some(CutStart { state, input, title }) = start else { return Ok(None) };
     let path = capture.with_extension(BUS_FILE_SUFFIX);
-    let text = cut::text(state, &input, &path, &title)?;
-    let mut file = replacing(Some(&path), OwnFile::BusFile, read)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.finish())?;
+    let text = cut::text(state, &input, &path, &title).map_err(|error| (Exit::Profile, error))?;
+    write(&path, OwnFile::BusFile, read, text.as_bytes())?;
     Ok(path.file_name().map(|name| name.to_string_lossy().into_owned()))
+}
+
+/// Writes a file next to the page.
+///
+/// # Errors
+/// If it is refused, or incomplete.
+fn write(path: &Path, kind: OwnFile, read: &[PathBuf], content: &[u8]) -> Result<(), Refusal> {
+    let mut file = replacing(Some(path), kind, read).map_err(|error| (Exit::Usage, error))?;
+    let written = file.write_all(content).and_then(|()| file.finish());
+    written.map_err(|error| (Exit::Capture, error.into()))
 }

@@ -12,6 +12,7 @@ use cobscope_decoder::words::plural;
 use super::page;
 use super::reading::{ReportScope, compose};
 use crate::cli::{FindingArg, InputArgs, PageStyle, SelectArgs};
+use crate::cmd::output::ensure_folder;
 use crate::path_text::shown;
 use crate::source::Series;
 
@@ -39,6 +40,7 @@ impl PageJob {
     pub(in crate::cmd) fn write(&self) -> anyhow::Result<String> {
         let shown = shown(&self.path);
         ensure!(self.path.symlink_metadata().is_err(), "{shown}: file exists; choose another name");
+        ensure_folder(&self.path)?;
         let finding = FindingArg::Id(self.finding);
         let scope = ReportScope {
             input: &self.input,

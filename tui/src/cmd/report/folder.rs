@@ -16,8 +16,8 @@ use super::provenance::command;
 use super::reading::{Composed, ReportScope, compose};
 use super::{attach, page};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
-use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
-use crate::cmd::messages::{Refusal, complain, note};
+use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over, without_captures};
+use crate::cmd::messages::{Refusal, complain, exit_of, note, warn};
 use crate::cmd::output::{ensure_not_read, files_read, write_result};
 use crate::cmd::replaced::{OwnFile, replacing};
 use crate::exit_code::Exit;
@@ -78,12 +78,16 @@ impl PageFolder {
         let FolderCapture { capture, composed, remark, rules } = own;
         let mut exit = Exit::Clean;
         let mut written = None;
+        let mut remark = remark;
         if let Some(composed) = composed {
             let name = format!("{}.{}", self.name_of(capture), self.suffix());
             let path = self.folder.join(&name);
-            attach::attach(composed, place, Some(&path), &self.read).map_err(|error| (Exit::Usage, error))?;
+            attach::attach(composed, place, Some(&path), &self.read)?;
             exit = page::write(&composed.report, self.style, Some(&path), &self.read)?;
-            written = Some(name);
+            written = Some(name).filter(|_| exit == Exit::Clean);
+        }
+        if exit != Exit::Clean {
+            remark.push_str(", page incomplete");
         }
         self.rows.push(IndexRow { capture: capture.to_owned(), page: written, rules, remark });
         Ok(exit)
@@ -109,11 +113,14 @@ impl PageFolder {
         name
     }
 
-    /// Writes the index page, which is HTML also for pages in Markdown.
+    /// Writes the index page, which is HTML also for pages in Markdown; none without a capture.
     ///
     /// # Errors
     /// If it cannot be written.
     pub(in crate::cmd) fn finish(self, name: &str) -> Result<Exit, Refusal> {
+        if self.rows.is_empty() {
+            return Ok(Exit::Clean);
+        }
         let path = self.folder.join(format!("{INDEX}.html"));
         let pages = self.rows.iter().filter(|row| row.page.is_some()).count();
         let index = IndexPage {
@@ -126,7 +133,12 @@ impl PageFolder {
             replacing(Some(&path), OwnFile::Page, &self.read).map_err(|error| (Exit::Usage, error))?;
         let text = write_index(&index);
         let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish()));
-        note(&format!("{}: {} and {INDEX}.html", path_text::shown(&self.folder), plural(pages, "report")));
+        let folder = path_text::shown(&self.folder);
+        match (plural(pages, "report"), exit) {
+            (reports, Exit::Clean) => note(&format!("{folder}: {reports} and {INDEX}.html")),
+            (reports, _) if pages > 0 => note(&format!("{folder}: {reports}, no {INDEX}.html")),
+            _ => {}
+        }
         Ok(exit)
     }
 }
@@ -150,6 +162,10 @@ pub(super) fn write(
     rules: &Arc<Setup>,
 ) -> Result<Exit, Refusal> {
     let usage = |error| (Exit::Usage, error);
+    let inputs = &arguments.input.captures;
+    if all.is_empty() {
+        return Ok(report_empty(inputs, &[]));
+    }
     let Some(folder) = &arguments.output else {
         return Err(usage(anyhow::anyhow!("several captures: give a folder for the pages with -o")));
     };
@@ -158,6 +174,7 @@ pub(super) fn write(
     let read = read.into_iter().chain(files_read(&arguments.input)).collect();
     let mut pages = PageFolder::create(folder, arguments.format, read).map_err(usage)?;
     let mut exit = Exit::Clean;
+    let mut found = Vec::new();
     for source in all {
         let name = source.series.name();
         match compose(&source.series, &ReportScope::of(arguments), options, rules) {
@@ -172,6 +189,7 @@ pub(super) fn write(
                 let own =
                     FolderCapture { capture: &name, composed: Some(&mut composed), remark, rules: counted };
                 exit = exit.max(pages.add(own, arguments.attach)?);
+                found.push(source);
             }
             Err(error) if source.folder.is_some() && is_no_capture(&error) => {
                 if let Some(text) = passed_over(source.series.first(), &error) {
@@ -180,15 +198,26 @@ pub(super) fn write(
             }
             Err(error) => {
                 complain(&error);
-                exit = exit.max(Exit::Capture);
+                exit = exit.max(exit_of(&error));
                 let remark = format!("{error:#}");
                 let own = FolderCapture { capture: &name, composed: None, remark, rules: Vec::new() };
                 exit = exit.max(pages.add(own, None)?);
+                found.push(source);
             }
         }
     }
-    let names: Vec<_> = arguments.input.captures.iter().map(|path| path.display().to_string()).collect();
+    exit = exit.max(report_empty(inputs, &found));
+    let names: Vec<_> = inputs.iter().map(|path| path.display().to_string()).collect();
     Ok(exit.max(pages.finish(&names.join(", "))?))
+}
+
+/// Reports the folders without any of the captures `found`; returns the exit status.
+fn report_empty(named: &[PathBuf], found: &[&SourceSeries]) -> Exit {
+    let empty = without_captures(named, found);
+    for folder in &empty {
+        warn(&format!("{}: no captures", path_text::shown(folder)));
+    }
+    if empty.is_empty() { Exit::Clean } else { Exit::Capture }
 }
 
 /// `2 errors, 4 warnings`, `no finding`.

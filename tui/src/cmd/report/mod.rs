@@ -26,8 +26,8 @@ pub(super) use provenance::provenance;
 pub(super) use reading::{ReportScope, compose};
 
 use super::captures::{self, SourceSeries};
-use super::input::{session_options, setup};
-use super::messages::{Refusal, complain};
+use super::input::{check_rules_of, session_options, setup};
+use super::messages::{Refusal, complain, exit_of};
 use super::output::files_read;
 use super::replaced::{OwnFile, ensure_replaceable};
 use crate::cli::ReportArgs;
@@ -61,6 +61,7 @@ fn reported(arguments: &ReportArgs) -> Result<Exit, Refusal> {
     if let Some(crate::cli::FindingArg::Rule(rule)) = &arguments.finding {
         rules.check_name(rule).map_err(|error| usage(anyhow::anyhow!("--finding: {error}")))?;
     }
+    check_rules_of(arguments.select.filter.as_ref(), &rules).map_err(usage)?;
     let all = captures::series(&captures::captures(named), input);
     match all.as_slice() {
         [one] if one.folder.is_none() => single(one, arguments, &options, &rules),
@@ -89,8 +90,8 @@ fn single(
     let path = arguments.output.as_deref();
     ensure_replaceable(path, OwnFile::Page, &read).map_err(|error| (Exit::Usage, error))?;
     let mut composed = compose(&source.series, &ReportScope::of(arguments), options, rules)
-        .map_err(|error| (Exit::Capture, error))?;
-    attach::attach(&mut composed, arguments.attach, path, &read).map_err(|error| (Exit::Usage, error))?;
+        .map_err(|error| (exit_of(&error), error))?;
+    attach::attach(&mut composed, arguments.attach, path, &read)?;
     let mut exit = page::write(&composed.report, arguments.format, path, &read)?;
     if let Some(failure) = &composed.failure {
         complain(failure);

@@ -18,7 +18,8 @@ use cobscope_decoder::why::Question;
 use super::provenance::provenance;
 use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_capture, decode_quietly};
-use crate::cmd::facts::{Facts, diagnosis, question};
+use crate::cmd::facts::{Facts, diagnosis, ensure_story, question};
+use crate::cmd::messages::absent_value;
 use crate::select::Span;
 use crate::source::Series;
 
@@ -82,7 +83,7 @@ pub(in crate::cmd) struct CutStart {
 /// Reads a capture twice.
 ///
 /// # Errors
-/// If the capture cannot be opened or recognised, contains no frames, or the requested story does not exist.
+/// If the capture cannot be opened or recognised, contains no frames, or the requested story or finding does not exist.
 pub(in crate::cmd) fn compose(
     series: &Series,
     scope: &ReportScope<'_>,
@@ -113,18 +114,14 @@ pub(in crate::cmd) fn compose(
     diagnosis
         .stories
         .retain(|story| wanted.as_ref().is_none_or(|it| it.iter().any(|id| story.findings.contains(id))));
-    let stories = diagnosis.stories.len();
-    anyhow::ensure!(
-        scope.question.story <= stories,
-        "{name}: story {} does not exist; stories: {stories}",
-        scope.question.story
-    );
-    if let Some(finding) = scope.finding {
+    ensure_story(&name, scope.question.story, &diagnosis, decoded.failure.as_ref())?;
+    if let Some(finding) = scope.finding.filter(|_| diagnosis.stories.is_empty()) {
         let shown = match finding {
             FindingArg::Id(id) => id.to_string(),
             FindingArg::Rule(rule) => rule.clone(),
         };
-        anyhow::ensure!(stories > 0, "{name}: --finding {shown}: no such finding (cobscope check -f jsonl)");
+        let text = format!("{name}: --finding {shown}: {}", without_story(&findings, wanted.as_ref()));
+        return Err(absent_value(text, decoded.failure.as_ref()));
     }
     let answer = why.report(diagnosis, buses, &options.catalogue);
     let failure = decoded.failure.as_ref().map(|failure| format!("{failure:#}"));
@@ -216,6 +213,13 @@ fn wanted(scope: &ReportScope<'_>, findings: &Findings) -> Option<BTreeSet<u64>>
     let is_all = scope.finding.is_none() && scope.kept.is_none();
     let all = findings.groups.iter().filter(|group| is_meant(group.id, &group.rule) && is_kept(group.id));
     (!is_all).then(|| all.map(|group| group.id).collect())
+}
+
+/// Reason why no story contains the requested findings.
+fn without_story(findings: &Findings, wanted: Option<&BTreeSet<u64>>) -> String {
+    let reason = wanted.into_iter().flatten().find_map(|id| findings.group(*id)?.omission());
+    let no_such = "no such finding (cobscope check -f jsonl)".to_owned();
+    reason.map_or(no_such, |reason| format!("{reason}, in no story; a report needs a story"))
 }
 
 /// Observer of findings, facts and statistics.

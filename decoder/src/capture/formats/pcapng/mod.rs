@@ -43,7 +43,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     suffix: "pcapng",
     title: FORMAT.title,
     holds: FormatCapabilities { untimed: false, negative: false, ..FormatCapabilities::ALL },
-    writer: |output, _| Box::new(write::PcapngWriter::new(output)),
+    writer: |output, options| Box::new(write::PcapngWriter::new(output, options.comment)),
 };
 
 /// Longer blocks are treated as damage, because skipping them would lose the rest of the capture.

@@ -63,6 +63,8 @@ const FD: u8 = 4;
 /// before 1970 are written as 0 because timestamps have no sign.
 pub(super) struct PcapngWriter<W> {
     output: W,
+    /// Comment of the section; empty for none.
+    comment: &'static str,
     /// The current block.
     block: Vec<u8>,
     /// Name of each interface, and number of frames lost on it.
@@ -74,9 +76,16 @@ pub(super) struct PcapngWriter<W> {
 }
 
 impl<W: Write> PcapngWriter<W> {
-    pub(super) fn new(output: W) -> Self {
-        let block = Vec::with_capacity(256);
-        Self { output, block, buses: Vec::new(), last: 0, time: Timestamp::default(), has_begun: false }
+    pub(super) fn new(output: W, comment: &'static str) -> Self {
+        Self {
+            output,
+            comment,
+            block: Vec::with_capacity(256),
+            buses: Vec::new(),
+            last: 0,
+            time: Timestamp::default(),
+            has_begun: false,
+        }
     }
 
     /// Starts a block; `close` sets its length.
@@ -109,6 +118,10 @@ impl<W: Write> PcapngWriter<W> {
         self.put(&[1, 0, 0, 0]);
         // The length of the section is unknown.
         self.put(&u64::MAX.to_le_bytes());
+        if !self.comment.is_empty() {
+            option(&mut self.block, COMMENT, cut(self.comment, LONGEST_OPTION).as_bytes());
+            option(&mut self.block, END, &[]);
+        }
         self.close()
     }
 
@@ -275,7 +288,7 @@ mod tests {
 
     #[test]
     fn a_packet_byte_by_byte() {
-        let mut writer = PcapngWriter::new(Vec::new());
+        let mut writer = PcapngWriter::new(Vec::new(), "");
         let frame = Frame {
             time: Some(Timestamp(0x0102_0304_0506_0708)),
             flags: FrameFlags::RECEIVED,
@@ -296,8 +309,21 @@ mod tests {
     }
 
     #[test]
+    fn the_section_has_the_comment_of_the_capture() {
+        let mut writer = PcapngWriter::new(Vec::new(), "hi");
+        writer.flush().unwrap();
+        let expected = [
+            &[0x0A, 0x0D, 0x0D, 0x0A, 40, 0, 0, 0, 0x4D, 0x3C, 0x2B, 0x1A, 1, 0, 0, 0][..],
+            &[0xFF; 8],
+            &[1, 0, 2, 0, b'h', b'i', 0, 0, 0, 0, 0, 0],
+            &[40, 0, 0, 0],
+        ];
+        assert_eq!(writer.output, expected.concat());
+    }
+
+    #[test]
     fn a_comment_is_cut_between_characters() {
-        let mut writer = PcapngWriter::new(Vec::new());
+        let mut writer = PcapngWriter::new(Vec::new(), "");
         writer.write(&Frame::EMPTY, "can0").unwrap();
         let before = writer.output.len();
         writer.write_commented(&Frame::EMPTY, "can0", &"é".repeat(40_000)).unwrap();
@@ -310,7 +336,7 @@ mod tests {
 
     #[test]
     fn frames_without_time_have_the_time_before() {
-        let mut writer = PcapngWriter::new(Vec::new());
+        let mut writer = PcapngWriter::new(Vec::new(), "");
         let later = Frame { time: Some(Timestamp(5)), ..Frame::EMPTY };
         for frame in [Frame::EMPTY, later, Frame::EMPTY] {
             writer.write(&frame, "can0").unwrap();
