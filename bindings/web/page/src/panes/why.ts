@@ -23,7 +23,9 @@ export function whyPane(app: App): Pane {
   function story(one: Story): HTMLElement {
     const terms: HTMLElement[] = [];
     for (const line of one.lines) {
-      const label = LABELS[line.label];
+      // An effect that the capture shows before its cause has a negative delay.
+      const isEarlier = line.label === "effect" && line.text.startsWith("-");
+      const label = isEarlier ? "before" : LABELS[line.label];
       const frame = line.frames?.[1];
       const hasLink = frame !== undefined && !line.text.includes(`{${frame}}`);
       const text = h("dd", {}, linked(app, line.text), hasLink ? [" ", frameButton(app, frame)] : []);
