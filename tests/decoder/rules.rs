@@ -128,6 +128,37 @@ pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64,
     judge_capture(frames.as_bytes(), options, setup)
 }
 
+/// The only finding of node 5 by its EMCY 8100: text, time and duration in ms, and its first frame.
+fn emcy_8100(frames: &str) -> (String, i64, i64, u64) {
+    let findings = judge(frames, &SessionOptions::default(), plain_setup()).1;
+    let all: Vec<_> = findings.groups.iter().filter(|group| *group.rule == *"emcy-raised").collect();
+    let [group] = all.as_slice() else { panic!("{} findings", all.len()) };
+    let at = group.first[0];
+    (group.text.clone(), at.time.unwrap().0 / 1_000_000, group.lasted.unwrap() / 1_000_000, at.frames.first)
+}
+
+#[test]
+fn an_emcy_at_power_on_is_one_within_5_s_of_the_boot() {
+    let plain = "EMCY 8100 communication";
+    // 0.310 s after the boot-up, in pre-operational until the end at 9 s.
+    let at_boot = "(0.000000) can0 705#00\n(0.100000) can0 705#7F\n(0.310000) can0 085#0081110000000000\n\
+                   (0.400000) can0 705#7F\n(9.000000) can0 705#7F\n";
+    let late = format!("{plain}; reported at power-on, not cleared within 5 s");
+    assert_eq!(emcy_8100(at_boot), (late, 310, 8690, 3));
+    // 100.31 s after the boot-up, or after the first heartbeat of a capture without it.
+    for first in ["00", "7F"] {
+        let frames = format!(
+            "(0.000000) can0 705#{first}\n(0.100000) can0 705#7F\n(100.300000) can0 705#7F\n\
+             (100.310000) can0 085#0081110000000000\n(100.400000) can0 705#7F\n(101.000000) can0 705#7F\n"
+        );
+        assert_eq!(emcy_8100(&frames), (plain.to_owned(), 100_310, 690, 4));
+    }
+    // Operational 0.29 s after its EMCY.
+    let started = at_boot.replace("(0.400000) can0 705#7F", "(0.600000) can0 705#05");
+    let until = format!("{plain}; reported before the node was operational, not cleared since");
+    assert_eq!(emcy_8100(&started), (until, 310, 8690, 3));
+}
+
 /// Like [`judge`], for a capture in any format.
 pub fn judge_capture(
     capture: &[u8],

@@ -170,3 +170,65 @@ fn suppressions_and_what_is_gone_are_said_in_formats_for_programs() {
     assert_eq!(met, [4, 0, 0]);
     assert_eq!(total["suppressions"][2]["ended"], "2026-01-31");
 }
+
+#[test]
+fn only_rules_that_ran_and_findings_that_can_be_selected_are_compared() {
+    let folder = known();
+    let with = |options: &[&str]| check(folder.path(), &[&BASELINE[..], options, &["captures"]].concat());
+    let selections: [&[&str]; 7] = [
+        &["--ignore", "node-lost"],
+        &["--ignore", "node-*,emcy-*"],
+        &["--select", "node-lost"],
+        &["--only-node", "5"],
+        &["--from", "0.1"],
+        &["--to", "0.1"],
+        &["--filter", "severity == warning"],
+    ];
+    for options in selections {
+        let output = with(options);
+        assert_eq!(output.code, 0, "{options:?}: {}", output.stdout);
+        let has = |word: &str| output.stdout.lines().any(|line| line.starts_with(word));
+        assert!(!has("silent ") && !has("gone "), "{options:?}: {}", output.stdout);
+    }
+    // A rule that ran is compared: emcy-raised has no EMCY to check in this capture.
+    let verdict = "  \"verdicts\": [\n    {\"capture\":\"captures/a.log\",\"rule\":\"emcy-raised\",\"verdict\":\"pass\"},";
+    let text = baseline(folder.path()).replace("  \"verdicts\": [", verdict);
+    fs::write(folder.path().join("known.json"), text.replace("node-lost|can0|5", "node-lost|can0|9"))
+        .unwrap();
+    let gone = "gone     error node-lost|can0|9: ";
+    for (options, is_silent, is_gone) in [
+        (&["--ignore", "sdo-*"][..], true, true),
+        (&["--ignore", "emcy-raised"], false, true),
+        (&["--select", "emcy-raised"], true, false),
+        (&["--only-node", "9"], true, true),
+        (&["--only-node", "can0:9"], true, true),
+        (&["--only-node", "5"], true, false),
+        (&["--to", "0.1"], true, false),
+    ] {
+        let stdout = with(options).stdout;
+        assert_eq!(stdout.contains("silent   emcy-raised"), is_silent, "{options:?}: {stdout}");
+        assert_eq!(stdout.contains(gone), is_gone, "{options:?}: {stdout}");
+    }
+}
+
+#[test]
+fn an_update_with_a_selection_is_refused() {
+    let folder = known();
+    let before = baseline(folder.path());
+    for (option, value) in [
+        ("--select", "node-lost"),
+        ("--ignore", "node-lost"),
+        ("--filter", "severity == error"),
+        ("--from", "1"),
+        ("--to", "1"),
+        ("--only-node", "5"),
+    ] {
+        let output = updated(folder.path(), &[option, value, "captures"]);
+        let reason =
+            format!("cobscope: --update-baseline: a baseline covers all findings; without {option}\n");
+        assert_eq!((output.code, output.stderr), (2, reason));
+        assert_eq!(baseline(folder.path()), before);
+    }
+    let both = updated(folder.path(), &["--to", "1", "--ignore", "node-lost", "captures"]);
+    assert!(both.stderr.ends_with("without --ignore, --to\n"), "{}", both.stderr);
+}

@@ -78,6 +78,14 @@ fn the_page() {
 }
 
 #[test]
+fn the_footer_names_the_option_that_prints_a_story() {
+    // The capture has 5 stories; `check` prints 3.
+    let output = check(&["fixtures/canopen/sdo_abort.log"]);
+    let footer = "and 2 stories more; cobscope why --story N prints one\n";
+    assert!(output.stdout.contains(footer), "{}", output.stdout);
+}
+
+#[test]
 fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
     // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
     let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);

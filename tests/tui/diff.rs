@@ -324,6 +324,28 @@ fn the_first_step_that_differs_is_printed() {
 }
 
 #[test]
+fn a_comparison_of_nothing_is_not_equality() {
+    let path = folder("diff-nothing");
+    let boot = "(1.000000) can0 702#00\n(1.100000) can0 702#05\n";
+    let (good, bad) = (write(&path, "good.log", boot), write(&path, "bad.log", boot));
+    let refused = diff(&["--only", "sequence", &good, &bad]);
+    let text = "cobscope: --only sequence: no event to start from; add --at-event\n";
+    assert_eq!((refused.code, refused.stderr.as_str(), refused.stdout.as_str()), (2, text, ""));
+    // Node 3 does not exist.
+    let event = "--at-event=kind == boot-up && node == 3";
+    let at = |options: &[&str]| diff(&[&[event][..], options, &[&good, &bad]].concat());
+    let nothing = at(&["--only", "sequence"]);
+    assert_eq!(nothing.code, 3, "{}", nothing.stdout);
+    assert!(!nothing.stdout.contains("no difference"), "{}", nothing.stdout);
+    let of = |format: &str| at(&["--only", "sequence", "-f", format]).stdout;
+    assert!(of("html").contains("<h1>Nothing compared</h1>"));
+    let json: Value = serde_json::from_str(&of("json")).unwrap();
+    assert_eq!((&json["equal"], json["not_compared"].as_array().unwrap().len()), (&Value::Bool(false), 2));
+    // The other sections are compared.
+    assert_eq!([at(&[]), at(&["--only", "nodes"])].map(|output| output.code), [0, 0]);
+}
+
+#[test]
 fn captures_without_times_are_compared_without_timing() {
     let path = folder("diff-untimed");
     let machine = &MACHINES[4];

@@ -253,6 +253,10 @@ fn objects_against_a_dcf() {
     let absent = run(&["objects", "--want", DCF, "--node", "9", "-"], CONFIGURED);
     assert_eq!(absent.stderr, "cobscope: -: node 9/09 sent no frame; nodes present: 5/05\n");
     assert_eq!((absent.code, absent.stdout.as_str()), (0, ""));
+    // An NMT command to node 5 is not a frame of it.
+    let silent = "(1700000000.0) can0 701#05\n(1700000000.1) can0 000#8105\n(1700000000.2) can0 000#8106\n";
+    let silent = run(&["objects", "--want", DCF, "-"], silent);
+    assert_eq!(silent.stderr, "cobscope: -: node 5/05 not present; nodes present: 1/01\n");
     let eds = run(&["objects", "--want", EDS, "-"], CONFIGURED);
     assert_eq!(
         (eds.code, eds.stderr.contains("no values to compare: EDS and XDD files have no values")),

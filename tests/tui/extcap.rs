@@ -119,6 +119,12 @@ fn a_recording_is_a_stream_on_stdout_and_in_a_pipe() {
 fn the_link_replaces_links_only() {
     let folder = tempfile::tempdir().unwrap();
     let install = || run_in(folder.path(), &["extcap", "--install", "--dir", "extcap"], "");
+    // A misspelt folder is not created.
+    let missing = install();
+    let text = "cobscope: extcap/cobscope: folder extcap does not exist; create it first\n";
+    assert_eq!((missing.code, missing.stderr.as_str()), (2, text));
+    assert!(!folder.path().join("extcap").exists());
+    fs::create_dir(folder.path().join("extcap")).unwrap();
     for _ in 0..2 {
         assert_eq!(install().code, 0);
         assert_eq!(fs::read_link(folder.path().join("extcap/cobscope")).unwrap(), Path::new(PROGRAM));

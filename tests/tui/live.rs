@@ -213,9 +213,13 @@ fn the_report_has_the_name_of_the_bus_however_it_ends() {
     assert_eq!(name(&both.stdout), "can0 can1", "{}", both.stdout);
     let one = run(&["live", "--check", "-", "-n", "1"], two);
     assert_eq!(name(&one.stdout), "can0", "{}", one.stdout);
-    // Without any frame, the report names the source.
+    // Without any frame, the report names the source, and nothing was checked.
     let none = run(&["live", "--check", "-"], "");
     assert_eq!(name(&none.stdout), "-", "{}", none.stdout);
+    assert_eq!(none.code, 3, "{}", none.stderr);
+    assert!(none.stderr.contains("cobscope: -: contains no frames\n"), "{}", none.stderr);
+    assert_eq!(run(&["live", "--print", "--fail-on", "error", "-"], two).code, 2);
+    assert_eq!(run(&["live", "--print", "-T", "0", "-"], two).code, 2);
 }
 
 #[test]

@@ -225,6 +225,19 @@ fn signals_have_extremes_with_their_times() {
 }
 
 #[test]
+fn objects_lists_no_node_that_never_sent() {
+    // The NMT command to node 2 has no response.
+    let folder = tempfile::tempdir().unwrap();
+    let log = "(1700000000.0) can0 701#05\n(1700000000.1) can0 000#8102\n(1700000000.2) can0 701#05\n";
+    std::fs::write(folder.path().join("a.log"), log).unwrap();
+    let mut client = Client::start(folder.path());
+    let nodes = client.ask("objects", &json!({"capture": "a.log"}))["nodes"].clone();
+    let nodes: Vec<_> = nodes.as_array().unwrap().iter().map(|node| &node["node"]).collect();
+    assert_eq!(nodes, [&json!("1")]);
+    client.end();
+}
+
+#[test]
 fn bad_requests_are_answered_and_nothing_outside_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("inner");

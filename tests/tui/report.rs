@@ -210,6 +210,29 @@ fn a_capture_without_findings_states_what_was_checked() {
     assert!(stdin.stderr.contains("reads a capture twice"), "{}", stdin.stderr);
 }
 
+#[test]
+fn a_page_without_claims_states_its_selection() {
+    // `check` reports 5 findings: of node 2 at 0.023, 0.045, 0.111 and 0.181 s, of node 3 at 0.527 s.
+    const CAPTURE: &str = "fixtures/canopen/sdo_abort.log";
+    for (words, scope) in [
+        (&["--from", "0.9"][..], "from 0.900 s on"),
+        (&["--to", "0.01"], "up to 0.010 s"),
+        (&["--filter", "node == 1"], "that matches --filter; 5 findings not selected"),
+        (&["--node", "9", "--to", "0.01"], "of node 9/09 up to 0.010 s"),
+    ] {
+        let page = report(&[words, &["-f", "md", CAPTURE]].concat()).stdout;
+        assert!(page.starts_with(&format!("# cobscope: `no finding {scope}`\n")), "{page}");
+        assert!(page.contains(&format!("\nno fault {scope}\n")), "{page}");
+        let page = report(&[words, &[CAPTURE]].concat()).stdout;
+        assert!(page.contains(&format!("<h1>no finding {scope}</h1>")), "{page}");
+        assert!(page.contains(&format!("<title>no finding {scope} – {CAPTURE}</title>")), "{page}");
+        assert!(page.contains(&format!("no finding with a warning or an error {scope}<")), "{page}");
+    }
+    let unknown = report(&["--only-node", "can9:63", "-f", "md", CAPTURE]).stderr;
+    let text = format!("cobscope: {CAPTURE}: unknown bus can9 in --only-node; buses present: can0\n");
+    assert_eq!(unknown, text);
+}
+
 #[cfg(feature = "gzip")]
 #[test]
 fn an_incomplete_capture_is_marked() {

@@ -125,14 +125,40 @@ fn a_finding_is_printed_if_any_part_is_in_the_range() {
     assert!(is_printed(&["--to", "5.5"]), "it ends after");
     assert!(is_printed(&["--from", "5.2", "--to", "5.8"]), "it lasts over the range");
     assert!(!is_printed(&["--from", "6.1"]) && !is_printed(&["--to", "4.9"]));
-    // The exit status follows the findings that are printed; the baseline has all of them.
+    // The exit status follows the findings that are printed.
     assert_eq!(on_run(&path, &["check", "--fail-on", "warning"]).code, 1);
     assert_eq!(on_run(&path, &["check", "--fail-on", "warning", "--to", "4"]).code, 0);
-    on_run(&path, &["check", "--baseline", "b.json", "--update-baseline", "--to", "4"]);
+    on_run(&path, &["check", "--baseline", "b.json", "--update-baseline"]);
     let known = fs::read_to_string(path.join("b.json")).unwrap();
     assert_eq!(known.matches("emcy-raised|can0|").count(), 2, "{known}");
     let output = on_run(&path, &["check", "--from", "11"]);
     assert!(output.stderr.contains("--from is after the last frame, #10 at 10.000 s"), "{}", output.stderr);
+}
+
+#[test]
+fn a_check_of_a_node_without_a_frame_is_no_verdict() {
+    let path = place("absent");
+    let absent = "cobscope: run.log: node 41/29 sent no frame; nodes present: 5/05, 6/06\n";
+    for format in ["text", "jsonl", "junit", "sarif", "github"] {
+        let output = on_run(&path, &["check", "-f", format, "--only-node", "41"]);
+        assert_eq!(output.code, 3, "{format}: {}", output.stdout);
+        assert!(output.stderr.contains(absent), "{format}: {}", output.stderr);
+    }
+    // One note, also if another option names the node.
+    let named = on_run(&path, &["check", "--only-node", "41", "--node", "41=rexroth-sydfec"]);
+    assert_eq!((named.code, named.stderr.matches(absent).count()), (3, 1), "{}", named.stderr);
+    for (node, note) in [
+        ("can9:5", "run.log: unknown bus can9 in --only-node; buses present: can0\n"),
+        ("can0:41", absent),
+        ("sa:0x80", "sent no frame; nodes present: 5/05, 6/06\n"),
+    ] {
+        let output = on_run(&path, &["check", "--only-node", "5", "--only-node", node]);
+        assert!(output.code == 3 && output.stderr.contains(note), "{node}: {}", output.stderr);
+    }
+    for node in ["5", "can0:6"] {
+        let output = on_run(&path, &["check", "--fail-on", "never", "--only-node", node]);
+        assert!(output.code == 0 && !output.stderr.contains("sent no frame"), "{node}: {}", output.stderr);
+    }
 }
 
 #[test]

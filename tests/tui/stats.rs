@@ -315,6 +315,24 @@ fn only_what_lies_between_the_bounds_is_counted() {
 }
 
 #[test]
+fn no_frame_selected_is_no_property_of_the_capture() {
+    // An SDO transfer of 1 ms in a capture with timestamps; the events of no frame of its own are selected.
+    let log = "(1.000000) can0 705#00\n(1.010000) can0 605#4018100100000000\n\
+               (1.011000) can0 585#4318100101000000\n(1.100000) can0 705#05\n";
+    let of = |options: &[&str]| run(&[&["stats", "-"], options].concat(), log).stdout;
+    let late = of(&["--from", "900"]);
+    assert_eq!(late.lines().nth(1), Some("capture   no frame selected"), "{late}");
+    let transfers = of(&["--filter", "kind == sdo-transfer"]);
+    assert!(transfers.contains("capture   no frame selected\n\nbus can0  CANopen\n"), "{transfers}");
+    assert!(transfers.contains("\n  5/05         1        0 "), "{transfers}");
+    for text in [late, transfers] {
+        for words in ["without timestamps", "0 frames", "error frames", "begins"] {
+            assert!(!text.contains(words), "{words}: {text}");
+        }
+    }
+}
+
+#[test]
 fn messages_that_look_like_canopen_are_presumed() {
     // SYNC and TPDO1 of node 2 are decoded, marked ?; the EMCY is not, because nothing confirms CANopen.
     let log = "(1700000000.000000) can0 080#\n(1700000000.001000) can0 182#0899190000\n\

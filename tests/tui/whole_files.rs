@@ -40,6 +40,21 @@ fn decode_replaces_a_file_only_if_forced() {
     assert_eq!(decode(&["-o", "/dev/null"]).code, 0);
 }
 
+/// A file of this name is neither read nor written: `-` is stdin or stdout.
+#[test]
+fn a_dash_is_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = fs::read_to_string(workspace().join("fixtures/machine/machine.log")).unwrap();
+    let decode =
+        |words: &[&str]| run_in(folder.path(), &[&["decode", "-f", "jsonl", "-"], words].concat(), &all);
+    let expected = decode(&["--from", "2023-11-14"]);
+    assert_eq!(decode(&["--from", "2023-11-14", "-o", "-"]).stdout, expected.stdout);
+    assert!(names(folder.path()).is_empty());
+    fs::write(folder.path().join("-"), "").unwrap();
+    assert_eq!(decode(&["--from", "2023-11-14"]).stdout, expected.stdout);
+    assert_eq!(fs::read(folder.path().join("-")).unwrap(), b"");
+}
+
 #[cfg(feature = "parquet")]
 #[test]
 fn neither_of_two_files_is_replaced() {

@@ -515,6 +515,34 @@ fn present_nodes_are_listed_with_their_buses() {
 }
 
 #[test]
+fn nodes_that_never_sent_are_not_present() {
+    // The NMT command to node 2 and the guarding request to node 7 have no response.
+    let log = "(1700000000.0) can0 701#05\n(1700000000.1) can0 000#8102\n\
+               (1700000000.2) can0 707#R1\n(1700000000.3) can0 701#05\n";
+    let absent = "node 9/09 not present in this capture; nodes present: 1/01\n";
+    assert!(text(&["--node", "9", "-"], log).starts_with(absent));
+    let page = run(&["why", "--only-node", "can9:63", "--only-node", "can9:63", "-"], log);
+    assert_eq!(page.stderr, "cobscope: -: unknown bus can9 in --only-node; buses present: can0\n");
+    let page = run(&["why", "--only-node", "can9:63", "-"], log);
+    assert_eq!(page.stderr, "cobscope: -: unknown bus can9 in --only-node; buses present: can0\n");
+    assert!(page.stdout.starts_with("no fault of node 63/3F in this capture\n"), "{}", page.stdout);
+}
+
+#[test]
+fn no_fault_is_limited_to_the_selection() {
+    // `check` reports 5 findings: of node 2 at 0.023, 0.045, 0.111 and 0.181 s, of node 3 at 0.527 s.
+    const CAPTURE: &str = "fixtures/canopen/sdo_abort.log";
+    let rest = "; 5 findings not selected\n";
+    assert_eq!(
+        text(&["--filter", "node == 1", CAPTURE], "").lines().next().unwrap(),
+        format!("no fault that matches --filter{rest}").trim_end()
+    );
+    let nodes = text(&["--only-node", "8", "--only-node", "9", CAPTURE], "");
+    assert!(nodes.starts_with(&format!("no fault of the nodes of --only-node{rest}")), "{nodes}");
+    assert!(text(&["--from", "0.9", CAPTURE], "").starts_with("no fault from 0.900 s on\n"));
+}
+
+#[test]
 fn a_node_that_was_still_alive_is_not_the_cause_of_a_missing_response() {
     // fixtures/canopen/sdo_no_answer.log: node 2 sends heartbeats up to 7.900 s {160}; its SDO client waits from
     // 5.554 s {113} to 6.554 s.

@@ -11,7 +11,8 @@ pub enum Exit {
     Findings = 1,
     /// Invalid command line, or an output cannot be created.
     Usage = 2,
-    /// A capture is unreadable, incomplete or without frames, or an output is incomplete.
+    /// A capture is unreadable, incomplete or without frames, or an output is incomplete; or `check` has no frame of a
+    /// node of `--only-node`.
     Capture = 3,
     /// A profile or bus file is invalid.
     Profile = 4,

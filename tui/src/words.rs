@@ -5,9 +5,10 @@
 //! SYNC 411 every 10.000 ms (9.812 to 14.200, worst from 3.211 s), jitter ±4.200 ms
 //! ```
 
-use cobscope_decoder::session::{Bus, Buses, Node, SessionOptions};
+use cobscope_decoder::session::{Bus, Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
+use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::plural;
 
@@ -85,21 +86,48 @@ pub fn unheard_until(
             }
         }
     }
+    let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
+    no_frame_of(capture, buses, &missing, &end)
+}
+
+/// Notes on nodes of `--only-node` that sent no frame, and on their buses that do not exist; empty if each node sent one.
+pub fn absent_choices(capture: &str, buses: Buses<'_>, choices: &[NodeChoice]) -> Vec<String> {
+    let names: Vec<&str> = buses.iter().map(Bus::name).collect();
+    let (mut notes, mut missing) = (Vec::new(), Vec::new());
+    for choice in choices {
+        let wanted = choice.bus.as_deref();
+        if let Some(note) = wanted.and_then(|name| unknown_bus(capture, name, "--only-node", &names)) {
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+            continue;
+        }
+        let is_on = |bus: &Bus| wanted.is_none_or(|name| name == bus.name());
+        let is_present = buses.iter().any(|bus| is_on(bus) && has_sent(bus, choice.node));
+        if !is_present && !missing.contains(&choice.node) {
+            missing.push(choice.node);
+        }
+    }
+    notes.extend(no_frame_of(capture, buses, &missing, ""));
+    notes
+}
+
+/// Note on `missing` nodes; `None` if there are none.
+fn no_frame_of(capture: &str, buses: Buses<'_>, missing: &[NodeId], end: &str) -> Option<String> {
     let first = missing.first()?;
-    let (subject, others) = match missing.as_slice() {
+    let (subject, others) = match missing {
         [_] => (first.words(), String::new()),
         several => ("named nodes".to_owned(), format!(" {}", list(several.iter().copied()))),
     };
-    let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
-    let present = present(buses, |node| node.last_seen().0 > 0);
+    let present = present(buses);
     Some(format!("{capture}: {subject}{others} sent no frame{end}; nodes present: {present}"))
 }
 
-/// Labels of the nodes for which `is_meant` is true, with their buses if there are several: `can0 1/01, can1 5/05`.
-pub fn present(buses: Buses<'_>, is_meant: impl Fn(&Node) -> bool) -> String {
+/// Labels of the nodes that sent a frame, with their buses if there are several: `can0 1/01, can1 5/05`.
+pub fn present(buses: Buses<'_>) -> String {
     let mut all = Vec::new();
     for bus in buses.iter() {
-        let nodes = bus.nodes().filter(|node| is_meant(node)).map(|node| node.id().label());
+        let nodes = bus.nodes().filter(|node| node.last_seen().0 > 0).map(|node| node.id().label());
         if buses.len() > 1 {
             all.extend(nodes.map(|node| format!("{} {node}", escape(bus.name()))));
         } else {

@@ -9,6 +9,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::report::{Draft, Ground, HashedFile, Provenance, html};
 use cobscope_decoder::session::Bus;
+use cobscope_decoder::why::FaultScope;
 use sha2::{Digest as _, Sha256};
 
 use crate::capture::Captures;
@@ -68,6 +69,7 @@ impl Reporting {
             capture: name,
             format: captures.format,
             failure: survey.failure.as_deref(),
+            scope: &FaultScope::default(),
         });
         Ok(Self {
             reader: captures.reader().map_err(|error| error.to_string())?,

@@ -188,16 +188,21 @@ pub struct Comparison {
     pub not_seen: Vec<UnobservedSubject>,
     /// Number of equal subjects by section and noun in the singular.
     pub equal: BTreeMap<(Section, &'static str), u64>,
-    /// Reasons why something was not compared.
-    pub limits: Vec<String>,
+    /// Reasons why something was not compared, by section.
+    pub limits: Vec<(Section, String)>,
     /// Ids of findings of the second capture that the first one does not have.
     pub(super) new_findings: BTreeSet<u64>,
 }
 
 impl Comparison {
-    /// Whether no difference was found.
+    /// Whether subjects were compared, and no difference was found.
     pub fn is_equal(&self) -> bool {
-        self.differences.is_empty()
+        self.differences.is_empty() && !self.is_void()
+    }
+
+    /// Whether nothing was compared, for the reasons in `limits`.
+    pub fn is_void(&self) -> bool {
+        self.differences.is_empty() && self.equal.is_empty() && !self.limits.is_empty()
     }
 
     /// Keeps these sections only.
@@ -205,6 +210,7 @@ impl Comparison {
         self.differences.retain(|it| sections.contains(&it.section));
         self.not_seen.retain(|it| sections.contains(&it.section));
         self.equal.retain(|(section, _), _| sections.contains(section));
+        self.limits.retain(|(section, _)| sections.contains(section));
     }
 
     /// Counts an equal subject.

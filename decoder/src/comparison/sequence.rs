@@ -10,7 +10,8 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     let (Some(good), Some(bad)) = (&scope.good.sequence, &scope.bad.sequence) else { return };
     for (sequence, side) in [(good, "GOOD"), (bad, "BAD")] {
         if sequence.start.is_none() {
-            out.limits.push(format!("{side}: no event matches --at-event; steps not compared"));
+            let text = format!("{side}: no event matches --at-event; steps not compared");
+            out.limits.push((Section::Sequence, text));
         }
     }
     if good.start.is_none() || bad.start.is_none() {
@@ -30,7 +31,8 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     if !is_shown {
         let text = |sequence: &Sequence| plural(sequence.steps.len(), "step");
         let (good, bad) = (text(good), text(bad));
-        out.limits.push(format!("sequence: GOOD {good}, BAD {bad}; the common ones are equal"));
+        let text = format!("sequence: GOOD {good}, BAD {bad}; the common ones are equal");
+        out.limits.push((Section::Sequence, text));
         return;
     }
     let value = |step: Option<&SequenceStep>| step.map(|step| Observation::new(&*step.text, step.mark));

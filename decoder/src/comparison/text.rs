@@ -170,7 +170,7 @@ fn closing(comparison: &Comparison, is_complete: bool) -> Vec<(&'static str, Str
         let labels = std::iter::once(not_seen_by(side)).chain(std::iter::repeat(""));
         lines.extend(labels.zip(not_seen(comparison, side, is_complete)));
     }
-    lines.extend(comparison.limits.iter().map(|limit| ("NOT COMPARED", limit.clone())));
+    lines.extend(comparison.limits.iter().map(|(_, limit)| ("NOT COMPARED", limit.clone())));
     if comparison.is_equal() {
         lines.push(("", "no difference within the tolerances".to_owned()));
     }

@@ -23,7 +23,7 @@ const MISSING: i64 = 3;
 pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     for (record, side) in [(scope.good, "GOOD"), (scope.bad, "BAD")] {
         if !record.is_timed {
-            out.limits.push(format!("{side} without usable timestamps: timing not compared"));
+            out.limits.push((SECTION, format!("{side} without usable timestamps: timing not compared")));
         }
     }
     for bus in &scope.alignment.buses {

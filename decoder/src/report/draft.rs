@@ -46,6 +46,8 @@ pub struct Ground<'a> {
     pub format: &'a str,
     /// Why the capture was not read to its end.
     pub failure: Option<&'a str>,
+    /// Part of the capture that the stories are selected from.
+    pub scope: &'a why::FaultScope,
 }
 
 impl Ground<'_> {
@@ -95,14 +97,14 @@ impl Draft {
         let mut report = facts(ground);
         if plans.is_empty() {
             let mut account = String::new();
-            let setting = why::text::Setting::new(ground.buses, ground.first);
+            let setting = why::text::Setting::new(ground.buses, ground.first, ground.scope);
             why::text::write(ground.answer, &setting, &mut account);
             report.account = account.lines().map(str::to_owned).collect();
         }
         let mut draft = Self { report, plans, excerpt: Excerpt::default(), zero: ground.first };
         if let Some(plan) = draft.plans.first_mut() {
             let mut context = String::new();
-            let setting = why::text::Setting::new(ground.buses, ground.first);
+            let setting = why::text::Setting::new(ground.buses, ground.first, ground.scope);
             why::text::write_context(ground.answer, &setting, &mut context);
             plan.claim.context = context.lines().map(str::to_owned).collect();
         }
@@ -296,6 +298,7 @@ fn facts(ground: &Ground<'_>) -> Report {
         assumptions: assumptions::of_capture(&basis),
         clock: clock::statements(&capture, quality),
         devices: devices(buses),
+        scope: ground.scope.words(&answer.question),
         capture,
         ..Report::default()
     }

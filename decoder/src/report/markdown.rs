@@ -17,8 +17,7 @@ pub const MARK: &str = "# cobscope: ";
 /// The report.
 pub fn write(report: &Report) -> String {
     let mut page = Page(String::new());
-    let title = report.claims.first().map_or("no finding", |claim| claim.title.as_str());
-    page.heading(1, &format!("cobscope: {}", code(title)));
+    page.heading(1, &format!("cobscope: {}", code(&report.title())));
     page.text(&format!("Capture {}, {}", code(&report.capture.name), extent(report)));
     if let Some(failure) = &report.capture.failure {
         page.text(&format!("\nIncomplete: {}", code(failure)));

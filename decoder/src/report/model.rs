@@ -8,6 +8,8 @@ use crate::finding::Severity;
 pub struct Report {
     /// Name, format and size of the capture.
     pub capture: CaptureFacts,
+    /// Selected part of the capture: `up to 90.000 s`; empty for the whole capture.
+    pub scope: String,
     /// Stories with their evidence, most important first.
     pub claims: Vec<Claim>,
     /// Titles of stories that have no claim here.
@@ -34,6 +36,24 @@ pub struct Report {
     pub provenance: Provenance,
     /// The cut-out capture, if one was requested.
     pub attachment: Option<Attachment>,
+}
+
+impl Report {
+    /// Title of the page: the first claim, else `no finding` with the selection.
+    pub(super) fn title(&self) -> String {
+        match self.claims.first() {
+            Some(claim) => claim.title.clone(),
+            None if self.account.iter().any(|line| line.contains("fault at")) => {
+                format!("{}; fault without a rule", self.within_scope("no finding"))
+            }
+            None => self.within_scope("no finding"),
+        }
+    }
+
+    /// `verdict` with the selection that it is limited to.
+    pub(super) fn within_scope(&self, verdict: &str) -> String {
+        format!("{verdict} {}", self.scope).trim_end().to_owned()
+    }
 }
 
 /// Name, format and size of a capture.

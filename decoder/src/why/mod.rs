@@ -17,6 +17,7 @@ mod followed;
 pub mod json;
 mod moment;
 mod node_watch;
+mod scope;
 mod state;
 pub mod text;
 mod watch;
@@ -26,6 +27,7 @@ pub use cadence::{Rhythm, StoppedMessage};
 pub use change::SHOWN;
 pub use fault::{FaultGrade, FaultKind};
 pub use moment::Moment;
+pub use scope::FaultScope;
 pub use state::{NodeState, PointState};
 
 use crate::diagnosis::{Diagnosis, Story};
@@ -121,7 +123,7 @@ pub struct Report {
     pub dialogues: Vec<(BusIndex, SdoPairHint)>,
     /// Buses not detected as CANopen, with the reason.
     pub doubts: Vec<(BusIndex, String)>,
-    /// Nodes present, if the chosen node is not.
+    /// Nodes that sent a frame, if the chosen node did not; `None` also if its bus is unknown.
     pub others: Option<Vec<(BusIndex, NodeId)>>,
 }
 
@@ -360,16 +362,18 @@ impl Why {
         all
     }
 
-    /// Nodes present, if the chosen node is not among them.
+    /// Nodes that sent a frame, if the chosen node did not. An unknown bus is reported elsewhere.
     fn others(&self, buses: Buses<'_>) -> Option<Vec<(BusIndex, NodeId)>> {
         let chosen = self.question.chosen.as_ref()?;
         let there = || buses.iter().filter(|bus| chosen.is_on(bus));
         let is_there = there().any(|bus| bus.node(chosen.node).is_some_and(|node| node.last_seen().0 > 0));
         let nodes = |bus: &'_ Bus| {
-            let ids = bus.nodes().map(Node::id).filter(|id| *id != chosen.node);
+            // NMT commands and guarding requests also create nodes that never send.
+            let present = bus.nodes().filter(|node| node.last_seen().0 > 0).map(Node::id);
+            let ids = present.filter(|id| *id != chosen.node);
             ids.map(|id| (bus.index(), id)).collect::<Vec<_>>()
         };
-        (!is_there).then(|| there().flat_map(nodes).collect())
+        (!is_there && there().next().is_some()).then(|| there().flat_map(nodes).collect())
     }
 }
 

@@ -6,7 +6,7 @@ use super::cadence::{Rhythm, StoppedMessage};
 use super::fault::{FaultGrade, FaultKind};
 use super::moment::Moment;
 use super::state::{NodeState, PointState};
-use super::{Reaction, Report, Suggestion};
+use super::{FaultScope, Reaction, Report, Suggestion};
 use crate::diagnosis::{Label, stories};
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
@@ -31,16 +31,16 @@ pub struct Setting<'a> {
     pub first: Option<Timestamp>,
     /// Requested moment: the report is about the state at that time.
     pub at: Option<&'a str>,
-    /// Start of the range of faults.
-    pub from: Option<&'a str>,
     /// End of the range of faults, after which nothing was decoded.
     pub to: Option<&'a str>,
+    /// Part of the capture that the faults are selected from.
+    pub scope: &'a FaultScope,
 }
 
 impl<'a> Setting<'a> {
-    /// Setting for a report about a whole capture.
-    pub const fn new(buses: Buses<'a>, first: Option<Timestamp>) -> Self {
-        Self { buses, first, at: None, from: None, to: None }
+    /// Setting for a report about a capture that was decoded to its end.
+    pub const fn new(buses: Buses<'a>, first: Option<Timestamp>, scope: &'a FaultScope) -> Self {
+        Self { buses, first, at: None, to: None, scope }
     }
 }
 
@@ -133,14 +133,9 @@ impl Page<'_> {
         }
     }
 
-    /// Range of faults: `in this capture`, `up to 12.500 s`, `from 1.000 s to 12.500 s`.
+    /// Range of faults: `in this capture`, `up to 12.500 s`, `that matches --filter`.
     fn range(&self) -> String {
-        match (self.setting.from, self.setting.at.or(self.setting.to)) {
-            (None, None) => "in this capture".into(),
-            (None, Some(end)) => format!("up to {end}"),
-            (Some(from), None) => format!("from {from} on"),
-            (Some(from), Some(end)) => format!("from {from} to {end}"),
-        }
+        self.setting.scope.range(self.setting.at.or(self.setting.to))
     }
 
     /// Writes which nodes are present, if the chosen one is not.
@@ -209,7 +204,7 @@ impl Page<'_> {
                 .chosen
                 .as_ref()
                 .map_or(String::new(), |it| format!(" of {}", it.node.words()));
-            return self.line(0, &format!("no fault{of} {end}"));
+            return self.line(0, &format!("no fault{of} {end}{}", self.setting.scope.rest()));
         };
         let which = if report.question.latest { "last" } else { "first" };
         let kind = moment.kinds.iter().max_by_key(|kind| kind.grade());

@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::sink::findings::{FINDING_FORMATS, FindingFormat};
 
+use super::input::{count, date};
 use super::{Color, InputArgs, SelectArgs};
 
 /// `cobscope check`.
@@ -55,7 +56,7 @@ pub struct CheckArgs {
     #[arg(short, long)]
     pub verbose: bool,
     /// Check N captures in parallel (default: number of processors)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     pub threads: Option<NonZeroUsize>,
     /// Compare the expiry dates of suppressions with DATE (default: today)
     #[arg(long, value_name = "DATE", value_parser = date)]
@@ -101,8 +102,4 @@ impl FailOn {
             Self::Never => None,
         }
     }
-}
-
-fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {
-    text.parse().map_err(|_| "expected a date such as 2026-01-31")
 }

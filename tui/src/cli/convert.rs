@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use cobscope_decoder::capture::WRITABLE;
 use cobscope_decoder::query::Filter;
 
-use super::input::FROM_HELP;
+use super::input::from_help;
 use super::size::bytes;
 use super::{InputArgs, NodeArg, Packing};
 use crate::select::Bound;
@@ -39,7 +39,7 @@ pub struct ConvertArgs {
     pub filter: Option<Filter>,
     /// Convert only frames from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
-    #[arg(long, value_name = "WHEN", long_help = FROM_HELP)]
+    #[arg(long, value_name = "WHEN", long_help = from_help!("Convert only frames from WHEN on"))]
     pub from: Option<Bound>,
     /// Convert only frames up to WHEN, in the form of --from; a date includes the whole day
     #[arg(long, value_name = "WHEN")]

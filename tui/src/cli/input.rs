@@ -1,5 +1,6 @@
 //! Options for input: captures, profiles and the selection of events.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -107,14 +108,40 @@ impl InputArgs {
     }
 }
 
+/// Grammar of filters.
+macro_rules! filter_grammar {
+    () => {
+        "The grammar is that of Wireshark display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
+or eq ne lt le gt ge and or not. "
+    };
+}
+pub(super) use filter_grammar;
+
+/// Long help of `--filter` for findings, after its first sentence.
+macro_rules! finding_filter_help {
+    ($first:literal) => {
+        concat!(
+            $first,
+            "\n\n",
+            $crate::cli::input::filter_grammar!(),
+            "A field without a comparison tests whether the finding has it. Fields are rule, severity, bus, node, object \
+and text. A comparison with a missing field is false.\n\n  \
+  --filter 'node == 5 && severity == error'\n  \
+  --filter 'rule == node-lost || text contains \"EMCY\"'\n  \
+  --filter 'object in {1800:01..1BFF:02}'"
+        )
+    };
+}
+pub(super) use finding_filter_help;
+
 /// Long help of `--filter`: the verb, and the options that determine the events to select from.
 macro_rules! filter_help {
     ($does:literal, $options:literal) => {
         concat!(
             $does,
-            " only events that match EXPR\n\n\
-The grammar is that of Wireshark display filters: == != < <= > >=, in {}, contains, matches, && || ! (), \
-or eq ne lt le gt ge and or not. A field without a comparison tests whether the event has it. Fields are the keys of \
+            " only events that match EXPR\n\n",
+            $crate::cli::input::filter_grammar!(),
+            "A field without a comparison tests whether the event has it. Fields are the keys of \
 -f jsonl, nested ones with a dot, and many of Wireshark's names. A comparison with a missing field is \
 false. The filter selects among the events that are enabled; see ",
             $options,
@@ -130,6 +157,21 @@ pub(super) use filter_help;
 /// Long help of `--filter` for printed events.
 const FILTER_HELP: &str = filter_help!("Print", "--all, --pdo and --frames");
 
+/// Long help of `--from`, after its first sentence.
+macro_rules! from_help {
+    ($first:literal) => {
+        concat!(
+            $first,
+            "\n\n\
+WHEN is 12.5 (seconds from the first frame), #1234 (frame), a time of day (22:13:25), a date (2024-01-31) or both \
+(2024-01-31T22:13:25). Times are UTC, as printed by decode -t A; add ' local' for the time zone of this computer, or \
+an offset (22:13:25+01:00). A time of day that occurs several times in the capture is an error that lists the \
+candidates."
+        )
+    };
+}
+pub(super) use from_help;
+
 /// Selection of printed events; the complete capture is decoded in any case.
 #[derive(Debug, Default, Args)]
 pub struct SelectArgs {
@@ -138,7 +180,7 @@ pub struct SelectArgs {
     pub filter: Option<Filter>,
     /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
-    #[arg(long, value_name = "WHEN", long_help = FROM_HELP)]
+    #[arg(long, value_name = "WHEN", long_help = from_help!("Print only events from WHEN on"))]
     pub from: Option<Bound>,
     /// Print only events up to WHEN, in the form of --from; a date includes the whole day
     #[arg(long, value_name = "WHEN")]
@@ -147,15 +189,6 @@ pub struct SelectArgs {
     #[arg(long, value_name = "[BUS:]ID")]
     pub only_node: Vec<NodeArg>,
 }
-
-/// Long help of `--from`.
-pub(super) const FROM_HELP: &str = "\
-Start at WHEN
-
-WHEN is 12.5 (seconds from the first frame), #1234 (frame), a time of day (22:13:25), a date (2024-01-31) or both \
-(2024-01-31T22:13:25). Times are UTC, as printed by decode -t A; add ' local' for the time zone of this computer, or \
-an offset (22:13:25+01:00). A time of day that occurs several times in the capture is an error that lists the \
-candidates.";
 
 impl SelectArgs {
     /// The selection of a command.
@@ -273,6 +306,16 @@ pub enum Protocol {
     J1939,
     /// No protocol: frames only
     None,
+}
+
+/// Parses a number from 1.
+pub(super) fn count(text: &str) -> Result<NonZeroUsize, &'static str> {
+    text.parse().map_err(|_| "expected 1 or more")
+}
+
+/// Parses a date.
+pub(super) fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {
+    text.parse().map_err(|_| "expected a date such as 2026-01-31")
 }
 
 /// Parses a number of seconds, at least 0.

@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use regex_lite::Regex;
 
 use super::InputArgs;
+use super::input::{count, date};
 
 /// Commands of `lake`.
 #[derive(Debug, Subcommand)]
@@ -39,7 +40,7 @@ pub struct LakeAddArgs {
     #[arg(long, value_name = "REGEX", conflicts_with = "machine")]
     pub machine_from: Option<MachinePattern>,
     /// Use DATE as the day of captures without a date (default: unknown)
-    #[arg(long, value_name = "DATE")]
+    #[arg(long, value_name = "DATE", value_parser = date)]
     pub day: Option<jiff::civil::Date>,
     /// Also add all frames
     #[arg(long)]
@@ -55,7 +56,7 @@ pub struct LakeAddArgs {
     #[arg(long)]
     pub replace: bool,
     /// Add N captures in parallel (default: number of processors)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     pub threads: Option<NonZeroUsize>,
     /// Also use the profiles in $XDG_CONFIG_HOME/cobscope/profiles
     ///

@@ -27,7 +27,7 @@ pub struct LiveArgs {
     #[arg(long)]
     pub check: bool,
     /// Exit with status 1 for findings at or above SEVERITY
-    #[arg(long, value_name = "SEVERITY", default_value = "error")]
+    #[arg(long, value_name = "SEVERITY", default_value = "error", requires = "check")]
     pub fail_on: FailOn,
     /// Stop at the first finding at or above --fail-on
     ///
@@ -39,7 +39,7 @@ pub struct LiveArgs {
     #[arg(short = 'n', value_name = "N")]
     pub frames_wanted: Option<u64>,
     /// Stop after MS milliseconds without a frame (default: never)
-    #[arg(short = 'T', value_name = "MS")]
+    #[arg(short = 'T', value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
     pub timeout: Option<u64>,
     /// Record to FILE in the format of its suffix: .log, .pcapng, .mcap, …
     ///

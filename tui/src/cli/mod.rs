@@ -34,8 +34,8 @@ pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
 pub use diff::DiffArgs;
 pub use extcap::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use formats::{Color, DiffFormat, ReportFormat};
-pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle};
-use input::{Otherwise, filter_help};
+pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle, node_choices};
+use input::{Otherwise, filter_help, finding_filter_help, from_help};
 #[cfg(feature = "parquet")]
 pub use lake::{LakeAddArgs, LakeCommand};
 pub use live::LiveArgs;
@@ -116,10 +116,12 @@ pub enum Command {
     Convert(Box<ConvertArgs>),
     /// Print statistics: nodes, message rates, timing and capture quality
     ///
-    /// Nodes and their states are those of the whole capture, also with --filter, --from, --to and --only-node.
+    /// --filter, --from, --to and --only-node select frames and events. All counts and times are those of the selection: also
+    /// boot-ups, losses and heartbeat periods. Only the names, NMT states and active errors of nodes are those at the end of
+    /// the capture.
     #[command(after_help = notes::STATS)]
-    #[command(mut_arg("filter", |arg| arg.help("Count only events, and frames whose own message, match EXPR")))]
-    #[command(mut_arg("from", |arg| arg.help("Count only from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("filter", |arg| arg.help("Count only events, and frames whose own message, match EXPR").long_help(stats::FILTER_HELP)))]
+    #[command(mut_arg("from", |arg| arg.help("Count only from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both").long_help(from_help!("Count only from WHEN on"))))]
     #[command(mut_arg("to", |arg| arg.help("Count only up to WHEN, in the form of --from")))]
     #[command(mut_arg("only_node", |arg| arg.help("Count only events and frames of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Stats(StatsArgs),
@@ -136,8 +138,8 @@ pub enum Command {
     /// --node 5 selects the node; --node 5=PROFILE assigns its profile. They can be combined.
     #[command(after_help = notes::WHY)]
     #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
-    #[command(mut_arg("filter", |arg| arg.help("Report only faults whose event matches EXPR")))]
-    #[command(mut_arg("from", |arg| arg.help("Report only faults from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("filter", |arg| arg.help("Report only faults whose event matches EXPR").long_help(finding_filter_help!("Report only faults whose event matches EXPR"))))]
+    #[command(mut_arg("from", |arg| arg.help("Report only faults from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both").long_help(from_help!("Report only faults from WHEN on"))))]
     #[command(mut_arg("to", |arg| arg.help("Report only faults up to WHEN, in the form of --from")))]
     #[command(mut_arg("only_node", |arg| arg.help("Report only faults of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Why(WhyArgs),
@@ -170,8 +172,8 @@ pub enum Command {
     /// selects the node; --node 5=PROFILE assigns its profile.
     #[command(after_help = notes::REPORT)]
     #[command(mut_arg("node", |arg| arg.value_name("[BUS:]ID[=PROFILE]").help(NODE_HELP)))]
-    #[command(mut_arg("filter", |arg| arg.help("Report only findings that match EXPR")))]
-    #[command(mut_arg("from", |arg| arg.help("Report only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("filter", |arg| arg.help("Report only findings that match EXPR").long_help(finding_filter_help!("Report only findings that match EXPR"))))]
+    #[command(mut_arg("from", |arg| arg.help("Report only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both").long_help(from_help!("Report only findings present from WHEN on"))))]
     #[command(mut_arg("to", |arg| arg.help("Report only findings present up to WHEN, in the form of --from")))]
     #[command(mut_arg("only_node", |arg| arg.help("Report only findings of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Report(Box<ReportArgs>),
@@ -182,8 +184,8 @@ pub enum Command {
     /// --fail-on, if a rule of --require-exercised is not exercised, if a rule is no longer exercised that is
     /// exercised in the baseline, or if a capture of the baseline in a folder was not checked.
     #[command(after_help = notes::check())]
-    #[command(mut_arg("filter", |arg| arg.help("Print only findings that match EXPR, such as 'node == 5 && severity == error'")))]
-    #[command(mut_arg("from", |arg| arg.help("Print only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both")))]
+    #[command(mut_arg("filter", |arg| arg.help("Print only findings that match EXPR, such as 'node == 5 && severity == error'").long_help(finding_filter_help!("Print only findings that match EXPR"))))]
+    #[command(mut_arg("from", |arg| arg.help("Print only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both").long_help(from_help!("Print only findings present from WHEN on"))))]
     #[command(mut_arg("to", |arg| arg.help("Print only findings present up to WHEN, in the form of --from")))]
     #[command(mut_arg("only_node", |arg| arg.help("Print only findings of a node: 5, can0:5, sa:0x80 (repeatable)")))]
     Check(CheckArgs),
@@ -408,6 +410,40 @@ mod tests {
     fn the_definition_is_sound() {
         use clap::CommandFactory as _;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn the_long_help_of_an_option_starts_with_its_short_help() {
+        use clap::CommandFactory as _;
+        for command in Cli::command().get_subcommands() {
+            for option in command.get_arguments().filter(|option| option.get_long_help().is_some()) {
+                let short = option.get_help().map(ToString::to_string).unwrap_or_default();
+                let start = short.split([',', ':', '(']).next().unwrap_or_default().trim_end();
+                let long = option.get_long_help().map(ToString::to_string).unwrap_or_default();
+                let name = command.get_name();
+                assert!(long.starts_with(start), "{name} {}: {short} / {long}", option.get_id());
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_and_dates_state_what_is_expected() {
+        let lines = [
+            ("why --story 0", "expected 1 or more"),
+            ("why --story x", "expected 1 or more"),
+            ("report --story 0", "expected 1 or more"),
+            ("check --threads 0", "expected 1 or more"),
+            ("check --today 2024-13-01", "expected a date such as 2026-01-31"),
+            #[cfg(feature = "parquet")]
+            ("lake add --threads 0 lake", "expected 1 or more"),
+            #[cfg(feature = "parquet")]
+            ("lake add --day 2024-13-01 lake", "expected a date such as 2026-01-31"),
+        ];
+        for (line, expected) in lines {
+            let words = std::iter::once("cobscope").chain(line.split(' '));
+            let error = Cli::try_parse_from(words).unwrap_err().to_string();
+            assert!(error.contains(expected), "{line}: {error}");
+        }
     }
 
     #[test]

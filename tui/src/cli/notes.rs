@@ -7,7 +7,8 @@ Exit status:
   1  check, live --check: findings at or above --fail-on, or a required rule is not exercised;
      diff: the captures differ
   2  the command line is invalid, or an output cannot be created
-  3  a capture is unreadable, incomplete or without frames, or an output is incomplete
+  3  a capture is unreadable, incomplete or without frames, or an output is incomplete;
+     check: a node of --only-node sent no frame
   4  a profile, bus file, device file, DBC or baseline is invalid or unreadable";
 
 macro_rules! examples {

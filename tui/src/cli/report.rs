@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
+use super::input::count;
 use super::{InputArgs, SelectArgs};
 
 /// `cobscope report`.
@@ -30,10 +31,11 @@ pub struct ReportArgs {
     #[arg(short, long, value_name = "FORMAT", default_value = "html")]
     pub format: PageStyle,
     /// Report story N only; stories are numbered as by why
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     pub story: Option<std::num::NonZeroUsize>,
-    /// Report only stories with a finding: the name of its rule, or its id as printed by check -f jsonl
-    #[arg(long, value_name = "RULE|ID", conflicts_with = "story")]
+    /// Report only stories with a finding: the name of its rule, or its number, the key finding
+    /// of check -f jsonl
+    #[arg(long, value_name = "RULE|NUMBER", conflicts_with = "story")]
     pub finding: Option<FindingArg>,
     /// Add the frames around the claims as pcapng with comments: next to the page, with a bus file of the state before
     /// them, or embedded in the page

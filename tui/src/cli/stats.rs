@@ -2,7 +2,19 @@
 
 use clap::Args;
 
+use super::input::filter_grammar;
 use super::{InputArgs, ReportFormat, SelectArgs};
+
+/// Long help of `--filter`.
+pub(super) const FILTER_HELP: &str = concat!(
+    "Count only events, and frames whose own message, match EXPR\n\n",
+    filter_grammar!(),
+    "A field without a comparison tests whether the event has it. Fields are the keys of decode -f jsonl, nested ones \
+with a dot, and many of Wireshark's names. A comparison with a missing field is false.\n\n  \
+  --filter 'kind == emcy && node == 4'\n  \
+  --filter 'canopen.sdo.abort_code == 0x06090011 || outcome == timeout'\n  \
+  --filter 'object in {1800:01..1BFF:02} && direction == download'"
+);
 
 /// `cobscope stats`.
 #[derive(Debug, Args)]

@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::input::count;
 use super::{InputArgs, ReportFormat, SelectArgs};
 use crate::select::Bound;
 
@@ -17,7 +18,7 @@ pub struct WhyArgs {
     #[arg(long, value_name = "TIME")]
     pub at: Option<Bound>,
     /// Show story N only; stories are numbered by importance
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     pub story: Option<std::num::NonZeroUsize>,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]

@@ -5,15 +5,16 @@ use std::num::NonZeroUsize;
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::{Findings, Group};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
-use cobscope_decoder::why::{NodeChoice, Question, Why};
+use cobscope_decoder::why::{FaultScope, NodeChoice, Question, Why};
 
 use super::messages::absent_value;
 use super::selected_findings::SelectedFindings;
 use crate::cli::{InputArgs, SelectArgs};
-use crate::select::{Bound, Selection, Span};
+use crate::select::{Selection, Span};
+use crate::words::unknown_bus;
 
 /// Facts of the capture, and findings within the selection.
 pub(super) struct Facts {
@@ -22,6 +23,8 @@ pub(super) struct Facts {
     /// The selection has a limit.
     is_limited: bool,
     findings: SelectedFindings,
+    /// Scope of verdicts, without the range of the current capture.
+    scope: FaultScope,
 }
 
 impl Facts {
@@ -35,6 +38,11 @@ impl Facts {
             selection: select.selection()?,
             is_limited: true,
             findings: SelectedFindings::new(select.selection()?),
+            scope: FaultScope {
+                has_filter: select.filter.is_some(),
+                has_nodes: select.only_node.len() > 1,
+                ..FaultScope::default()
+            },
         })
     }
 
@@ -53,11 +61,6 @@ impl Facts {
         self.selection.missed(frame, last)
     }
 
-    /// Start of the range in the current capture.
-    pub(super) fn from(&self) -> Option<Bound> {
-        self.selection.from()
-    }
-
     /// Whether a frame without an event may change anything, or may be needed.
     #[inline]
     pub(super) fn concerns(&self, preview: &Preview) -> bool {
@@ -70,9 +73,27 @@ impl Facts {
         self.why.skip(preview, bus);
     }
 
-    /// The facts, and the numbers of the selected findings.
-    pub(super) fn results(self, findings: &Findings) -> (Why, BTreeSet<u64>) {
-        (self.why, self.findings.numbers(&findings.groups))
+    /// The facts, the numbers of the selected findings, and the scope of verdicts; `first` is the time of the
+    /// first frame.
+    pub(super) fn results(
+        self,
+        findings: &Findings,
+        first: Option<Timestamp>,
+    ) -> (Why, BTreeSet<u64>, FaultScope) {
+        let Self { why, selection, findings: selected, scope, .. } = self;
+        let selected = selected.numbers(&findings.groups);
+        // As in `Findings::number`: a group printed with another one is not counted.
+        let is_member =
+            |group: &Group| group.member_of.and_then(|id| findings.group(id)).is_some_and(Group::counts);
+        let unselected =
+            findings.counting().filter(|group| !is_member(group) && !selected.contains(&group.id));
+        let scope = FaultScope {
+            from: selection.from().map(|from| from.text(first)),
+            to: selection.to().map(|to| to.text(first)),
+            unselected: unselected.count(),
+            ..scope
+        };
+        (why, selected, scope)
     }
 }
 
@@ -118,6 +139,13 @@ pub(super) fn diagnosis(
         });
     }
     diagnosis
+}
+
+/// Warnings for buses of `--only-node` that do not occur in a capture.
+pub(super) fn unknown_buses(capture: &str, select: &SelectArgs, buses: Buses<'_>) -> Vec<String> {
+    let has: Vec<_> = buses.iter().map(Bus::name).collect();
+    let named: BTreeSet<_> = select.only_node.iter().filter_map(|node| node.bus.as_deref()).collect();
+    named.into_iter().filter_map(|bus| unknown_bus(capture, bus, "--only-node", &has)).collect()
 }
 
 /// Checks that the story of `--story` exists; `failure` ended reading early.

@@ -95,7 +95,8 @@ pub(super) fn output<'a>(
     naming: NamePolicy,
     read: impl IntoIterator<Item = &'a PathBuf> + Clone,
 ) -> anyhow::Result<CommandOutput> {
-    Ok(match path {
+    // As everywhere, `-` is not a file.
+    Ok(match path.filter(|path| path.as_os_str() != "-") {
         Some(path) => {
             ensure_not_read(path, read.clone())?;
             ensure_not_read(&output_file::part_of(path), read)?;

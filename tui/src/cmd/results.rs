@@ -76,7 +76,7 @@ impl Results {
         let buses = read.decoder.buses();
         let findings = engine.finish(buses, &mut facts);
         statistics.withdraw(buses);
-        let (why_facts, selected) = facts.results(&findings);
+        let (why_facts, selected, _) = facts.results(&findings, first.time);
         let setting = Setting { zero: first.time, end: None, is_growing: false };
         let stories = diagnosis(&findings, &selected, setting, (&question, buses));
         let answer = why_facts.report(stories, buses, &options.catalogue);

@@ -40,6 +40,9 @@ pub struct ClockTime {
     zone: Zone,
 }
 
+/// Form of a date.
+const DATE: &str = "YYYY-MM-DD";
+
 /// Time zone of a wall-clock time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Zone {
@@ -70,9 +73,10 @@ impl ClockTime {
                 let both: DateTime = text.parse().ok()?;
                 (Some(both.date()), Some(both.time()))
             }
-            (true, false) => (Some(text.parse().ok()?), None),
+            // The parser of dates drops an hour without minutes.
+            (true, false) if text.len() == DATE.len() => (Some(text.parse().ok()?), None),
             (false, true) => (None, Some(text.parse().ok()?)),
-            (false, false) => return None,
+            (_, false) => return None,
         };
         Some(Self { date, time, zone })
     }
@@ -289,6 +293,16 @@ mod tests {
         assert_eq!(resolved("23:13:25.5+01:00", first, last), Ok(at("2023-11-14T22:13:25.5Z")));
         // Outside a capture of one day: before it, or after it.
         assert_eq!(resolved("22:00", first, last), Ok(at("2023-11-14T22:00:00Z")));
+    }
+
+    #[test]
+    fn an_hour_without_minutes_is_no_date() {
+        for text in ["2023-11-15T22", "2023-11-15 22", "2023-11-15T22 local", "2023-11-15T22Z", "2023-11-155"]
+        {
+            assert!(ClockTime::parse(text).is_none_or(|clock| clock.time.is_some()), "{text}");
+        }
+        assert!(ClockTime::parse("2023-11-15").is_some_and(|clock| clock.time.is_none()));
+        assert!(ClockTime::parse("2023-11-15 local").is_some_and(|clock| clock.time.is_none()));
     }
 
     #[test]

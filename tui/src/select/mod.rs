@@ -159,6 +159,11 @@ impl Selection {
         self.from
     }
 
+    /// End of the range in the current capture.
+    pub fn to(&self) -> Option<Bound> {
+        self.to
+    }
+
     /// Message for a capture that ends before `from`; `frame` and `last` belong to its last frame.
     pub fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         let from = self.from.filter(|_| !self.is_reached)?;

@@ -172,8 +172,8 @@ impl PossiblePart for ReadableFile<'_> {
     }
 
     fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
-        // A pipe can be read only once.
-        if !self.file.path.is_file() {
+        // A pipe can be read only once; `-` is stdin even if a file has this name.
+        if self.file.path.as_os_str() == "-" || !self.file.path.is_file() {
             return None;
         }
         let capture = open(&self.file.path, self.read).ok()?;
@@ -191,7 +191,7 @@ impl PossiblePart for ReadableFile<'_> {
     }
 
     fn is_blank(&self) -> bool {
-        File::open(&self.file.path).is_ok_and(series::is_blank)
+        self.file.path.as_os_str() != "-" && File::open(&self.file.path).is_ok_and(series::is_blank)
     }
 }
 

@@ -81,7 +81,8 @@ export class Page implements App {
       void this.take([...(event.dataTransfer?.files ?? [])]);
     });
     addEventListener("keydown", (event) => this.key(event));
-    addEventListener("hashchange", () => this.follow(location.hash));
+    // A move that was under way may have written its own link over the address by now.
+    addEventListener("hashchange", (event) => this.follow(new URL(event.newURL).hash));
     this.welcome();
   }
 

@@ -240,6 +240,13 @@ test("a link leads to the same place", async (browser) => {
   await page.evaluate(() => { location.hash = "#t=7.5&pane=findings"; });
   await page.waitForSelector("#tab-findings[aria-selected=true]");
   await page.waitForFunction(() => /t 7\.5/.test(document.querySelector(".position").textContent));
+  // Also if the page writes its own link before it has seen this one.
+  await page.evaluate(() => {
+    location.hash = "#t=1.5&pane=nodes";
+    history.replaceState(null, "", "#t=7.5&pane=findings");
+  });
+  await page.waitForSelector("#tab-nodes[aria-selected=true]");
+  await page.waitForFunction(() => /t 1\.5/.test(document.querySelector(".position").textContent));
   await context.close();
 });
 

@@ -46,6 +46,7 @@ impl Group<'_> {
 pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
     let ComparisonPage { comparison, good, bad, .. } = *contents;
     let title = match comparison.differences.len() {
+        0 if comparison.is_void() => "Nothing compared".to_owned(),
         0 => "No difference within the tolerances".to_owned(),
         count => plural(count, "difference"),
     };
@@ -250,7 +251,7 @@ fn limits(comparison: &Comparison) -> Markup {
         @if !comparison.limits.is_empty() {
             section aria-labelledby="limits" {
                 h2 id="limits" { "NOT COMPARED" }
-                ul { @for limit in &comparison.limits { li { (limit) } } }
+                ul { @for (_, limit) in &comparison.limits { li { (limit) } } }
             }
         }
     }

@@ -25,13 +25,7 @@ use crate::words::{grouped, plural};
 
 /// The page.
 pub fn write(report: &Report) -> String {
-    let title = match report.claims.first() {
-        Some(claim) => claim.title.clone(),
-        None if report.account.iter().any(|line| line.contains("fault at")) => {
-            "no finding; fault without a rule".to_owned()
-        }
-        None => "no finding".to_owned(),
-    };
+    let title = report.title();
     let body = html! {
         header {
             p.quiet { "cobscope report on " (report.capture.name) }

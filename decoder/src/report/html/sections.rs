@@ -26,7 +26,7 @@ pub(super) fn nothing_found(report: &Report) -> Markup {
             h2 id="result" { "Result" }
             dl.summary {
                 dt { "What" }
-                dd { strong { "no finding with a warning or an error" } }
+                dd { strong { (report.within_scope("no finding with a warning or an error")) } }
                 dt { "Checked" }
                 dd {
                     (plural(coverage.passed.len(), "rule")) " without a defect, "

@@ -173,7 +173,7 @@ impl Page<'_> {
         }
         let rest = diagnosis.stories.len().saturating_sub(SHOWN_STORIES);
         if rest > 0 {
-            self.line("", &format!("{INDENT}and {} more; cobscope why prints all", stories(rest)));
+            self.line("", &format!("{INDENT}and {} more; cobscope why --story N prints one", stories(rest)));
         }
     }
 

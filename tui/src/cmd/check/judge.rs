@@ -12,17 +12,18 @@ use cobscope_decoder::capture::{Batch, BusNames, is_compressed};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
-use crate::cli::{CheckArgs, InputArgs};
+use crate::cli::{CheckArgs, InputArgs, node_choices};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::read_options;
 use crate::cmd::selected_findings::SelectedFindings;
 use crate::select::Span;
 use crate::source::{self, Series};
+use crate::words::absent_choices;
 
 /// Result for one file.
 #[derive(Default)]
@@ -33,8 +34,22 @@ pub(super) struct JudgedFile {
     pub(super) selected: Option<BTreeSet<u64>>,
     /// Messages for stderr.
     pub(super) messages: Vec<String>,
-    /// Whether the file was not read, or not to its end.
+    /// Whether the file was not read, or not to its end, or a node of `--only-node` sent no frame.
     pub(super) has_failed: bool,
+}
+
+impl JudgedFile {
+    /// A file that cannot be read; in a folder, one without a known format is skipped.
+    fn unread(source: &SourceSeries, capture: String, error: &anyhow::Error) -> Self {
+        if source.folder.is_some() && is_no_capture(error) {
+            let messages = passed_over(source.series.first(), error).into_iter().collect();
+            return Self { messages, ..Self::default() };
+        }
+        let failure = format!("{error:#}");
+        let messages = vec![escape(&failure).into_owned()];
+        let judged = CaptureResult { capture, failure: Some(failure), ..CaptureResult::default() };
+        Self { judged: Some(judged), selected: None, messages, has_failed: true }
+    }
 }
 
 /// Shared input for all captures.
@@ -93,18 +108,7 @@ impl JudgeInputs<'_> {
         };
         let decoded = match decode_quietly(series, &self.arguments.input, self.options, &mut watch) {
             Ok(decoded) => decoded,
-            Err(error) if source.folder.is_some() && is_no_capture(&error) => {
-                return JudgedFile {
-                    messages: passed_over(series.first(), &error).into_iter().collect(),
-                    ..JudgedFile::default()
-                };
-            }
-            Err(error) => {
-                let failure = format!("{error:#}");
-                let messages = vec![escape(&failure).into_owned()];
-                let judged = CaptureResult { capture, failure: Some(failure), ..CaptureResult::default() };
-                return JudgedFile { judged: Some(judged), selected: None, messages, has_failed: true };
-            }
+            Err(error) => return JudgedFile::unread(source, capture, &error),
         };
         let Watch { engine, mut selected, first, last, .. } = watch;
         let mut see = |event: &Event, bus: &Bus| {
@@ -118,9 +122,13 @@ impl JudgeInputs<'_> {
         let mut messages = decoded.warnings;
         let missed = selected.as_ref().and_then(|selected| selected.missed(frames, end));
         messages.extend(missed.map(|missed| format!("{capture}: {missed}")));
+        let absent = self.absent_nodes(&capture, decoded.decoder.buses());
+        // A verdict on a node without a frame is not a verdict.
+        let has_failed = failure.is_some() || !absent.is_empty();
+        let absent: Vec<_> = absent.into_iter().filter(|note| !messages.contains(note)).collect();
+        messages.extend(absent);
         let selected = selected.map(|selected| selected.numbers(&findings.groups));
         messages.extend(failure.iter().map(|failure| escape(failure).into_owned()));
-        let has_failed = failure.is_some();
         let parts = parts(series);
         let mut judged = CaptureResult {
             capture,
@@ -145,6 +153,13 @@ impl JudgeInputs<'_> {
         // Checked before.
         let selection = select.is_any().then(|| select.selection().ok()).flatten()?;
         Some(SelectedFindings::new(selection))
+    }
+
+    /// Notes on nodes of `--only-node` that sent no frame.
+    fn absent_nodes(&self, capture: &str, buses: Buses<'_>) -> Vec<String> {
+        // Checked before.
+        let nodes = node_choices(&self.arguments.select.only_node).unwrap_or_default();
+        absent_choices(&escape(capture), buses, &nodes)
     }
 }
 

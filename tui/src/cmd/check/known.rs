@@ -1,14 +1,15 @@
 //! The baseline of a run: comparison and update.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, anyhow, bail, ensure};
+use cobscope_decoder::rules::RuleSelection;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::Report;
-use cobscope_decoder::sink::findings::baseline::Baseline;
+use cobscope_decoder::sink::findings::baseline::{Baseline, Comparison};
 use cobscope_decoder::words::plural;
 
-use crate::cli::CheckArgs;
+use crate::cli::{CheckArgs, NodeArg, SelectArgs};
 use crate::cmd::input::limited;
 use crate::cmd::messages::{Refusal, note};
 use crate::cmd::output::ensure_folder;
@@ -20,8 +21,8 @@ use crate::path_text::shown;
 pub(super) enum KnownFindings<'a> {
     /// No baseline.
     Nothing,
-    /// Compare with the baseline; its captures outside these paths are not part of the run.
-    Compared(Baseline, &'a [PathBuf]),
+    /// Compare with the baseline; its captures outside the paths of these options are not part of the run.
+    Compared(Baseline, &'a CheckArgs),
     /// Overwrite the baseline with the current findings.
     Replaced { path: &'a Path, before: Baseline },
 }
@@ -38,7 +39,7 @@ impl<'a> KnownFindings<'a> {
             return Ok(Self::Replaced { path, before });
         }
         compared(path)
-            .map(|baseline| Self::Compared(baseline, &arguments.input.captures))
+            .map(|baseline| Self::Compared(baseline, arguments))
             .map_err(|error| (Exit::Profile, error))
     }
 
@@ -50,8 +51,12 @@ impl<'a> KnownFindings<'a> {
     pub(super) fn apply(self, report: &mut Report, exit: Exit) -> anyhow::Result<()> {
         match self {
             Self::Nothing => {}
-            Self::Compared(baseline, paths) => {
+            Self::Compared(baseline, arguments) => {
                 baseline.compare(report);
+                for judged in &mut report.captures {
+                    keep_selected(&mut judged.comparison, arguments);
+                }
+                let paths = &arguments.input.captures;
                 let is_below =
                     |capture: &String| paths.iter().any(|path| first_file(capture).starts_with(path));
                 report.absent.retain(is_below);
@@ -64,6 +69,51 @@ impl<'a> KnownFindings<'a> {
         }
         Ok(())
     }
+}
+
+/// Removes rules that were not run and findings that the options cannot select.
+fn keep_selected(comparison: &mut Comparison, arguments: &CheckArgs) {
+    let (select, ignore) = (arguments.selected_rules.clone(), arguments.ignored_rules.clone());
+    let rules = RuleSelection { select, ignore };
+    comparison.silent.retain(|rule| rules.admits(rule));
+    comparison.gone.retain(|known| {
+        let (rule, place) = known.fingerprint.split_once('|').unwrap_or((&known.fingerprint, ""));
+        rules.admits(rule) && can_select(&arguments.select, place)
+    });
+}
+
+/// Whether the options can select a finding of a baseline; `place` is its fingerprint after the rule: `can0|5|1018:01`.
+fn can_select(select: &SelectArgs, place: &str) -> bool {
+    // A baseline contains neither times nor the other fields.
+    if select.filter.is_some() || select.from.is_some() || select.to.is_some() {
+        return false;
+    }
+    let mut parts = place.split('|');
+    let (bus, id) = (parts.next(), parts.next());
+    let is_on = |node: &NodeArg| node.bus.is_none() || node.bus.as_deref() == bus;
+    let is_chosen = |node: &NodeArg| is_on(node) && id == Some(node.id.to_string().as_str());
+    select.only_node.is_empty() || select.only_node.iter().any(is_chosen)
+}
+
+/// Checks that `--update-baseline` has no option that selects rules or findings.
+///
+/// # Errors
+/// Such an option is given: entries would be lost, or findings accepted that were not shown.
+pub(super) fn check_update(arguments: &CheckArgs) -> anyhow::Result<()> {
+    let select = &arguments.select;
+    let options = [
+        ("--select", !arguments.selected_rules.is_empty()),
+        ("--ignore", !arguments.ignored_rules.is_empty()),
+        ("--filter", select.filter.is_some()),
+        ("--from", select.from.is_some()),
+        ("--to", select.to.is_some()),
+        ("--only-node", !select.only_node.is_empty()),
+    ];
+    let given = options.iter().filter(|(_, is_given)| *is_given && arguments.update_baseline);
+    let given: Vec<&str> = given.map(|(option, _)| *option).collect();
+    let names = given.join(", ");
+    ensure!(given.is_empty(), "--update-baseline: a baseline covers all findings; without {names}");
+    Ok(())
 }
 
 /// The file of a capture, or the first part of a series such as `log/run.log..run-0003.log`.

@@ -135,6 +135,7 @@ fn check_names(arguments: &CheckArgs, setup: &Setup) -> Result<(), Refusal> {
         let known = setup.check_name(rule).map_err(anyhow::Error::msg);
         known.context("--require-exercised").map_err(|error| (Exit::Usage, error))?;
     }
+    known::check_update(arguments).map_err(|error| (Exit::Usage, error))?;
     check_selection(arguments, setup).map_err(|error| (Exit::Usage, error))
 }
 

@@ -25,7 +25,7 @@ pub(super) fn write(
         "differences": comparison.differences.iter().map(difference).collect::<Vec<_>>(),
         "not_seen": comparison.not_seen.iter().map(not_seen).collect::<Vec<_>>(),
         "equal_counts": equal.collect::<Vec<_>>(),
-        "not_compared": comparison.limits,
+        "not_compared": comparison.limits.iter().map(|(_, text)| text).collect::<Vec<_>>(),
         "tolerances": {
             "period_percent": tolerances.period,
             "gap_percent": tolerances.gap,

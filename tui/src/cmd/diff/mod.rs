@@ -4,7 +4,7 @@ mod json;
 mod pair;
 pub(super) mod quiet;
 
-pub(super) use pair::{one, pair};
+pub(super) use pair::{ensure_start, one, pair};
 pub(super) use quiet::ComparisonJob;
 
 use std::io::Write as _;
@@ -66,7 +66,9 @@ pub fn run(arguments: &DiffArgs) -> Exit {
         compared.keep(&arguments.only);
     }
     let text = text_of(&compared, (good, bad), arguments, &options);
-    if !compared.is_equal() {
+    if compared.is_void() {
+        exit = Exit::Capture;
+    } else if !compared.is_equal() {
         exit = exit.max(Exit::Findings);
     }
     match replacing(arguments.output.as_deref(), OwnFile::Comparison, &read) {
@@ -87,6 +89,7 @@ pub fn run(arguments: &DiffArgs) -> Exit {
 fn ready(arguments: &DiffArgs) -> Result<([Series; 2], SessionOptions, Arc<Setup>), Refusal> {
     let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
     let pair = pair(&arguments.input).map_err(usage)?;
+    ensure_start(arguments).map_err(usage)?;
     selection(arguments).map_err(usage)?;
     let options = session_options(&arguments.input).map_err(profile)?;
     let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;

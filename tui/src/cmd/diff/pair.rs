@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
+use cobscope_decoder::comparison::Section;
 
-use crate::cli::InputArgs;
+use crate::cli::{DiffArgs, InputArgs};
 use crate::cmd::input::joined;
 use crate::source::{CaptureFile, Series};
 
@@ -27,6 +28,19 @@ pub(in crate::cmd) fn pair(input: &InputArgs) -> anyhow::Result<[Series; 2]> {
     series
         .try_into()
         .map_err(|_| anyhow::anyhow!("{} files form {count} captures; expected two: GOOD BAD", paths.len()))
+}
+
+/// Checks that a requested sequence has an event to start from.
+///
+/// # Errors
+/// If there is none.
+pub(in crate::cmd) fn ensure_start(arguments: &DiffArgs) -> anyhow::Result<()> {
+    let is_requested = arguments.only.contains(&Section::Sequence);
+    ensure!(
+        !is_requested || arguments.at_event.is_some(),
+        "--only sequence: no event to start from; add --at-event"
+    );
+    Ok(())
 }
 
 /// A file, or the parts of one capture in a folder.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cobscope_decoder::comparison::{self, CaptureRecord, DifferenceMarks};
 use cobscope_decoder::session::SessionOptions;
 
-use super::{json, record};
+use super::{ensure_start, json, record};
 use crate::cli::{DiffArgs, DiffFormat, InputArgs};
 use crate::cmd::input::setup;
 use crate::source::Series;
@@ -26,12 +26,13 @@ pub(in crate::cmd) struct ComparisonJob {
 /// The comparison as JSON.
 ///
 /// # Errors
-/// If a capture cannot be read to its end.
+/// If a capture cannot be read to its end, or a sequence has no event to start from.
 pub(in crate::cmd) fn compared(
     [good, bad]: [&Series; 2],
     arguments: &DiffArgs,
     options: &SessionOptions,
 ) -> anyhow::Result<String> {
+    ensure_start(arguments)?;
     let [good, bad] = records([good, bad], arguments, options)?;
     let mut compared = comparison::compare(&good, &bad, &options.bus_file.diff);
     if !arguments.only.is_empty() {

@@ -47,6 +47,7 @@ pub fn diff(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
         };
         let usage = |error| (Exit::Usage, error);
         let pair = diff::pair(&arguments.input).map_err(usage)?;
+        diff::ensure_start(&arguments).map_err(usage)?;
         let catalogue = common_catalogue(&arguments.input.profiles);
         let options = options_of(&arguments.input, catalogue).map_err(|error| (Exit::Profile, error))?;
         let [good, bad] = &pair;

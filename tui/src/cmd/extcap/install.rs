@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use anyhow::{Context as _, bail, ensure};
 
 use crate::cmd::messages::note;
+use crate::cmd::output::ensure_folder;
 use crate::exit_code::Exit;
 use crate::path_text::shown;
 
@@ -21,12 +22,16 @@ pub fn set_program(path: PathBuf) {
 }
 
 /// Links this program in `folder`, or in the user's own folders for extcap programs. A link to another file is replaced.
+/// Only the user's own folders are created: a `folder` that does not exist may be misspelt.
 ///
 /// # Errors
 /// If the folder is unknown or cannot be written, or a file that is no link has the name.
 pub(super) fn install(folder: Option<&Path>) -> anyhow::Result<Exit> {
     let folders = match folder {
-        Some(folder) => vec![folder.to_owned()],
+        Some(folder) => {
+            ensure_folder(&folder.join(NAME))?;
+            vec![folder.to_owned()]
+        }
         None => own_folders(),
     };
     ensure!(!folders.is_empty(), "the home folder is unknown; name the folder with --dir");

@@ -301,7 +301,18 @@ impl Watch {
             // Writing to memory cannot fail.
             let _ = (format.write)(&report, options, &mut verdict);
         }
-        let exit = if report.fails() { Exit::Findings } else { Exit::Clean };
+        let exit = match frames {
+            // As for a capture without frames: nothing was checked.
+            0 => {
+                note(&format!(
+                    "{}: contains no frames",
+                    report.captures.first().map_or("live", |one| &one.capture)
+                ));
+                Exit::Capture
+            }
+            _ if report.fails() => Exit::Findings,
+            _ => Exit::Clean,
+        };
         exit.max(written).max(print(&verdict))
     }
 }

@@ -178,7 +178,9 @@ fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) 
             let count = |node: &cobscope_decoder::session::Node| {
                 json!({"bus": bus.name(), "node": node.id().to_string(), "name": node.name(), "device": node.device_id(), "objects": node.store().len()})
             };
-            bus.nodes().map(count).collect::<Vec<_>>()
+            // NMT commands and guarding requests also create nodes that never send.
+            let shown = bus.nodes().filter(|node| node.last_seen().0 > 0 || !node.store().is_empty());
+            shown.map(count).collect::<Vec<_>>()
         });
         return Ok(fit(json!({"nodes": nodes.collect::<Vec<_>>()})));
     };

@@ -268,11 +268,12 @@ pub(super) fn record(
 /// Message if the chosen node is not present; `None` for an unknown bus, which was already reported.
 fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId), end: Option<&str>) -> Option<String> {
     let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
-    let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some());
+    let is_present = |node: &Node| node.last_seen().0 > 0 || node.was_present() || !node.store().is_empty();
+    let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some_and(is_present));
     if is_there || !buses.iter().any(|bus| is_meant(&bus)) {
         return None;
     }
     let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
-    let present = present(buses, |_| true);
+    let present = present(buses);
     Some(format!("{} not present{end}; nodes present: {present}", node.words()))
 }

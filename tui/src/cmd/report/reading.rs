@@ -18,8 +18,8 @@ use cobscope_decoder::why::Question;
 use super::provenance::provenance;
 use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
 use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_capture, decode_quietly};
-use crate::cmd::facts::{Facts, diagnosis, ensure_story, question};
-use crate::cmd::messages::absent_value;
+use crate::cmd::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
+use crate::cmd::messages::{absent_value, note, warn};
 use crate::select::Span;
 use crate::source::Series;
 
@@ -103,11 +103,10 @@ pub(in crate::cmd) fn compose(
     let FirstReading { engine, mut facts, mut statistics, first, .. } = reading;
     statistics.withdraw(buses);
     let findings = engine.finish(buses, &mut facts);
-    let missed = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time());
-    if let Some(missed) = missed.filter(|_| !scope.is_quiet) {
-        crate::cmd::messages::note(&format!("{name}: {missed}"));
+    if !scope.is_quiet {
+        report_selection(&name, scope.select, &facts, &decoded);
     }
-    let (why, selected) = facts.results(&findings);
+    let (why, selected, limits) = facts.results(&findings, first);
     let setting = diagnosis::Setting { zero: first, end: None, is_growing: false };
     let mut diagnosis = diagnosis(&findings, &selected, setting, (&scope.question, buses));
     let wanted = wanted(scope, &findings);
@@ -134,6 +133,7 @@ pub(in crate::cmd) fn compose(
         capture: &name,
         format: decoded.format,
         failure: failure.as_deref(),
+        scope: &limits,
     });
     let mut second = SecondReading { draft, is_quiet: scope.is_quiet };
     let again = decode_quietly(series, scope.input, options, &mut second)?;
@@ -142,6 +142,16 @@ pub(in crate::cmd) fn compose(
     let first = excerpt.first().filter(|_| scope.is_cut);
     let start = first.map(|first| start_of_cut(series, scope.input, options, first)).transpose()?;
     Ok(Composed { report, excerpt, findings, failure: decoded.failure, start })
+}
+
+/// Prints notes on a range after the end of the capture, and on unknown buses.
+fn report_selection(name: &str, select: &SelectArgs, facts: &Facts, decoded: &DecodedCapture) {
+    if let Some(missed) = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+        note(&format!("{name}: {missed}"));
+    }
+    for unknown in unknown_buses(name, select, decoded.decoder.buses()) {
+        warn(&unknown);
+    }
 }
 
 /// Decodes the capture for the findings; prints warnings, unless stderr belongs to the terminal UI.

@@ -49,17 +49,22 @@ pub fn write(report: &Report<'_>, output: &mut String) {
 
 fn quality(report: &Report<'_>, text: &mut String) {
     let quality = &report.statistics.quality;
-    let duration = quality
-        .duration()
-        .map_or("without timestamps".into(), |duration| format!("in {} s", seconds(duration)));
-    let _ = write!(text, "capture   {} {duration}", plural(quality.frames, "frame"));
-    if let Some(stamps) = stamps(quality) {
-        let _ = write!(text, "; {stamps}");
-    }
-    let _ = writeln!(text);
-    if quality.error_frames == 0 {
-        let _ = writeln!(text, "          no error frames recorded: quality of the wiring unknown");
+    if quality.frames == 0 {
+        // Timestamps and error frames of the capture are unknown without a frame.
+        let _ = writeln!(text, "capture   no frame selected");
     } else {
+        let duration = quality
+            .duration()
+            .map_or("without timestamps".into(), |duration| format!("in {} s", seconds(duration)));
+        let _ = write!(text, "capture   {} {duration}", plural(quality.frames, "frame"));
+        if let Some(stamps) = stamps(quality) {
+            let _ = write!(text, "; {stamps}");
+        }
+        let _ = writeln!(text);
+    }
+    if quality.error_frames == 0 && quality.frames > 0 {
+        let _ = writeln!(text, "          no error frames recorded: quality of the wiring unknown");
+    } else if quality.error_frames > 0 {
         let _ = writeln!(text, "          {}", error_frames(quality));
     }
     for fault in faults(quality) {
@@ -69,13 +74,14 @@ fn quality(report: &Report<'_>, text: &mut String) {
 
 fn load(report: &Report<'_>, bus: &Bus, statistics: &BusStatistics, start: i64, text: &mut String) {
     let _ = writeln!(text, "bus {:<5} {}", bus.name(), protocols(bus));
-    for line in
-        rates(statistics, report.statistics.quality.duration(), start, report.bit_rate(bus), "--bitrate 250k")
-    {
-        let _ = writeln!(text, "          {line}");
-    }
-    if let Some(beginning) = statistics.beginning() {
-        let _ = writeln!(text, "          {}", begins(&beginning));
+    let quality = &report.statistics.quality;
+    if quality.frames > 0 {
+        for line in rates(statistics, quality.duration(), start, report.bit_rate(bus), "--bitrate 250k") {
+            let _ = writeln!(text, "          {line}");
+        }
+        if let Some(beginning) = statistics.beginning() {
+            let _ = writeln!(text, "          {}", begins(&beginning));
+        }
     }
     if bus.is_canopen_presumed() {
         let _ = writeln!(text, "          {UNCONFIRMED}");

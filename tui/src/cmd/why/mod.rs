@@ -15,9 +15,9 @@ use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{Question, json};
 
 use super::decoding::{CaptureObserver, decode_capture, report_with};
-use super::facts::{Facts, diagnosis, ensure_story, question};
+use super::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
 use super::input::{check_rules_of, session_options, setup};
-use super::messages::{Refusal, complain};
+use super::messages::{Refusal, complain, warn};
 use crate::cli::{ReportFormat, WhyArgs};
 use crate::exit_code::Exit;
 use crate::select::{Span, TimeLimit};
@@ -51,16 +51,18 @@ pub fn run(arguments: &WhyArgs) -> Exit {
         if let Some(missed) = facts.missed(decoded.decoder.frames(), last) {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
+        for unknown in unknown_buses(&name, &arguments.select, buses) {
+            warn(&unknown);
+        }
         let is_of_moment = question.latest;
         let end = limit.text();
         let (at, to) = if is_of_moment { (end.as_deref(), None) } else { (None, end.as_deref()) };
-        let from = facts.from().map(|from| from.text(first));
         let setting = diagnosis::Setting {
             zero: first,
             end: last.filter(|_| is_of_moment),
             is_growing: limit.passed().is_some(),
         };
-        let (why, selected) = facts.results(&findings);
+        let (why, selected, scope) = facts.results(&findings, first);
         let diagnosis = diagnosis(&findings, &selected, setting, (&question, buses));
         ensure_story(&name, question.story, &diagnosis, decoded.failure.as_ref())?;
         let answer = why.report(diagnosis, buses, &options.catalogue);
@@ -69,8 +71,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
                 if several && !series.is_joined_from(&arguments.input.captures) {
                     let _ = writeln!(output, "== {}", escape(&name));
                 }
-                let from = from.as_deref();
-                text::write(&answer, &Setting { buses, first, at, from, to }, output);
+                text::write(&answer, &Setting { buses, first, at, to, scope: &scope }, output);
             }
             ReportFormat::Json => {
                 output.push_str(&json::line(&answer, buses, first, at, &name));

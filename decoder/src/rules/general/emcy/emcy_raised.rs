@@ -1,12 +1,13 @@
 //! Errors that a device reports by EMCY.
 
+use std::collections::BTreeMap;
+
 use crate::event::{Certainty, EmcyAction, Event, EventKind};
 use crate::finding::About;
 use crate::profile::suggested_error_text;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
-use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeSet};
 
@@ -62,6 +63,8 @@ enum Shown<'a> {
 #[derive(Default)]
 struct EmcyRaised {
     was_operational: NodeSet,
+    /// Time of the first event of a node, in the clock of the bus: the boot may be before the capture.
+    first: BTreeMap<NodeId, i64>,
     open: Vec<(NodeId, u16)>,
     early: Vec<Early>,
 }
@@ -72,22 +75,32 @@ fn new(_policy: &Policy) -> EmcyRaised {
 
 impl EmcyRaised {
     fn raised(&mut self, event: &Event, node: NodeId, code: u16, context: &mut Context<'_>) {
-        let is_starting = context.node(event).is_some_and(|node| node.nmt().is_some());
-        if is_starting && !self.was_operational.contains(node) {
-            return self.wait(event, node, code, context);
-        }
-        self.report(event, Shown::Directly, (node, code), context);
-    }
-
-    /// Waits until the node is operational or [`START`] has passed since its boot.
-    fn wait(&mut self, event: &Event, node: NodeId, code: u16, context: &mut Context<'_>) {
-        let is_known = self.early.iter().any(|early| (early.node, early.code) == (node, code));
-        if is_known || self.early.len() >= OPEN_LIMIT {
+        if self.early.iter().any(|early| (early.node, early.code) == (node, code)) {
             return;
         }
-        let boot = context.node(event).and_then(Node::started);
-        let age = boot.map_or(0, |(_, boot)| context.bus.now().saturating_sub(boot));
-        let due = context.now.saturating_add(START.saturating_sub(age).max(0));
+        match self.rest_of_start(event, node, context).filter(|rest| *rest > 0) {
+            Some(rest) => self.wait(event, (node, code), rest, context),
+            None => self.report(event, Shown::Directly, (node, code), context),
+        }
+    }
+
+    /// Rest of [`START`] in ns; `None` for a node that was operational, or whose state is unknown.
+    fn rest_of_start(&self, event: &Event, node: NodeId, context: &Context<'_>) -> Option<i64> {
+        let known = context.node(event).filter(|known| known.nmt().is_some())?;
+        if self.was_operational.contains(node) {
+            return None;
+        }
+        let boot = known.started().map(|(_, boot)| boot).or_else(|| self.first.get(&node).copied());
+        let age = boot.map_or(0, |boot| context.bus.now().saturating_sub(boot));
+        Some(START.saturating_sub(age))
+    }
+
+    /// Waits until the node is operational or the rest of [`START`] has passed.
+    fn wait(&mut self, event: &Event, (node, code): (NodeId, u16), rest: i64, context: &mut Context<'_>) {
+        if self.early.len() >= OPEN_LIMIT {
+            return;
+        }
+        let due = context.now.saturating_add(rest);
         self.early.push(Early { node, code, due, event: event.clone() });
         context.wake_at(due, 0);
     }
@@ -100,7 +113,7 @@ impl EmcyRaised {
         }
     }
 
-    /// Reports an error.
+    /// Reports an error at the time of its EMCY: the duration and the frame of the finding are those of this time.
     fn report(
         &mut self,
         event: &Event,
@@ -112,18 +125,16 @@ impl EmcyRaised {
             self.open.push((node, code));
         }
         let device = record::device(event, context.bus);
-        let (alarm, until) = match shown {
-            Shown::Directly => (context.fail(event).ongoing(), ""),
-            Shown::Operational(shown) => (
-                context.fail(shown).since(event.time),
-                "; reported before the node was operational, not cleared since",
-            ),
-            Shown::Late => (
-                context.fail_at(context.now, Some(node), event.frames).since(event.time),
-                "; reported at power-on, not cleared within 5 s",
-            ),
+        let (is_presumed, until) = match shown {
+            Shown::Directly => (event.presumed, ""),
+            Shown::Operational(shown) => {
+                (shown.presumed, "; reported before the node was operational, not cleared since")
+            }
+            Shown::Late => {
+                (!context.bus.is_settled(Some(node)), "; reported at power-on, not cleared within 5 s")
+            }
         };
-        let alarm = alarm.frames(event.frames).about(About::Code(code));
+        let alarm = context.fail(event).presumed(is_presumed).ongoing().about(About::Code(code));
         alarm.report(|| match suggested_error_text(code).filter(|_| device.error(code).is_none()) {
             Some((profile, text)) => {
                 format!("EMCY {code:04X} {}; {profile}: {text}?{until}", device.error_text(code))
@@ -143,6 +154,7 @@ impl EmcyRaised {
 impl Rule for EmcyRaised {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
+        self.first.entry(node).or_insert(context.bus.now());
         match &event.kind {
             EventKind::NmtState(change) if change.to == NmtState::Operational => {
                 self.was_operational.insert(node);
