@@ -125,7 +125,9 @@ def main():
     assert_equal(whole, files(dask), "with Dask")
     print(f"equal with Dask: {60 * len(captures) / elapsed:.0f} captures per minute")
 
-    repeated(program, f"{fleet}/press-01", os.path.join(folder, "repeated"))
+    plain = os.path.join(folder, "plain")
+    subprocess.run([sys.executable, maker, plain, "--machines", "1", "--days", "5"], check=True)
+    repeated(program, f"{plain}/press-01", os.path.join(folder, "repeated"))
     on_one_machine(program, fleet, os.path.join(folder, "one"))
 
     elapsed = on_object_store(program, fleet, folder, whole)
