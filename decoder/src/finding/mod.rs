@@ -463,9 +463,14 @@ impl Findings {
 
     /// Number of reported groups of a severity; those printed with another group are not counted.
     pub fn number(&self, severity: Severity) -> usize {
+        self.leading().filter(|group| group.severity == severity).count()
+    }
+
+    /// Reported groups, without those printed with another group.
+    pub fn leading(&self) -> impl Iterator<Item = &Group> {
         let is_member =
             |group: &Group| group.member_of.and_then(|id| self.group(id)).is_some_and(Group::counts);
-        self.counting().filter(|group| group.severity == severity && !is_member(group)).count()
+        self.counting().filter(move |group| !is_member(group))
     }
 
     /// Groups that have this one as their cause.

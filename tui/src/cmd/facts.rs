@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Findings, Group};
+use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
 use cobscope_decoder::why::{FaultScope, NodeChoice, Question, Why};
@@ -82,11 +82,7 @@ impl Facts {
     ) -> (Why, BTreeSet<u64>, FaultScope) {
         let Self { why, selection, findings: selected, scope, .. } = self;
         let selected = selected.numbers(&findings.groups);
-        // As in `Findings::number`: a group printed with another one is not counted.
-        let is_member =
-            |group: &Group| group.member_of.and_then(|id| findings.group(id)).is_some_and(Group::counts);
-        let unselected =
-            findings.counting().filter(|group| !is_member(group) && !selected.contains(&group.id));
+        let unselected = findings.leading().filter(|group| !selected.contains(&group.id));
         let scope = FaultScope {
             from: selection.from().map(|from| from.text(first)),
             to: selection.to().map(|to| to.text(first)),
