@@ -220,3 +220,13 @@ pub(super) fn divider(theme: &Theme, area: Rect, title: &str, buf: &mut Buffer) 
         draw::put(buf, area.x.saturating_add(2), area.y, room, &title, theme.style(Role::Title));
     }
 }
+
+/// Selects another one of the visible columns in `shown`, or sorts by the present one.
+pub fn act_on_column(table: &mut TableState, action: Action, shown: &[usize]) {
+    match action {
+        Action::Left => table.move_column(-1, shown),
+        Action::Right => table.move_column(1, shown),
+        Action::Sort => table.cycle_sort(shown),
+        _ => {}
+    }
+}

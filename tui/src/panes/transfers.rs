@@ -20,7 +20,8 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::common::{
-    bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, time, time_title, time_width,
+    act_on_column, bus_name, bus_short, bus_title, bus_width, chosen, divider, move_in, time, time_title,
+    time_width,
 };
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
@@ -314,11 +315,7 @@ impl Pane for Transfers {
             }
             Action::Left | Action::Right | Action::Sort => {
                 let shown = self.shown(core, &core.timeline.survey());
-                match action {
-                    Action::Left => self.table.move_column(-1, &shown),
-                    Action::Right => self.table.move_column(1, &shown),
-                    _ => self.table.cycle_sort(&shown),
-                }
+                act_on_column(&mut self.table, action, &shown);
             }
             Action::Open => {
                 let survey = core.timeline.survey();

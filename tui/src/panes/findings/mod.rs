@@ -29,8 +29,8 @@ pub use self::chosen::filtered_places;
 use self::chosen::{FilterKey, FilterResult};
 use self::rows::{Facts, Item, facts, group, items};
 use super::common::{
-    ahead, bus_name, bus_short, bus_title, bus_width, chosen as chosen_columns, divider, move_in,
-    severity_role, time, time_width,
+    act_on_column, ahead, bus_name, bus_short, bus_title, bus_width, chosen as chosen_columns, divider,
+    move_in, severity_role, time, time_width,
 };
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
@@ -294,11 +294,7 @@ impl Pane for Findings {
             }
             Action::Left | Action::Right | Action::Sort => {
                 let shown = self.shown(core, &core.timeline.survey());
-                match action {
-                    Action::Left => self.table.move_column(-1, &shown),
-                    Action::Right => self.table.move_column(1, &shown),
-                    _ => self.table.cycle_sort(&shown),
-                }
+                act_on_column(&mut self.table, action, &shown);
             }
             Action::Toggle => {
                 let item =

@@ -19,7 +19,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::Line;
 
-use super::common::{chosen, move_in};
+use super::common::{act_on_column, chosen, move_in};
 use super::legend::{self, Legend};
 use super::{Effect, Pane, Sorting};
 use crate::action::Action;
@@ -189,9 +189,10 @@ impl Pane for Objects {
             Action::Down | Action::Up | Action::PageDown | Action::PageUp | Action::Top | Action::Bottom => {
                 self.go(core, action);
             }
-            Action::Left => self.state.move_column(-1, &self.shown(core)),
-            Action::Right => self.state.move_column(1, &self.shown(core)),
-            Action::Sort => self.state.cycle_sort(&self.shown(core)),
+            Action::Left | Action::Right | Action::Sort => {
+                let shown = self.shown(core);
+                act_on_column(&mut self.state, action, &shown);
+            }
             Action::Clear => self.search.clear(),
             Action::Toggle => return Self::next_node(core),
             Action::Open => {
