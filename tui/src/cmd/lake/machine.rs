@@ -61,8 +61,8 @@ pub(super) fn machine_of(
     Ok(of_bus_file.unwrap_or(UNKNOWN).to_owned())
 }
 
-/// Any name as a path component of bounded length. Letters and digits of all scripts stay; different names give different
-/// components.
+/// Any name as a path component of bounded length. Letters and digits of all scripts stay; a cut name
+/// ends with a digest, which tells it from others.
 pub(super) fn path_value(name: &str) -> String {
     let mut value = String::new();
     for letter in name.chars() {
