@@ -21,12 +21,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+use cobscope_decoder::Reading;
 use cobscope_decoder::capture::{Batch, Packing, ReadOptions, Reader, WRITABLE, WriteOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::{Catalogue, ProfileError};
-use cobscope_decoder::rules::{Engine as Judging, Judge};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
@@ -335,18 +335,9 @@ fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> 
 
 /// Decodes and checks with all rules.
 fn judge(path: &Path, options: SessionOptions) -> Outcome {
-    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
-    let mut decoder = Decoder::new(options);
-    let mut engine = Judging::new(Arc::default());
-    let mut batch = Batch::new();
-    while reader.read(&mut batch)? {
-        for frame in batch.frames() {
-            engine.frame(frame);
-            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut ignore });
-        }
-    }
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut ignore });
-    black_box(engine.finish(decoder.buses(), &mut ignore));
+    let mut reading = Reading::of_options(options, Some(Arc::default()), ignore);
+    reading.run(File::open(path)?)?;
+    black_box(reading.finish().findings);
     Ok(())
 }
 

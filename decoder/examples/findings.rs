@@ -9,17 +9,19 @@ use std::fs::File;
 use std::io::{Write as _, stdout};
 use std::process::ExitCode;
 
-use cobscope_decoder::{Bus, Event, NodeId, Pipeline, Severity};
+use cobscope_decoder::{NodeId, Reading, Severity};
 
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let capture = std::env::args_os().nth(1).ok_or("usage: findings CAPTURE")?;
-    let summary = Pipeline::new().read(File::open(capture)?, &mut |_: &Event, _: &Bus| {})?;
+    let mut reading = Reading::new(());
+    reading.run(File::open(capture)?)?;
+    let findings = reading.finish().findings;
     let mut out = stdout().lock();
-    for group in summary.findings.counting() {
+    for group in findings.counting() {
         let node = group.key.node.map_or_else(|| group.bus.to_string(), NodeId::label);
         let (severity, count) = (group.severity.name(), group.count);
         writeln!(out, "{severity:<8}  {node:<6}  {} [{}], count {count}", group.text, group.rule)?;
     }
-    let has_errors = summary.findings.number(Severity::Error) > 0;
+    let has_errors = findings.number(Severity::Error) > 0;
     Ok(if has_errors { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

@@ -8,7 +8,7 @@ use std::error::Error;
 use std::fs::File;
 use std::io::{Write as _, stdout};
 
-use cobscope_decoder::{Bus, Event, NodeId, Pipeline, Signal};
+use cobscope_decoder::{Bus, Event, NodeId, Reading, Signal};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -16,13 +16,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: signal_table CAPTURE NODE PROFILE SIGNAL".into());
     };
     let node: NodeId = node.parse()?;
-    let pipeline = Pipeline::builder().device(node, profile).build()?;
     let mut table = String::new();
-    pipeline.read(File::open(capture)?, &mut |event: &Event, _: &Bus| {
+    let add_rows = |event: &Event, _: &Bus| {
         let time = event.time.map_or_else(|| "-".into(), |time| time.to_string());
         let wanted = event.signals().filter(|signal| event.node == Some(node) && signal.name() == Some(name));
         table.extend(wanted.map(|signal| format!("{time}  {}\n", row(&signal))));
-    })?;
+    };
+    let mut reading = Reading::builder().device(node, profile).build(add_rows)?;
+    reading.run(File::open(capture)?)?;
+    drop(reading);
     Ok(stdout().write_all(table.as_bytes())?)
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
-use crate::session::{Bus, BusDecoder, Buses, Observer, SessionOptions};
+use crate::session::{BusDecoder, Buses, Observer, SessionOptions};
 
 use crate::capture::{BusNames, CapturePlace, Notice};
 
@@ -196,11 +196,6 @@ impl Decoder {
     /// Buses in order of appearance.
     pub fn buses(&self) -> Buses<'_> {
         Buses::new(&self.buses)
-    }
-
-    /// The buses of a decoder that is no longer used.
-    pub(crate) fn into_buses(self) -> Vec<Bus> {
-        self.buses.into_iter().map(BusDecoder::into_bus).collect()
     }
 
     /// Memory of a checkpoint in bytes, without the object stores, which are shared until they change.

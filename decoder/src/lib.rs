@@ -1,26 +1,27 @@
 //! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and checks
 //! them with rules.
 //!
-//! [`Pipeline`] combines all stages: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC,
-//! BLF, TRC, MDF4, MCAP, CSV and others, plain or compressed), or accepts single frames, and calls an
-//! [`Observer`] with each [`Event`].
+//! [`Reading`] combines all stages: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC,
+//! BLF, TRC, MDF4, MCAP, CSV and others, plain or compressed), or accepts single frames, and passes each [`Event`]
+//! to a [`ReadingPart`](reading::ReadingPart), such as a closure.
 //!
 //! ```
-//! use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
+//! use cobscope_decoder::{Bus, Event, NodeId, Reading};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let capture = &b"(1700000000.000000) can0 702#00\n(1700000000.500000) can0 182#08A01F0020\n"[..];
 //! # let mut printed = Vec::new();
 //! # macro_rules! println { ($($part:tt)*) => { printed.push(format!($($part)*)) } }
 //! // let capture = std::fs::File::open("customer.log")?;
-//! let pipeline = Pipeline::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build()?;
-//! let summary = pipeline.read(capture, &mut |event: &Event, bus: &Bus| {
+//! let mut reading = Reading::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build(|event: &Event, bus: &Bus| {
 //!     println!("{} {}", bus.name(), event.kind.name());
 //!     for signal in event.signals() {
 //!         println!("  {} = {}", signal.name().unwrap_or_default(), signal.text());
 //!     }
 //! })?;
-//! for group in summary.findings.counting() {
+//! reading.run(capture)?;
+//! let findings = reading.finish().findings;
+//! for group in findings.counting() {
 //!     println!("{}: {} [{}]", group.severity.name(), group.text, group.rule);
 //! }
 //! # assert_eq!(printed[0], "can0 boot-up");
@@ -33,16 +34,17 @@
 //!
 //! | task | start at |
 //! | --- | --- |
-//! | Read a capture | [`Pipeline::read`], example `print_events` |
+//! | Read a capture | [`Reading::run`], example `print_events` |
 //! | Values of PDOs and messages, with units | [`Event::signals`], [`Signal`], example `signal_table` |
 //! | Findings, for example in CI | [`Summary::findings`], [`Severity`], example `findings` |
-//! | Frames of a live bus | [`Pipeline::push`], [`Pipeline::advance`], example `live_frames` |
-//! | Names, devices, bit rates, databases | [`PipelineBuilder`] |
+//! | Frames of a live bus | [`Reading::push`], [`Reading::advance`], example `live_frames` |
+//! | Names, devices, bit rates, databases | [`ReadingBuilder`] |
+//! | Statistics, stories, comparisons in the same pass | [`reading::ReadingPart`] |
 //! | State of nodes and objects | [`Bus`], [`Node`] |
 //! | Filter events by an expression | [`Filter`] |
 //! | Write JSON Lines, text, CSV, MCAP, Parquet | [`sink`] |
 //! | Frames only, or writing captures | [`capture`] |
-//! | Individual stages | [`capture::Reader`], [`Decoder`], [`rules::Engine`] |
+//! | Individual stages | [`capture::Reader`], [`Decoder`] |
 //!
 //! # Structure
 //!
@@ -50,7 +52,7 @@
 //! bytes ─capture─▶ Frame ─session: route─▶ wire ─▶ Message ─session (+ profile)─▶ Event ─rules─▶ Finding ─▶ sink, query, statistics
 //! ```
 //!
-//! Each module is one of these arrows and imports only modules to the left of it; [`pipeline`] imports all.
+//! Each module is one of these arrows and imports only modules to the left of it; [`reading`] imports all.
 //! The crate opens no file, reads no clock and starts no thread: all times are those of the frames. Malformed
 //! input never causes a panic and never stops decoding: it results in an event.
 //!
@@ -69,9 +71,9 @@ pub mod event;
 pub mod finding;
 pub mod frame;
 mod marked_line;
-pub mod pipeline;
 pub mod profile;
 pub mod query;
+pub mod reading;
 pub mod replay;
 pub mod report;
 pub mod rules;
@@ -89,9 +91,9 @@ pub use decoder::Decoder;
 pub use event::{Event, EventKind};
 pub use finding::{Findings, Severity};
 pub use frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
-pub use pipeline::{Pipeline, PipelineBuilder, PipelineError, Summary};
 pub use profile::Signal;
 pub use query::Filter;
+pub use reading::{Reading, ReadingBuilder, ReadingError, Summary};
 pub use session::{Bus, Node, Observer};
 pub use wire::NodeId;
 

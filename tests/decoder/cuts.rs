@@ -19,8 +19,8 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, FrameFlags};
 use cobscope_decoder::profile::Catalogue;
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{AssignedBy, Assignment, Bus, BusSnapshot, Observer, SessionOptions};
+use cobscope_decoder::rules::{Engine, Setup};
+use cobscope_decoder::session::{AssignedBy, Assignment, Bus, BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use serde_json::Value;
@@ -115,26 +115,22 @@ impl Frames {
     }
 }
 
-/// Events as JSON, and findings.
-#[derive(Default)]
-struct Record(Vec<Value>);
-
-impl Observer for Record {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+/// Events and findings of frames as JSON. Rules and decoder are separate, because the rules continue from part to part.
+fn decoded((decoder, engine): (&mut Decoder, &mut Engine), frames: &[Frame], names: &BusNames) -> Vec<Value> {
+    let mut all = Vec::new();
+    let mut add = |event: &Event, bus: &Bus| {
         let mut line = Vec::new();
         Jsonl::new(&mut line).write(event, bus);
-        self.0.push(serde_json::from_slice(&line).unwrap());
-    }
-}
-
-/// Events and findings of frames as JSON.
-fn decoded((decoder, engine): (&mut Decoder, &mut Engine), frames: &[Frame], names: &BusNames) -> Vec<Value> {
-    let mut record = Record::default();
+        all.push(serde_json::from_slice(&line).unwrap());
+    };
     for frame in frames {
         engine.frame(frame);
-        decoder.push(frame, names, &mut Judge { engine, out: &mut record });
+        decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
+            add(event, bus);
+            engine.event(event, bus, &mut add);
+        });
     }
-    record.0
+    all
 }
 
 fn number(event: &Value, place: usize) -> u64 {

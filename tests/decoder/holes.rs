@@ -5,12 +5,11 @@ use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{Batch, Item, Notice, ReadOptions, Reader};
-use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::Reading;
+use cobscope_decoder::capture::{Batch, Notice, ReadOptions, Reader};
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Findings, Group};
 use cobscope_decoder::frame::BusIndex;
-use cobscope_decoder::rules::{Engine, Judge};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
 
@@ -72,33 +71,29 @@ fn heartbeats() -> String {
 fn judged_live(is_noticed: bool) -> (Vec<String>, Vec<i64>) {
     let log = heartbeats();
     let mut reader = Reader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(SessionOptions::default());
-    let mut engine = Engine::new(Arc::new(plain_setup()));
     let mut batch = Batch::new();
     let mut steps = Vec::new();
     let mut last = None;
-    let mut see = |event: &Event, _: &Bus| {
+    let add_step = |event: &Event, _: &Bus| {
         if let EventKind::ClockStep { step } = event.kind {
             steps.push(step);
         }
     };
+    let setup = Some(Arc::new(plain_setup()));
+    let mut reading = Reading::of_options(SessionOptions::default(), setup, add_step);
     while reader.read(&mut batch).unwrap() {
-        for item in batch.items() {
-            let Item::Frame(frame) = item else { continue };
+        reading.set_buses(reader.buses().clone());
+        for frame in batch.frames() {
             let time = frame.time.unwrap();
             let step = last.map_or(0, |last| time.since(last));
             if is_noticed && step > 3_000_000_000_000 {
-                let notice = Notice::ClockSet { bus: BusIndex(0), time, step };
-                let mut judge = Judge { engine: &mut engine, out: &mut see };
-                decoder.notice(&notice, reader.buses(), &mut judge);
+                reading.notice(&Notice::ClockSet { bus: BusIndex(0), time, step });
             }
             last = Some(time);
-            engine.frame(frame);
-            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut see });
+            reading.push(frame);
         }
     }
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut see });
-    let findings = engine.finish(decoder.buses(), &mut see);
+    let findings = reading.finish().findings;
     (findings.counting().map(|group| group.rule.to_string()).collect(), steps)
 }
 

@@ -18,14 +18,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use cobscope_decoder::Reading;
 use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
-use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::capture::{Batch, BusNames, ReadOptions, Reader};
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Cause, Findings};
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::profile::dbc::{self, Database};
-use cobscope_decoder::rules::{Engine, HEADINGS, Judge, Setup, declarations, section};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::rules::{HEADINGS, Setup, declarations, section};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
 use crate::support::workspace;
@@ -166,42 +168,37 @@ pub fn judge_capture(
     setup: Setup,
 ) -> (Vec<(u64, Event)>, Findings) {
     let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(options.clone());
-    let mut engine = Engine::new(Arc::new(setup));
+    let mut reading = Reading::of_options(options.clone(), Some(Arc::new(setup)), FindingNewsList::default());
     let mut batch = Batch::new();
-    let mut news = Vec::new();
-    let mut number = 0;
     while reader.read(&mut batch).unwrap() {
-        for item in batch.items() {
-            if let Item::Frame(frame) = item {
-                number = frame.number;
-                engine.frame(frame);
-            }
-            let mut observer = |event: &Event, _: &Bus| {
-                if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
-                    news.push((number, event.clone()));
-                }
-            };
-            match item {
-                Item::Frame(frame) => {
-                    let mut judge = Judge { engine: &mut engine, out: &mut observer };
-                    decoder.push(frame, reader.buses(), &mut judge);
-                }
-                Item::Notice(notice) => {
-                    let mut judge = Judge { engine: &mut engine, out: &mut observer };
-                    decoder.notice(notice, reader.buses(), &mut judge);
-                }
-            }
-        }
+        reading.take(&batch, reader.buses());
     }
-    let mut observer = |event: &Event, _: &Bus| {
-        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
-            news.push((number, event.clone()));
-        }
-    };
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut observer });
-    let findings = engine.finish(decoder.buses(), &mut observer);
-    (news, findings)
+    reading.close(reader.buses());
+    let summary = reading.finish();
+    (summary.part.news, summary.findings)
+}
+
+/// Events about findings, each with the number of the frame that it follows.
+#[derive(Default)]
+struct FindingNewsList {
+    news: Vec<(u64, Event)>,
+    number: u64,
+}
+
+impl ReadingPart for FindingNewsList {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn finding(&mut self, event: &Event, _bus: &Bus) {
+        self.news.push((self.number, event.clone()));
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        self.number = frame.number;
+    }
 }
 
 /// Keys of a finding that a mark may contain.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::{Bus, Pipeline};
+use cobscope_decoder::{Bus, Reading};
 
 /// Notes and kinds of the events on 1A3 and 223.
 fn decode(frames: &[&str]) -> (Vec<String>, Vec<(u64, &'static str)>) {
@@ -12,13 +12,13 @@ fn decode(frames: &[&str]) -> (Vec<String>, Vec<(u64, &'static str)>) {
         writeln!(text, "(100.{:06}) can0 {frame}", 1_000 + place * 1_300 + place % 3).unwrap();
     }
     let (mut notes, mut kinds) = (Vec::new(), Vec::new());
-    Pipeline::new()
-        .read(text.as_bytes(), &mut |event: &Event, _: &Bus| match &event.kind {
-            EventKind::Note { text } => notes.push(text.clone()),
-            EventKind::Pdo(_) | EventKind::Frame(_) => kinds.push((event.frames.last, event.kind.name())),
-            _ => {}
-        })
-        .unwrap();
+    let mut reading = Reading::new(|event: &Event, _: &Bus| match &event.kind {
+        EventKind::Note { text } => notes.push(text.clone()),
+        EventKind::Pdo(_) | EventKind::Frame(_) => kinds.push((event.frames.last, event.kind.name())),
+        _ => {}
+    });
+    reading.run(text.as_bytes()).unwrap();
+    drop(reading);
     (notes, kinds)
 }
 

@@ -8,7 +8,7 @@ use cobscope_decoder::finding::Findings;
 use cobscope_decoder::sink::EventSink;
 use cobscope_decoder::sink::jsonl::Jsonl;
 use cobscope_decoder::sink::text::{Text, TextOptions};
-use cobscope_decoder::{Bus, Pipeline};
+use cobscope_decoder::{Bus, Reading};
 use proptest::prelude::*;
 
 /// Segments per block in all transfers of this file.
@@ -76,14 +76,14 @@ fn capture(steps: impl Iterator<Item = Step>) -> String {
 
 fn decode(text: &str) -> (Vec<SdoTransfer>, Findings) {
     let mut transfers = Vec::new();
-    let summary = Pipeline::new()
-        .read(text.as_bytes(), &mut |event: &Event, _: &Bus| {
-            if let EventKind::SdoTransfer(transfer) = &event.kind {
-                transfers.push((**transfer).clone());
-            }
-        })
-        .unwrap();
-    (transfers, summary.findings)
+    let mut reading = Reading::new(|event: &Event, _: &Bus| {
+        if let EventKind::SdoTransfer(transfer) = &event.kind {
+            transfers.push((**transfer).clone());
+        }
+    });
+    reading.run(text.as_bytes()).unwrap();
+    let findings = reading.finish().findings;
+    (transfers, findings)
 }
 
 /// Lines of a capture in text or JSON Lines.
@@ -94,11 +94,11 @@ fn printed(text: &str, as_json: bool) -> String {
     } else {
         Box::new(Text::new(&mut out, TextOptions::default()))
     };
-    Pipeline::new()
-        .read(text.as_bytes(), &mut |event: &Event, bus: &Bus| {
-            sink.write(event, bus);
-        })
-        .unwrap();
+    let mut reading = Reading::new(|event: &Event, bus: &Bus| {
+        sink.write(event, bus);
+    });
+    reading.run(text.as_bytes()).unwrap();
+    drop(reading);
     sink.finish().unwrap();
     drop(sink);
     String::from_utf8(out).unwrap()

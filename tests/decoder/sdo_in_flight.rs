@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::event::{Event, EventKind, Outcome, SdoTransfer};
-use cobscope_decoder::{Bus, Pipeline};
+use cobscope_decoder::{Bus, Reading};
 use proptest::prelude::*;
 
 /// First and last frame of each transfer, and the transfer.
@@ -17,14 +17,14 @@ fn decode(lines: &[(f64, &str)]) -> (Transfers, Vec<String>) {
         writeln!(text, "({:.6}) can0 {frame}", 100.0 + time / 1_000.0).unwrap();
     }
     let mut transfers = Vec::new();
-    let summary = Pipeline::new()
-        .read(text.as_bytes(), &mut |event: &Event, _: &Bus| {
-            if let EventKind::SdoTransfer(transfer) = &event.kind {
-                transfers.push(((event.frames.first, event.frames.last), (**transfer).clone()));
-            }
-        })
-        .unwrap();
-    let rules = summary.findings.counting().map(|group| group.rule.to_string()).collect();
+    let mut reading = Reading::new(|event: &Event, _: &Bus| {
+        if let EventKind::SdoTransfer(transfer) = &event.kind {
+            transfers.push(((event.frames.first, event.frames.last), (**transfer).clone()));
+        }
+    });
+    reading.run(text.as_bytes()).unwrap();
+    let findings = reading.finish().findings;
+    let rules = findings.counting().map(|group| group.rule.to_string()).collect();
     (transfers, rules)
 }
 

@@ -3,10 +3,12 @@
 use std::ffi::OsString;
 
 use cobscope::Exit;
-use cobscope::embedded::{self, CaptureReader, CaptureSource};
+use cobscope::embedded::{self, CaptureSource};
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::Bus;
 
 use crate::cli::run;
 
@@ -27,23 +29,21 @@ struct Counter {
     limit: Option<usize>,
 }
 
-impl Observer for Counter {
+impl ReadingPart for Counter {
     fn event(&mut self, event: &Event, _: &Bus) {
         self.kinds.push(event.kind.name());
     }
-}
 
-impl CaptureReader for Counter {
     fn is_done(&self) -> bool {
         self.limit.is_some_and(|limit| self.kinds.len() >= limit)
     }
 
-    fn wants_frames(&self) -> bool {
-        true
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str) {
-        assert_eq!(bus, "can0");
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        assert_eq!(names.name_of(frame.bus), "can0");
         (self.frames, self.last) = (self.frames + 1, frame.number);
     }
 }

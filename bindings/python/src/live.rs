@@ -7,10 +7,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use arrow_array::RecordBatch;
 use arrow_schema::ArrowError;
 use cobscope::embedded::{CaptureSource, finding_lines};
-use cobscope_decoder::Pipeline;
+use cobscope_decoder::Reading;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::reading::ReadingPart;
+use cobscope_decoder::session::Bus;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -34,8 +35,9 @@ pub struct Decoder(Mutex<LiveState>);
 
 struct LiveState {
     /// `None` after the end.
-    pipeline: Option<Pipeline>,
-    tables: LiveTables,
+    reading: Option<Reading<LiveTables>>,
+    /// Tables after the end.
+    ended: Option<LiveTables>,
     frames: u64,
     warnings: Vec<String>,
 }
@@ -89,7 +91,7 @@ impl WaitingTable {
     }
 }
 
-impl Observer for LiveTables {
+impl ReadingPart for LiveTables {
     fn event(&mut self, event: &Event, bus: &Bus) {
         for table in [&mut self.events, &mut self.signals] {
             table.table.event(event, bus);
@@ -97,6 +99,15 @@ impl Observer for LiveTables {
                 table.end_batch();
             }
         }
+    }
+}
+
+impl LiveState {
+    /// The tables, also after the end.
+    fn tables(&mut self) -> PyResult<&mut LiveTables> {
+        let Self { reading, ended, .. } = self;
+        let tables = ended.as_mut().or_else(|| reading.as_mut().map(Reading::part_mut));
+        tables.ok_or_else(|| argument_error("the decoder is finished"))
     }
 }
 
@@ -134,12 +145,13 @@ fn can_id(id: u32, is_extended: bool) -> PyResult<CanId> {
 impl Decoder {
     #[new]
     fn new(py: Python<'_>, words: Vec<OsString>) -> PyResult<Self> {
-        let built = py.detach(|| CaptureSource::pipeline(&words)).map_err(|error| raised(py, &error))?;
         let tables = LiveTables {
             events: WaitingTable::new("events", Box::new(Events::new(LIVE))),
             signals: WaitingTable::new("signals", Box::new(Signals::new(LIVE))),
         };
-        let state = LiveState { pipeline: Some(built.value), tables, frames: 0, warnings: built.messages };
+        let built = py.detach(|| CaptureSource::live(&words, tables)).map_err(|error| raised(py, &error))?;
+        let state =
+            LiveState { reading: Some(built.value), ended: None, frames: 0, warnings: built.messages };
         Ok(Self(Mutex::new(state)))
     }
 
@@ -182,13 +194,13 @@ impl Decoder {
             frame.length = length.unwrap_or(0).min(8);
         }
         let mut state = self.state();
-        let LiveState { pipeline, tables, frames, .. } = &mut *state;
-        let Some(pipeline) = pipeline else { return Err(argument_error("the decoder is finished")) };
-        let Some(index) = pipeline.bus(bus) else {
+        let LiveState { reading, frames, .. } = &mut *state;
+        let Some(reading) = reading else { return Err(argument_error("the decoder is finished")) };
+        let Some(index) = reading.bus(bus) else {
             return Err(argument_error(&format!("bus: {bus}: too many buses")));
         };
         *frames += 1;
-        pipeline.push(&Frame { bus: index, ..frame }, tables);
+        reading.push(&Frame { bus: index, ..frame });
         Ok(())
     }
 
@@ -196,33 +208,32 @@ impl Decoder {
     /// frames, in seconds.
     fn advance(&self, timestamp: f64) -> PyResult<()> {
         let now = self::timestamp(timestamp)?;
-        let mut state = self.state();
-        let LiveState { pipeline, tables, .. } = &mut *state;
-        if let Some(pipeline) = pipeline {
-            pipeline.advance(now, tables);
+        if let Some(reading) = &mut self.state().reading {
+            reading.advance(now);
         }
         Ok(())
     }
 
     /// Events since the last call, findings among them.
     fn events(&self) -> PyResult<Table> {
-        self.state().tables.events.take()
+        self.state().tables()?.events.take()
     }
 
     /// Values since the last call.
     fn signals(&self) -> PyResult<Table> {
-        self.state().tables.signals.take()
+        self.state().tables()?.signals.take()
     }
 
     /// Ends decoding: closes open transfers, and returns the findings of all frames. Further frames are an error.
     fn finish(&self, py: Python<'_>) -> PyResult<Table> {
         let mut state = self.state();
-        let LiveState { pipeline, tables, .. } = &mut *state;
-        let Some(pipeline) = pipeline.take() else {
+        let Some(reading) = state.reading.take() else {
             return Err(argument_error("the decoder is finished"));
         };
-        let summary = pipeline.finish(tables);
-        let lines = finding_lines(LIVE, summary).map_err(|error| raised(py, &error))?;
+        let summary = reading.finish();
+        let frames = summary.frames();
+        state.ended = Some(summary.part);
+        let lines = finding_lines(LIVE, frames, summary.findings).map_err(|error| raised(py, &error))?;
         findings_of(&lines)
     }
 
@@ -235,8 +246,7 @@ impl Decoder {
     /// Rows that were dropped because nobody fetched them: of events, and of signals.
     #[getter]
     fn dropped(&self) -> (usize, usize) {
-        let state = self.state();
-        (state.tables.events.dropped, state.tables.signals.dropped)
+        self.state().tables().map_or((0, 0), |tables| (tables.events.dropped, tables.signals.dropped))
     }
 
     /// Warnings about profiles and device files.

@@ -7,11 +7,13 @@ use std::time::Duration;
 
 use arrow_array::{RecordBatch, RecordBatchReader};
 use arrow_schema::{ArrowError, SchemaRef};
-use cobscope::embedded::{CaptureReader, CaptureSource};
+use cobscope::embedded::CaptureSource;
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::session::{Bus, Observer};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::Bus;
 
 use crate::tables::{Table, Unfinished, whole};
 
@@ -166,7 +168,7 @@ impl TableReader {
     }
 }
 
-impl Observer for TableReader {
+impl ReadingPart for TableReader {
     fn event(&mut self, event: &Event, bus: &Bus) {
         if self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None)) {
             self.table.event(event, bus);
@@ -175,19 +177,17 @@ impl Observer for TableReader {
             }
         }
     }
-}
 
-impl CaptureReader for TableReader {
     fn is_done(&self) -> bool {
         self.is_closed
     }
 
-    fn wants_frames(&self) -> bool {
-        self.table.is_of_frames()
+    fn demand(&self) -> FrameDemand {
+        if self.table.is_of_frames() { FrameDemand::Each } else { FrameDemand::None }
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str) {
-        self.table.frame(frame, bus);
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        self.table.frame(frame, names.name_of(frame.bus));
         if self.table.is_full() {
             self.send();
         }

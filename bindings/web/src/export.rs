@@ -3,12 +3,14 @@
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader};
-use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::Reading;
+use cobscope_decoder::capture::{Batch, BusNames, CaptureError, MergedReader};
 use cobscope_decoder::event::Event;
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::text::TextOptions;
 use cobscope_decoder::sink::{EVENT_FORMATS, EventSink, Output, OutputFiles, SinkOptions, SpoolFile};
 
@@ -63,10 +65,9 @@ impl OutputFiles for SingleFile {
 pub struct Exporting {
     reader: MergedReader<Source>,
     batch: Batch,
-    decoder: Decoder,
-    engine: Option<Engine>,
-    sink: FilteredSink,
+    reading: Reading<FilteredSink>,
     buffer: Buffer,
+    is_ended: bool,
 }
 
 struct FilteredSink {
@@ -76,7 +77,7 @@ struct FilteredSink {
     frames: Option<(u64, u64)>,
 }
 
-impl Observer for FilteredSink {
+impl ReadingPart for FilteredSink {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let is_inside = |(first, last)| (first..=last).contains(&event.frames.last);
         if self.frames.is_none_or(is_inside)
@@ -84,6 +85,14 @@ impl Observer for FilteredSink {
         {
             self.sink.write(event, bus);
         }
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        self.sink.observe_time(frame.time);
     }
 }
 
@@ -111,16 +120,19 @@ impl Exporting {
         Ok(Self {
             reader,
             batch: Batch::new(),
-            decoder: Decoder::new(session),
-            engine: Some(Engine::new(Arc::clone(setup))),
-            sink: FilteredSink { sink, filter, frames },
+            reading: Reading::of_options(
+                session,
+                Some(Arc::clone(setup)),
+                FilteredSink { sink, filter, frames },
+            ),
             buffer,
+            is_ended: false,
         })
     }
 
     /// Frames read so far.
     pub fn frames(&self) -> u64 {
-        self.decoder.frames()
+        self.reading.decoder().frames()
     }
 
     /// Reads up to about `frames` more frames, until enough bytes wait; `false` at the end.
@@ -128,8 +140,8 @@ impl Exporting {
     /// # Errors
     /// If the output cannot be written.
     pub fn step(&mut self, frames: u64) -> Result<bool, String> {
-        let limit = self.decoder.frames().saturating_add(frames);
-        while self.decoder.frames() < limit && self.buffer.len() < MOST_WAITING {
+        let limit = self.reading.decoder().frames().saturating_add(frames);
+        while self.reading.decoder().frames() < limit && self.buffer.len() < MOST_WAITING {
             // An error that ends the capture is in the overview.
             if !matches!(self.batch(), Ok(true)) {
                 self.finish()?;
@@ -140,31 +152,17 @@ impl Exporting {
     }
 
     fn batch(&mut self) -> Result<bool, CaptureError> {
-        let more = self.reader.read(&mut self.batch)?;
-        let names = self.reader.buses();
-        let Some(engine) = &mut self.engine else { return Ok(false) };
-        for item in self.batch.items() {
-            match item {
-                Item::Frame(frame) => {
-                    engine.frame(frame);
-                    self.sink.sink.observe_time(frame.time);
-                    self.decoder.push(frame, names, &mut Judge { engine, out: &mut self.sink });
-                }
-                Item::Notice(notice) => {
-                    self.decoder.notice(notice, names, &mut Judge { engine, out: &mut self.sink });
-                }
-            }
-        }
-        Ok(more)
+        let has_more = self.reader.read(&mut self.batch)?;
+        self.reading.take(&self.batch, self.reader.buses());
+        Ok(has_more)
     }
 
     fn finish(&mut self) -> Result<(), String> {
-        if let Some(mut engine) = self.engine.take() {
-            self.decoder.finish(self.reader.buses(), &mut Judge { engine: &mut engine, out: &mut self.sink });
-            engine.finish(self.decoder.buses(), &mut self.sink);
-            self.sink.sink.finish().map_err(|error| error.to_string())?;
+        if std::mem::replace(&mut self.is_ended, true) {
+            return Ok(());
         }
-        Ok(())
+        self.reading.close(self.reader.buses());
+        self.reading.part_mut().sink.finish().map_err(|error| error.to_string())
     }
 
     /// Bytes written since the last call.

@@ -32,7 +32,6 @@ mod seek;
 mod session;
 mod state;
 mod survey;
-mod transfers;
 mod unpack;
 
 pub use session::{Response, Session};

@@ -11,7 +11,7 @@ use crate::files::{Content, Files};
 use crate::input;
 use crate::report::RoledFile;
 use crate::request::{NamedFile, OpenRequest};
-use crate::survey::{Survey, Surveying};
+use crate::survey::{CaptureSurvey, Surveying};
 use crate::unpack::{Unpacking, is_packed};
 
 /// Captures that are being opened and read for the first time.
@@ -41,7 +41,7 @@ pub struct ReadCaptures {
     /// Problems in the files beside the captures.
     pub problems: Vec<String>,
     /// Results of the first reading.
-    pub survey: Survey,
+    pub survey: CaptureSurvey,
 }
 
 impl Opening {

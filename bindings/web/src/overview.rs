@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::capture::Captures;
 use crate::rows::seconds;
-use crate::survey::Survey;
+use crate::survey::CaptureSurvey;
 
 /// Name and decoder state of what was opened.
 pub struct Opened<'a> {
@@ -24,7 +24,7 @@ pub struct Opened<'a> {
 }
 
 /// Findings as `cobscope check -f jsonl` prints them: one line per finding, then the summary of the capture.
-pub fn findings(survey: &Survey, name: &str) -> String {
+pub fn findings(survey: &CaptureSurvey, name: &str) -> String {
     let result = CaptureResult {
         capture: name.to_owned(),
         frames: survey.end.frames(),
@@ -44,14 +44,14 @@ pub fn findings(survey: &Survey, name: &str) -> String {
 }
 
 /// The overview as JSON.
-pub fn overview(survey: &Survey, opened: &Opened<'_>) -> Value {
+pub fn overview(survey: &CaptureSurvey, opened: &Opened<'_>) -> Value {
     let buses = survey.end.buses();
     let number = |severity| survey.findings.number(severity);
     let why = why::json::line(&survey.answer, buses, survey.zero(), None, opened.name);
     let lines = findings(survey, opened.name);
     let parsed = |text: &str| serde_json::from_str::<Value>(text).ok();
-    let kinds = Kind::ALL.iter().zip(&survey.kinds).filter(|(_, count)| **count > 0);
-    let quality = &survey.statistics.quality;
+    let kinds = Kind::ALL.iter().zip(&survey.overview.kinds).filter(|(_, count)| **count > 0);
+    let quality = &survey.overview.statistics.quality;
     let counts = survey.end.counts();
     json!({
         "name": opened.name,
@@ -71,8 +71,8 @@ pub fn overview(survey: &Survey, opened: &Opened<'_>) -> Value {
         "limits": quality.limits(),
         "events": survey.all.total(),
         "news": survey.news.total(),
-        "transfers": survey.transfers.kept.len(),
-        "more_transfers": survey.transfers.more,
+        "transfers": survey.overview.transfers.len(),
+        "more_transfers": survey.overview.transfers.more,
         "kinds": kinds.map(|(kind, count)| json!([kind.name(), count])).collect::<Vec<_>>(),
         "why": parsed(&why),
         "findings": lines.lines().filter_map(parsed).collect::<Vec<_>>(),
@@ -81,11 +81,11 @@ pub fn overview(survey: &Survey, opened: &Opened<'_>) -> Value {
     })
 }
 
-fn bus_facts(survey: &Survey, bus: &Bus) -> Value {
+fn bus_facts(survey: &CaptureSurvey, bus: &Bus) -> Value {
     let place = usize::from(bus.index().0);
     let zero = survey.zero();
-    let load = survey.load.get(place).map(|load| load_steps(load, zero.map(|zero| zero.0)));
-    let statistics = survey.statistics.buses.get(place);
+    let load = survey.overview.load.get(place).map(|load| load_steps(load, zero.map(|zero| zero.0)));
+    let statistics = survey.overview.statistics.buses.get(place);
     let proposals = suggestions(bus, bus.catalogue(), None);
     let proposals = proposals.iter().map(|it| {
         json!({
@@ -128,9 +128,9 @@ fn load_steps(load: &LoadOverTime, zero: Option<i64>) -> Value {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "for display")]
-fn figures(survey: &Survey, statistics: &BusStatistics) -> Value {
+fn figures(survey: &CaptureSurvey, statistics: &BusStatistics) -> Value {
     let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
-    let end = survey.statistics.quality.last;
+    let end = survey.overview.statistics.quality.last;
     let ids = statistics.ids().into_iter().map(|(id, is_remote, own)| {
         json!({
             "id": id.to_string(),

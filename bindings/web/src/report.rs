@@ -4,18 +4,19 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{Batch, CaptureError, Item, MergedReader};
-use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::capture::{Batch, CaptureError, MergedReader};
+use cobscope_decoder::diagnosis::Setting;
+use cobscope_decoder::reading;
 use cobscope_decoder::report::{Draft, Ground, HashedFile, Provenance, html};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::why::FaultScope;
+use cobscope_decoder::{Reading, Summary};
 use sha2::{Digest as _, Sha256};
 
 use crate::capture::Captures;
 use crate::files::{BLOCK, Files, Source};
 use crate::request::NamedFile;
-use crate::survey::Survey;
+use crate::survey::CaptureSurvey;
 
 /// Role of a file and the file.
 pub type RoledFile = (&'static str, NamedFile);
@@ -23,9 +24,8 @@ pub type RoledFile = (&'static str, NamedFile);
 /// A report in preparation.
 pub struct Reporting {
     reader: MergedReader<Source>,
-    decoder: Decoder,
+    reading: Reading<Draft>,
     batch: Batch,
-    draft: Draft,
     is_read: bool,
     hashing: Hashing,
     page: String,
@@ -46,13 +46,13 @@ impl Reporting {
     /// If there is no such story, or the capture can no longer be read.
     pub fn new(
         captures: &Captures,
-        survey: &Survey,
+        survey: &CaptureSurvey,
         (finding, name, page): (Option<u64>, &str, String),
         (files, all): (&Arc<dyn Files>, Vec<RoledFile>),
     ) -> Result<Self, String> {
         let buses = survey.end.buses();
         let setting = Setting { zero: survey.zero(), ..Setting::default() };
-        let mut diagnosis = Diagnosis::of(&survey.findings, survey.findings.counting(), setting);
+        let mut diagnosis = reading::diagnosis(&survey.findings, setting);
         if let Some(finding) = finding {
             diagnosis.stories.retain(|story| story.findings.contains(&finding));
             if diagnosis.stories.is_empty() {
@@ -63,7 +63,7 @@ impl Reporting {
         let draft = Draft::new(&Ground {
             answer: &answer,
             findings: &survey.findings,
-            statistics: &survey.statistics,
+            statistics: &survey.overview.statistics,
             buses,
             first: survey.zero(),
             capture: name,
@@ -73,9 +73,8 @@ impl Reporting {
         });
         Ok(Self {
             reader: captures.reader().map_err(|error| error.to_string())?,
-            decoder: Decoder::new(captures.options().clone()),
+            reading: Reading::of_options(captures.options().clone(), None, draft),
             batch: Batch::new(),
-            draft,
             is_read: false,
             hashing: Hashing::new(Arc::clone(files), all),
             page,
@@ -84,13 +83,13 @@ impl Reporting {
 
     /// Frames read so far.
     pub fn frames(&self) -> u64 {
-        self.decoder.frames()
+        self.reading.decoder().frames()
     }
 
     /// Reads up to about `frames` more frames, then hashes the files; `false` at the end.
     pub fn step(&mut self, frames: u64) -> bool {
-        let limit = self.decoder.frames().saturating_add(frames);
-        while !self.is_read && self.decoder.frames() < limit {
+        let limit = self.reading.decoder().frames().saturating_add(frames);
+        while !self.is_read && self.reading.decoder().frames() < limit {
             // An error that ends the capture is in the report of the first reading.
             self.is_read = !matches!(self.batch(), Ok(true));
         }
@@ -98,22 +97,9 @@ impl Reporting {
     }
 
     fn batch(&mut self) -> Result<bool, CaptureError> {
-        let more = self.reader.read(&mut self.batch)?;
-        let names = self.reader.buses();
-        for item in self.batch.items() {
-            match item {
-                Item::Frame(frame) => {
-                    let place = usize::from(frame.bus.0);
-                    self.draft.frame(frame, names.names().get(place).map_or("", String::as_str));
-                    self.decoder.push(frame, names, &mut self.draft);
-                    if let Some(bus) = self.decoder.buses().get(place) {
-                        self.draft.frame_decoded(frame, bus);
-                    }
-                }
-                Item::Notice(notice) => self.decoder.notice(notice, names, &mut self.draft),
-            }
-        }
-        Ok(more)
+        let has_more = self.reader.read(&mut self.batch)?;
+        self.reading.take(&self.batch, self.reader.buses());
+        Ok(has_more)
     }
 
     /// The page and the cut-out capture.
@@ -121,9 +107,10 @@ impl Reporting {
     /// # Errors
     /// If the cut-out capture cannot be written.
     pub fn finish(mut self) -> Result<WrittenReport, String> {
-        self.decoder.finish(self.reader.buses(), &mut self.draft);
+        self.reading.close(self.reader.buses());
+        let Summary { part: draft, decoder, .. } = self.reading.finish();
         let mut files = self.hashing.done;
-        let nodes = self.decoder.buses().iter().flat_map(Bus::nodes);
+        let nodes = decoder.buses().iter().flat_map(Bus::nodes);
         let used = nodes.filter(|node| node.last_seen().0 > 0 && node.assigned().is_some());
         let profiles: BTreeSet<String> = used.map(|node| node.device().id.clone()).collect();
         files.extend(profiles.into_iter().map(|name| HashedFile {
@@ -134,7 +121,7 @@ impl Reporting {
         }));
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let provenance = Provenance { command: self.page, version, files };
-        let (report, excerpt) = self.draft.finish(self.decoder.buses(), provenance);
+        let (report, excerpt) = draft.finish(decoder.buses(), provenance);
         let cut = if excerpt.is_empty() { Ok(Vec::new()) } else { excerpt.pcapng() };
         let cut = cut.map_err(|error| format!("cut-out capture: {error}"))?;
         Ok(WrittenReport { page: html::write(&report), cut })

@@ -13,7 +13,7 @@ use crate::capture::Captures;
 use crate::counts::RowCounts;
 use crate::filter::Matcher;
 use crate::seek::Seek;
-use crate::survey::Survey;
+use crate::survey::CaptureSurvey;
 
 /// Maximum number of rows per request.
 pub const MOST_ROWS: u64 = 500;
@@ -45,7 +45,7 @@ pub struct RowList<'a> {
     /// The captures.
     pub captures: &'a Captures,
     /// Results of the first reading.
-    pub survey: &'a Survey,
+    pub survey: &'a CaptureSurvey,
     /// Frames with findings.
     pub marks: &'a FindingMarks,
     /// Rows per block of frames.

@@ -8,7 +8,7 @@ use cobscope_decoder::replay::{Checkpoint, PlacedEvent, Walk};
 
 use crate::capture::Captures;
 use crate::files::Source;
-use crate::survey::Survey;
+use crate::survey::CaptureSurvey;
 
 /// Frames between two checkpoints near a visited position.
 const NEAR: u64 = 8_192;
@@ -31,7 +31,7 @@ impl Seek {
     pub fn before(
         &mut self,
         captures: &Captures,
-        survey: &Survey,
+        survey: &CaptureSurvey,
         frame: u64,
     ) -> Result<Walk<Source>, CaptureError> {
         let before = frame.saturating_sub(1);
@@ -58,7 +58,7 @@ impl Seek {
     pub fn frame_at(
         &mut self,
         captures: &Captures,
-        survey: &Survey,
+        survey: &CaptureSurvey,
         time: Timestamp,
     ) -> Result<u64, CaptureError> {
         let is_before = |mark: &&Checkpoint| mark.time.is_some_and(|at| at < time);

@@ -1,15 +1,16 @@
 //! All state of the page's worker: what is opened, and what is in progress.
 //!
 //! ```text
-//! open ─▶ Unpack ─▶ Survey ─▶ ready ─▶ rows, state, …      at once
+//! open ─▶ Unpack ─▶ CaptureSurvey ─▶ ready ─▶ rows, state, …      at once
 //!                               └────▶ filter, plot, report, export    in steps
 //! ```
 
 use std::sync::Arc;
 
-use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::replay::{EventPosition, RowPattern};
 use cobscope_decoder::rules::Setup;
+use cobscope_decoder::sink::escape;
 use serde_json::{Value, json};
 
 use crate::capture::Captures;
@@ -29,7 +30,7 @@ use crate::rows::{FindingMarks, RowList, seconds, tone};
 use crate::search::{self, Found, Question, Searching};
 use crate::seek::Seek;
 use crate::state;
-use crate::survey::Survey;
+use crate::survey::CaptureSurvey;
 
 /// Maximum number of transfers per request.
 const MOST_TRANSFERS: usize = 500;
@@ -48,7 +49,7 @@ struct Ready {
     captures: Captures,
     setup: Arc<Setup>,
     problems: Vec<String>,
-    survey: Survey,
+    survey: CaptureSurvey,
     marks: FindingMarks,
     seek: Seek,
     all: Matcher,
@@ -346,27 +347,31 @@ impl Ready {
     }
 
     fn transfers(&self, from: usize, count: usize) -> Value {
-        let transfers = &self.survey.transfers;
-        let shown = transfers.kept.iter().skip(from).take(count.min(MOST_TRANSFERS));
+        let transfers = &self.survey.overview.transfers;
+        let shown = transfers.iter().skip(from).take(count.min(MOST_TRANSFERS));
         let zero = self.survey.zero();
         #[expect(clippy::cast_precision_loss, reason = "for display")]
         let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
+        let buses = self.survey.end.buses();
+        let bus_name = |index: BusIndex| {
+            buses.get(usize::from(index.0)).map_or(String::new(), |bus| escape(bus.name()).into_owned())
+        };
         let rows = shown.map(|it| {
             json!({
                 "frame": it.spot.frame,
                 "ordinal": it.spot.ordinal,
                 "time": seconds(it.time, zero),
-                "bus": it.bus,
+                "bus": bus_name(it.bus),
                 "who": it.who,
                 "kind": it.kind,
-                "text": it.text,
+                "text": it.news,
                 "duration": it.duration.map(millis),
                 "size": it.size,
                 "outcome": it.outcome,
                 "tone": tone(it.tone),
             })
         });
-        json!({"rows": rows.collect::<Vec<_>>(), "total": transfers.kept.len(), "more": transfers.more})
+        json!({"rows": rows.collect::<Vec<_>>(), "total": transfers.len(), "more": transfers.more})
     }
 }
 

@@ -9,49 +9,37 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
-use cobscope_decoder::event::{Event, EventKind, Kind};
+use cobscope_decoder::diagnosis::Setting;
+use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::Findings;
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::Catalogue;
+use cobscope_decoder::reading::{self, PlacedReading, PlacedSummary, ReadingPart, Survey};
 use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, PlacedEvent, ReplayState, Walk};
-use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Observer};
-use cobscope_decoder::statistics::{LoadOverTime, Statistics};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::Bus;
 use cobscope_decoder::why::{self, Question, Why};
 
 use crate::counts::RowCounts;
 use crate::files::Source;
-use crate::transfers::{Transfer, Transfers};
 
 /// Frames between the first checkpoints; doubled whenever there are too many.
 const FIRST_INTERVAL: u64 = 65_536;
 
-/// Maximum number of positions of error events.
-const MOST_ERRORS: usize = 200_000;
-
 /// Results of the first reading.
-pub struct Survey {
+pub struct CaptureSurvey {
     /// Findings in groups.
     pub findings: Findings,
     /// Changes before the stories.
     pub why: Why,
     /// Stories with the changes before them.
     pub answer: why::Report,
-    /// Statistics of the buses.
-    pub statistics: Statistics,
-    /// Load of each bus over time.
-    pub load: Vec<LoadOverTime>,
-    /// Number of events of each kind, in the order of `Kind::ALL`.
-    pub kinds: Vec<u64>,
+    /// Transfers, errors, load, kinds of events, statistics.
+    pub overview: Survey,
     /// Rows of all events.
     pub all: RowCounts,
     /// Rows of events that are changes.
     pub news: RowCounts,
-    /// Transfers in order of their end.
-    pub transfers: Transfers,
-    /// Positions of error events, in order.
-    pub errors: Vec<EventPosition>,
     /// Checkpoints.
     pub index: Index,
     /// State after the last frame.
@@ -62,162 +50,82 @@ pub struct Survey {
 
 /// A first reading in progress.
 pub struct Surveying {
-    walk: Walk<Source>,
-    engine: Engine,
-    seen: SeenEvents,
+    reading: PlacedReading<Source, (Survey, Why, RowTally)>,
     index: Index,
     failure: Option<String>,
 }
 
-/// Results that events add to.
-struct SeenEvents {
-    why: Why,
-    statistics: Statistics,
-    load: Vec<LoadOverTime>,
-    kinds: Vec<u64>,
+/// Counts rows, and findings as they open.
+#[derive(Default)]
+struct RowTally {
     all: RowCounts,
     news: RowCounts,
-    transfers: Transfers,
-    errors: Vec<EventPosition>,
     opened: u64,
 }
 
-/// Events of findings.
-struct FindingObserver<'a> {
-    why: &'a mut Why,
-    opened: &'a mut u64,
-}
+impl ReadingPart for RowTally {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
-impl Observer for FindingObserver<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.why.observe(event, bus, true);
-        *self.opened += u64::from(matches!(event.kind, EventKind::FindingOpened(_)));
-    }
-}
-
-impl SeenEvents {
-    fn frame(&mut self, frame: &Frame) {
-        self.statistics.frame(frame);
-        let bus = usize::from(frame.bus.0);
-        if self.load.len() <= bus {
-            self.load.resize_with(bus.saturating_add(1), LoadOverTime::default);
-        }
-        if let Some(load) = self.load.get_mut(bus) {
-            load.add(frame);
-        }
-    }
-
-    fn event(&mut self, placed: &PlacedEvent<'_>, engine: &mut Engine) {
-        let event = placed.event;
-        self.statistics.event(event);
-        if let Some(count) = self.kinds.get_mut(event.kind.kind() as usize) {
-            *count += 1;
-        }
+    fn placed(&mut self, placed: &PlacedEvent<'_>) {
         self.all.add(placed.spot.frame);
         if placed.is_news {
             self.news.add(placed.spot.frame);
         }
-        if event.is_error() && self.errors.len() < MOST_ERRORS {
-            self.errors.push(placed.spot);
-        }
-        if let Some(transfer) = Transfer::of(placed) {
-            self.transfers.add(transfer);
-        }
-        let mut observer = FindingObserver { why: &mut self.why, opened: &mut self.opened };
-        observer.why.observe(event, placed.bus, true);
-        engine.event(event, placed.bus, &mut observer);
+    }
+
+    fn finding(&mut self, event: &Event, _bus: &Bus) {
+        self.opened += u64::from(matches!(event.kind, EventKind::FindingOpened(_)));
     }
 }
 
 impl Surveying {
     /// Starts at the beginning of the captures.
     pub fn new(walk: Walk<Source>, setup: &Arc<Setup>) -> Self {
-        let seen = SeenEvents {
-            why: Why::new(Question::default()),
-            statistics: Statistics::default(),
-            load: Vec::new(),
-            kinds: vec![0; Kind::ALL.len()],
-            all: RowCounts::default(),
-            news: RowCounts::default(),
-            transfers: Transfers::default(),
-            errors: Vec::new(),
-            opened: 0,
-        };
-        let (engine, index) = (Engine::new(Arc::clone(setup)), Index::every(FIRST_INTERVAL));
-        Self { walk, engine, seen, index, failure: None }
+        let parts = (Survey::default(), Why::new(Question::default()), RowTally::default());
+        let reading = PlacedReading::new(walk, setup, parts);
+        Self { reading, index: Index::every(FIRST_INTERVAL), failure: None }
     }
 
     /// Frames read so far, decompressed bytes, and findings opened.
     pub fn progress(&self) -> (u64, u64, u64) {
-        (self.walk.world.frames(), self.walk.offset(), self.seen.opened)
+        let (walk, (_, _, rows)) = (&self.reading.walk, self.reading.part());
+        (walk.world.frames(), walk.offset(), rows.opened)
     }
 
     /// Reads up to `frames` more frames; `false` at the end.
     pub fn step(&mut self, frames: u64) -> bool {
-        let Self { walk, engine, seen, index, failure } = self;
-        let limit = walk.world.frames().saturating_add(frames);
-        while walk.world.frames() < limit {
-            if index.is_due(walk.world.frames())
-                && let Some(mark) = walk.mark()
+        let Self { reading, index, failure } = self;
+        let limit = reading.walk.world.frames().saturating_add(frames);
+        while reading.walk.world.frames() < limit {
+            if index.is_due(reading.walk.world.frames())
+                && let Some(mark) = reading.walk.mark()
             {
                 index.add(mark);
             }
-            match walk.peek() {
-                Ok(Some(frame)) => {
-                    engine.frame(frame);
-                    seen.frame(frame);
-                }
-                Ok(None) => {
-                    for bus in walk.world.buses() {
-                        let mut observer = FindingObserver { why: &mut seen.why, opened: &mut seen.opened };
-                        engine.advance(bus, &mut observer);
-                    }
-                }
-                Err(error) => failure.get_or_insert(error.to_string()).truncate(1_000),
+            let has_more = reading.step();
+            if let Some(error) = reading.take_failure() {
+                failure.get_or_insert(error.to_string()).truncate(1_000);
             }
-            match walk.step(&mut |placed: PlacedEvent<'_>| seen.event(&placed, engine)) {
-                Ok(true) => {}
-                Ok(false) => return false,
-                Err(error) => {
-                    failure.get_or_insert(error.to_string()).truncate(1_000);
-                    walk.close(&mut |placed: PlacedEvent<'_>| seen.event(&placed, engine));
-                    return false;
-                }
+            if !has_more {
+                return false;
             }
         }
         true
     }
 
     /// The results.
-    pub fn finish(self, catalogue: &Catalogue) -> Survey {
-        let Self { walk, engine, mut seen, index, failure } = self;
-        let world = walk.world;
-        let mut observer = FindingObserver { why: &mut seen.why, opened: &mut seen.opened };
-        let findings = engine.finish(world.buses(), &mut observer);
-        seen.statistics.withdraw(world.buses());
-        let setting = Setting { zero: world.zero(), ..Setting::default() };
-        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
-        let why = seen.why;
-        let answer = why.clone().report(diagnosis, world.buses(), catalogue);
-        Survey {
-            findings,
-            why,
-            answer,
-            statistics: seen.statistics,
-            load: seen.load,
-            kinds: seen.kinds,
-            all: seen.all,
-            news: seen.news,
-            transfers: seen.transfers,
-            errors: seen.errors,
-            index,
-            end: world,
-            failure,
-        }
+    pub fn finish(self, catalogue: &Catalogue) -> CaptureSurvey {
+        let Self { reading, index, failure } = self;
+        let PlacedSummary { findings, part: (overview, why, rows), end } = reading.finish();
+        let setting = Setting { zero: end.zero(), ..Setting::default() };
+        let diagnosis = reading::diagnosis(&findings, setting);
+        let answer = why.clone().report(diagnosis, end.buses(), catalogue);
+        let RowTally { all, news, .. } = rows;
+        CaptureSurvey { findings, why, answer, overview, all, news, index, end, failure }
     }
 }
 
-impl Survey {
+impl CaptureSurvey {
     /// Time of the first frame.
     pub fn zero(&self) -> Option<Timestamp> {
         self.end.zero()
@@ -225,9 +133,10 @@ impl Survey {
 
     /// The next error event after a position, or the previous one before it.
     pub fn error(&self, from: EventPosition, is_backward: bool) -> Option<EventPosition> {
-        let at = self.errors.partition_point(|spot| if is_backward { *spot < from } else { *spot <= from });
+        let errors = &self.overview.errors;
+        let at = errors.partition_point(|spot| if is_backward { *spot < from } else { *spot <= from });
         let at = if is_backward { at.checked_sub(1)? } else { at };
-        self.errors.get(at).copied()
+        errors.get(at).copied()
     }
 
     /// The last checkpoint at or before a frame.

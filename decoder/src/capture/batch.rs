@@ -105,6 +105,12 @@ impl Batch {
         &self.notices
     }
 
+    /// Place and cause of a truncated end, if a notice reports one.
+    pub fn cut_off(&self) -> Option<String> {
+        let notices = self.notices.iter().map(|(_, notice)| notice);
+        notices.filter(|notice| matches!(notice, Notice::CutOff { .. })).map(ToString::to_string).next()
+    }
+
     /// Continues the numbers of an earlier part of the same capture: adds `before` to each frame number, and
     /// replaces each bus by its entry in `buses`, which is empty if they are equal.
     pub fn continue_from(&mut self, before: u64, buses: &[BusIndex]) {

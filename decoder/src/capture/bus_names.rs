@@ -18,6 +18,11 @@ impl BusNames {
         &self.0
     }
 
+    /// Name of a bus; empty if it has none.
+    pub fn name_of(&self, bus: BusIndex) -> &str {
+        self.0.get(usize::from(bus.0)).map_or("", String::as_str)
+    }
+
     /// Index of `name`, added if new; `None` if [`MAX_BUSES`] names exist. Names longer than [`MAX_BUS_NAME`]
     /// bytes are cut; bytes that are not valid UTF-8 are replaced.
     pub fn index_of(&mut self, name: &[u8]) -> Option<BusIndex> {

@@ -14,7 +14,7 @@ use crate::event::{
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::profile;
 use crate::query::Filter;
-use crate::session::{Bus, Observer, Preview};
+use crate::session::{Bus, Preview};
 use crate::statistics::{Distribution, Identifiers, Statistics};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -28,7 +28,7 @@ pub(super) const NMT: &str = "NMT";
 /// Collects frames and events of one capture; [`Recorder::finish`] returns its record.
 #[derive(Debug, Default)]
 pub struct Recorder {
-    pub(super) statistics: Statistics,
+    pub(crate) statistics: Statistics,
     pub(super) identifiers: Identifiers,
     /// Intervals by identifier, in the order of the rows of `identifiers`.
     pub(super) gaps: Vec<Distribution>,
@@ -172,8 +172,9 @@ impl Recorder {
     }
 }
 
-impl Observer for Recorder {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+impl Recorder {
+    /// Takes an event of the capture.
+    pub fn event(&mut self, event: &Event, bus: &Bus) {
         self.statistics.event(event);
         if let Some(place) = self.place {
             self.identifiers.event(place, event);
@@ -182,17 +183,15 @@ impl Observer for Recorder {
         self.follow(event, bus);
     }
 
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+    /// Whether the event of a frame is needed: a set point is compared with its value.
+    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
         let of_bus = self.followed.get(usize::from(bus.index().0));
         of_bus.and_then(|of_bus| of_bus.get(preview.identifier)).copied().unwrap_or(false)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.needs(preview, bus);
-        if is_skipped {
-            self.statistics.skip(preview, bus);
-        }
-        is_skipped
+    /// Counts a frame whose event is not needed.
+    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.statistics.skip(preview, bus);
     }
 }
 

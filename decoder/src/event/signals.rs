@@ -10,17 +10,19 @@ impl Event {
     /// events, and if the layout of the payload is unknown.
     ///
     /// ```
-    /// use cobscope_decoder::{Bus, Event, NodeId, Pipeline};
+    /// use cobscope_decoder::{Bus, Event, NodeId, Reading};
     ///
     /// // The status of a pump: TPDO1 of node 2.
     /// let capture = &b"(1700000000.0) can0 702#05\n(1700000000.1) can0 182#00000A00\n"[..];
-    /// let pipeline = Pipeline::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build()?;
     /// let mut lines = Vec::new();
-    /// pipeline.read(capture, &mut |event: &Event, _: &Bus| {
+    /// let add = |event: &Event, _: &Bus| {
     ///     lines.extend(event.signals().map(|signal| format!("{:?} = {}", signal.name(), signal.text())));
-    /// })?;
+    /// };
+    /// let mut reading = Reading::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build(add)?;
+    /// reading.run(capture)?;
+    /// # drop(reading);
     /// # let _ = lines;
-    /// # Ok::<(), cobscope_decoder::PipelineError>(())
+    /// # Ok::<(), cobscope_decoder::ReadingError>(())
     /// ```
     pub fn signals(&self) -> impl Iterator<Item = Signal<'_>> {
         self.laid_out().into_iter().flat_map(|(layout, payload)| layout.signals(payload))

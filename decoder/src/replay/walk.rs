@@ -3,7 +3,7 @@
 use std::io::Read;
 
 use super::{Checkpoint, PlacedEvent, ReplayState};
-use crate::capture::{Batch, CaptureError, Item, MergedReader, Notice};
+use crate::capture::{Batch, BusNames, CaptureError, Item, MergedReader, Notice};
 use crate::frame::Frame;
 
 /// A reader with the state after the last item.
@@ -113,6 +113,11 @@ impl<R: Read> Walk<R> {
             position: self.reader.position(),
             world: self.world.clone(),
         })
+    }
+
+    /// Names of all buses so far.
+    pub fn buses(&self) -> &BusNames {
+        self.reader.buses()
     }
 
     /// Names of all buses so far.

@@ -11,10 +11,10 @@ use super::quality;
 use super::values::values;
 use super::window::Window;
 use crate::diagnosis::{Diagnosis, Story};
-use crate::event::{Event, EventKind};
+use crate::event::Event;
 use crate::finding::{About, Findings};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
-use crate::session::{Bus, Buses, Observer, Preview};
+use crate::session::{Bus, Buses, Preview};
 use crate::sink::text::Line;
 use crate::statistics::Statistics;
 use crate::why;
@@ -178,15 +178,16 @@ impl Draft {
     }
 }
 
-impl Observer for Draft {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        let is_finding = matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
-        for plan in self.plans.iter_mut().filter(|_| !is_finding) {
+impl Draft {
+    /// Takes an event of the capture; `bus` is in the state after the event.
+    pub fn event(&mut self, event: &Event, bus: &Bus) {
+        for plan in &mut self.plans {
             plan.event(event, bus);
         }
     }
 
-    fn needs(&self, preview: &Preview, _bus: &Bus) -> bool {
+    /// Whether the event of a frame is needed: a claim cites it, or its values are in a curve.
+    pub fn needs(&self, preview: &Preview) -> bool {
         let is_near = |plan: &Plan| {
             plan.cited.contains(preview.frame) || plan.window.contains(Some(preview.time), preview.frame)
         };

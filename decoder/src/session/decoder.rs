@@ -85,11 +85,6 @@ impl BusDecoder {
         &self.shared.bus
     }
 
-    /// State of the bus after its last frame.
-    pub(crate) fn into_bus(self) -> Bus {
-        self.shared.bus
-    }
-
     /// Decodes the next frame and sends its events to `out`.
     pub fn push(&mut self, frame: &Frame, out: &mut dyn Observer) {
         self.push_all(std::slice::from_ref(frame), out);

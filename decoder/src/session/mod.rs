@@ -45,6 +45,6 @@ pub use limits::{
 };
 
 pub(crate) use limits::CLOCK_SET;
-pub use observer::{Observer, Preview};
+pub use observer::{NoObserver, Observer, Preview};
 pub use options::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 pub use snapshot::BusSnapshot;

@@ -47,6 +47,18 @@ pub struct Preview {
     pub change: u64,
 }
 
+/// An observer that needs nothing: only the state of the buses advances.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoObserver;
+
+impl Observer for NoObserver {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
+    }
+}
+
 impl<F: FnMut(&Event, &Bus)> Observer for F {
     fn event(&mut self, event: &Event, bus: &Bus) {
         self(event, bus);

@@ -35,7 +35,7 @@ use crate::event::Event;
 use crate::finding::Advice;
 use crate::frame::BusIndex;
 use crate::profile::Catalogue;
-use crate::session::{Bus, Buses, Node, Observer, Preview, SdoPairHint};
+use crate::session::{Bus, Buses, Node, Preview, SdoPairHint};
 use crate::statistics::ReactionTime;
 use crate::suggestion::suggestions;
 use crate::wire::NodeId;
@@ -127,24 +127,6 @@ pub struct Report {
     pub others: Option<Vec<(BusIndex, NodeId)>>,
 }
 
-impl Observer for Why {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.observe(event, bus, true);
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        Self::needs(self, preview, bus)
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !Self::needs(self, preview, bus);
-        if is_skipped {
-            Self::skip(self, preview, bus);
-        }
-        is_skipped
-    }
-}
-
 impl Why {
     /// Creates an observer.
     pub fn new(question: Question) -> Self {
@@ -169,7 +151,7 @@ impl Why {
             watch.is_watching() || self.buses.len() > 1 && self.buses.iter().any(BusWatch::is_watching);
     }
 
-    /// Whether the event of a frame is needed; see [`Observer::needs`].
+    /// Whether the event of a frame is needed; see [`Observer::needs`](crate::session::Observer::needs).
     #[inline]
     pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
         self.is_watching && self.watch_of(bus).is_some_and(|watch| watch.needs(preview, bus))
@@ -185,7 +167,7 @@ impl Why {
         preview.change != 0 || self.is_watching
     }
 
-    /// Counts a frame whose event is not needed; see [`Observer::skip`].
+    /// Counts a frame whose event is not needed; see [`Observer::skip`](crate::session::Observer::skip).
     #[inline]
     pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
         if self.is_watching {

@@ -96,7 +96,7 @@ fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BT
     let is_id = targets.iter().any(|target| target.value() == FieldType::Id);
     match key {
         "kind" => {
-            let kinds = Kind::ALL.iter().zip(&survey.kinds).filter(|(_, count)| **count > 0);
+            let kinds = Kind::ALL.iter().zip(&survey.overview.kinds).filter(|(_, count)| **count > 0);
             kinds.map(|(kind, count)| (kind.name().to_owned(), *count)).collect()
         }
         "severity" => {

@@ -14,7 +14,7 @@ use ratatui::text::Line;
 
 use crate::state::Core;
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::widgets::draw;
 
 /// Keys that lead on, shorter ones for narrow screens.
@@ -47,7 +47,7 @@ pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
 }
 
 /// Text, its time, and its role.
-fn words(core: &Core, survey: &Survey) -> (String, String, Role) {
+fn words(core: &Core, survey: &SurveyResults) -> (String, String, Role) {
     let Some(story) = survey.diagnosis.as_ref().and_then(|diagnosis| diagnosis.stories.first()) else {
         let Some(findings) = survey.findings.as_ref().filter(|_| survey.is_complete) else {
             return ("rules run; no fault so far".to_owned(), String::new(), Role::Quiet);

@@ -55,7 +55,7 @@ fn parts(core: &Core) -> Vec<(String, Role)> {
     }
     parts.extend(buses(core).into_iter().map(|text| (text, Role::Header)));
     let survey = core.timeline.survey();
-    let quality = &survey.statistics.quality;
+    let quality = &survey.overview.statistics.quality;
     let counts = core.timeline.end().map_or_else(
         || core.world().map(cobscope_decoder::replay::ReplayState::counts).unwrap_or_default(),
         |end| end.counts(),
@@ -116,7 +116,7 @@ fn troubles(core: &Core, live: &Live, parts: &mut Vec<(String, Role)>) {
             parts.push((format!("{name} {}", escape(controller)), Role::Bad));
         }
     }
-    if let Some((bus, change)) = &core.timeline.survey().bit_rate_change {
+    if let Some((bus, change)) = &core.timeline.survey().overview.bit_rate_change {
         parts.push((format!("{bus}: {change}; change the interface too"), Role::Caution));
     }
     let dropped = core.timeline.dropped();
@@ -138,7 +138,7 @@ fn buses(core: &Core) -> Vec<String> {
     let time = core.time().map(|time| time.0);
     let bus = |bus: &cobscope_decoder::session::Bus| {
         let name = escape(bus.name()).into_owned();
-        let load = survey.load.get(usize::from(bus.index().0));
+        let load = survey.overview.load.get(usize::from(bus.index().0));
         let step = load.zip(time).map(|(load, time)| load.over(time, SECOND));
         match (bus.bit_rate(), step) {
             (Some(rate), Some(step)) => {
@@ -160,11 +160,12 @@ fn stamps(live: &Live) -> Option<&'static str> {
 }
 
 /// Number of errors and warnings; None before the first frame.
-fn findings(survey: &crate::timeline::Survey) -> Option<(usize, usize)> {
+fn findings(survey: &crate::timeline::SurveyResults) -> Option<(usize, usize)> {
     if let Some(findings) = &survey.findings {
         return Some((findings.number(Severity::Error), findings.number(Severity::Warning)));
     }
-    let of = |severity| survey.news.iter().filter(|opened| opened.news.severity == severity).count();
+    let of =
+        |severity| survey.overview.opened.iter().filter(|opened| opened.news.severity == severity).count();
     (survey.frames > 0).then(|| (of(Severity::Error), of(Severity::Warning)))
 }
 

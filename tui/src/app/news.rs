@@ -105,12 +105,12 @@ impl App {
             matches.as_ref().filter(|matches| !matches.is_complete()).map(|matches| matches.scanned());
         let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has(*spot));
         let survey = self.core.timeline.survey();
-        let at = survey.errors.partition_point(|spot| *spot <= cursor);
-        let before = survey.errors.partition_point(|spot| *spot < cursor);
+        let at = survey.overview.errors.partition_point(|spot| *spot <= cursor);
+        let before = survey.overview.errors.partition_point(|spot| *spot < cursor);
         let ahead: Box<dyn Iterator<Item = &EventPosition>> = if is_forward {
-            Box::new(survey.errors.iter().skip(at))
+            Box::new(survey.overview.errors.iter().skip(at))
         } else {
-            Box::new(survey.errors.iter().take(before).rev())
+            Box::new(survey.overview.errors.iter().take(before).rev())
         };
         let mut skipped = 0;
         let next = ahead.into_iter().find(|spot| {

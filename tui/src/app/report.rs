@@ -67,7 +67,7 @@ impl App {
     /// Proposed name: capture, rule and number of the finding.
     fn report_name(&self, finding: u64) -> String {
         let survey = self.core.timeline.survey();
-        let rule = survey.news.iter().find(|opened| opened.news.id == finding);
+        let rule = survey.overview.opened.iter().find(|opened| opened.news.id == finding);
         let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '-' | '_');
         let rule: String = rule.map_or(String::new(), |opened| {
             let letters = opened.news.rule.chars().map(|it| if is_plain(it) { it } else { '-' });

@@ -12,7 +12,7 @@ use ratatui::layout::Rect;
 
 use crate::state::Core;
 use crate::theme::{Glyph, Role};
-use crate::timeline::{LoadOverTime, LoadStep, NmtMoment, Survey};
+use crate::timeline::{LoadOverTime, LoadStep, NmtMoment, SurveyResults};
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
 
@@ -126,9 +126,9 @@ pub(super) fn draw(core: &Core, area: Rect, buf: &mut Buffer) {
 
 /// The highest load in each column, in bits per second of all buses.
 #[expect(clippy::cast_precision_loss, reason = "the height of a bar")]
-fn loads(survey: &Survey, axis: &Axis) -> Vec<f64> {
+fn loads(survey: &SurveyResults, axis: &Axis) -> Vec<f64> {
     let mut loads = vec![0.0; usize::from(axis.columns.width)];
-    for bus in &survey.load {
+    for bus in &survey.overview.load {
         for (step, begin) in steps(bus) {
             // A step may be longer than a column.
             let (from, to) = (axis.column(begin), axis.column(begin.plus(bus.step().saturating_sub(1))));
@@ -143,7 +143,7 @@ fn loads(survey: &Survey, axis: &Axis) -> Vec<f64> {
 }
 
 /// The most important mark of each column.
-fn found(survey: &Survey, axis: &Axis) -> Vec<Mark> {
+fn found(survey: &SurveyResults, axis: &Axis) -> Vec<Mark> {
     let mut marks = vec![Mark::Nothing; usize::from(axis.columns.width)];
     let mut put = |time: Timestamp, mark: Mark| {
         if let Some(place) = marks.get_mut(usize::from(axis.column(time))) {
@@ -155,10 +155,10 @@ fn found(survey: &Survey, axis: &Axis) -> Vec<Mark> {
             put(time, Mark::of(place.severity));
         }
     }
-    for NmtMoment { time, .. } in &survey.nmt {
+    for NmtMoment { time, .. } in survey.overview.nmt.iter() {
         put(*time, Mark::Nmt);
     }
-    for bus in &survey.load {
+    for bus in &survey.overview.load {
         for (_, begin) in steps(bus).filter(|(step, _)| step.errors > 0) {
             put(begin, Mark::ErrorFrame);
         }

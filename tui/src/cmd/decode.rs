@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use cobscope_decoder::reading::{Borrowed, ReadingPart as _};
 use cobscope_decoder::session::Buses;
 
-use super::decoding::decode_capture;
+use super::decoding::CaptureJob;
 use super::input::{check_rules_of, series, session_options, setup};
-use super::messages::{complain, note};
+use super::messages::{complain, note, warn};
 use super::output::{files_read, write_result};
-use super::print::{JudgingObserver, Printer, engine};
+use super::print::{Printer, prints_findings};
 use super::remarks;
 use crate::cli::DecodeArgs;
 use crate::exit_code::Exit;
@@ -46,20 +47,21 @@ pub fn run(arguments: &DecodeArgs) -> Exit {
         if several {
             printer.begin_capture(&name);
         }
-        let mut judging = JudgingObserver { engine: engine(&arguments.print, &setup), printer: &mut printer };
-        let failure = match decode_capture(capture, &arguments.input, &options, &mut judging) {
-            Ok(decoded) => {
-                judging.finish(decoded.decoder.buses());
-                if !printer.is_done() {
-                    decoded.report_unreadable(&name);
+        let setup = prints_findings(&arguments.print).then_some(&setup);
+        let job = CaptureJob::new(capture, &arguments.input, &options, setup).quiet(printer.is_on_terminal());
+        let read = job.read_from(Borrowed(&mut printer), |printer, first, span| printer.0.begin(first, span));
+        let failure = match read {
+            Ok(read) => {
+                read.warnings.iter().for_each(|text| warn(text));
+                if let Some(text) = read.unreadable.as_ref().filter(|_| !read.summary.part.is_done()) {
+                    warn(text);
                 }
-                let (frame, last) = (decoded.decoder.frames(), decoded.decoder.last_time());
-                if let Some(missed) = printer.missed(frame, last) {
+                let (frame, last) = (read.summary.frames(), read.summary.last_time());
+                if let Some(missed) = read.summary.part.0.missed(frame, last) {
                     complain(&anyhow::anyhow!("{name}: {missed}"));
                 }
-                let buses = decoded.decoder.buses();
-                print_remarks(&name, buses, printer.hides_notes());
-                decoded.failure
+                print_remarks(&name, read.summary.buses(), read.summary.part.0.hides_notes());
+                read.failure
             }
             Err(error) => Some(error),
         };

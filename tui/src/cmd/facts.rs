@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
-use cobscope_decoder::event::{Event, EventKind};
+use cobscope_decoder::event::Event;
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
+use cobscope_decoder::reading::{self, ReadingPart};
+use cobscope_decoder::session::{Bus, Buses, Preview};
 use cobscope_decoder::why::{FaultScope, NodeChoice, Question, Why};
 
 use super::messages::absent_value;
@@ -61,18 +62,6 @@ impl Facts {
         self.selection.missed(frame, last)
     }
 
-    /// Whether a frame without an event may change anything, or may be needed.
-    #[inline]
-    pub(super) fn concerns(&self, preview: &Preview) -> bool {
-        self.is_limited || self.why.concerns(preview)
-    }
-
-    /// Counts a frame that is known not to be needed.
-    #[inline]
-    pub(super) fn count_skipped(&mut self, preview: &Preview, bus: &Bus) {
-        self.why.skip(preview, bus);
-    }
-
     /// The facts, the numbers of the selected findings, and the scope of verdicts; `first` is the time of the
     /// first frame.
     pub(super) fn results(
@@ -93,28 +82,25 @@ impl Facts {
     }
 }
 
-impl Observer for Facts {
+impl ReadingPart for Facts {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
-            self.findings.see(event, bus);
-            self.why.observe(event, bus, true);
-        } else {
-            let may_report = self.selection.admits(event, bus);
-            self.why.observe(event, bus, may_report);
-        }
+        let may_report = self.selection.admits(event, bus);
+        self.why.observe(event, bus, may_report);
+    }
+
+    fn finding(&mut self, event: &Event, bus: &Bus) {
+        self.findings.finding(event, bus);
+        self.why.observe(event, bus, true);
     }
 
     #[inline]
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
         self.is_limited || self.why.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.needs(preview, bus);
-        if is_skipped {
-            self.why.skip(preview, bus);
-        }
-        is_skipped
+    #[inline]
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.why.skip(preview, bus);
     }
 }
 
@@ -125,7 +111,7 @@ pub(super) fn diagnosis(
     setting: Setting,
     (question, buses): (&Question, Buses<'_>),
 ) -> Diagnosis {
-    let mut diagnosis = Diagnosis::of(findings, findings.counting(), setting);
+    let mut diagnosis = reading::diagnosis(findings, setting);
     diagnosis.keep_findings(|id| selected.contains(&id));
     if let Some(chosen) = &question.chosen {
         diagnosis.keep_node(|index, node| {

@@ -2,112 +2,25 @@
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview};
+use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::{Bus, Preview};
 use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
 use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
-use super::decoding::CaptureObserver;
 use super::messages::note;
 use super::output::{FinalNames, NamePolicy, SinkFiles, is_colored};
 use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
 use crate::output_file::Existing;
 use crate::select::{Selection, Span};
 
-/// Engine for rules; `None` if findings are not printed.
-pub(super) fn engine(arguments: &PrintArgs, setup: &Arc<Setup>) -> Option<Engine> {
-    let is_wanted = !arguments.no_findings && arguments.format.0.is_some();
-    is_wanted.then(|| Engine::new(Arc::clone(setup)))
-}
-
-/// Observer that runs rules and prints; findings follow the event that they are based on.
-pub(super) struct JudgingObserver<'a> {
-    pub(super) engine: Option<Engine>,
-    pub(super) printer: &'a mut Printer,
-}
-
-impl JudgingObserver<'_> {
-    // Separate from `event`, which only forwards to the printer if there is no engine.
-    #[inline(never)]
-    fn judge(&mut self, event: &Event, bus: &Bus) {
-        if let Some(engine) = &mut self.engine {
-            Judge { engine, out: self.printer }.event(event, bus);
-        }
-    }
-
-    pub(super) fn finish(self, buses: Buses<'_>) {
-        if let Some(engine) = self.engine
-            && !self.printer.is_done()
-        {
-            engine.finish(buses, self.printer);
-        }
-    }
-}
-
-impl Observer for JudgingObserver<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        if self.engine.is_none() {
-            return self.printer.event(event, bus);
-        }
-        self.judge(event, bus);
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.printer.needs(preview, bus)
-            || self.engine.as_ref().is_some_and(|engine| engine.needs(preview, bus))
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        !self.printer.needs(preview, bus)
-            && self.engine.as_mut().is_none_or(|engine| engine.skip(preview, bus))
-    }
-
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.as_ref().is_some_and(|engine| engine.is_selective(preview, bus))
-    }
-}
-
-impl CaptureObserver for JudgingObserver<'_> {
-    fn is_on_terminal(&self) -> bool {
-        self.printer.on_terminal
-    }
-
-    fn is_done(&self) -> bool {
-        self.printer.is_done()
-    }
-
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.printer.begin(first, span)
-    }
-
-    fn wants_frames(&self) -> bool {
-        self.engine.is_some() || self.printer.wants_frames()
-    }
-
-    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
-        self.printer.frame(frame, names);
-        if let Some(engine) = &mut self.engine {
-            engine.frame(frame);
-        }
-        true
-    }
-
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        match (&mut self.engine, frames.first()) {
-            (Some(engine), Some(_)) if !self.printer.wants_frames() => engine.frames(frames),
-            (_, first) => usize::from(first.is_some_and(|frame| self.frame(frame, names))),
-        }
-    }
-
-    fn notice(&mut self, notice: &Notice, names: &BusNames) {
-        self.printer.notice(notice, names);
-    }
+/// Whether rules run: not if findings are not printed.
+pub(super) fn prints_findings(arguments: &PrintArgs) -> bool {
+    !arguments.no_findings && arguments.format.0.is_some()
 }
 
 /// Prints events in the selected format.
@@ -271,8 +184,9 @@ impl Printer {
         })
     }
 
-    pub(super) fn is_done(&self) -> bool {
-        self.output.as_ref().is_some_and(|output| output.sink.has_failed())
+    /// Whether events are printed to the terminal.
+    pub(super) fn is_on_terminal(&self) -> bool {
+        self.on_terminal
     }
 
     pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
@@ -327,22 +241,6 @@ impl Printer {
         self.output.as_mut().filter(|output| output.format.content == EventContent::Capture)
     }
 
-    pub(super) fn wants_frames(&self) -> bool {
-        self.output.as_ref().is_some_and(|output| output.format.content == EventContent::Capture)
-    }
-
-    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        if let Some(output) = self.capture() {
-            output.sink.frame(frame, name_of(names, frame.bus));
-        }
-    }
-
-    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
-        if let Some(output) = self.capture() {
-            output.sink.notice(notice, name_of(names, notice.bus()));
-        }
-    }
-
     /// Attaches the files that describe the buses, if the format allows it.
     pub(super) fn describe(&mut self, input: &InputArgs) {
         if let Some(output) = self.capture() {
@@ -351,7 +249,7 @@ impl Printer {
     }
 }
 
-impl Observer for Printer {
+impl ReadingPart for Printer {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let Some(OpenSink { format, sink, .. }) = &mut self.output else { return };
         if !self.selection.admits(event, bus) {
@@ -362,13 +260,31 @@ impl Observer for Printer {
         self.shown.see(event, is_shown);
     }
 
-    fn needs(&self, preview: &Preview, _bus: &Bus) -> bool {
+    #[inline]
+    fn need(&self, preview: &Preview, _bus: &Bus) -> bool {
         self.output.is_some() && (self.selection.is_limited() || self.choice.needs(preview))
     }
-}
 
-fn name_of(names: &BusNames, bus: BusIndex) -> &str {
-    names.names().get(usize::from(bus.0)).map_or("", String::as_str)
+    fn demand(&self) -> FrameDemand {
+        let is_capture = |output: &OpenSink| output.format.content == EventContent::Capture;
+        if self.output.as_ref().is_some_and(is_capture) { FrameDemand::Each } else { FrameDemand::None }
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        if let Some(output) = self.capture() {
+            output.sink.frame(frame, names.name_of(frame.bus));
+        }
+    }
+
+    fn notice(&mut self, notice: &Notice, names: &BusNames) {
+        if let Some(output) = self.capture() {
+            output.sink.notice(notice, names.name_of(notice.bus()));
+        }
+    }
+
+    fn is_done(&self) -> bool {
+        self.output.as_ref().is_some_and(|output| output.sink.has_failed())
+    }
 }
 
 fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {

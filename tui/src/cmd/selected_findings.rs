@@ -2,10 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Cause, Group};
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::session::Bus;
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::{Bus, Preview};
 
 use crate::select::{Selection, Span};
 
@@ -29,23 +31,9 @@ impl SelectedFindings {
         self.selection.begin(first, span)
     }
 
-    /// Takes a frame, in order to detect a range after the end.
-    pub(super) fn frame(&mut self, frame: &Frame) {
-        self.selection.admits_frame(frame);
-    }
-
     /// Message for a range after the end of the capture; see [`Selection::missed`].
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         self.selection.missed(frame, last)
-    }
-
-    /// Takes an event of a finding.
-    pub(super) fn see(&mut self, event: &Event, bus: &Bus) {
-        if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = &event.kind
-            && self.selection.admits_content(event, bus)
-        {
-            self.numbers.insert(news.id);
-        }
     }
 
     /// Numbers of the findings with a part in the range. A finding that covers one of them is selected.
@@ -63,5 +51,30 @@ impl SelectedFindings {
             }
         }
         all
+    }
+}
+
+impl ReadingPart for SelectedFindings {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn finding(&mut self, event: &Event, bus: &Bus) {
+        if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = &event.kind
+            && self.selection.admits_content(event, bus)
+        {
+            self.numbers.insert(news.id);
+        }
+    }
+
+    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Batches
+    }
+
+    /// Detects a range after the end.
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        self.selection.admits_frame(frame);
     }
 }

@@ -29,7 +29,7 @@ use crate::action::Action;
 use crate::figures::millis;
 use crate::state::{Core, JumpPlace};
 use crate::theme::{Role, role_of};
-use crate::timeline::{Exchange, MOST_EXCHANGES, Survey};
+use crate::timeline::{MOST_TRANSFERS, SurveyResults, TransferRow};
 use crate::widgets::draw;
 use crate::widgets::fit::fit;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
@@ -58,7 +58,7 @@ struct Counts {
 }
 
 impl Counts {
-    fn add(&mut self, exchanges: &[Exchange]) {
+    fn add(&mut self, exchanges: &[TransferRow]) {
         for exchange in exchanges.get(self.seen..).unwrap_or_default() {
             match exchange.outcome {
                 // Nothing is missing in a request that wants no response, nor in a response on its own.
@@ -124,7 +124,7 @@ const CONTENT: usize = 6;
 const OUTCOME: usize = 8;
 
 /// Compares two transfers by a column.
-fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
+fn compare(one: &TransferRow, other: &TransferRow, column: usize) -> Ordering {
     match column {
         0 | 1 => one.spot.cmp(&other.spot),
         DURATION => one.duration.cmp(&other.duration),
@@ -139,9 +139,9 @@ fn compare(one: &Exchange, other: &Exchange, column: usize) -> Ordering {
 
 impl Transfers {
     /// Indices in row order; None in time order.
-    fn order(&self, survey: &Survey) -> Option<Cow<'_, [usize]>> {
+    fn order(&self, survey: &SurveyResults) -> Option<Cow<'_, [usize]>> {
         let sort = self.table.sort?;
-        let exchanges = &survey.exchanges;
+        let exchanges = &survey.overview.transfers;
         if self.made == (exchanges.len(), Some(sort)) {
             return Some(Cow::Borrowed(&self.order));
         }
@@ -155,35 +155,42 @@ impl Transfers {
     }
 
     /// The transfer of a row.
-    fn exchange<'a>(order: Option<&[usize]>, survey: &'a Survey, row: usize) -> Option<&'a Exchange> {
+    fn exchange<'a>(
+        order: Option<&[usize]>,
+        survey: &'a SurveyResults,
+        row: usize,
+    ) -> Option<&'a TransferRow> {
         let place = match order {
             Some(order) => *order.get(row)?,
             None => row,
         };
-        survey.exchanges.get(place)
+        survey.overview.transfers.get(place)
     }
 
     /// Row of the last transfer that ended before the cursor.
-    fn selected(core: &Core, survey: &Survey, order: Option<&[usize]>) -> Option<usize> {
-        let place =
-            survey.exchanges.partition_point(|exchange| exchange.spot <= core.cursor).checked_sub(1)?;
+    fn selected(core: &Core, survey: &SurveyResults, order: Option<&[usize]>) -> Option<usize> {
+        let place = survey
+            .overview
+            .transfers
+            .partition_point(|exchange| exchange.spot <= core.cursor)
+            .checked_sub(1)?;
         match order {
             Some(order) => order.iter().position(|other| *other == place),
             None => Some(place),
         }
     }
 
-    fn current<'a>(&self, core: &Core, survey: &'a Survey) -> Option<&'a Exchange> {
+    fn current<'a>(&self, core: &Core, survey: &'a SurveyResults) -> Option<&'a TransferRow> {
         let order = self.order(survey);
         let row = Self::selected(core, survey, order.as_deref())?;
         Self::exchange(order.as_deref(), survey, row)
     }
 
     /// Lines above the table.
-    fn summary(&self, core: &Core, survey: &Survey) -> Vec<Line<'static>> {
+    fn summary(&self, core: &Core, survey: &SurveyResults) -> Vec<Line<'static>> {
         let theme = &core.theme;
         let mut counts = self.counts;
-        counts.add(&survey.exchanges);
+        counts.add(&survey.overview.transfers);
         let counted = |count: usize, what: &str, role| {
             let role = if count > 0 { role } else { Role::Quiet };
             Span::styled(format!(", {count} {what}"), theme.style(role))
@@ -198,8 +205,8 @@ impl Transfers {
             let role = if counts.is_other_bad { Role::Bad } else { Role::Caution };
             spans.push(counted(counts.other, "incomplete", role));
         }
-        if survey.more_exchanges > 0 {
-            let text = format!("; {} more after the first {MOST_EXCHANGES}", survey.more_exchanges);
+        if survey.overview.transfers.more > 0 {
+            let text = format!("; {} more after the first {MOST_TRANSFERS}", survey.overview.transfers.more);
             spans.push(Span::styled(text, theme.style(Role::Caution)));
         }
         let mut lines = vec![Line::from(spans)];
@@ -209,7 +216,7 @@ impl Transfers {
         lines
     }
 
-    fn parts(&self, core: &Core, survey: &Survey, area: Rect) -> Parts {
+    fn parts(&self, core: &Core, survey: &SurveyResults, area: Rect) -> Parts {
         let above = draw::cells(self.summary(core, survey).len()).min(area.height / 2);
         let below = if area.height < LOW { 0 } else { DETAIL };
         Parts {
@@ -220,14 +227,14 @@ impl Transfers {
     }
 
     /// Indices of the visible columns.
-    fn shown(&self, core: &Core, survey: &Survey) -> Vec<usize> {
+    fn shown(&self, core: &Core, survey: &SurveyResults) -> Vec<usize> {
         let area = self.parts(core, survey, Rect::new(0, 0, core.width, core.height)).table;
         let columns = columns(core, area.width);
-        Table::new(&core.theme, &columns).row_count(survey.exchanges.len()).shown(area)
+        Table::new(&core.theme, &columns).row_count(survey.overview.transfers.len()).shown(area)
     }
 
     /// The details of the selected transfer.
-    fn draw_detail(core: &Core, exchange: &Exchange, area: Rect, buf: &mut Buffer) {
+    fn draw_detail(core: &Core, exchange: &TransferRow, area: Rect, buf: &mut Buffer) {
         let theme = &core.theme;
         let frames = match (exchange.frames.first, exchange.frames.last) {
             (_, 0) => String::new(),
@@ -248,7 +255,7 @@ impl Transfers {
         let survey = core.timeline.survey();
         let area = Rect::new(0, 0, 80, core.height);
         let height = Table::height(self.parts(core, &survey, area).table);
-        let len = survey.exchanges.len();
+        let len = survey.overview.transfers.len();
         let order = self.order(&survey).map(Cow::into_owned);
         let selected = Self::selected(core, &survey, order.as_deref());
         self.table.selected = selected.unwrap_or(0);
@@ -265,8 +272,8 @@ impl Transfers {
 }
 
 /// Median and maximum duration of the SDO transfers of each node, over the whole capture.
-fn latencies(survey: &Survey) -> Option<String> {
-    let nodes = survey.statistics.buses.iter().flat_map(BusStatistics::nodes);
+fn latencies(survey: &SurveyResults) -> Option<String> {
+    let nodes = survey.overview.statistics.buses.iter().flat_map(BusStatistics::nodes);
     let part = |of: &Distribution, percent| of.percentile(percent).map_or(String::new(), millis);
     let told: Vec<String> = nodes
         .filter(|(_, node)| node.sdo_duration.count() > 0)
@@ -300,7 +307,7 @@ impl Pane for Transfers {
         };
         let empty =
             if survey.is_complete { "no SDO, J1939 transport or UDS transfers" } else { "no transfers yet" };
-        let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len()).rows(row);
+        let table = Table::new(&core.theme, &columns).row_count(survey.overview.transfers.len()).rows(row);
         table.state(&state).focused(selected.is_some()).empty(empty).render(parts.table, buf);
         let exchange = selected.and_then(|row| Self::exchange(order, &survey, row));
         if let Some(exchange) = exchange.filter(|_| parts.detail.height > 1) {
@@ -337,7 +344,7 @@ impl Pane for Transfers {
         let survey = core.timeline.survey();
         let below = self.parts(core, &survey, area).table;
         let columns = columns(core, below.width);
-        let table = Table::new(&core.theme, &columns).row_count(survey.exchanges.len());
+        let table = Table::new(&core.theme, &columns).row_count(survey.overview.transfers.len());
         if let Some(column) = table.column_at(below, x) {
             self.table.column = column;
         }
@@ -355,8 +362,8 @@ impl Pane for Transfers {
 
     fn refresh(&mut self, core: &Core) {
         let survey = core.timeline.survey();
-        self.counts.add(&survey.exchanges);
-        let wanted = (survey.exchanges.len(), self.table.sort);
+        self.counts.add(&survey.overview.transfers);
+        let wanted = (survey.overview.transfers.len(), self.table.sort);
         if self.made != wanted {
             self.order = self.order(&survey).map(Cow::into_owned).unwrap_or_default();
             self.made = wanted;
@@ -419,7 +426,7 @@ impl Pane for Transfers {
 }
 
 /// The row of a transfer with the widths of bus and content.
-fn row(core: &Core, exchange: &Exchange, widths: (u16, u16)) -> Row<'static> {
+fn row(core: &Core, exchange: &TransferRow, widths: (u16, u16)) -> Row<'static> {
     let theme = &core.theme;
     let (quiet, tone) = (theme.style(Role::Quiet), theme.style(role_of(exchange.tone)));
     let number = if exchange.frames.last == 0 { String::new() } else { exchange.frames.last.to_string() };
@@ -437,6 +444,6 @@ fn row(core: &Core, exchange: &Exchange, widths: (u16, u16)) -> Row<'static> {
 }
 
 /// Bytes transferred; empty for UDS, whose content contains them.
-fn size(exchange: &Exchange) -> String {
+fn size(exchange: &TransferRow) -> String {
     if exchange.event_kind == "uds-exchange" { String::new() } else { exchange.size.to_string() }
 }

@@ -22,7 +22,7 @@ use super::{Effect, Pane};
 use crate::action::Action;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::widgets::text_lines::TextLines;
 
 /// Width of the labels with the mark of the selection.
@@ -102,7 +102,7 @@ fn place_of(key: LineKey, lines: &[WhyLine]) -> Option<usize> {
 }
 
 /// Lines of all stories, of the notes, or the reason why there is none.
-fn lines(survey: &Survey) -> Vec<WhyLine> {
+fn lines(survey: &SurveyResults) -> Vec<WhyLine> {
     let none = Diagnosis::default();
     let diagnosis = survey.diagnosis.as_ref().unwrap_or(&none);
     let count = diagnosis.stories.len();
@@ -128,7 +128,7 @@ fn lines(survey: &Survey) -> Vec<WhyLine> {
 }
 
 /// `2 stories so far, 1204 frames judged; rules still run`.
-fn so_far(survey: &Survey, count: usize) -> String {
+fn so_far(survey: &SurveyResults, count: usize) -> String {
     let found = if count == 0 { "no fault".to_owned() } else { stories(count) };
     format!("{found} so far, {} judged; rules still run", plural(survey.frames, "frame"))
 }

@@ -1,6 +1,9 @@
 //! End of the part of a capture that a command reads: `--at` and `--to`.
 
+use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::{Bus, Preview};
 
 use super::bound::{Bound, Span};
 use super::clock::BoundSide;
@@ -22,11 +25,6 @@ impl TimeLimit {
         Self { bounds, ..Self::default() }
     }
 
-    /// Whether there is a limit.
-    pub fn is_limited(&self) -> bool {
-        !self.bounds.is_empty()
-    }
-
     /// Takes the first frame of the capture.
     ///
     /// # Errors
@@ -44,15 +42,6 @@ impl TimeLimit {
         self.first
     }
 
-    /// Whether the capture ends before `frame`.
-    pub fn ends_before(&mut self, frame: &Frame) -> bool {
-        let first = self.first;
-        let is_passed = |(_, bound): &&(BoundSide, Bound)| bound.is_before(frame, first);
-        let passed = self.bounds.iter().find(is_passed).map(|(_, bound)| *bound);
-        self.passed = self.passed.or(passed);
-        passed.is_some()
-    }
-
     /// The bound that ended reading, as text; `None` if all frames were read.
     pub fn passed(&self) -> Option<String> {
         Some(self.passed?.text(self.first))
@@ -62,5 +51,30 @@ impl TimeLimit {
     pub fn text(&self) -> Option<String> {
         let bound = self.passed.or_else(|| self.bounds.first().map(|(_, bound)| *bound))?;
         Some(bound.text(self.first))
+    }
+}
+
+/// A part that ends the capture at the limit.
+impl ReadingPart for TimeLimit {
+    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
+    }
+
+    fn demand(&self) -> FrameDemand {
+        if self.bounds.is_empty() { FrameDemand::None } else { FrameDemand::Each }
+    }
+
+    fn ends_before(&mut self, frame: &Frame) -> bool {
+        let first = self.first;
+        let is_passed = |(_, bound): &&(BoundSide, Bound)| bound.is_before(frame, first);
+        let passed = self.bounds.iter().find(is_passed).map(|(_, bound)| *bound);
+        self.passed = self.passed.or(passed);
+        passed.is_some()
+    }
+
+    fn end_moment(&self) -> Option<String> {
+        self.passed()
     }
 }

@@ -14,7 +14,7 @@ use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
 use crate::select::{Bound, spans_days, wall_clock};
 use crate::theme::{Role, Theme};
-use crate::timeline::{Export, Matcher, Order, Row, Search, Survey, Target, Timeline, Window};
+use crate::timeline::{Export, Matcher, Order, Row, Search, SurveyResults, Target, Timeline, Window};
 use crate::words::{unheard, unknown_bus};
 
 /// State that all panes read; only the application changes it.
@@ -387,14 +387,15 @@ impl Core {
         if let Some(group) = survey.findings.as_ref().and_then(|findings| findings.group(id)) {
             return escape(&format!("{} {}: {}", group.severity.name(), group.rule, group.text)).into_owned();
         }
-        let news = survey.news.iter().find(|opened| opened.news.id == id).map(|opened| &opened.news);
+        let news =
+            survey.overview.opened.iter().find(|opened| opened.news.id == id).map(|opened| &opened.news);
         let text = news.map(|news| format!("{} {}: {}", news.severity.name(), news.rule, news.text));
         escape(&text.unwrap_or_default()).into_owned()
     }
 
     /// Messages about buses that the user named and the captures do not contain; empty until all buses are
     /// known.
-    pub fn unknown_buses(&self, survey: &Survey) -> Vec<String> {
+    pub fn unknown_buses(&self, survey: &SurveyResults) -> Vec<String> {
         if !survey.is_complete || self.named.is_empty() {
             return Vec::new();
         }

@@ -34,6 +34,7 @@ use cobscope_decoder::rules::Setup;
 use cobscope_decoder::series::{CapturePlacement, arrange};
 use cobscope_decoder::session::SessionOptions;
 
+pub use cobscope_decoder::reading::{MOST_TRANSFERS, NmtMoment, OpenedFinding, TransferRow};
 pub use cobscope_decoder::replay::{Points, Row, SignalKey, signal};
 pub use cobscope_decoder::series::JoinOptions;
 pub use cobscope_decoder::statistics::{LoadOverTime, LoadStep};
@@ -42,9 +43,7 @@ pub use matches::{Matcher, Matches};
 pub use news::News;
 pub use order::{Order, Search, Target, Window};
 pub use shared::{Lane, Progress, Shared};
-pub use survey::{
-    Exchange, FindingOccurrence, MOST_EXCHANGES, NmtMoment, OpenedFinding, Survey, bit_rate_change,
-};
+pub use survey::{FindingOccurrence, SurveyResults};
 pub use threads::Export;
 pub use traces::{MOST_SIGNALS, Traces};
 
@@ -213,7 +212,7 @@ impl Timeline {
     }
 
     /// Results about the whole capture so far.
-    pub fn survey(&self) -> RwLockReadGuard<'_, Survey> {
+    pub fn survey(&self) -> RwLockReadGuard<'_, SurveyResults> {
         self.shared.survey.read().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -398,7 +397,7 @@ mod tests {
         let error = Frame::data_frame(CanId::standard(0x81), &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
         writer.write(&Frame { time: Some(time), ..error }, "can0").unwrap();
         writer.flush().unwrap();
-        let first_story = |survey: &Survey| {
+        let first_story = |survey: &SurveyResults| {
             let first = survey.diagnosis.as_ref()?.stories.first()?;
             Some((first.title.clone(), first.lines.first()?.text.clone(), survey.is_complete))
         };

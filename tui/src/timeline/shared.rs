@@ -14,7 +14,7 @@ use cobscope_decoder::session::SessionOptions;
 
 use super::matches::Matches;
 use super::news::News;
-use super::survey::Survey;
+use super::survey::SurveyResults;
 use crate::source::{Store, StoreReader};
 
 /// Initial number of frames between two marks of a live bus.
@@ -43,7 +43,7 @@ pub struct Shared {
     pub(super) options: SessionOptions,
     pub(super) read_options: ReadOptions,
     pub(super) index: RwLock<Index>,
-    pub(super) survey: RwLock<Survey>,
+    pub(super) survey: RwLock<SurveyResults>,
     pub(super) matches: RwLock<Option<Arc<Matches>>>,
     /// State of the buses at the end, once the index is complete.
     pub(super) end: Mutex<Option<Arc<ReplayState>>>,

@@ -3,15 +3,14 @@
 
 use std::sync::Arc;
 
+use cobscope_decoder::Reading;
 use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
-use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::Event;
+use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::finding::{Findings, RuleOrigin};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::TextError;
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
 
 /// Captures to check, of several protocols.
 const CAPTURES: [&str; 4] = [
@@ -61,45 +60,30 @@ pub fn judge(
     mut step: impl FnMut(i64) -> i64,
 ) -> Findings {
     let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(options.clone());
-    let mut engine = Engine::new(Arc::clone(setup));
+    let mut reading = Reading::of_options(options.clone(), Some(Arc::clone(setup)), ());
     let mut batch = Batch::new();
     let mut last = None;
-    let mut nobody = |_: &Event, _: &Bus| {};
     while reader.read(&mut batch).unwrap() {
+        reading.set_buses(reader.buses().clone());
         for item in batch.items() {
-            if let Item::Frame(frame) = item {
-                if let (Some(Timestamp(last)), Some(Timestamp(next))) = (last, frame.time) {
-                    let step = step(next.saturating_sub(last));
-                    let mut now = last.saturating_add(step);
-                    while step > 0 && now < next {
-                        tick(Timestamp(now), &mut decoder, &mut engine);
-                        now += step;
+            match item {
+                Item::Frame(frame) => {
+                    if let (Some(Timestamp(last)), Some(Timestamp(next))) = (last, frame.time) {
+                        let step = step(next.saturating_sub(last));
+                        let mut now = last.saturating_add(step);
+                        while step > 0 && now < next {
+                            reading.advance(Timestamp(now));
+                            now += step;
+                        }
                     }
+                    last = frame.time;
+                    reading.push(frame);
                 }
-                last = frame.time;
-                engine.frame(frame);
+                Item::Notice(notice) => reading.notice(notice),
             }
-            push(&item, reader.buses(), &mut decoder, &mut Judge { engine: &mut engine, out: &mut nobody });
         }
     }
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut nobody });
-    engine.finish(decoder.buses(), &mut nobody)
-}
-
-fn push(item: &Item<'_>, names: &BusNames, decoder: &mut Decoder, judge: &mut Judge<'_>) {
-    match item {
-        Item::Frame(frame) => decoder.push(frame, names, judge),
-        Item::Notice(notice) => decoder.notice(notice, names, judge),
-    }
-}
-
-fn tick(now: Timestamp, decoder: &mut Decoder, engine: &mut Engine) {
-    let mut nobody = |_: &Event, _: &Bus| {};
-    decoder.advance(now, &mut Judge { engine, out: &mut nobody });
-    for bus in decoder.buses() {
-        engine.advance(bus, &mut nobody);
-    }
+    reading.finish().findings
 }
 
 /// Lines that are in one of the texts only.

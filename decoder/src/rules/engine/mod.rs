@@ -17,7 +17,7 @@ use crate::event::{Event, EventKind, Protocol};
 use crate::finding::Findings;
 use crate::frame::{Frame, FrameFlags};
 use crate::query::KindSet;
-use crate::session::{Bus, Buses, Observer, Preview};
+use crate::session::{Bus, Buses, Observer};
 use crate::statistics::{Quality, is_evidence};
 use crate::suggestion::{Suggestion, firm_suggestions};
 
@@ -227,37 +227,6 @@ impl Engine {
             };
             out.event(&event, bus);
         }
-    }
-}
-
-/// Forwards events to an observer and runs the rules on them. Findings follow directly after the event that
-/// shows them.
-pub struct Judge<'a> {
-    /// Rules and their results.
-    pub engine: &'a mut Engine,
-    /// Receiver of events and findings.
-    pub out: &'a mut dyn Observer,
-}
-
-impl Observer for Judge<'_> {
-    #[inline]
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.out.event(event, bus);
-        self.engine.event(event, bus, self.out);
-    }
-
-    #[inline]
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.out.needs(preview, bus) || self.engine.needs(preview, bus)
-    }
-
-    #[inline]
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        !self.out.needs(preview, bus) && self.engine.skip(preview, bus) && self.out.skip(preview, bus)
-    }
-
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.is_selective(preview, bus)
     }
 }
 

@@ -8,20 +8,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
-use cobscope_decoder::capture::{Batch, BusNames, is_compressed};
-use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
+use cobscope_decoder::capture::{Batch, is_compressed};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
 use crate::cli::{CheckArgs, InputArgs, node_choices};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
-use crate::cmd::decoding::{CaptureObserver, decode_quietly};
+use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::read_options;
 use crate::cmd::selected_findings::SelectedFindings;
-use crate::select::Span;
 use crate::source::{self, Series};
 use crate::words::absent_choices;
 
@@ -99,35 +96,29 @@ impl JudgeInputs<'_> {
     fn judge(&self, source: &SourceSeries) -> JudgedFile {
         let series = &source.series;
         let capture = series.name();
-        let mut watch = Watch {
-            engine: Engine::new(Arc::clone(self.setup)),
-            selected: self.selected(),
-            first: None,
-            last: None,
-            is_alone: self.is_alone,
+        let job = CaptureJob {
+            is_one_of_several: !self.is_alone,
+            ..CaptureJob::new(series, &self.arguments.input, self.options, Some(self.setup))
         };
-        let decoded = match decode_quietly(series, &self.arguments.input, self.options, &mut watch) {
-            Ok(decoded) => decoded,
+        let read = job.read_from(self.selected(), |selected, first, span| {
+            selected.as_mut().map_or(Ok(()), |selected| selected.begin(first, span))
+        });
+        let read = match read {
+            Ok(read) => read,
             Err(error) => return JudgedFile::unread(source, capture, &error),
         };
-        let Watch { engine, mut selected, first, last, .. } = watch;
-        let mut see = |event: &Event, bus: &Bus| {
-            if let Some(selected) = &mut selected {
-                selected.see(event, bus);
-            }
-        };
-        let findings = engine.finish(decoded.decoder.buses(), &mut see);
-        let (frames, end) = (decoded.decoder.frames(), decoded.decoder.last_time());
-        let failure = decoded.failure.map(|failure| format!("{failure:#}"));
-        let mut messages = decoded.warnings;
-        let missed = selected.as_ref().and_then(|selected| selected.missed(frames, end));
+        let failure = read.failure_text();
+        let ReadCapture { summary, warnings: mut messages, .. } = read;
+        let (frames, first, last) = (summary.frames(), summary.first_time(), summary.last_time());
+        let missed = summary.part.as_ref().and_then(|selected| selected.missed(frames, last));
         messages.extend(missed.map(|missed| format!("{capture}: {missed}")));
-        let absent = self.absent_nodes(&capture, decoded.decoder.buses());
+        let absent = self.absent_nodes(&capture, summary.buses());
         // A verdict on a node without a frame is not a verdict.
         let has_failed = failure.is_some() || !absent.is_empty();
         let absent: Vec<_> = absent.into_iter().filter(|note| !messages.contains(note)).collect();
         messages.extend(absent);
-        let selected = selected.map(|selected| selected.numbers(&findings.groups));
+        let findings = summary.findings;
+        let selected = summary.part.map(|selected| selected.numbers(&findings.groups));
         messages.extend(failure.iter().map(|failure| escape(failure).into_owned()));
         let parts = parts(series);
         let mut judged = CaptureResult {
@@ -211,79 +202,4 @@ fn lines_of_file(path: &Path, input: &InputArgs, frames: &BTreeSet<u64>) -> BTre
         }
     }
     lines
-}
-
-/// Observer that runs the rules.
-struct Watch {
-    engine: Engine,
-    selected: Option<SelectedFindings>,
-    first: Option<Timestamp>,
-    last: Option<Timestamp>,
-    is_alone: bool,
-}
-
-impl Observer for Watch {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        let Self { engine, selected, .. } = self;
-        engine.event(event, bus, &mut |event: &Event, bus: &Bus| {
-            if let Some(selected) = selected {
-                selected.see(event, bus);
-            }
-        });
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.needs(preview, bus)
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.skip(preview, bus)
-    }
-
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.is_selective(preview, bus)
-    }
-}
-
-impl CaptureObserver for Watch {
-    /// Hides the progress line if several captures are read in parallel.
-    fn is_on_terminal(&self) -> bool {
-        !self.is_alone
-    }
-
-    fn has_another_core(&self) -> bool {
-        self.is_alone
-    }
-
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        match &mut self.selected {
-            Some(selected) => selected.begin(first, span),
-            None => Ok(()),
-        }
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        self.last = frame.time;
-        self.engine.frame(frame);
-        if let Some(selected) = &mut self.selected {
-            selected.frame(frame);
-        }
-        true
-    }
-
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        let Some(first) = frames.first() else { return 0 };
-        if self.selected.is_some() {
-            return usize::from(self.frame(first, names));
-        }
-        let count = self.engine.frames(frames);
-        let last = count.checked_sub(1).and_then(|last| frames.get(last));
-        self.last = last.map_or(self.last, |frame| frame.time);
-        count
-    }
 }

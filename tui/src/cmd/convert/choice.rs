@@ -5,7 +5,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, FrameRange};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::{Filter, KindSet};
-use cobscope_decoder::session::{Bus, BusSnapshot, Observer, SessionOptions};
+use cobscope_decoder::session::{Bus, BusSnapshot, NoObserver, Observer, SessionOptions};
 
 use crate::cli::{ConvertArgs, NodeArg};
 use crate::cmd::frame_comment::add_event;
@@ -182,10 +182,4 @@ impl Observer for Look<'_> {
             add_event(comment, event, bus);
         }
     }
-}
-
-struct NoObserver;
-
-impl Observer for NoObserver {
-    fn event(&mut self, _event: &Event, _bus: &Bus) {}
 }

@@ -10,18 +10,19 @@ pub(super) use quiet::ComparisonJob;
 use std::io::Write as _;
 use std::sync::Arc;
 
+use cobscope_decoder::Summary;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::comparison::{self, CaptureRecord, Comparison, Ending, Recorder};
-use cobscope_decoder::diagnosis::{self, Diagnosis};
-use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Findings, Group};
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::event::Event;
+use cobscope_decoder::finding::Group;
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::reading::{self, FrameDemand, ReadingPart};
 use cobscope_decoder::report::html::{self, ComparisonPage};
 use cobscope_decoder::report::{HashedFile, Provenance};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Bus, Buses, Preview, SessionOptions};
 
-use super::decoding::{CaptureObserver, decode_capture, decode_quietly};
+use super::decoding::CaptureJob;
 use super::input::{session_options, setup};
 use super::messages::{Refusal, complain, warn};
 use super::output;
@@ -148,52 +149,39 @@ fn record(
     (options, setup): (&SessionOptions, &Arc<Setup>),
     is_quiet: bool,
 ) -> anyhow::Result<(RecordedCapture, Option<anyhow::Error>)> {
-    let mut watch = Watch {
-        engine: Engine::new(Arc::clone(setup)),
-        facts: Facts {
-            recorder: Recorder::new(arguments.at_event.clone()),
-            selection: selection(arguments)?,
-            is_limited: true,
-            findings: SelectedFindings::new(selection(arguments)?),
-        },
-        first: None,
-        is_quiet,
+    let part = SelectedRecord {
+        recorder: Recorder::new(arguments.at_event.clone()),
+        selection: selection(arguments)?,
+        is_limited: true,
+        findings: SelectedFindings::new(selection(arguments)?),
     };
     let name = series.name();
-    let decoded = if is_quiet {
-        decode_quietly(series, &arguments.input, options, &mut watch)?
-    } else {
-        let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
-        decoded.report_unreadable(&name);
-        decoded
-    };
-    let buses = decoded.decoder.buses();
-    let Watch { engine, mut facts, first, .. } = watch;
-    let mut findings = engine.finish(buses, &mut facts);
-    let Facts { recorder, selection, findings: selected, .. } = facts;
-    let missed = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time());
-    if let Some(missed) = missed.filter(|_| !is_quiet) {
-        warn(&format!("{name}: {missed}"));
+    let job = CaptureJob::new(series, &arguments.input, options, Some(setup)).quiet(is_quiet);
+    let read = job.read_from(part, SelectedRecord::begin)?;
+    let missed = read.summary.part.selection.missed(read.summary.frames(), read.summary.last_time());
+    if !is_quiet {
+        read.report();
+        missed.iter().for_each(|missed| warn(&format!("{name}: {missed}")));
     }
+    let first = read.summary.first_time();
+    let Summary { mut findings, part, decoder, .. } = read.summary;
+    let SelectedRecord { recorder, findings: selected, .. } = part;
+    let buses = decoder.buses();
     let numbers = selected.numbers(&findings.groups);
     findings.groups.retain(|group| numbers.contains(&group.id));
-    let diagnosis = diagnosis_of(&findings, first);
+    let counting = findings.groups.iter().filter(|group| Group::counts(group));
+    let diagnosis = reading::diagnosis_of(&findings, counting, first);
     let ending = Ending { name: &name, buses, findings: &findings, diagnosis: &diagnosis };
     // Hashes read the files again; only the page contains them.
     let provenance = match arguments.format {
         DiffFormat::Html => provenance(series, &arguments.input, (&options.catalogue, buses)),
         DiffFormat::Text | DiffFormat::Json => Provenance::default(),
     };
-    Ok((RecordedCapture { record: recorder.finish(&ending), provenance }, decoded.failure))
+    Ok((RecordedCapture { record: recorder.finish(&ending), provenance }, read.failure))
 }
 
-fn diagnosis_of(findings: &Findings, zero: Option<Timestamp>) -> Diagnosis {
-    let setting = diagnosis::Setting { zero, end: None, is_growing: false };
-    Diagnosis::of(findings, findings.groups.iter().filter(|group| Group::counts(group)), setting)
-}
-
-/// Facts of the capture, and findings within the selection.
-struct Facts {
+/// Record of the events, and findings, within the selection.
+struct SelectedRecord {
     recorder: Recorder,
     selection: Selection,
     /// The selection has a limit.
@@ -201,77 +189,50 @@ struct Facts {
     findings: SelectedFindings,
 }
 
-impl Observer for Facts {
+impl SelectedRecord {
+    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+        self.recorder.set_zero(first.time);
+        self.selection.begin(first, span)?;
+        self.is_limited = self.selection.is_limited();
+        self.findings.begin(first, span)
+    }
+}
+
+impl ReadingPart for SelectedRecord {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_)) {
-            self.findings.see(event, bus);
-        } else if !self.is_limited || self.selection.admits(event, bus) {
+        if !self.is_limited || self.selection.admits(event, bus) {
             self.recorder.event(event, bus);
         }
     }
 
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+    fn finding(&mut self, event: &Event, bus: &Bus) {
+        self.findings.finding(event, bus);
+    }
+
+    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
         self.is_limited || self.recorder.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        !self.is_limited && self.recorder.skip(preview, bus)
-    }
-}
-
-/// Observer of one capture with its rules.
-struct Watch {
-    engine: Engine,
-    facts: Facts,
-    first: Option<Timestamp>,
-    /// Whether stderr belongs to the terminal UI.
-    is_quiet: bool,
-}
-
-impl Observer for Watch {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.recorder.skip(preview, bus);
     }
 
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        Judge { engine: &mut self.engine, out: &mut self.facts }.skip(preview, bus)
+    /// The parameters are those at the end of the range.
+    fn ends_before(&mut self, frame: &Frame) -> bool {
+        self.selection.is_over(frame)
     }
 
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.is_selective(preview, bus)
-    }
-}
-
-impl CaptureObserver for Watch {
-    fn is_on_terminal(&self) -> bool {
-        self.is_quiet
-    }
-
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        self.facts.recorder.set_zero(first.time);
-        self.facts.selection.begin(first, span)?;
-        self.facts.is_limited = self.facts.selection.is_limited();
-        self.facts.findings.begin(first, span)
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        // The parameters are those at the end of the range.
-        if self.facts.selection.is_over(frame) {
-            return false;
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        if !self.is_limited || self.selection.admits_frame(frame) {
+            self.recorder.frame(frame);
         }
-        self.engine.frame(frame);
-        if !self.facts.is_limited || self.facts.selection.admits_frame(frame) {
-            self.facts.recorder.frame(frame);
-        }
-        true
+    }
+
+    fn finish(&mut self, buses: Buses<'_>) {
+        ReadingPart::finish(&mut self.recorder, buses);
     }
 }

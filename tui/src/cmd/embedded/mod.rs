@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use std::sync::Arc;
 
 use anyhow::anyhow;
-use cobscope_decoder::pipeline::Summary;
+use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::{Device, ProfileError};
 use cobscope_decoder::sink::findings::CaptureResult;
 use serde_json::Value;
@@ -21,7 +21,7 @@ use crate::cli::Command;
 use crate::exit_code::Exit;
 pub use answer::{Answer, CommandError};
 use answer::{answered, check_arguments, parsed};
-pub use source::{CaptureEnd, CaptureReader, CaptureResults, CaptureSource};
+pub use source::{CaptureEnd, CaptureResults, CaptureSource};
 
 /// The lines of `check -f jsonl` and its exit status, with these arguments.
 ///
@@ -78,12 +78,7 @@ pub fn explain(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
 ///
 /// # Errors
 /// If they cannot be written.
-pub fn finding_lines(capture: &str, summary: Summary) -> Result<Vec<Value>, CommandError> {
-    let judged = CaptureResult {
-        capture: capture.to_owned(),
-        frames: summary.frames,
-        findings: summary.findings,
-        ..CaptureResult::default()
-    };
+pub fn finding_lines(capture: &str, frames: u64, findings: Findings) -> Result<Vec<Value>, CommandError> {
+    let judged = CaptureResult { capture: capture.to_owned(), frames, findings, ..CaptureResult::default() };
     findings_of(judged).map_err(|error| CommandError { exit: Exit::Capture, text: format!("{error:#}") })
 }

@@ -4,17 +4,15 @@ use std::ffi::OsString;
 use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::Frame;
-use cobscope_decoder::pipeline::Pipeline;
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::Reading;
+use cobscope_decoder::reading::{Borrowed, ReadingPart};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
 use serde_json::Value;
 
 use super::answer::{Answer, CommandError, answered, check_arguments};
 use crate::cli::{CheckArgs, InputArgs};
-use crate::cmd::decoding::{CaptureObserver, decode_quietly};
+use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::{read_options, series};
 use crate::cmd::messages::Refusal;
 use crate::cmd::results::Results;
@@ -28,18 +26,6 @@ pub struct CaptureSource {
     input: InputArgs,
     options: SessionOptions,
     setup: Arc<Setup>,
-}
-
-/// Receiver of events and frames.
-pub trait CaptureReader: Observer {
-    /// Whether no more events are needed.
-    fn is_done(&self) -> bool;
-
-    /// Whether to call [`Self::frame`].
-    fn wants_frames(&self) -> bool;
-
-    /// Called for each frame, before its events; `bus` is its name.
-    fn frame(&mut self, frame: &Frame, bus: &str);
 }
 
 /// End of a pass.
@@ -82,10 +68,10 @@ impl CaptureSource {
     ///
     /// # Errors
     /// As for [`Self::open`].
-    pub fn pipeline(arguments: &[OsString]) -> Result<Answer<Pipeline>, CommandError> {
+    pub fn live<P: ReadingPart>(arguments: &[OsString], part: P) -> Result<Answer<Reading<P>>, CommandError> {
         answered(|| {
             let (options, setup) = check::ready(&check_arguments(arguments)?)?;
-            Ok(Pipeline::of_options(options, Some(setup)))
+            Ok(Reading::of_options(options, Some(setup), part))
         })
     }
 
@@ -118,18 +104,14 @@ impl CaptureSource {
     ///
     /// # Errors
     /// If the capture cannot be opened, or contains no frames.
-    pub fn read(&self, has_rules: bool, reader: &mut dyn CaptureReader) -> Result<CaptureEnd, CommandError> {
-        let engine = has_rules.then(|| Engine::new(Arc::clone(&self.setup)));
-        let mut watch = Watch { engine, reader };
-        let decoded = decode_quietly(&self.series, &self.input, &self.options, &mut watch)
-            .map_err(|error| failed(&error))?;
-        let Watch { engine, reader } = watch;
-        if let Some(engine) = engine.filter(|_| !reader.is_done()) {
-            engine.finish(decoded.decoder.buses(), reader);
-        }
-        let mut messages = decoded.warnings.clone();
-        messages.extend(decoded.unreadable_text(&self.name()));
-        Ok(CaptureEnd { failure: decoded.failure.map(|failure| format!("{failure:#}")), messages })
+    pub fn read(&self, has_rules: bool, part: &mut dyn ReadingPart) -> Result<CaptureEnd, CommandError> {
+        let setup = has_rules.then_some(&self.setup);
+        let job = CaptureJob::new(&self.series, &self.input, &self.options, setup).quiet(true);
+        let read = job.read(Borrowed(part)).map_err(|error| failed(&error))?;
+        let failure = read.failure_text();
+        let ReadCapture { mut warnings, unreadable, .. } = read;
+        warnings.extend(unreadable);
+        Ok(CaptureEnd { failure, messages: warnings })
     }
 
     /// Reads the capture for all results of its end.
@@ -175,67 +157,4 @@ fn one_capture(arguments: &CheckArgs) -> anyhow::Result<Series> {
 
 fn failed(error: &anyhow::Error) -> CommandError {
     CommandError { exit: Exit::Capture, text: format!("{error:#}") }
-}
-
-/// Observer of a pass, with the rules.
-struct Watch<'a> {
-    engine: Option<Engine>,
-    reader: &'a mut dyn CaptureReader,
-}
-
-impl Observer for Watch<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        match &mut self.engine {
-            Some(engine) => Judge { engine, out: self.reader }.event(event, bus),
-            None => self.reader.event(event, bus),
-        }
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.reader.needs(preview, bus)
-            || self.engine.as_ref().is_some_and(|engine| engine.needs(preview, bus))
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        !self.reader.needs(preview, bus)
-            && self.engine.as_mut().is_none_or(|engine| engine.skip(preview, bus))
-    }
-}
-
-impl CaptureObserver for Watch<'_> {
-    fn is_done(&self) -> bool {
-        self.reader.is_done()
-    }
-
-    /// Hides the progress line.
-    fn is_on_terminal(&self) -> bool {
-        true
-    }
-
-    fn wants_frames(&self) -> bool {
-        self.engine.is_some() || self.reader.wants_frames()
-    }
-
-    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
-        if self.reader.wants_frames() {
-            self.reader.frame(frame, names.names().get(usize::from(frame.bus.0)).map_or("", String::as_str));
-        }
-        if let Some(engine) = &mut self.engine {
-            engine.frame(frame);
-        }
-        true
-    }
-
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        match (&mut self.engine, frames.first()) {
-            (Some(engine), Some(_)) if !self.reader.wants_frames() => engine.frames(frames),
-            (None, _) => {
-                for frame in frames {
-                    self.frame(frame, names);
-                }
-                frames.len()
-            }
-            (_, first) => usize::from(first.is_some_and(|frame| self.frame(frame, names))),
-        }
-    }
 }

@@ -3,13 +3,11 @@
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
-use cobscope_decoder::event::Event;
+use cobscope_decoder::diagnosis::Diagnosis;
 use cobscope_decoder::finding::Severity;
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Observer, SessionOptions};
+use cobscope_decoder::reading::Borrowed;
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{CaptureResult, Outcome};
 use cobscope_decoder::sink::lake::{LakeCapture, LakeResults, LakeWriter};
 use cobscope_decoder::statistics::{Quality, Statistics};
@@ -20,12 +18,11 @@ use super::machine::machine_of;
 use crate::cli::{InputArgs, LakeAddArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture};
 use crate::cmd::check::{line_numbers, parts};
-use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_quietly};
+use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::read_options;
 use crate::cmd::lake_index::{EntrySummary, LakeEntry};
 use crate::path_text::shown;
 use crate::record::format::is_of_captures;
-use crate::select::Span;
 use crate::source::{Series, open};
 
 /// Lowest severity that counts as a failure, the default of `check`.
@@ -126,39 +123,39 @@ impl AddInputs<'_> {
         staging: &mut Staging<'_>,
     ) -> anyhow::Result<Addition> {
         let name = series.name();
-        let mut watch = AddObserver {
-            engine: Engine::new(Arc::clone(self.setup)),
-            statistics: Statistics::default(),
-            writer: LakeWriter::new(capture, staging),
-            first: None,
-            last: None,
-            is_alone: self.is_alone,
+        let mut writer = LakeWriter::new(capture, staging);
+        let job = CaptureJob {
+            is_one_of_several: !self.is_alone,
+            ..CaptureJob::new(series, &self.arguments.input, self.options, Some(self.setup))
         };
-        let decoded = match decode_quietly(series, &self.arguments.input, self.options, &mut watch) {
-            Ok(decoded) => decoded,
+        let added = match job.read((Statistics::default(), Borrowed(&mut writer))) {
+            Ok(read) => {
+                let ReadCapture { summary, format, failure, warnings, unreadable } = read;
+                let summary = summary.map(|(statistics, _)| statistics);
+                let read = ReadCapture { summary, format, failure, warnings, unreadable };
+                finish(writer, read, (series, &self.arguments.input))
+            }
             Err(error) => {
                 let failure = format!("{error:#}");
                 let judged =
                     CaptureResult { capture: name, failure: Some(failure), ..CaptureResult::default() };
-                return finish_unread(watch.writer, &judged).map(Addition::Added);
+                finish_unread(writer, &judged)
             }
         };
-        finish(watch, &decoded, (series, &self.arguments.input)).map(Addition::Added)
+        added.map(Addition::Added)
     }
 }
 
 /// Writes the results of a capture that was read, perhaps not to its end.
 fn finish(
-    watch: AddObserver<'_>,
-    decoded: &DecodedCapture,
+    writer: LakeWriter<'_>,
+    read: ReadCapture<Statistics>,
     (series, input): (&Series, &InputArgs),
 ) -> anyhow::Result<AddedCapture> {
-    let AddObserver { engine, mut statistics, mut writer, first, last, .. } = watch;
-    let buses = decoded.decoder.buses();
-    statistics.withdraw(buses);
-    let findings = engine.finish(buses, &mut writer);
-    let mut warnings = decoded.warnings.clone();
-    warnings.extend(decoded.unreadable_text(&series.name()));
+    let failure = read.failure_text();
+    let ReadCapture { summary, format, mut warnings, unreadable, .. } = read;
+    let diagnosis = summary.diagnosis();
+    warnings.extend(unreadable);
     if writer.messages_skipped() > 0 {
         warnings.push(format!(
             "{}: {} or more messages without a wide table",
@@ -168,25 +165,23 @@ fn finish(
     }
     let mut judged = CaptureResult {
         capture: series.name(),
-        frames: decoded.decoder.frames(),
-        first,
-        last,
-        findings,
-        failure: decoded.failure.as_ref().map(|failure| format!("{failure:#}")),
+        frames: summary.frames(),
+        first: summary.first_time(),
+        last: summary.last_time(),
+        findings: summary.findings,
+        failure,
         parts: parts(series),
         ..CaptureResult::default()
     };
     if series.is_joined() {
         judged.lines = line_numbers(series, input, &judged.frames_of_findings());
     }
-    let setting = Setting { zero: first, ..Setting::default() };
-    let diagnosis = Diagnosis::of(&judged.findings, judged.findings.counting(), setting);
     let results = LakeResults {
         judged: &judged,
         diagnosis: &diagnosis,
-        quality: &statistics.quality,
-        buses,
-        format: Some(decoded.format),
+        quality: &summary.part.quality,
+        buses: summary.decoder.buses(),
+        format: Some(format),
         least: LEAST,
     };
     writer.finish(&results)?;
@@ -219,68 +214,5 @@ fn added(results: &LakeResults<'_>, warnings: Vec<String>) -> AddedCapture {
         failure: judged.failure.clone(),
         warnings,
         summary: EntrySummary::of(judged, diagnosis, *buses, LEAST),
-    }
-}
-
-/// Observer that runs the rules, counts and writes.
-struct AddObserver<'a> {
-    engine: Engine,
-    statistics: Statistics,
-    writer: LakeWriter<'a>,
-    first: Option<Timestamp>,
-    last: Option<Timestamp>,
-    is_alone: bool,
-}
-
-impl Observer for AddObserver<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.statistics.event(event);
-        Judge { engine: &mut self.engine, out: &mut self.writer }.event(event, bus);
-    }
-}
-
-impl CaptureObserver for AddObserver<'_> {
-    fn is_done(&self) -> bool {
-        self.writer.has_failed()
-    }
-
-    /// Hides the progress line if several captures are read in parallel.
-    fn is_on_terminal(&self) -> bool {
-        !self.is_alone
-    }
-
-    fn has_another_core(&self) -> bool {
-        self.is_alone
-    }
-
-    fn begin(&mut self, first: &Frame, _span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        Ok(())
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
-        self.last = frame.time;
-        self.statistics.frame(frame);
-        self.engine.frame(frame);
-        if self.writer.wants_frames() {
-            let name = names.names().get(usize::from(frame.bus.0)).map_or("", String::as_str);
-            self.writer.frame(frame, name);
-        }
-        true
-    }
-
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        let Some(first) = frames.first() else { return 0 };
-        if self.writer.wants_frames() {
-            return usize::from(self.frame(first, names));
-        }
-        let counted = frames.get(..self.engine.frames(frames)).unwrap_or(frames);
-        self.statistics.frames(counted);
-        self.last = counted.last().map_or(self.last, |frame| frame.time);
-        counted.len()
     }
 }

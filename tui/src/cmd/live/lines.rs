@@ -6,12 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::{BusNames, Notice};
-use cobscope_decoder::decoder::Decoder;
+use cobscope_decoder::capture::Notice;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
 use cobscope_decoder::words::plural;
+use cobscope_decoder::{Reading, Summary};
 
 use super::cuts::Cuts;
 use super::interruption::interrupted;
@@ -22,7 +22,7 @@ use super::viewer::LiveViewer;
 use crate::cli::LiveArgs;
 use crate::cmd::input::{check_rules_of, session_options, setup};
 use crate::cmd::messages::{Refusal, note};
-use crate::cmd::output::{files_read, is_colored, print};
+use crate::cmd::output::{files_read, is_colored, print, write_result};
 use crate::cmd::print::Printer;
 use crate::cmd::remarks;
 use crate::exit_code::Exit;
@@ -66,14 +66,12 @@ pub(super) fn watch(
     if let Some(cuts) = &cuts {
         cuts.greet();
     }
-    let mut watch = Watch {
-        decoder: Decoder::new(options.clone()),
+    let viewer = LiveViewer::new(arguments, printer);
+    let setup = viewer.needs_rules(arguments).then_some(setup);
+    let mut watch = LiveSession {
+        reading: Reading::of_options(options.clone(), setup, viewer),
         options,
-        looker: LiveViewer::new(arguments, &setup, printer),
         cuts,
-        names: BusNames::default(),
-        frames: 0,
-        first: None,
         last: None,
         opened: opened.into_iter().map(|bus| bus.name).collect(),
         reached: BTreeSet::new(),
@@ -85,7 +83,7 @@ pub(super) fn watch(
 }
 
 /// Ends reading, recording and output; prints what was lost.
-fn conclude(mut watch: Watch, pump: Pump, arguments: &LiveArgs) -> Exit {
+fn conclude(mut watch: LiveSession, pump: Pump, arguments: &LiveArgs) -> Exit {
     let state = pump.state.clone();
     let outcome = pump.finish();
     let live = state.get().clone();
@@ -121,14 +119,10 @@ fn greet(live: &Live) {
 }
 
 /// State of a live session.
-struct Watch {
-    decoder: Decoder,
+struct LiveSession {
+    reading: Reading<LiveViewer>,
     options: SessionOptions,
-    looker: LiveViewer,
     cuts: Option<Cuts>,
-    names: BusNames,
-    frames: u64,
-    first: Option<Timestamp>,
     last: Option<Timestamp>,
     /// Buses of the sources at the start.
     opened: Vec<String>,
@@ -138,7 +132,7 @@ struct Watch {
     noted: BTreeSet<String>,
 }
 
-impl Watch {
+impl LiveSession {
     /// Processes frames until a stop condition is met.
     fn run(
         &mut self,
@@ -173,7 +167,8 @@ impl Watch {
     /// Whether a stop condition is met and no window is open.
     fn is_done(&self) -> bool {
         let is_waiting = self.cuts.as_ref().is_some_and(Cuts::is_waiting);
-        self.looker.has_failed() || (self.looker.is_done() && !is_waiting)
+        let viewer = self.reading.part();
+        viewer.has_failed() || (viewer.is_over() && !is_waiting)
     }
 
     /// Reports new failures of recording and sources; totals follow at the end.
@@ -200,7 +195,7 @@ impl Watch {
     }
 
     fn take(&mut self, PendingDeliveries { names, items }: PendingDeliveries) {
-        self.names = names;
+        self.reading.set_buses(names);
         for item in items {
             match item {
                 Arrival::Frame(frame) => self.frame(&frame),
@@ -212,44 +207,39 @@ impl Watch {
             }
         }
         // The reader of the output expects lines without delay.
-        self.looker.flush();
+        self.reading.part_mut().flush();
     }
 
     fn notice(&mut self, notice: &Notice) {
         if let Notice::LostFrames { bus, .. } | Notice::Link { bus, .. } = notice {
             self.reached.insert(bus.0);
         }
-        self.looker.printer.notice(notice, &self.names);
-        self.decoder.notice(notice, &self.names, &mut self.looker);
-        self.looker.advance(self.decoder.buses());
+        self.reading.notice(notice);
         if let Some(cuts) = &mut self.cuts {
-            cuts.notice(notice, &self.names, &mut self.looker.triggers);
+            let (names, viewer) = self.reading.names_and_part();
+            cuts.notice(notice, names, &mut viewer.triggers);
         }
     }
 
     fn frame(&mut self, frame: &Frame) {
-        self.frames += 1;
         self.reached.insert(frame.bus.0);
-        let frame = Frame { number: self.frames, ..*frame };
-        if self.first.is_none() {
-            self.first = frame.time;
-            self.looker.begin(&frame);
+        if self.reading.first().is_none() {
+            let frame = Frame { number: 1, ..*frame };
+            self.reading.part_mut().begin(&frame);
         }
         self.last = frame.time.or(self.last);
-        self.looker.printer.frame(&frame, &self.names);
-        if let Some(engine) = &mut self.looker.engine {
-            engine.frame(&frame);
-        }
-        self.decoder.push(&frame, &self.names, &mut self.looker);
+        let number = self.reading.push(frame);
         if let Some(cuts) = &mut self.cuts {
-            cuts.frame(&frame, &self.names, &mut self.looker.triggers);
+            let (names, viewer) = self.reading.names_and_part();
+            cuts.frame(&Frame { number, ..*frame }, names, &mut viewer.triggers);
         }
     }
 
     /// Names of the buses of the sources, and of those that the input has named so far.
     fn bus_names(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
-        let reached = self.reached.iter().filter_map(|bus| self.names.names().get(usize::from(*bus)));
+        let reached =
+            self.reached.iter().filter_map(|bus| self.reading.names().names().get(usize::from(*bus)));
         for name in self.opened.iter().chain(reached) {
             if !names.contains(name) {
                 names.push(name.clone());
@@ -272,23 +262,24 @@ impl Watch {
     fn finish(mut self, arguments: &LiveArgs) -> Exit {
         let capture = self.capture_name(arguments);
         // Before the end of the decoder, at which no frame can be recorded any more.
-        self.looker.flush();
+        self.reading.part_mut().flush();
         let recorded = self.cuts.take().map_or(Exit::Clean, Cuts::finish);
-        self.decoder.finish(&self.names, &mut self.looker);
-        let buses = self.decoder.buses();
+        let Summary { findings, part: viewer, decoder, first } = self.reading.finish();
+        let buses = decoder.buses();
         let mut texts = remarks::limits("live", buses);
         texts.extend(remarks::profiles("live", buses));
         texts.extend(unheard("live", buses, &self.options));
         for text in &texts {
             note(text);
         }
-        self.looker.triggers.remarks().iter().for_each(|text| note(text));
-        let (findings, written) = self.looker.finish(self.decoder.buses());
+        let LiveViewer { mut printer, triggers, .. } = viewer;
+        triggers.remarks().iter().for_each(|text| note(text));
+        let written = write_result(printer.finish());
         let written = written.max(recorded);
         if !arguments.check {
             return written;
         }
-        let (frames, first, last) = (self.frames, self.first, self.last);
+        let (frames, first, last) = (decoder.frames(), first.and_then(|first| first.time), self.last);
         let judged = CaptureResult { capture, frames, first, last, findings, ..CaptureResult::default() };
         let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
         let mut verdict = Vec::new();

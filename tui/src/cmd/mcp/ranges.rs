@@ -7,6 +7,7 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::query::Filter;
+use cobscope_decoder::reading::ListedSignal;
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::jsonl::Jsonl;
@@ -17,7 +18,6 @@ use super::arguments::Arguments;
 use super::capture::OpenedCapture;
 use super::fit::{fit, fit_within, written};
 use crate::cli::NodeArg;
-use crate::cmd::results::{SignalName, signal_name};
 use crate::select::{Bound, BoundSide, ensure_order};
 use crate::timeline::WalkStart;
 
@@ -144,7 +144,7 @@ fn line(event: &Event, bus: &Bus) -> String {
 
 /// A signal over the range.
 struct Track {
-    name: SignalName,
+    name: ListedSignal,
     count: u64,
     /// Value in its unit, time in s, text, frame; of the lowest and of the highest value.
     least: Option<(f64, Sample)>,
@@ -192,7 +192,7 @@ impl Track {
     }
 
     fn json(&self) -> Value {
-        let (bus, node, object, name, unit) = &self.name;
+        let ListedSignal { bus, node, object, name, unit } = &self.name;
         let extreme = |end: &Option<(f64, Sample)>| end.as_ref().map(|(_, sample)| sample.json());
         json!({
             "bus": bus, "node": node, "object": object, "name": name, "unit": unit,
@@ -211,28 +211,26 @@ impl Track {
 pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
     let node = arguments.parsed::<NodeArg>("node")?;
     let wanted = arguments.text("signal").map(str::to_lowercase);
-    let is_wanted = |(bus, of, object, name, _): &SignalName| {
+    let is_wanted = |signal: &ListedSignal| {
         node.as_ref().is_none_or(|node| {
-            *of == node.id.to_string() && node.bus.as_ref().is_none_or(|known| known == bus)
+            signal.node == node.id.to_string() && node.bus.as_ref().is_none_or(|known| *known == signal.bus)
         }) && wanted.as_ref().is_none_or(|wanted| {
-            name.to_lowercase().contains(wanted) || object.to_lowercase().starts_with(wanted.as_str())
+            signal.name.to_lowercase().contains(wanted)
+                || signal.object.to_lowercase().starts_with(wanted.as_str())
         })
     };
-    let chosen: Vec<&SignalName> = capture.results.signals.iter().filter(|name| is_wanted(name)).collect();
+    let chosen: Vec<&ListedSignal> = capture.results.signals.iter().filter(|name| is_wanted(name)).collect();
     ensure!(
         !capture.results.signals.is_empty(),
         "no signals: neither a mapping nor a profile, EDS or DBC describes the messages of this capture"
     );
     ensure!(!chosen.is_empty(), "no signal with this name or node; signals without arguments lists all");
     if wanted.is_none() {
-        let list = chosen.iter().map(|(bus, node, object, name, unit)| {
-            json!({"bus": bus, "node": node, "object": object, "name": name, "unit": unit})
-        });
-        return Ok(fit(json!({"signals": list.collect::<Vec<_>>()})));
+        return Ok(fit(json!({"signals": chosen})));
     }
     let range = Range::of(capture, arguments)?;
     let most = arguments.number("samples").unwrap_or(SAMPLES);
-    let track = |name: &&SignalName| {
+    let track = |name: &&ListedSignal| {
         let track = Track {
             name: (*name).clone(),
             count: 0,
@@ -243,7 +241,7 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
         };
         ((*name).clone(), track)
     };
-    let mut tracks: BTreeMap<SignalName, Track> = chosen.iter().take(MOST_TRACKS).map(track).collect();
+    let mut tracks: BTreeMap<ListedSignal, Track> = chosen.iter().take(MOST_TRACKS).map(track).collect();
     let mut walk = capture.indexed.walk(capture.start(range.from))?;
     let begin = walk.world.frames();
     let is_complete = loop {
@@ -269,16 +267,16 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
 fn add(
     event: &Event,
     bus: &Bus,
-    tracks: &mut BTreeMap<SignalName, Track>,
+    tracks: &mut BTreeMap<ListedSignal, Track>,
     (zero, most): (Option<Timestamp>, usize),
 ) {
     let node = event.node.map_or(String::new(), |node| node.to_string());
     // Most events have none of the signals.
-    if !tracks.keys().any(|(_, of, ..)| *of == node) {
+    if !tracks.keys().any(|signal| signal.node == node) {
         return;
     }
     for signal in event.signals() {
-        let Some(track) = tracks.get_mut(&signal_name(event, bus, signal.field)) else { continue };
+        let Some(track) = tracks.get_mut(&ListedSignal::of(event, bus, signal.field)) else { continue };
         #[expect(clippy::cast_precision_loss, reason = "only for display")]
         let seconds = event.time.zip(zero).map(|(time, zero)| time.since(zero) as f64 / 1e9);
         let sample = Sample { seconds, frame: event.frames.last, text: signal.text() };

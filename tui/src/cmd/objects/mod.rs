@@ -6,22 +6,20 @@ mod want;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::Value;
-use cobscope_decoder::session::{Bus, Buses, Entry, Node, Observer};
+use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::{escape, escape_json};
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
 use serde_json::json;
 
-use super::decoding::{CaptureObserver, decode_capture, report};
+use super::decoding::{CaptureJob, report};
 use super::messages::complain;
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
-use crate::select::{Span, TimeLimit};
+use crate::select::TimeLimit;
 use crate::words::present;
 use entry::{hex, label, place};
 use want::Want;
@@ -44,10 +42,12 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
     };
     let several = arguments.input.captures.len() > 1;
     report(&arguments.input, |series, options, output| {
-        let mut until = Until(TimeLimit::new(arguments.at, None));
-        let decoded = decode_capture(series, &arguments.input, options, &mut until)?;
+        let job = CaptureJob::new(series, &arguments.input, options, None);
+        let until = TimeLimit::new(arguments.at, None);
+        let read = job.read_from(until, |until, first, span| until.begin(first, span))?;
         let name = series.name();
-        decoded.report_unreadable(&name);
+        read.report();
+        let (until, buses) = (&read.summary.part, read.summary.buses());
         if several
             && !series.is_joined_from(&arguments.input.captures)
             && arguments.format == ReportFormat::Text
@@ -55,46 +55,20 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
             let _ = writeln!(output, "== {}", escape(&name));
         }
         if let Some(want) = &want {
-            want.compare(decoded.decoder.buses(), until.0.first(), &name, output);
+            want.compare(buses, until.first(), &name, output);
         } else {
-            for bus in decoded.decoder.buses() {
-                print_bus(bus, arguments, until.0.first(), &name, output);
+            for bus in buses {
+                print_bus(bus, arguments, until.first(), &name, output);
             }
         }
         // A node of `--node` is reported for every command.
         let of_file = want.as_ref().filter(|_| arguments.input.node.is_empty()).map(Want::chosen);
-        let absent =
-            of_file.and_then(|chosen| absent(decoded.decoder.buses(), chosen, until.early_end().as_deref()));
+        let absent = of_file.and_then(|chosen| absent(buses, chosen, until.passed().as_deref()));
         if let Some(absent) = absent {
             complain(&anyhow::anyhow!("{name}: {absent}"));
         }
-        Ok(decoded.failure)
+        Ok(read.failure)
     })
-}
-
-/// Observer that ends the capture at `--at`.
-struct Until(TimeLimit);
-
-impl Observer for Until {
-    fn event(&mut self, _: &Event, _: &Bus) {}
-}
-
-impl CaptureObserver for Until {
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.0.begin(first, span)
-    }
-
-    fn wants_frames(&self) -> bool {
-        self.0.is_limited()
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        !self.0.ends_before(frame)
-    }
-
-    fn early_end(&self) -> Option<String> {
-        self.0.passed()
-    }
 }
 
 /// Prints the chosen node, or an overview of all nodes, of one bus.

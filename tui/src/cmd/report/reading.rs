@@ -3,24 +3,24 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::Summary;
 use cobscope_decoder::diagnosis;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::finding::Findings;
-use cobscope_decoder::frame::{Frame, Timestamp};
+use cobscope_decoder::frame::Frame;
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
 use cobscope_decoder::report::{Draft, Excerpt, Ground, Report};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, BusSnapshot, Observer, Preview, SessionOptions};
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Bus, BusSnapshot, Preview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::Statistics;
 use cobscope_decoder::why::Question;
 
 use super::provenance::provenance;
 use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
-use crate::cmd::decoding::{CaptureObserver, DecodedCapture, decode_capture, decode_quietly};
+use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
 use crate::cmd::messages::{absent_value, note, warn};
-use crate::select::Span;
 use crate::source::Series;
 
 /// What to report on.
@@ -91,21 +91,19 @@ pub(in crate::cmd) fn compose(
     setup: &Arc<Setup>,
 ) -> anyhow::Result<Composed> {
     let name = series.name();
-    let mut reading = FirstReading {
-        engine: Engine::new(Arc::clone(setup)),
-        facts: Facts::new(scope.question.clone(), scope.select)?,
-        statistics: Statistics::default(),
-        first: None,
-        is_quiet: scope.is_quiet,
-    };
-    let decoded = first_reading(series, scope, options, &mut reading)?;
-    let buses = decoded.decoder.buses();
-    let FirstReading { engine, mut facts, mut statistics, first, .. } = reading;
-    statistics.withdraw(buses);
-    let findings = engine.finish(buses, &mut facts);
+    let job = CaptureJob::new(series, scope.input, options, Some(setup)).quiet(scope.is_quiet);
+    let facts = Facts::new(scope.question.clone(), scope.select)?;
+    let read =
+        job.read_from((Statistics::default(), facts), |part, first, span| part.1.begin(first, span))?;
     if !scope.is_quiet {
-        report_selection(&name, scope.select, &facts, &decoded);
+        read.report();
+        report_selection(&name, scope.select, &read.summary);
     }
+    let failure_text = read.failure_text();
+    let ReadCapture { summary, format, failure, .. } = read;
+    let first = summary.first_time();
+    let Summary { findings, part: (statistics, facts), decoder, .. } = summary;
+    let buses = decoder.buses();
     let (why, selected, limits) = facts.results(&findings, first);
     let setting = diagnosis::Setting { zero: first, end: None, is_growing: false };
     let mut diagnosis = diagnosis(&findings, &selected, setting, (&scope.question, buses));
@@ -113,17 +111,16 @@ pub(in crate::cmd) fn compose(
     diagnosis
         .stories
         .retain(|story| wanted.as_ref().is_none_or(|it| it.iter().any(|id| story.findings.contains(id))));
-    ensure_story(&name, scope.question.story, &diagnosis, decoded.failure.as_ref())?;
+    ensure_story(&name, scope.question.story, &diagnosis, failure.as_ref())?;
     if let Some(finding) = scope.finding.filter(|_| diagnosis.stories.is_empty()) {
         let shown = match finding {
             FindingArg::Id(id) => id.to_string(),
             FindingArg::Rule(rule) => rule.clone(),
         };
         let text = format!("{name}: --finding {shown}: {}", without_story(&findings, wanted.as_ref()));
-        return Err(absent_value(text, decoded.failure.as_ref()));
+        return Err(absent_value(text, failure.as_ref()));
     }
     let answer = why.report(diagnosis, buses, &options.catalogue);
-    let failure = decoded.failure.as_ref().map(|failure| format!("{failure:#}"));
     let draft = Draft::new(&Ground {
         answer: &answer,
         findings: &findings,
@@ -131,45 +128,27 @@ pub(in crate::cmd) fn compose(
         buses,
         first,
         capture: &name,
-        format: decoded.format,
-        failure: failure.as_deref(),
+        format,
+        failure: failure_text.as_deref(),
         scope: &limits,
     });
-    let mut second = SecondReading { draft, is_quiet: scope.is_quiet };
-    let again = decode_quietly(series, scope.input, options, &mut second)?;
-    let made = provenance(series, scope.input, (&options.catalogue, again.decoder.buses()));
-    let (report, excerpt) = second.draft.finish(again.decoder.buses(), made);
+    let evidence = CaptureJob { setup: None, ..job };
+    let Summary { part: draft, decoder, .. } = evidence.read(draft)?.summary;
+    let made = provenance(series, scope.input, (&options.catalogue, decoder.buses()));
+    let (report, excerpt) = draft.finish(decoder.buses(), made);
     let first = excerpt.first().filter(|_| scope.is_cut);
     let start = first.map(|first| start_of_cut(series, scope.input, options, first)).transpose()?;
-    Ok(Composed { report, excerpt, findings, failure: decoded.failure, start })
+    Ok(Composed { report, excerpt, findings, failure, start })
 }
 
 /// Prints notes on a range after the end of the capture, and on unknown buses.
-fn report_selection(name: &str, select: &SelectArgs, facts: &Facts, decoded: &DecodedCapture) {
-    if let Some(missed) = facts.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+fn report_selection<P>(name: &str, select: &SelectArgs, summary: &Summary<(P, Facts)>) {
+    if let Some(missed) = summary.part.1.missed(summary.frames(), summary.last_time()) {
         note(&format!("{name}: {missed}"));
     }
-    for unknown in unknown_buses(name, select, decoded.decoder.buses()) {
+    for unknown in unknown_buses(name, select, summary.buses()) {
         warn(&unknown);
     }
-}
-
-/// Decodes the capture for the findings; prints warnings, unless stderr belongs to the terminal UI.
-///
-/// # Errors
-/// If the capture cannot be opened or recognised, or contains no frames.
-fn first_reading(
-    series: &Series,
-    scope: &ReportScope<'_>,
-    options: &SessionOptions,
-    reading: &mut FirstReading,
-) -> anyhow::Result<DecodedCapture> {
-    if scope.is_quiet {
-        return decode_quietly(series, scope.input, options, reading);
-    }
-    let decoded = decode_capture(series, scope.input, options, reading)?;
-    decoded.report_unreadable(&series.name());
-    Ok(decoded)
 }
 
 /// Reads the capture up to the first frame of the cut-out capture.
@@ -182,33 +161,27 @@ fn start_of_cut(
     options: &SessionOptions,
     first: u64,
 ) -> anyhow::Result<CutStart> {
-    let decoded = decode_quietly(series, input, options, &mut UntilFrame(first))?;
+    let read = CaptureJob::new(series, input, options, None).quiet(true).read(UntilFrame(first))?;
     let title = format!("State before frame {first} of {}", escape(&series.name()));
-    Ok(CutStart { state: BusSnapshot::of(decoded.decoder.buses()), input: input.clone(), title })
+    Ok(CutStart { state: BusSnapshot::of(read.summary.buses()), input: input.clone(), title })
 }
 
-/// Observer that ends decoding before a frame.
+/// Ends decoding before a frame.
 struct UntilFrame(u64);
 
-impl Observer for UntilFrame {
+impl ReadingPart for UntilFrame {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
         false
     }
 
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) -> bool {
-        true
-    }
-}
-
-impl CaptureObserver for UntilFrame {
-    fn wants_frames(&self) -> bool {
-        true
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
     }
 
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        frame.number < self.0
+    fn ends_before(&mut self, frame: &Frame) -> bool {
+        frame.number >= self.0
     }
 }
 
@@ -230,97 +203,4 @@ fn without_story(findings: &Findings, wanted: Option<&BTreeSet<u64>>) -> String 
     let reason = wanted.into_iter().flatten().find_map(|id| findings.group(*id)?.omission());
     let no_such = "no such finding (cobscope check -f jsonl)".to_owned();
     reason.map_or(no_such, |reason| format!("{reason}, in no story; a report needs a story"))
-}
-
-/// Observer of findings, facts and statistics.
-struct FirstReading {
-    engine: Engine,
-    facts: Facts,
-    statistics: Statistics,
-    first: Option<Timestamp>,
-    is_quiet: bool,
-}
-
-impl Observer for FirstReading {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.statistics.event(event);
-        Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = Judge { engine: &mut self.engine, out: &mut self.facts }.skip(preview, bus);
-        if is_skipped {
-            self.statistics.skip(preview, bus);
-        }
-        is_skipped
-    }
-
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.is_selective(preview, bus)
-    }
-}
-
-impl CaptureObserver for FirstReading {
-    fn is_on_terminal(&self) -> bool {
-        self.is_quiet
-    }
-
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.first = first.time;
-        self.facts.begin(first, span)
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        self.statistics.frame(frame);
-        self.engine.frame(frame);
-        true
-    }
-}
-
-/// Observer of the evidence.
-struct SecondReading {
-    draft: Draft,
-    is_quiet: bool,
-}
-
-impl Observer for SecondReading {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.draft.event(event, bus);
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.draft.needs(preview, bus)
-    }
-}
-
-impl CaptureObserver for SecondReading {
-    fn is_on_terminal(&self) -> bool {
-        self.is_quiet
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, names: &BusNames) -> bool {
-        let name = names.names().get(usize::from(frame.bus.0)).map_or("", String::as_str);
-        self.draft.frame(frame, name);
-        true
-    }
-
-    fn wants_decoded_frames(&self) -> bool {
-        true
-    }
-
-    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
-        self.draft.frame_decoded(frame, bus);
-    }
 }

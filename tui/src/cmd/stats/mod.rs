@@ -8,15 +8,16 @@ mod text;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::reading::{FrameDemand, ReadingPart};
+use cobscope_decoder::session::{Bus, Buses, Preview, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
-use super::decoding::{CaptureObserver, decode_capture, report_with};
+use super::decoding::{CaptureJob, ReadCapture, report_with};
 use super::input::{check_rules_of, session_options, setup};
 use super::messages::{Refusal, complain, warn};
 use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
-use crate::select::{Selection, Span};
+use crate::select::Selection;
 use crate::words::unknown_bus;
 pub(super) use report::Report;
 
@@ -31,24 +32,26 @@ pub fn run(arguments: &StatsArgs) -> Exit {
     };
     report_with(&arguments.input, &options, |series, options, output| {
         let selection = arguments.select.selection()?;
-        let mut counting = Counting { statistics: Statistics::default(), selection };
-        let decoded = decode_capture(series, &arguments.input, options, &mut counting)?;
-        let has: Vec<_> = decoded.decoder.buses().iter().map(Bus::name).collect();
+        let part = SelectedStatistics { statistics: Statistics::default(), selection };
+        let job = CaptureJob::new(series, &arguments.input, options, None);
+        let read = job.read_from(part, |part, first, span| part.selection.begin(first, span))?;
+        read.warnings.iter().for_each(|text| warn(text));
+        let ReadCapture { summary, format, failure, .. } = read;
+        let has: Vec<_> = summary.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
         let capture = series.name();
         named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|text| warn(&text));
-        let Counting { mut statistics, selection } = counting;
-        statistics.withdraw(decoded.decoder.buses());
-        if let Some(missed) = selection.missed(decoded.decoder.frames(), decoded.decoder.last_time()) {
+        let missed = summary.part.selection.missed(summary.frames(), summary.last_time());
+        if let Some(missed) = missed {
             warn(&format!("{capture}: {missed}"));
         }
-        let report =
-            Report { capture, format: decoded.format, statistics, decoder: decoded.decoder, arguments };
+        let (statistics, decoder) = (summary.part.statistics, summary.decoder);
+        let report = Report { capture, format, statistics, decoder, arguments };
         match arguments.format {
             ReportFormat::Text => text::write(&report, output),
             ReportFormat::Json => json::write(&report, output),
         }
-        Ok(decoded.failure)
+        Ok(failure)
     })
 }
 
@@ -75,13 +78,13 @@ pub(super) fn json_of(report: &Report<'_>) -> String {
     text
 }
 
-/// Observer that counts frames and events.
-struct Counting {
+/// Counts the frames and events of a selection.
+struct SelectedStatistics {
     statistics: Statistics,
     selection: Selection,
 }
 
-impl Observer for Counting {
+impl ReadingPart for SelectedStatistics {
     fn event(&mut self, event: &Event, bus: &Bus) {
         self.selection.see(event, bus);
         if self.selection.admits(event, bus) {
@@ -89,53 +92,43 @@ impl Observer for Counting {
         }
     }
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
         self.selection.is_limited()
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.needs(preview, bus);
-        if is_skipped {
-            self.statistics.skip(preview, bus);
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        self.statistics.skip(preview, bus);
+    }
+
+    fn demand(&self) -> FrameDemand {
+        match (self.selection.has_filter(), self.selection.is_limited()) {
+            (true, _) => FrameDemand::Decoded,
+            (false, true) => FrameDemand::Each,
+            (false, false) => FrameDemand::Batches,
         }
-        is_skipped
-    }
-}
-
-impl CaptureObserver for Counting {
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.selection.begin(first, span)
     }
 
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
         if self.selection.has_filter() {
             self.selection.begin_frame(frame);
         } else if self.selection.admits_frame(frame) {
             self.statistics.frame(frame);
         }
-        true
     }
 
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        let Some(first) = frames.first() else { return 0 };
-        if self.selection.is_limited() || !self.selection.admits_frame(first) {
-            return usize::from(self.frame(first, names));
+    fn frames(&mut self, frames: &[Frame], _names: &BusNames) {
+        if frames.first().is_some_and(|first| self.selection.admits_frame(first)) {
+            self.statistics.frames(frames);
         }
-        self.statistics.frames(frames);
-        frames.len()
-    }
-
-    fn wants_decoded_frames(&self) -> bool {
-        self.selection.has_filter()
     }
 
     fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
         if self.selection.admits_frame(frame) && self.selection.admits_decoded(bus) {
             self.statistics.frame(frame);
         }
+    }
+
+    fn finish(&mut self, buses: Buses<'_>) {
+        ReadingPart::finish(&mut self.statistics, buses);
     }
 }

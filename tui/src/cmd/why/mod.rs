@@ -4,23 +4,22 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::BusNames;
+use cobscope_decoder::Summary;
 use cobscope_decoder::diagnosis;
-use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::rules::{Engine, Judge, Setup};
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
+use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::rules::Setup;
+use cobscope_decoder::session::{Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::text::{self, Setting};
 use cobscope_decoder::why::{Question, json};
 
-use super::decoding::{CaptureObserver, decode_capture, report_with};
+use super::decoding::{CaptureJob, ReadCapture, report_with};
 use super::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
 use super::input::{check_rules_of, session_options, setup};
 use super::messages::{Refusal, complain, warn};
 use crate::cli::{ReportFormat, WhyArgs};
 use crate::exit_code::Exit;
-use crate::select::{Span, TimeLimit};
+use crate::select::TimeLimit;
 
 /// Runs the command.
 pub fn run(arguments: &WhyArgs) -> Exit {
@@ -35,20 +34,20 @@ pub fn run(arguments: &WhyArgs) -> Exit {
     report_with(&arguments.input, &options, |series, options, output| {
         let question = question(&arguments.input, &arguments.select, arguments.story);
         let question = Question { latest: arguments.at.is_some(), ..question };
-        let mut watch = Watch {
-            engine: Engine::new(Arc::clone(&setup)),
-            facts: Facts::new(question.clone(), &arguments.select)?,
-            limit: TimeLimit::new(arguments.at, arguments.select.to),
-        };
-        let decoded = decode_capture(series, &arguments.input, options, &mut watch)?;
+        let facts = Facts::new(question.clone(), &arguments.select)?;
+        let limit = TimeLimit::new(arguments.at, arguments.select.to);
+        let job = CaptureJob::new(series, &arguments.input, options, Some(&setup));
+        let read = job.read_from((facts, limit), |(facts, limit), first, span| {
+            limit.begin(first, span)?;
+            facts.begin(first, span)
+        })?;
         let name = series.name();
-        decoded.report_unreadable(&name);
-        let buses = decoded.decoder.buses();
-        let Watch { engine, mut facts, limit } = watch;
-        let first = limit.first();
-        let findings = engine.finish(buses, &mut facts);
-        let last = decoded.decoder.last_time();
-        if let Some(missed) = facts.missed(decoded.decoder.frames(), last) {
+        read.report();
+        let ReadCapture { summary, failure, .. } = read;
+        let (last, frames) = (summary.last_time(), summary.frames());
+        let Summary { findings, part: (facts, limit), decoder, .. } = summary;
+        let (buses, first) = (decoder.buses(), limit.first());
+        if let Some(missed) = facts.missed(frames, last) {
             complain(&anyhow::anyhow!("{name}: {missed}"));
         }
         for unknown in unknown_buses(&name, &arguments.select, buses) {
@@ -64,7 +63,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
         };
         let (why, selected, scope) = facts.results(&findings, first);
         let diagnosis = diagnosis(&findings, &selected, setting, (&question, buses));
-        ensure_story(&name, question.story, &diagnosis, decoded.failure.as_ref())?;
+        ensure_story(&name, question.story, &diagnosis, failure.as_ref())?;
         let answer = why.report(diagnosis, buses, &options.catalogue);
         match arguments.format {
             ReportFormat::Text => {
@@ -78,7 +77,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
                 output.push('\n');
             }
         }
-        Ok(decoded.failure)
+        Ok(failure)
     })
 }
 
@@ -103,75 +102,4 @@ pub(super) fn line(
     name: &str,
 ) -> String {
     json::line(answer, buses, first, None, name)
-}
-
-/// Observer that ends the capture at `--at` or `--to`.
-struct Watch {
-    engine: Engine,
-    facts: Facts,
-    limit: TimeLimit,
-}
-
-impl Observer for Watch {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        Judge { engine: &mut self.engine, out: &mut self.facts }.event(event, bus);
-    }
-
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.facts.needs(preview, bus) || self.engine.needs(preview, bus)
-    }
-
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        if self.facts.concerns(preview) {
-            self.skip_with_facts(preview, bus)
-        } else {
-            self.engine.skip(preview, bus)
-        }
-    }
-
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.engine.is_selective(preview, bus)
-    }
-}
-
-impl Watch {
-    #[inline(never)]
-    fn skip_with_facts(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        let is_skipped = !self.facts.needs(preview, bus) && self.engine.skip(preview, bus);
-        if is_skipped {
-            self.facts.count_skipped(preview, bus);
-        }
-        is_skipped
-    }
-}
-
-impl CaptureObserver for Watch {
-    fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.limit.begin(first, span)?;
-        self.facts.begin(first, span)
-    }
-
-    fn wants_frames(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, frame: &Frame, _names: &BusNames) -> bool {
-        if self.limit.ends_before(frame) {
-            return false;
-        }
-        self.engine.frame(frame);
-        true
-    }
-
-    fn frames(&mut self, frames: &[Frame], names: &BusNames) -> usize {
-        if self.limit.is_limited() {
-            usize::from(frames.first().is_some_and(|frame| self.frame(frame, names)))
-        } else {
-            self.engine.frames(frames)
-        }
-    }
-
-    fn early_end(&self) -> Option<String> {
-        self.limit.passed()
-    }
 }

@@ -19,7 +19,7 @@ use crate::figures::bytes;
 use crate::panes::common::LabelledLines;
 use crate::state::Core;
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::words::{commands, error_frames, faults, rates, stamps};
 
 /// Width of the labels.
@@ -28,7 +28,7 @@ const LABEL: u16 = 12;
 /// All lines; defects have the role of an error or warning.
 pub(super) fn lines(
     core: &Core,
-    survey: &Survey,
+    survey: &SurveyResults,
     bus: Option<(&Bus, &BusStatistics)>,
     buses: usize,
 ) -> LabelledLines {
@@ -38,7 +38,7 @@ pub(super) fn lines(
     }
     if let Some((bus, statistics)) = bus {
         told.extend(rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", Role::Text, text)));
-        let quality = &survey.statistics.quality;
+        let quality = &survey.overview.statistics.quality;
         told.extend(commands(statistics, quality).into_iter().map(|text| ("master", Role::Text, text)));
         if statistics.undecoded + statistics.malformed > 0 {
             let role = if statistics.malformed > 0 { Role::Caution } else { Role::Text };
@@ -61,8 +61,8 @@ pub(super) fn lines(
 }
 
 /// Frame rate and load of a bus.
-pub(super) fn rates_of(survey: &Survey, bus: &Bus, statistics: &BusStatistics) -> Vec<String> {
-    let quality = &survey.statistics.quality;
+pub(super) fn rates_of(survey: &SurveyResults, bus: &Bus, statistics: &BusStatistics) -> Vec<String> {
+    let quality = &survey.overview.statistics.quality;
     let hint = format!("set bitrate = 250000 in [bus.{}] of a bus file (--bus)", bus.name());
     rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
 }
@@ -76,8 +76,8 @@ fn controller(core: &Core, bus: &Bus) -> Option<(&'static str, Role, String)> {
 }
 
 /// Quality of the capture.
-fn quality(core: &Core, survey: &Survey, buses: usize) -> Vec<(&'static str, Role, String)> {
-    let quality = &survey.statistics.quality;
+fn quality(core: &Core, survey: &SurveyResults, buses: usize) -> Vec<(&'static str, Role, String)> {
+    let quality = &survey.overview.statistics.quality;
     let mut told = Vec::new();
     if quality.error_frames == 0 {
         let text = "cannot be judged: this capture has no error frames";

@@ -29,7 +29,7 @@ use crate::action::Action;
 use crate::figures::{bits, millis, seconds};
 use crate::state::{Core, JumpPlace};
 use crate::theme::{Glyph, Role};
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
 use crate::words::protocols;
@@ -210,7 +210,7 @@ impl BusPane {
         };
         let survey = core.timeline.survey();
         let target = if is_right {
-            further(&survey.load, time.0, axis.column)
+            further(&survey.overview.load, time.0, axis.column)
                 .map_or(JumpPlace::End, |time| JumpPlace::Time(Timestamp(time)))
         } else {
             let target = time.0.saturating_sub(axis.column);
@@ -225,7 +225,7 @@ impl BusPane {
             self.zoom = self.zoom.saturating_sub(1);
             return Vec::new();
         }
-        let step = core.timeline.survey().load.iter().map(crate::timeline::LoadOverTime::step).min();
+        let step = core.timeline.survey().overview.load.iter().map(crate::timeline::LoadOverTime::step).min();
         let column = self.axis(core, core.width).map(|axis| axis.column);
         match (column, step) {
             (Some(column), Some(step)) if column > step && self.zoom < MOST_ZOOM => self.zoom += 1,
@@ -268,10 +268,11 @@ impl Pane for BusPane {
         let world = last_world(core);
         let buses = world.as_ref().map_or(Buses::default(), |world| world.buses());
         let place = self.bus.min(buses.len().saturating_sub(1));
-        let (bus, steps) = (buses.get(place), survey.load.get(place));
+        let (bus, steps) = (buses.get(place), survey.overview.load.get(place));
         let axis = self.axis(core, area.width).filter(|_| steps.is_some());
         let contents = axis.as_ref().zip(steps).map(|(axis, steps)| axis.contents(steps)).unwrap_or_default();
-        let has_errors = survey.load.iter().any(|load| load.steps().iter().any(|step| step.errors > 0));
+        let has_errors =
+            survey.overview.load.iter().any(|load| load.steps().iter().any(|step| step.errors > 0));
         let parts = parts(area, axis.is_some(), has_errors);
         self.draw_title(core, bus, (axis.as_ref(), buses.len()), parts.title, buf);
         let rate = bus.and_then(Bus::bit_rate);
@@ -286,7 +287,8 @@ impl Pane for BusPane {
                 Self::draw_bars(core, &errors, (&format!("{most} err"), false), parts.errors, buf);
             }
         }
-        let lines = figures::lines(core, &survey, bus.zip(survey.statistics.buses.get(place)), buses.len());
+        let lines =
+            figures::lines(core, &survey, bus.zip(survey.overview.statistics.buses.get(place)), buses.len());
         lines.render(&core.theme, self.scroll, parts.text, buf);
     }
 
@@ -347,7 +349,7 @@ impl Pane for BusPane {
         let place = self.bus.min(world.buses().len().saturating_sub(1));
         let bus = world.buses().get(place)?;
         let survey = core.timeline.survey();
-        let text = figures::rates_of(&survey, bus, survey.statistics.buses.get(place)?).join("; ");
+        let text = figures::rates_of(&survey, bus, survey.overview.statistics.buses.get(place)?).join("; ");
         drop(survey);
         Some(format!("{} {text}", bus_name(core, bus.index())))
     }
@@ -356,17 +358,18 @@ impl Pane for BusPane {
 impl BusPane {
     /// Scroll position that shows the last line.
     fn last_scroll(&self, core: &Core) -> usize {
-        let survey: &Survey = &core.timeline.survey();
+        let survey: &SurveyResults = &core.timeline.survey();
         let world = last_world(core);
         let buses = world.as_ref().map_or(Buses::default(), |world| world.buses());
         let place = self.bus.min(buses.len().saturating_sub(1));
         let area = Rect::new(0, 0, core.width, core.height);
-        let has_errors = survey.load.iter().any(|load| load.steps().iter().any(|step| step.errors > 0));
+        let has_errors =
+            survey.overview.load.iter().any(|load| load.steps().iter().any(|step| step.errors > 0));
         let text = parts(area, self.axis(core, core.width).is_some(), has_errors).text;
         let lines = figures::lines(
             core,
             survey,
-            buses.get(place).zip(survey.statistics.buses.get(place)),
+            buses.get(place).zip(survey.overview.statistics.buses.get(place)),
             buses.len(),
         );
         lines.last_scroll(&core.theme, text)

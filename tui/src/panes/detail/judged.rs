@@ -14,7 +14,7 @@ use super::item::{Item, ItemTarget};
 use crate::panes::common::severity_role;
 use crate::state::{Core, JumpPlace};
 use crate::theme::Role;
-use crate::timeline::{Row, Survey};
+use crate::timeline::{Row, SurveyResults};
 
 /// Maximum length of a chain of causes.
 const LONGEST_CHAIN: usize = 8;
@@ -102,12 +102,12 @@ fn place(core: &Core, occurrence: &Occurrence) -> String {
 }
 
 /// Findings that opened here, while the rules still run.
-fn so_far(core: &Core, survey: &Survey, frames: &[u64], items: &mut Vec<Item>) {
-    for opened in survey.news.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
+fn so_far(core: &Core, survey: &SurveyResults, frames: &[u64], items: &mut Vec<Item>) {
+    for opened in survey.overview.opened.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
         let news = &opened.news;
         let head = format!("{} {}: {}", news.severity.name(), news.rule, news.text);
         items.push(Item::new(&head, severity_role(news.severity)));
-        let cause = news.cause.and_then(|id| survey.news.iter().find(|other| other.news.id == id));
+        let cause = news.cause.and_then(|id| survey.overview.opened.iter().find(|other| other.news.id == id));
         if let Some(cause) = cause {
             let time = core.time_words(cause.time, 3).map_or(String::new(), |time| format!(" {time}"));
             let frame = cause.spot.frame;

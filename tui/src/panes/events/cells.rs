@@ -146,7 +146,7 @@ fn of_findings(core: &Core, row: &EventRow) -> Option<Severity> {
     let from = rows.partition_point(|row| row.spot.frame < frame);
     let kinds = || rows.iter().skip(from).take_while(|row| row.spot.frame == frame).map(|row| row.kind);
     let is_about = |id: u64| {
-        let news = survey.news.iter().find(|opened| opened.news.id == id);
+        let news = survey.overview.opened.iter().find(|opened| opened.news.id == id);
         let word = news.map_or("", |opened| opened.news.word);
         word == row.kind || kinds().all(|kind| kind != word)
     };

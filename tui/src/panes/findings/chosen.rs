@@ -17,7 +17,7 @@ use cobscope_decoder::words::plural;
 
 use crate::panes::common::last_world;
 use crate::state::Core;
-use crate::timeline::{FindingOccurrence, Matches, Survey};
+use crate::timeline::{FindingOccurrence, Matches, SurveyResults};
 
 /// Event kind of a finding.
 const KIND: &str = "finding-opened";
@@ -59,7 +59,7 @@ pub(super) struct FilterResult {
 
 impl FilterResult {
     /// Applies the current filter; None without a filter.
-    pub(super) fn new(core: &Core, survey: &Survey) -> Option<Self> {
+    pub(super) fn new(core: &Core, survey: &SurveyResults) -> Option<Self> {
         let filter = core.matcher.filter.as_ref()?;
         let all = all(survey);
         let (ids, how) = if is_of_findings(filter) {
@@ -92,7 +92,7 @@ impl FilterResult {
 }
 
 /// Kept occurrences of findings inside the current filter; None without a filter.
-pub fn filtered_places(core: &Core, survey: &Survey) -> Option<Vec<FindingOccurrence>> {
+pub fn filtered_places(core: &Core, survey: &SurveyResults) -> Option<Vec<FindingOccurrence>> {
     let filter = core.matcher.filter.as_ref()?;
     let result = FilterResult::new(core, survey)?;
     let shown = if is_of_findings(filter) { None } else { core.timeline.matches() };
@@ -101,19 +101,19 @@ pub fn filtered_places(core: &Core, survey: &Survey) -> Option<Vec<FindingOccurr
     Some(places.copied().collect())
 }
 
-fn all(survey: &Survey) -> BTreeSet<u64> {
+fn all(survey: &SurveyResults) -> BTreeSet<u64> {
     match &survey.findings {
         Some(findings) => {
             let groups = findings.groups.iter().filter(|group| group.counts() || group.suppressed.is_some());
             groups.map(|group| group.id).collect()
         }
-        None => survey.news.iter().map(|opened| opened.news.id).collect(),
+        None => survey.overview.opened.iter().map(|opened| opened.news.id).collect(),
     }
 }
 
 /// Findings in frames of matching events: where they opened, and their kept occurrences.
-fn in_frames(survey: &Survey, shown: &Matches) -> BTreeSet<u64> {
-    let opened = survey.news.iter().map(|opened| (opened.news.id, opened.spot.frame));
+fn in_frames(survey: &SurveyResults, shown: &Matches) -> BTreeSet<u64> {
+    let opened = survey.overview.opened.iter().map(|opened| (opened.news.id, opened.spot.frame));
     let groups = survey.findings.iter().flat_map(|findings| &findings.groups);
     let seen = groups.flat_map(|group| occurrences(group).map(|seen| (group.id, seen.frames.last)));
     opened.chain(seen).filter(|(_, frame)| shown.has_frame(*frame)).map(|(id, _)| id).collect()
@@ -130,12 +130,12 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    fn ids(&self, survey: &Survey) -> BTreeSet<u64> {
+    fn ids(&self, survey: &SurveyResults) -> BTreeSet<u64> {
         if let Some(findings) = &survey.findings {
             let groups = findings.groups.iter().filter(|group| self.takes_group(findings, group));
             return groups.map(|group| group.id).collect();
         }
-        let opened = survey.news.iter().filter(|opened| {
+        let opened = survey.overview.opened.iter().filter(|opened| {
             let at = Occurrence { time: opened.time, frames: FrameRange::one(opened.spot.frame) };
             self.takes((opened.bus, opened.node), at, &opened.news)
         });

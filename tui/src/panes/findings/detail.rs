@@ -22,13 +22,17 @@ use super::rows::Facts;
 use crate::panes::common::{LabelledLines, severity_role, time};
 use crate::state::{Core, DIFFERS};
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 
 /// Width of the labels.
 const LABEL: u16 = 14;
 
 /// Number of findings removed by the filter, and limits of the verdicts as in `check`.
-pub(super) fn notes(core: &Core, survey: &Survey, chosen: Option<&FilterResult>) -> Vec<Line<'static>> {
+pub(super) fn notes(
+    core: &Core,
+    survey: &SurveyResults,
+    chosen: Option<&FilterResult>,
+) -> Vec<Line<'static>> {
     let theme = &core.theme;
     let labelled = |role: Role, label: &str, text: &str| {
         let label = Span::styled(format!("{label:<9}"), theme.style(role));

@@ -37,7 +37,7 @@ use super::{Effect, Pane, Sorting};
 use crate::action::Action;
 use crate::state::{Core, DIFFERS, JumpPlace};
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::widgets::draw;
 use crate::widgets::table::{Cell, Column, Row, Table, TableState, Width};
 
@@ -145,9 +145,9 @@ fn parts(area: Rect, notes: usize, rows: usize) -> Parts {
 }
 
 impl Findings {
-    fn made(&self, core: &Core, survey: &Survey) -> RowInputs {
+    fn made(&self, core: &Core, survey: &SurveyResults) -> RowInputs {
         RowInputs {
-            openings: survey.news.len(),
+            openings: survey.overview.opened.len(),
             is_complete: survey.findings.is_some(),
             folded: self.folded.len(),
             sort: self.table.sort,
@@ -156,7 +156,7 @@ impl Findings {
     }
 
     /// The rows, rebuilt only if an input changed.
-    fn listed(&self, core: &Core, survey: &Survey) -> Cow<'_, FindingList> {
+    fn listed(&self, core: &Core, survey: &SurveyResults) -> Cow<'_, FindingList> {
         let made = self.made(core, survey);
         if self.listed.made.as_ref() == Some(&made) {
             return Cow::Borrowed(&self.listed);
@@ -176,18 +176,18 @@ impl Findings {
         TableState { selected: self.at(items), ..self.table.clone() }
     }
 
-    fn item(&self, core: &Core, survey: &Survey) -> Option<Item> {
+    fn item(&self, core: &Core, survey: &SurveyResults) -> Option<Item> {
         let listed = self.listed(core, survey);
         listed.rows.get(self.at(&listed.rows)).copied()
     }
 
     /// Number of visible table rows.
-    fn height(&self, core: &Core, survey: &Survey) -> usize {
+    fn height(&self, core: &Core, survey: &SurveyResults) -> usize {
         let notes = detail::notes(core, survey, self.listed.chosen.as_ref()).len();
         Table::height(parts(Rect::new(0, 0, 80, core.height), notes, self.listed.rows.len()).table)
     }
 
-    fn moves(&mut self, action: Action, core: &Core, survey: &Survey) {
+    fn moves(&mut self, action: Action, core: &Core, survey: &SurveyResults) {
         let (len, height) = (self.listed.rows.len(), self.height(core, survey));
         self.table.selected = self.at(&self.listed.rows);
         move_in(&mut self.table, action, height, len);
@@ -195,7 +195,7 @@ impl Findings {
     }
 
     /// Indices of the visible columns.
-    fn shown(&self, core: &Core, survey: &Survey) -> Vec<usize> {
+    fn shown(&self, core: &Core, survey: &SurveyResults) -> Vec<usize> {
         let (notes, count) =
             (detail::notes(core, survey, self.listed.chosen.as_ref()).len(), self.listed.rows.len());
         let area = parts(Rect::new(0, 0, core.width, core.height), notes, count).table;
@@ -204,7 +204,7 @@ impl Findings {
     }
 
     /// The filter for a cell; None for a column without a field.
-    fn filter_of(&self, core: &Core, survey: &Survey) -> Option<String> {
+    fn filter_of(&self, core: &Core, survey: &SurveyResults) -> Option<String> {
         let item = self.item(core, survey)?;
         let facts = facts(survey, &item)?;
         let of_node = || match facts.node {
@@ -235,7 +235,7 @@ impl Findings {
         node.into_iter().chain(rest).collect()
     }
 
-    fn draw_detail(&self, core: &Core, survey: &Survey, area: Rect, buf: &mut Buffer) {
+    fn draw_detail(&self, core: &Core, survey: &SurveyResults, area: Rect, buf: &mut Buffer) {
         let Some(item) = self.item(core, survey) else { return };
         let (title, lines) = match (&survey.findings, group(survey, &item)) {
             (Some(findings), Some(group)) => {
@@ -397,7 +397,7 @@ impl Pane for Findings {
 }
 
 /// Message of an empty table.
-fn empty(survey: &Survey, chosen: Option<&FilterResult>) -> String {
+fn empty(survey: &SurveyResults, chosen: Option<&FilterResult>) -> String {
     if chosen.is_some_and(|chosen| !chosen.is_of_none()) {
         return "no findings match; c clears the filter".into();
     }

@@ -16,7 +16,7 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 
 use super::chosen::FilterResult;
-use crate::timeline::{OpenedFinding, Survey};
+use crate::timeline::{OpenedFinding, SurveyResults};
 
 /// A row: id of the finding and its place in the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub(super) struct Facts {
 
 /// Selected findings as a tree by cause, worst first, or sorted by the column and direction of `sort`.
 pub(super) fn items(
-    survey: &Survey,
+    survey: &SurveyResults,
     chosen: Option<&FilterResult>,
     folded: &BTreeSet<u64>,
     sort: Option<(usize, bool)>,
@@ -61,7 +61,7 @@ pub(super) fn items(
     let is_chosen = |id: u64| chosen.is_none_or(|chosen| chosen.has(id));
     let mut items = match &survey.findings {
         Some(findings) => tree(findings, &is_chosen, folded, sort.is_some()),
-        None => opened(&survey.news, &is_chosen),
+        None => opened(&survey.overview.opened, &is_chosen),
     };
     if let Some((column, is_descending)) = sort {
         let mut told: Vec<_> = items.iter().filter_map(|item| Some((facts(survey, item)?, *item))).collect();
@@ -128,12 +128,12 @@ fn item(group: &Group, depth: u8, open: Option<bool>) -> Item {
 }
 
 /// The group of a row; None while the rules still run.
-pub(super) fn group<'a>(survey: &'a Survey, item: &Item) -> Option<&'a Group> {
+pub(super) fn group<'a>(survey: &'a SurveyResults, item: &Item) -> Option<&'a Group> {
     survey.findings.as_ref()?.groups.get(item.place).filter(|group| group.id == item.id)
 }
 
 /// Content of a row with escaped texts.
-pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
+pub(super) fn facts(survey: &SurveyResults, item: &Item) -> Option<Facts> {
     if let Some(group) = group(survey, item) {
         let label = group.key.node.map(NodeId::label).unwrap_or_default();
         let name = group.node_name.as_deref().unwrap_or("");
@@ -158,7 +158,7 @@ pub(super) fn facts(survey: &Survey, item: &Item) -> Option<Facts> {
             is_suppressed: group.suppressed.is_some(),
         });
     }
-    let opened = survey.news.get(item.place)?;
+    let opened = survey.overview.opened.get(item.place)?;
     let news = &opened.news;
     let subject = match (news.object, news.pgn, &news.about) {
         (Some(object), ..) => Some(format!("object == 0x{object}")),

@@ -11,7 +11,7 @@ use cobscope_decoder::wire::NodeId;
 use super::Signals;
 use crate::state::Core;
 use crate::theme::Role;
-use crate::timeline::Survey;
+use crate::timeline::SurveyResults;
 use crate::widgets::plot::Mark;
 
 const ERROR: &str = "E";
@@ -53,13 +53,13 @@ fn concerns(nodes: &Nodes, bus: BusIndex, node: Option<NodeId>) -> bool {
     nodes.iter().any(|(of, plotted)| *of == bus && (node.is_none() || node == *plotted))
 }
 
-fn of_severity(survey: &Survey, severity: Severity, nodes: &Nodes, last: i64) -> Vec<Mark> {
+fn of_severity(survey: &SurveyResults, severity: Severity, nodes: &Nodes, last: i64) -> Vec<Mark> {
     let Some(findings) = &survey.findings else {
         // Until the rules are done, only the begin of a finding is known.
-        let opened = survey
-            .news
-            .iter()
-            .filter(|opened| opened.news.severity == severity && concerns(nodes, opened.bus, opened.node));
+        let opened =
+            survey.overview.opened.iter().filter(|opened| {
+                opened.news.severity == severity && concerns(nodes, opened.bus, opened.node)
+            });
         let times = opened.filter_map(|opened| opened.time);
         return times.map(|time| mark(severity, time.0, time.0)).collect();
     };
@@ -83,9 +83,12 @@ fn ranges(group: &Group, last: i64) -> Vec<(i64, i64)> {
     vec![(began.0, ended.0)]
 }
 
-fn nmt_changes<'a>(survey: &'a Survey, nodes: &'a Nodes) -> impl Iterator<Item = Mark> + 'a {
-    let own =
-        survey.nmt.iter().filter(|moment| moment.is_change && nodes.contains(&(moment.bus, moment.node)));
+fn nmt_changes<'a>(survey: &'a SurveyResults, nodes: &'a Nodes) -> impl Iterator<Item = Mark> + 'a {
+    let own = survey
+        .overview
+        .nmt
+        .iter()
+        .filter(|moment| moment.is_change && nodes.contains(&(moment.bus, moment.node)));
     own.map(|moment| Mark { from: moment.time.0, to: moment.time.0, symbol: NMT, role: Role::Note })
 }
 

@@ -12,9 +12,8 @@ use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::session::{Bus, Buses, Observer, Preview, SessionOptions};
+use cobscope_decoder::session::{Buses, NoObserver, SessionOptions};
 
 use super::super::disk::Disk;
 use super::super::item::{Item, RecordItem};
@@ -37,21 +36,6 @@ pub(in super::super) struct StateFollower {
     pub(super) in_memory: BusState,
     pub(super) in_files: BusState,
     text: StateText,
-}
-
-/// Receiver of events that needs none.
-struct NoEvents;
-
-impl Observer for NoEvents {
-    fn event(&mut self, _event: &Event, _bus: &Bus) {}
-
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
-        false
-    }
-
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) -> bool {
-        true
-    }
 }
 
 impl StateFollower {
@@ -79,7 +63,7 @@ impl BusState {
         let name = buses.get(item.bus).map_or("", String::as_str);
         let Some(bus) = names.index_of(name.as_bytes()) else { return };
         match &item.what {
-            RecordItem::Frame(frame) => decoder.push(&Frame { bus, ..*frame }, names, &mut NoEvents),
+            RecordItem::Frame(frame) => decoder.push(&Frame { bus, ..*frame }, names, &mut NoObserver),
             RecordItem::Notice(notice) => {
                 let mut notice = notice.clone();
                 if let Notice::LostFrames { bus: own, .. }
@@ -88,7 +72,7 @@ impl BusState {
                 {
                     *own = bus;
                 }
-                decoder.notice(&notice, names, &mut NoEvents);
+                decoder.notice(&notice, names, &mut NoObserver);
             }
             RecordItem::Commented(_) | RecordItem::Trigger(_) => (),
         }

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::diagnosis::{Diagnosis, Setting};
-use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::finding::{Findings, Severity};
 use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::reading;
 
 /// Minimum time between two diagnoses: each copies all findings.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -21,9 +21,9 @@ pub(super) struct Diagnosing {
 }
 
 impl Diagnosing {
-    /// Notes a finding that opens or closes.
-    pub(super) fn see(&mut self, event: &Event) {
-        self.has_changed |= matches!(event.kind, EventKind::FindingOpened(_) | EventKind::FindingClosed(_));
+    /// Notes that a finding opens or closes.
+    pub(super) fn note_change(&mut self) {
+        self.has_changed = true;
     }
 
     /// Whether a diagnosis is due now or later.
@@ -49,7 +49,7 @@ pub(super) fn diagnose(
     is_growing: bool,
 ) -> (Diagnosis, (usize, usize)) {
     let setting = Setting { zero, is_growing, ..Setting::default() };
-    let diagnosis = Diagnosis::of(findings, findings.counting(), setting);
+    let diagnosis = reading::diagnosis(findings, setting);
     (diagnosis, (findings.number(Severity::Error), findings.number(Severity::Warning)))
 }
 

@@ -31,7 +31,7 @@ use super::table::Table;
 use super::time::micros_of_date;
 use crate::event::{Event, EventKind};
 use crate::frame::Frame;
-use crate::session::{Bus, Observer};
+use crate::session::Bus;
 
 /// Tables in the order in which their files receive their names: a capture is listed last.
 pub const TABLES: [&str; 6] = ["frames", "signals", "events", "objects", "findings", "captures"];
@@ -162,8 +162,9 @@ impl<'a> LakeWriter<'a> {
     }
 }
 
-impl Observer for LakeWriter<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+impl LakeWriter<'_> {
+    /// Takes an event of the capture, or of a finding.
+    pub fn event(&mut self, event: &Event, bus: &Bus) {
         if self.error.is_none() {
             self.error = self.rows(event, bus).err();
         }

@@ -1,0 +1,132 @@
+//! The parts of this library.
+
+use super::part::{FrameDemand, ReadingPart};
+use crate::capture::BusNames;
+use crate::comparison::Recorder;
+use crate::event::Event;
+use crate::frame::Frame;
+use crate::report::Draft;
+use crate::session::{Bus, Buses, Preview};
+use crate::statistics::Statistics;
+use crate::why::Why;
+
+impl ReadingPart for Statistics {
+    fn event(&mut self, event: &Event, _bus: &Bus) {
+        Self::event(self, event);
+    }
+
+    fn finding(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+        false
+    }
+
+    #[inline]
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        Self::skip(self, preview, bus);
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Batches
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        Self::frame(self, frame);
+    }
+
+    fn frames(&mut self, frames: &[Frame], _names: &BusNames) {
+        Self::frames(self, frames);
+    }
+
+    fn finish(&mut self, buses: Buses<'_>) {
+        self.withdraw(buses);
+    }
+}
+
+impl ReadingPart for Why {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        self.observe(event, bus, true);
+    }
+
+    #[inline]
+    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.needs(preview, bus)
+    }
+
+    #[inline]
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        Self::skip(self, preview, bus);
+    }
+}
+
+impl ReadingPart for Recorder {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        Self::event(self, event, bus);
+    }
+
+    fn finding(&mut self, _event: &Event, _bus: &Bus) {}
+
+    #[inline]
+    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
+        self.needs(preview, bus)
+    }
+
+    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+        Self::skip(self, preview, bus);
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Each
+    }
+
+    fn frame(&mut self, frame: &Frame, _names: &BusNames) {
+        Self::frame(self, frame);
+    }
+
+    fn finish(&mut self, buses: Buses<'_>) {
+        self.statistics.withdraw(buses);
+    }
+}
+
+impl ReadingPart for Draft {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        Self::event(self, event, bus);
+    }
+
+    fn finding(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn need(&self, preview: &Preview, _bus: &Bus) -> bool {
+        self.needs(preview)
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Decoded
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        Self::frame(self, frame, names.name_of(frame.bus));
+    }
+
+    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
+        Self::frame_decoded(self, frame, bus);
+    }
+}
+
+#[cfg(feature = "parquet")]
+impl ReadingPart for crate::sink::lake::LakeWriter<'_> {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        Self::event(self, event, bus);
+    }
+
+    fn demand(&self) -> FrameDemand {
+        if self.wants_frames() { FrameDemand::Each } else { FrameDemand::None }
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        Self::frame(self, frame, names.name_of(frame.bus));
+    }
+
+    fn is_done(&self) -> bool {
+        self.has_failed()
+    }
+}
