@@ -5,8 +5,14 @@
 //! byte 3  location           byte 4  transceiver               byte 6  TX counter   byte 7  RX counter
 //! ```
 
+use nom::Parser;
+use nom::combinator::success;
+use nom::number::complete::u8 as byte;
+
+use super::parser::{Parsed, bit_field};
+
 /// Fields of an error frame; their names are in `lookups/can_error_classes.toml`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct ErrorFrame {
     /// Class bits of the identifier, error flag removed.
     pub classes: u32,
@@ -28,17 +34,26 @@ pub struct ErrorFrame {
 
 /// Reads an error frame; missing bytes read as 0, "unspecified".
 pub fn parse(id: u32, data: &[u8]) -> ErrorFrame {
-    let byte = |index: usize| data.get(index).copied().unwrap_or(0);
-    ErrorFrame {
-        classes: id & 0x1FFF_FFFF,
-        arbitration_bit: byte(0),
-        controller: byte(1),
-        protocol: byte(2),
-        location: byte(3),
-        transceiver: byte(4),
-        transmit_errors: byte(6),
-        receive_errors: byte(7),
-    }
+    parse_fields(id, data).map(|(_, frame)| frame).unwrap_or_default()
+}
+
+fn parse_fields(id: u32, data: &[u8]) -> Parsed<'_, ErrorFrame> {
+    let byte = || byte.or(success(0));
+    let (rest, (arbitration_bit, controller, protocol, location)) =
+        (byte(), byte(), byte(), byte()).parse(data)?;
+    let (rest, (transceiver, _, transmit_errors, receive_errors)) =
+        (byte(), byte(), byte(), byte()).parse(rest)?;
+    let frame = ErrorFrame {
+        classes: bit_field(id, 0, 29),
+        arbitration_bit,
+        controller,
+        protocol,
+        location,
+        transceiver,
+        transmit_errors,
+        receive_errors,
+    };
+    Ok((rest, frame))
 }
 
 #[cfg(test)]

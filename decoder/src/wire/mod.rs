@@ -1,7 +1,8 @@
 //! Frames to messages: pure parsers of payload bytes.
 //!
-//! The parsers have no state. The session passes the current meaning of an identifier and the phase of a
-//! transfer as arguments. The parsers do not allocate. Their only error is [`Malformed`]: missing bytes.
+//! Each message is a nom parser; its error becomes [`Malformed`] in `parser.rs`. The parsers do not allocate
+//! and have no state. The session passes the current meaning of an identifier and the phase of a transfer as
+//! arguments.
 
 pub mod canopen;
 pub mod error_frame;
@@ -9,6 +10,9 @@ pub mod isotp;
 pub mod j1939;
 mod node_id;
 mod node_map;
+mod parser;
+#[cfg(test)]
+mod tests;
 pub mod uds;
 
 pub use node_id::NODE_PLACES;
@@ -26,17 +30,4 @@ pub struct Malformed {
     pub needed: u8,
     /// Bytes available from `offset` on.
     pub available: u8,
-}
-
-impl Malformed {
-    /// `needed` bytes at `offset` of a payload of `length` bytes.
-    fn at(layer: &'static str, offset: usize, needed: usize, length: usize) -> Self {
-        let small = |value: usize| u8::try_from(value).unwrap_or(u8::MAX);
-        Self {
-            layer,
-            offset: small(offset),
-            needed: small(needed),
-            available: small(length.saturating_sub(offset)),
-        }
-    }
 }

@@ -10,8 +10,15 @@
 //! The positions of sub-function and identifier depend on the service (`lookups/uds_services.toml`); the
 //! caller passes them as a [`ServiceLayout`].
 
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::number::Endianness;
+use nom::number::complete::{u8 as byte, u16 as two_bytes};
+use nom::sequence::preceded;
+
 use super::Malformed;
 use super::canopen::emcy::ByteOrder;
+use super::parser::{Parsed, bit_field, field_group, parse_message};
 
 /// One UDS message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,14 +58,19 @@ pub(crate) const RESPONSE_PENDING: u8 = 0x78;
 /// # Errors
 /// If `data` is empty, or a negative response lacks its service or its code.
 pub fn parse(data: &[u8]) -> Result<Uds<'_>, Malformed> {
-    match data {
-        [] => Err(Malformed::at("uds", 0, 1, 0)),
-        [NEGATIVE, service, code, ..] => Ok(Uds::Negative { service: *service, code: *code }),
-        [NEGATIVE, ..] => Err(Malformed::at("uds", 1, 2, data.len())),
-        [service, rest @ ..] if service & RESPONSE != 0 => {
-            Ok(Uds::Positive { service: service & !RESPONSE, data: rest })
+    parse_message("uds", data, parse_fields)
+}
+
+fn parse_fields(data: &[u8]) -> Parsed<'_, Uds<'_>> {
+    let (rest, service) = byte(data)?;
+    match service {
+        NEGATIVE => {
+            field_group((byte, byte)).map(|(service, code)| Uds::Negative { service, code }).parse(rest)
         }
-        [service, rest @ ..] => Ok(Uds::Request { service: *service, data: rest }),
+        _ if service & RESPONSE != 0 => {
+            Ok((rest, Uds::Positive { service: service & !RESPONSE, data: rest }))
+        }
+        _ => Ok((rest, Uds::Request { service, data: rest })),
     }
 }
 
@@ -93,19 +105,23 @@ impl ServiceLayout {
     /// Sub-function in `data`, the bytes after the service identifier.
     pub fn sub_function(self, data: &[u8]) -> Option<SubFunction> {
         let byte = data.first().copied().filter(|_| self.sub_function)?;
-        Some(SubFunction { value: byte & 0x7F, suppress_response: byte & 0x80 != 0 })
+        Some(SubFunction { value: bit_field(byte, 0, 7), suppress_response: byte & 0x80 != 0 })
     }
 
     /// Data or routine identifier in `data`, the bytes after the service identifier. The standard sends the
     /// high byte first; `order` is the byte order of the device.
     pub fn identifier(self, data: &[u8], order: ByteOrder) -> Option<u16> {
         let place = self.identifier?;
-        match (data.get(usize::from(place.offset)..)?, place.high, order) {
-            ([low, ..], Some(high), _) => Some(u16::from_be_bytes([high, *low])),
-            ([high, low, ..], None, ByteOrder::MsbFirst) => Some(u16::from_be_bytes([*high, *low])),
-            ([low, high, ..], None, ByteOrder::LsbFirst) => Some(u16::from_le_bytes([*low, *high])),
-            _ => None,
-        }
+        let order = match order {
+            ByteOrder::MsbFirst => Endianness::Big,
+            ByteOrder::LsbFirst => Endianness::Little,
+        };
+        let identifier = |rest| match place.high {
+            Some(high) => byte.map(|low| u16::from_be_bytes([high, low])).parse(rest),
+            None => two_bytes(order)(rest),
+        };
+        let parsed: Parsed<'_, u16> = preceded(take(place.offset), identifier).parse(data);
+        parsed.ok().map(|(_, identifier)| identifier)
     }
 
     /// Bytes after identifier and sub-function: data record or parameters.

@@ -1,8 +1,9 @@
 //! Fields of text captures: words separated by whitespace, and the numbers in them.
 
-use nom::character::complete::{digit1, one_of};
+use nom::character::complete::{char, digit1, one_of};
 use nom::combinator::{all_consuming, opt};
-use nom::sequence::preceded;
+use nom::error::Error;
+use nom::sequence::{preceded, terminated};
 use nom::{IResult, Parser};
 
 use crate::frame::{CanId, MAX_DATA};
@@ -107,7 +108,7 @@ pub(in crate::capture) fn identifier(number: u32, extended: bool) -> Option<CanI
 fn fixed_point(input: &[u8], unit: i128) -> IResult<&[u8], i128> {
     let (rest, (whole, fraction)) =
         all_consuming((digit1, opt(preceded(one_of(".,"), digit1)))).parse(input)?;
-    let too_long = || nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::TooLarge));
+    let too_long = || nom::Err::Error(Error::new(input, nom::error::ErrorKind::TooLarge));
     let number = |digits: &[u8]| {
         (digits.len() <= 18)
             .then(|| digits.iter().fold(0_i128, |value, digit| value * 10 + i128::from(digit - b'0')))
@@ -130,11 +131,11 @@ pub(in crate::capture) fn time(word: &[u8], unit: i64) -> Option<i64> {
 /// Parses hours, minutes and seconds, such as `00:30:06.866`, into nanoseconds; the hours have no upper limit.
 pub(in crate::capture) fn time_of_day(word: &[u8]) -> Option<i64> {
     const SECOND: i64 = 1_000_000_000;
-    let mut parts = word.splitn(3, |byte| *byte == b':');
-    let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
-    let (hours, minutes) = (number()?, number()?);
-    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
-    time(parts.next()?, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
+    let number =
+        || terminated(digit1::<_, Error<&[u8]>>.map_opt(|digits| Base::Decimal.number(digits)), char(':'));
+    let (seconds, (hours, minutes)) = (number(), number()).parse(word).ok()?;
+    let minutes = i64::from(hours).checked_mul(60)?.checked_add(minutes.into())?;
+    time(seconds, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
 }
 
 /// Converts days since 1899-12-30 (UTC) to nanoseconds since 1970.

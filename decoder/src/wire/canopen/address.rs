@@ -2,6 +2,13 @@
 
 use std::str::FromStr;
 
+use nom::Parser;
+use nom::branch::alt;
+use nom::bytes::complete::{tag, tag_no_case, take_while_m_n};
+use nom::combinator::{all_consuming, opt};
+use nom::error::Error;
+use nom::sequence::{delimited, preceded};
+
 use super::ObjectAddress;
 
 /// The text is not a valid object address.
@@ -14,21 +21,21 @@ impl FromStr for ObjectAddress {
     type Err = NotAnAddress;
 
     fn from_str(text: &str) -> Result<Self, NotAnAddress> {
-        let lower = text.to_ascii_lowercase();
-        let (index, sub) = match lower.split_once("sub").or_else(|| lower.split_once(':')) {
-            Some((index, sub)) => (index, sub),
-            None => (lower.as_str(), "0"),
-        };
-        let number = |text: &str, digits: usize| {
-            let bare = text.strip_prefix("0x").unwrap_or(text);
-            let bare = bare.strip_suffix('h').unwrap_or(bare);
-            let fits =
-                (1..=digits).contains(&bare.len()) && bare.bytes().all(|byte| byte.is_ascii_hexdigit());
-            fits.then(|| u16::from_str_radix(bare, 16).ok()).flatten().ok_or(NotAnAddress)
-        };
-        let sub = u8::try_from(number(sub, 2)?).map_err(|_| NotAnAddress)?;
-        Ok(Self { index: number(index, 4)?, sub })
+        let sub = preceded(alt((tag_no_case("sub"), tag(":"))), hexadecimal(2));
+        let (_, (index, sub)) = all_consuming((hexadecimal(4), opt(sub)))
+            .parse_complete(text)
+            .map_err(|_: nom::Err<Error<&str>>| NotAnAddress)?;
+        Ok(Self { index, sub: sub.unwrap_or_default() })
     }
+}
+
+/// A number of at most `digits` digits: `18`, `0x18` or `18h`.
+fn hexadecimal<'a, N: TryFrom<u16>>(
+    digits: usize,
+) -> impl Parser<&'a str, Output = N, Error = Error<&'a str>> {
+    let digits = take_while_m_n(1, digits, |digit: char| digit.is_ascii_hexdigit());
+    delimited(opt(tag_no_case("0x")), digits, opt(tag_no_case("h")))
+        .map_opt(|digits| N::try_from(u16::from_str_radix(digits, 16).ok()?).ok())
 }
 
 #[cfg(test)]

@@ -8,7 +8,13 @@
 //! first. The caller passes the order of the device. An EMCY without data is the "ready" message of
 //! CiA 301 version 3.
 
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::combinator::opt;
+use nom::number::complete::u8 as byte;
+
 use crate::wire::Malformed;
+use crate::wire::parser::{Parsed, parse_message};
 
 /// Byte order of the error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -53,23 +59,26 @@ pub enum Emcy {
 /// # Errors
 /// If the message has exactly one byte: half an error code.
 pub fn parse(data: &[u8], order: ByteOrder) -> Result<Emcy, Malformed> {
-    let (low, high) = match (data, order) {
-        ([], _) => return Ok(Emcy::Ready),
-        ([_], _) => return Err(Malformed::at("emcy", 1, 1, data.len())),
-        ([first, second, ..], ByteOrder::LsbFirst) => (*first, *second),
-        ([first, second, ..], ByteOrder::MsbFirst) => (*second, *first),
-    };
+    parse_message("emcy", data, |data| parse_fields(data, order))
+}
+
+fn parse_fields(data: &[u8], order: ByteOrder) -> Parsed<'_, Emcy> {
+    if data.is_empty() {
+        return Ok((data, Emcy::Ready));
+    }
+    let (rest, (first, second)) = (byte, byte).parse(data)?;
+    let (rest, register) = opt(byte).parse(rest)?;
     let mut vendor = [0; 5];
-    let rest = data.get(3..).unwrap_or_default();
-    for (target, source) in vendor.iter_mut().zip(rest) {
+    let (rest, received) = take(rest.len().min(vendor.len())).parse(rest)?;
+    for (target, source) in vendor.iter_mut().zip(received) {
         *target = *source;
     }
-    Ok(Emcy::Error {
-        code: u16::from_le_bytes([low, high]),
-        register: data.get(2).copied(),
-        vendor,
-        vendor_length: u8::try_from(rest.len().min(5)).unwrap_or(5),
-    })
+    let code = match order {
+        ByteOrder::LsbFirst => u16::from_le_bytes([first, second]),
+        ByteOrder::MsbFirst => u16::from_be_bytes([first, second]),
+    };
+    let vendor_length = u8::try_from(received.len()).unwrap_or(5);
+    Ok((rest, Emcy::Error { code, register, vendor, vendor_length }))
 }
 
 #[cfg(test)]

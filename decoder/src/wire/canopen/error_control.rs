@@ -4,8 +4,12 @@
 //! byte 0  bit 7 toggle (guarding; 0 in a heartbeat)  bits 6..0 NMT state, 0 = boot-up
 //! ```
 
+use nom::Parser;
+use nom::number::complete::u8 as byte;
+
 use super::NmtState;
 use crate::wire::Malformed;
+use crate::wire::parser::{bit_field, parse_message};
 
 /// Byte sent by the NMT slave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,9 +27,11 @@ pub struct ErrorControl {
 /// # Errors
 /// If there is no byte.
 pub fn parse(data: &[u8]) -> Result<ErrorControl, Malformed> {
-    let [byte, ..] = *data else { return Err(Malformed::at("error-control", 0, 1, 0)) };
-    let code = byte & 0x7F;
-    Ok(ErrorControl { toggle: byte & 0x80 != 0, state: NmtState::from_code(code), code })
+    let message = byte.map(|byte| {
+        let code = bit_field(byte, 0, 7);
+        ErrorControl { toggle: byte & 0x80 != 0, state: NmtState::from_code(code), code }
+    });
+    parse_message("error-control", data, message)
 }
 
 #[cfg(test)]

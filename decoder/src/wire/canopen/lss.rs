@@ -6,9 +6,10 @@
 //! ```
 
 use nom::Parser;
-use nom::number::complete::{le_u32, u8 as byte};
+use nom::number::complete::{le_u16, le_u32, u8 as byte};
 
 use crate::wire::Malformed;
+use crate::wire::parser::{Parsed, field_group, parse_message};
 
 /// One LSS message. Names and result texts are in `standard/cia305.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,33 +100,24 @@ pub const fn shape(command: u8, from_master: bool) -> LssLayout {
 /// # Errors
 /// If it is shorter than its command needs.
 pub fn parse(data: &[u8], from_master: bool) -> Result<Lss, Malformed> {
-    let [command, rest @ ..] = data else { return Err(Malformed::at("lss", 0, 1, 0)) };
-    let shape = shape(*command, from_master);
-    match content(shape, rest) {
-        Ok((_, content)) => Ok(Lss { command: *command, content }),
-        Err(_) => Err(Malformed::at("lss", 1, needed(shape), data.len())),
-    }
+    parse_message("lss", data, |data| parse_fields(data, from_master))
 }
 
-const fn needed(shape: LssLayout) -> usize {
-    match shape {
-        LssLayout::Nothing => 0,
-        LssLayout::Mode | LssLayout::NodeId => 1,
-        LssLayout::BitTiming | LssLayout::Delay | LssLayout::Result => 2,
-        LssLayout::Number => 4,
-        LssLayout::FastScan => 7,
-    }
+fn parse_fields(data: &[u8], from_master: bool) -> Parsed<'_, Lss> {
+    let (rest, command) = byte(data)?;
+    let layout = shape(command, from_master);
+    field_group(|rest| content(layout, rest)).map(|content| Lss { command, content }).parse(rest)
 }
 
-fn content(shape: LssLayout, rest: &[u8]) -> nom::IResult<&[u8], Content> {
-    match shape {
+fn content(layout: LssLayout, rest: &[u8]) -> Parsed<'_, Content> {
+    match layout {
         LssLayout::Nothing => Ok((rest, Content::Nothing)),
         LssLayout::Mode => byte.map(Content::Mode).parse(rest),
         LssLayout::NodeId => byte.map(Content::NodeId).parse(rest),
         LssLayout::BitTiming => {
             (byte, byte).map(|(table, entry)| Content::BitTiming { table, entry }).parse(rest)
         }
-        LssLayout::Delay => nom::number::complete::le_u16.map(Content::Delay).parse(rest),
+        LssLayout::Delay => le_u16.map(Content::Delay).parse(rest),
         LssLayout::Number => le_u32.map(Content::Number).parse(rest),
         LssLayout::Result => {
             (byte, byte).map(|(code, specific)| Content::Result { code, specific }).parse(rest)

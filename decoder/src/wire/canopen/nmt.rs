@@ -4,7 +4,11 @@
 //! byte 0  command specifier    byte 1  node-ID, 0 = all nodes
 //! ```
 
+use nom::Parser;
+use nom::number::complete::u8 as byte;
+
 use crate::wire::Malformed;
+use crate::wire::parser::{field_group, parse_message};
 
 /// Command specifier of the master.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -24,6 +28,17 @@ pub enum NmtService {
 }
 
 impl NmtService {
+    const fn from_specifier(specifier: u8) -> Self {
+        match specifier {
+            1 => Self::Start,
+            2 => Self::Stop,
+            128 => Self::EnterPreOperational,
+            129 => Self::ResetNode,
+            130 => Self::ResetCommunication,
+            other => Self::Unknown(other),
+        }
+    }
+
     /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -51,16 +66,9 @@ pub struct NmtCommand {
 /// # Errors
 /// If there are fewer than two bytes.
 pub fn parse(data: &[u8]) -> Result<NmtCommand, Malformed> {
-    let [specifier, target, ..] = *data else { return Err(Malformed::at("nmt", 0, 2, data.len())) };
-    let service = match specifier {
-        1 => NmtService::Start,
-        2 => NmtService::Stop,
-        128 => NmtService::EnterPreOperational,
-        129 => NmtService::ResetNode,
-        130 => NmtService::ResetCommunication,
-        other => NmtService::Unknown(other),
-    };
-    Ok(NmtCommand { service, target })
+    let command = (byte, byte)
+        .map(|(specifier, target)| NmtCommand { service: NmtService::from_specifier(specifier), target });
+    parse_message("nmt", data, field_group(command))
 }
 
 #[cfg(test)]

@@ -7,6 +7,14 @@
 //! GG is the group, CC the case, RR the result. The layout is specific to the tool; the source is a
 //! published test run.
 
+use nom::Parser;
+use nom::branch::alt;
+use nom::bytes::complete::tag;
+use nom::combinator::all_consuming;
+use nom::number::complete::u8 as byte;
+
+use crate::wire::parser::Parsed;
+
 /// Result of a test case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TestResult {
@@ -23,6 +31,16 @@ pub enum TestResult {
 }
 
 impl TestResult {
+    const fn from_code(code: u8) -> Self {
+        match code {
+            1 => Self::Passed,
+            3 => Self::Warning,
+            4 => Self::Failed,
+            5 => Self::Skipped,
+            other => Self::Other(other),
+        }
+    }
+
     /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -48,20 +66,18 @@ pub struct TestMarker {
 
 /// Reads a marker; `None` if the payload is not a marker.
 pub fn parse(data: &[u8]) -> Option<TestMarker> {
-    match *data {
-        [1, group, case, 0, 0, 0] => Some(TestMarker { group, case, result: None }),
-        [2, group, case, 0, result, 0] => {
-            let result = match result {
-                1 => TestResult::Passed,
-                3 => TestResult::Warning,
-                4 => TestResult::Failed,
-                5 => TestResult::Skipped,
-                other => TestResult::Other(other),
-            };
-            Some(TestMarker { group, case, result: Some(result) })
-        }
-        _ => None,
-    }
+    parse_fields(data).ok().map(|(_, marker)| marker)
+}
+
+fn parse_fields(data: &[u8]) -> Parsed<'_, TestMarker> {
+    let begin = (tag(&[1][..]), byte, byte, tag(&[0, 0, 0][..])).map(|(_, group, case, _)| TestMarker {
+        group,
+        case,
+        result: None,
+    });
+    let end = (tag(&[2][..]), byte, byte, tag(&[0][..]), byte.map(TestResult::from_code), tag(&[0][..]))
+        .map(|(_, group, case, _, result, _)| TestMarker { group, case, result: Some(result) });
+    all_consuming(alt((begin, end))).parse_complete(data)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use nom::Parser;
 use nom::number::complete::{le_u16, le_u32};
 
 use crate::wire::Malformed;
+use crate::wire::parser::{bit_field, field_group, parse_message};
 
 /// Date and time of day; no time zone is defined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,10 +25,9 @@ pub struct TimeOfDay {
 /// # Errors
 /// If there are fewer than six bytes.
 pub fn parse(data: &[u8]) -> Result<TimeOfDay, Malformed> {
-    match (le_u32::<_, nom::error::Error<&[u8]>>, le_u16).parse(data) {
-        Ok((_, (milliseconds, days))) => Ok(TimeOfDay { milliseconds: milliseconds & 0x0FFF_FFFF, days }),
-        Err(_) => Err(Malformed::at("time", 0, 6, data.len())),
-    }
+    let time = (le_u32, le_u16)
+        .map(|(milliseconds, days)| TimeOfDay { milliseconds: bit_field(milliseconds, 0, 28), days });
+    parse_message("time", data, field_group(time))
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@
 //!               EDP   DP   type   source: net, node       target: net, node   with nets (ISO 15765-3)
 //! ```
 
+use crate::wire::parser::bit_field;
+
 /// Position of the addresses in an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Scheme {
@@ -39,26 +41,23 @@ const PAGES: u32 = 0x0300_0000;
 impl Addresses {
     /// Addresses in a 29-bit identifier; `None` if it follows neither scheme.
     pub fn of(id: u32) -> Option<Self> {
-        let field =
-            |shift: u32, bits: u32| u16::try_from(id >> shift & ((1 << bits) - 1)).unwrap_or_default();
-        let small = |shift: u32, mask: u32| u8::try_from(id >> shift & mask).unwrap_or_default();
-        let priority = small(26, 7);
-        match (id & PAGES, id >> 16 & 0xFF) {
-            (0, format @ (0xDA | 0xDB)) => Some(Self {
+        let priority = bit_field(id, 26, 3);
+        match (id & PAGES, bit_field(id, 16, 8)) {
+            (0, format @ (0xDA_u8 | 0xDB)) => Some(Self {
                 scheme: Scheme::NormalFixed,
                 priority,
                 service_type: 0,
                 functional: format == 0xDB,
-                source: field(0, 8),
-                target: field(8, 8),
+                source: bit_field(id, 0, 8),
+                target: bit_field(id, 8, 8),
             }),
             (PAGES, _) => Some(Self {
                 scheme: Scheme::Net,
                 priority,
-                service_type: small(22, 3),
+                service_type: bit_field(id, 22, 2),
                 functional: false,
-                source: field(11, 11),
-                target: field(0, 11),
+                source: bit_field(id, 11, 11),
+                target: bit_field(id, 0, 11),
             }),
             _ => None,
         }

@@ -16,7 +16,13 @@ mod address;
 
 pub use address::{Addresses, Scheme};
 
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::combinator::success;
+use nom::number::complete::{be_u32, u8 as byte};
+
 use super::Malformed;
+use super::parser::{Parsed, bit_field, field_group, parse_message, remaining_bytes};
 
 /// One ISO-TP frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,9 +89,6 @@ pub enum FlowStatus {
     Overflow,
 }
 
-/// Layer name in [`Malformed`].
-const LAYER: &str = "isotp";
-
 /// Max frame length of classical CAN; in longer frames byte 1 is the size of a single frame.
 const CLASSICAL: usize = 8;
 
@@ -95,66 +98,63 @@ const CLASSICAL: usize = 8;
 /// # Errors
 /// If the frame is shorter than its control bytes, or shorter than the message of a single frame.
 pub fn parse(data: &[u8], length: usize) -> Result<IsoTp<'_>, Malformed> {
-    let [control, rest @ ..] = data else { return Err(Malformed::at(LAYER, 0, 1, 0)) };
-    match control >> 4 {
-        0 => single(*control, data, rest, length),
-        1 => first(*control, data, rest),
-        2 if rest.is_empty() => Err(Malformed::at(LAYER, 1, 1, data.len())),
-        2 => Ok(IsoTp::Consecutive { sequence: control & 0x0F, data: rest }),
-        3 => flow_control(*control, data, rest),
-        _ => Ok(IsoTp::Unknown { control: *control }),
+    parse_message("isotp", data, |data| parse_frame(data, length > CLASSICAL))
+}
+
+fn parse_frame(data: &[u8], is_fd: bool) -> Parsed<'_, IsoTp<'_>> {
+    let (rest, control) = byte(data)?;
+    match bit_field(control, 4, 4) {
+        0_u8 => single(control, rest, is_fd),
+        1 => first(control, rest),
+        2 => {
+            let sequence = bit_field(control, 0, 4);
+            remaining_bytes.map(|data| IsoTp::Consecutive { sequence, data }).parse(rest)
+        }
+        3 => flow_control(control, rest),
+        _ => Ok((rest, IsoTp::Unknown { control })),
     }
 }
 
-fn single<'a>(control: u8, data: &[u8], rest: &'a [u8], length: usize) -> Result<IsoTp<'a>, Malformed> {
+fn single(control: u8, rest: &[u8], is_fd: bool) -> Parsed<'_, IsoTp<'_>> {
     // §9.6.2.1: in a frame of more than eight bytes the size is in byte 1, otherwise in byte 0.
-    let (size, rest, offset) = match rest {
-        [size, rest @ ..] if length > CLASSICAL && control == 0 => (*size, rest, 2),
-        _ if length > CLASSICAL => return Ok(IsoTp::Unknown { control }),
-        _ => (control, rest, 1),
+    let (rest, size) = match (is_fd, control) {
+        (false, size) => (rest, size),
+        (true, 0) => byte.or(success(0)).parse(rest)?,
+        (true, _) => (rest, 0),
     };
     if size == 0 {
-        return Ok(IsoTp::Unknown { control });
+        return Ok((rest, IsoTp::Unknown { control }));
     }
-    let size = usize::from(size);
-    let data = rest.get(..size).ok_or_else(|| Malformed::at(LAYER, offset, size, data.len()))?;
-    Ok(IsoTp::Single { data })
+    field_group(take(size)).map(|data| IsoTp::Single { data }).parse(rest)
 }
 
-fn first<'a>(control: u8, data: &[u8], rest: &'a [u8]) -> Result<IsoTp<'a>, Malformed> {
-    let [low, rest @ ..] = rest else { return Err(Malformed::at(LAYER, 1, 1, data.len())) };
-    let short = u32::from(control & 0x0F) << 8 | u32::from(*low);
-    let (size, begun) = match (short, rest) {
-        // §9.6.3.1: 0 means that a 32-bit size follows.
-        (0, [a, b, c, d, begun @ ..]) => (u32::from_be_bytes([*a, *b, *c, *d]), begun),
-        (0, _) => return Err(Malformed::at(LAYER, 2, 4, data.len())),
-        _ => (short, rest),
+fn first(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
+    let (rest, low) = byte(rest)?;
+    // §9.6.3.1: 0 means that a 32-bit size follows.
+    let (rest, size) = match u16::from_be_bytes([bit_field(control, 0, 4), low]) {
+        0 => field_group(be_u32).parse(rest)?,
+        size => (rest, u32::from(size)),
     };
-    if begun.is_empty() {
-        return Err(Malformed::at(LAYER, data.len(), 1, data.len()));
-    }
+    let (rest, data) = remaining_bytes(rest)?;
     // A message that fits into one frame is never sent in two (§9.6.3.1).
-    if usize::try_from(size).is_ok_and(|size| size <= begun.len()) {
-        return Ok(IsoTp::Unknown { control });
+    if usize::try_from(size).is_ok_and(|size| size <= data.len()) {
+        return Ok((rest, IsoTp::Unknown { control }));
     }
-    Ok(IsoTp::First { size, data: begun })
+    Ok((rest, IsoTp::First { size, data }))
 }
 
-fn flow_control<'a>(control: u8, data: &[u8], rest: &[u8]) -> Result<IsoTp<'a>, Malformed> {
-    let status = match control & 0x0F {
-        0 => FlowStatus::Continue,
+fn flow_control(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
+    let status = match bit_field(control, 0, 4) {
+        0_u8 => FlowStatus::Continue,
         1 => FlowStatus::Wait,
         2 => FlowStatus::Overflow,
-        _ => return Ok(IsoTp::Unknown { control }),
+        _ => return Ok((rest, IsoTp::Unknown { control })),
     };
-    match rest {
-        [block_size, separation_time, ..] => Ok(IsoTp::FlowControl(FlowControl {
-            status,
-            block_size: *block_size,
-            separation_time: *separation_time,
-        })),
-        _ => Err(Malformed::at(LAYER, 1, 2, data.len())),
-    }
+    field_group((byte, byte))
+        .map(|(block_size, separation_time)| {
+            IsoTp::FlowControl(FlowControl { status, block_size, separation_time })
+        })
+        .parse(rest)
 }
 
 #[cfg(test)]

@@ -6,10 +6,12 @@
 //!      MIL  RSL  AWL  PL   two bits each, from bit 7 down (J1939-73 §5.7.1)
 //! ```
 
-use crate::wire::Malformed;
+use nom::Parser;
+use nom::combinator::{peek, rest};
+use nom::number::complete::u8 as byte;
 
-/// Bytes before the first code.
-const LAMP_BYTES: usize = 2;
+use crate::wire::Malformed;
+use crate::wire::parser::{bit_field, byte_array, field_group, parse_message};
 
 /// Occurrence count "not available" (J1939-73 §5.7.1.13).
 const NOT_AVAILABLE: u8 = 127;
@@ -90,15 +92,15 @@ impl ReportedDtc {
     /// Reads four bytes; `None` if they mean "no trouble code".
     fn read([first, second, third, fourth]: [u8; 4], conversion: Option<SpnConversion>) -> Option<Self> {
         let is_old = fourth & 0x80 != 0;
-        let top = u32::from(third >> 5);
+        let top: u32 = bit_field(third, 5, 3);
         let (first, second) = (u32::from(first), u32::from(second));
         let spn = match conversion.filter(|_| is_old) {
             Some(SpnConversion::Version1) => first << 11 | second << 3 | top,
             Some(SpnConversion::Version2) => second << 11 | first << 3 | top,
             Some(SpnConversion::Version3) | None => top << 16 | second << 8 | first,
         };
-        let fmi = third & 0x1F;
-        let count = fourth & 0x7F;
+        let fmi = bit_field(third, 0, 5);
+        let count = bit_field(fourth, 0, 7);
         let is_none = matches!((spn, fmi), (0, 0) | (0x7_FFFF, 0x1F));
         (!is_none).then_some(Self {
             spn,
@@ -123,17 +125,9 @@ impl<'a> TroubleCodes<'a> {
     /// # Errors
     /// If there are fewer than six bytes: lamps and one code, or "no trouble code".
     pub fn read(payload: &'a [u8]) -> Result<Self, Malformed> {
-        match (payload, payload.get(LAMP_BYTES..)) {
-            ([status, flash, _, _, _, _, ..], Some(codes)) => {
-                Ok(Self { lamps: Lamps { status: *status, flash: *flash }, codes })
-            }
-            _ => Err(Malformed {
-                layer: "trouble-codes",
-                offset: 0,
-                needed: 6,
-                available: u8::try_from(payload.len()).unwrap_or(u8::MAX),
-            }),
-        }
+        let message = (field_group((byte, byte, peek(byte_array::<4>))), rest)
+            .map(|((status, flash, _), codes)| Self { lamps: Lamps { status, flash }, codes });
+        parse_message("trouble-codes", payload, message)
     }
 
     /// Codes in the order of the message. Fewer than four bytes at the end are padding.

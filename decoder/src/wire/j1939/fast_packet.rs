@@ -1,6 +1,11 @@
 //! Frames of NMEA 2000 fast packets.
 
+use nom::Parser;
+use nom::combinator::verify;
+use nom::number::complete::u8 as byte;
+
 use crate::wire::Malformed;
+use crate::wire::parser::{Parsed, bit_field, parse_message};
 
 /// Max bytes of a fast packet: 6 in frame 0 and 7 in each of 31 more.
 pub(crate) const FAST_PACKET_SIZE: u8 = 6 + 31 * 7;
@@ -23,26 +28,26 @@ pub(crate) struct FastFrame<'a> {
 /// Reads a frame.
 ///
 /// # Errors
-/// If the counter or the length is missing, or the length exceeds that of a fast packet (`needed` is 0).
+/// If the counter or the length is missing, or the length exceeds that of a fast packet (`needed` is 0). The
+/// error counts all bytes from the start of the frame.
 pub(crate) fn fast_frame(payload: &[u8]) -> Result<FastFrame<'_>, Malformed> {
-    let error = |offset, needed| Malformed {
-        layer: "fast-packet",
-        offset,
-        needed,
-        available: u8::try_from(payload.len()).unwrap_or(u8::MAX),
-    };
-    let Some((counter, rest)) = payload.split_first() else { return Err(error(0, 1)) };
-    let (sequence, number) = (counter >> 5, counter & 0x1F);
+    parse_message("fast-packet", payload, parse_frame).map_err(
+        |Malformed { layer, offset, needed, available }| {
+            let needed = if needed == 0 { 0 } else { needed.saturating_add(offset) };
+            Malformed { layer, offset, needed, available: available.saturating_add(offset) }
+        },
+    )
+}
+
+#[inline]
+fn parse_frame(payload: &[u8]) -> Parsed<'_, FastFrame<'_>> {
+    let (rest, counter) = byte(payload)?;
+    let (sequence, number) = (bit_field(counter, 5, 3), bit_field(counter, 0, 5));
     if number > 0 {
-        return Ok(FastFrame { sequence, number, length: 0, data: rest, full: 7 });
+        return Ok((rest, FastFrame { sequence, number, length: 0, data: rest, full: 7 }));
     }
-    match rest.split_first() {
-        Some((length, data)) if *length <= FAST_PACKET_SIZE => {
-            Ok(FastFrame { sequence, number, length: *length, data, full: 6 })
-        }
-        Some(_) => Err(error(1, 0)),
-        None => Err(error(1, 2)),
-    }
+    let (data, length) = verify(byte, |length| *length <= FAST_PACKET_SIZE).parse(rest)?;
+    Ok((data, FastFrame { sequence, number, length, data, full: 6 }))
 }
 
 /// Frames of a packet of `length` bytes.

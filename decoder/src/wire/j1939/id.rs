@@ -2,6 +2,11 @@
 
 use std::fmt;
 
+use nom::Parser;
+use nom::number::complete::le_u24;
+
+use crate::wire::parser::Parsed;
+
 /// Global destination address (J1939-21 §5.2.6).
 pub const ALL: u8 = 255;
 
@@ -44,6 +49,12 @@ impl Pgn {
     /// Creates a PGN from the low 18 bits; higher bits are removed.
     pub const fn new(number: u32) -> Self {
         Self(number & 0x3_FFFF)
+    }
+
+    /// Parses three bytes, least significant byte first.
+    #[inline]
+    pub(super) fn parse_field(data: &[u8]) -> Parsed<'_, Self> {
+        le_u24.map(Self::new).parse(data)
     }
 
     /// PGN as a plain number.

@@ -1,8 +1,13 @@
 //! Requests, acknowledgements and commanded addresses.
 
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::number::complete::u8 as byte;
+
 use super::id::Pgn;
 use super::name::Name;
 use crate::wire::Malformed;
+use crate::wire::parser::{field_group, parse_message};
 
 /// An acknowledgement (J1939-21 §5.4.4).
 ///
@@ -22,23 +27,12 @@ pub struct Acknowledgement {
     pub pgn: Pgn,
 }
 
-fn pgn(low: u8, middle: u8, high: u8) -> Pgn {
-    Pgn::new(u32::from_le_bytes([low, middle, high, 0]))
-}
-
-fn malformed(layer: &'static str, needed: u8, data: &[u8]) -> Malformed {
-    Malformed { layer, offset: 0, needed, available: u8::try_from(data.len()).unwrap_or(u8::MAX) }
-}
-
 /// Requested parameter group: three bytes (J1939-21 §5.4.2).
 ///
 /// # Errors
 /// If there are fewer than three bytes.
 pub fn request(data: &[u8]) -> Result<Pgn, Malformed> {
-    match data {
-        [low, middle, high, ..] => Ok(pgn(*low, *middle, *high)),
-        _ => Err(malformed("j1939-request", 3, data)),
-    }
+    parse_message("j1939-request", data, field_group(Pgn::parse_field))
 }
 
 impl Acknowledgement {
@@ -47,12 +41,9 @@ impl Acknowledgement {
     /// # Errors
     /// If there are fewer than eight bytes.
     pub fn read(data: &[u8]) -> Result<Self, Malformed> {
-        match *data {
-            [control, group_function, _, _, address, low, middle, high, ..] => {
-                Ok(Self { control, group_function, address, pgn: pgn(low, middle, high) })
-            }
-            _ => Err(malformed("acknowledgement", 8, data)),
-        }
+        let message = (byte, byte, take(2_usize), byte, Pgn::parse_field)
+            .map(|(control, group_function, _, address, pgn)| Self { control, group_function, address, pgn });
+        parse_message("acknowledgement", data, field_group(message))
     }
 }
 
@@ -61,10 +52,7 @@ impl Acknowledgement {
 /// # Errors
 /// If there are fewer than nine bytes.
 pub fn commanded_address(data: &[u8]) -> Result<(Name, u8), Malformed> {
-    match (Name::read(data), data.get(8)) {
-        (Some(name), Some(address)) => Ok((name, *address)),
-        _ => Err(malformed("commanded-address", 9, data)),
-    }
+    parse_message("commanded-address", data, field_group((Name::parse_field, byte)))
 }
 
 #[cfg(test)]

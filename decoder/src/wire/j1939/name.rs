@@ -1,5 +1,10 @@
 //! The NAME of a device: 64 bits, unique on a bus.
 
+use nom::Parser;
+use nom::number::complete::le_u64;
+
+use crate::wire::parser::{Parsed, bit_field};
+
 /// A NAME (J1939-81 §4.1.1) as a number; the lower one has priority in an address conflict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(pub u64);
@@ -30,23 +35,26 @@ pub struct NameFields {
 impl Name {
     /// Reads the eight bytes of an address claim, least significant first; `None` if there are fewer.
     pub fn read(data: &[u8]) -> Option<Self> {
-        data.first_chunk().map(|bytes| Self(u64::from_le_bytes(*bytes)))
+        Self::parse_field(data).ok().map(|(_, name)| name)
+    }
+
+    /// Parses eight bytes.
+    pub(super) fn parse_field(data: &[u8]) -> Parsed<'_, Self> {
+        le_u64.map(Self).parse(data)
     }
 
     /// Splits the NAME into its fields.
-    #[expect(clippy::cast_possible_truncation, reason = "each part is masked to its width")]
     pub fn fields(self) -> NameFields {
-        let bits = |from: u32, width: u32| self.0 >> from & ((1 << width) - 1);
         NameFields {
-            identity_number: bits(0, 21) as u32,
-            manufacturer_code: bits(21, 11) as u16,
-            ecu_instance: bits(32, 3) as u8,
-            function_instance: bits(35, 5) as u8,
-            function: bits(40, 8) as u8,
-            device_class: bits(49, 7) as u8,
-            device_class_instance: bits(56, 4) as u8,
-            industry_group: bits(60, 3) as u8,
-            arbitrary_address_capable: bits(63, 1) == 1,
+            identity_number: bit_field(self.0, 0, 21),
+            manufacturer_code: bit_field(self.0, 21, 11),
+            ecu_instance: bit_field(self.0, 32, 3),
+            function_instance: bit_field(self.0, 35, 5),
+            function: bit_field(self.0, 40, 8),
+            device_class: bit_field(self.0, 49, 7),
+            device_class_instance: bit_field(self.0, 56, 4),
+            industry_group: bit_field(self.0, 60, 3),
+            arbitrary_address_capable: bit_field::<u8>(self.0, 63, 1) == 1,
         }
     }
 }

@@ -18,8 +18,13 @@
 //!
 //! Numbers and PGNs are sent least significant byte first. Unused bytes after the end of a message are FF.
 
+use nom::Parser;
+use nom::bytes::complete::take;
+use nom::number::complete::{le_u16, le_u24, le_u32, u8 as byte};
+
 use super::id::Pgn;
 use crate::wire::Malformed;
+use crate::wire::parser::{Parsed, byte_array, field_group, parse_message};
 
 /// Data bytes per packet.
 pub(crate) const PACKET_SIZE: u32 = 7;
@@ -105,36 +110,49 @@ pub(crate) const fn packets_of(size: u32) -> u32 {
 /// # Errors
 /// If there are fewer than eight bytes.
 pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), Malformed> {
-    let [control, a, b, c, d, low, middle, high, ..] = *data else {
-        let layer = if is_extended { "etp.cm" } else { "tp.cm" };
-        return Err(Malformed::at(layer, 0, 8, data.len()));
-    };
-    let short = u32::from(u16::from_le_bytes([a, b]));
-    let long = u32::from_le_bytes([a, b, c, d]);
-    let place = u32::from_le_bytes([b, c, d, 0]);
-    let packets = u32::from(c);
-    let message = match (control, is_extended) {
-        (16, false) => Management::RequestToSend { size: short, packets },
-        (17, false) => Management::ClearToSend { count: a, next: u32::from(b) },
-        (19, false) => Management::EndOfMessage { size: short },
-        (32, false) => Management::Announce { size: short, packets },
-        (20, true) => Management::RequestToSend { size: long, packets: packets_of(long) },
-        (21, true) => Management::ClearToSend { count: a, next: place },
-        (22, true) => Management::PacketOffset { count: a, offset: place },
-        (23, true) => Management::EndOfMessage { size: long },
-        (255, _) => Management::Abort { reason: a },
-        _ => Management::Unknown,
-    };
-    Ok((message, Pgn::new(u32::from_le_bytes([low, middle, high, 0]))))
+    let layer = if is_extended { "etp.cm" } else { "tp.cm" };
+    parse_message(layer, data, field_group((|data| parse_command(data, is_extended), Pgn::parse_field)))
+}
+
+/// Bytes 0..5, all but the parameter group.
+fn parse_command(data: &[u8], is_extended: bool) -> Parsed<'_, Management> {
+    let (rest, control) = byte(data)?;
+    match (control, is_extended) {
+        (16, false) => (le_u16, byte, byte)
+            .map(|(size, packets, _)| Management::RequestToSend {
+                size: size.into(),
+                packets: packets.into(),
+            })
+            .parse(rest),
+        (17, false) => (byte, byte, take(2_usize))
+            .map(|(count, next, _)| Management::ClearToSend { count, next: next.into() })
+            .parse(rest),
+        (19, false) => (le_u16, take(2_usize))
+            .map(|(size, _)| Management::EndOfMessage { size: size.into() })
+            .parse(rest),
+        (32, false) => (le_u16, byte, byte)
+            .map(|(size, packets, _)| Management::Announce { size: size.into(), packets: packets.into() })
+            .parse(rest),
+        (20, true) => {
+            le_u32.map(|size| Management::RequestToSend { size, packets: packets_of(size) }).parse(rest)
+        }
+        (21, true) => (byte, le_u24).map(|(count, next)| Management::ClearToSend { count, next }).parse(rest),
+        (22, true) => {
+            (byte, le_u24).map(|(count, offset)| Management::PacketOffset { count, offset }).parse(rest)
+        }
+        (23, true) => le_u32.map(|size| Management::EndOfMessage { size }).parse(rest),
+        (255, _) => (byte, take(3_usize)).map(|(reason, _)| Management::Abort { reason }).parse(rest),
+        _ => take(4_usize).map(|_| Management::Unknown).parse(rest),
+    }
 }
 
 /// Reads TP.DT or ETP.DT: sequence number and seven bytes.
 ///
 /// # Errors
 /// If there are fewer than eight bytes.
+#[inline]
 pub fn packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), Malformed> {
-    let parts = data.split_first().and_then(|(sequence, rest)| Some((*sequence, *rest.first_chunk()?)));
-    parts.ok_or_else(|| Malformed::at(if is_extended { "etp.dt" } else { "tp.dt" }, 0, 8, data.len()))
+    parse_message(if is_extended { "etp.dt" } else { "tp.dt" }, data, field_group((byte, byte_array)))
 }
 
 #[cfg(test)]

@@ -1,5 +1,11 @@
 //! Times and data in the formats of known programs.
 
+use nom::Parser;
+use nom::character::complete::{char, digit1, one_of};
+use nom::combinator::{all_consuming, opt, recognize};
+use nom::error::Error;
+use nom::sequence::preceded;
+
 use super::dialect::Stamp;
 use crate::capture::text::columns::{Base, time, time_of_day};
 use crate::frame::MAX_DATA;
@@ -55,21 +61,16 @@ fn zlg(text: &[u8]) -> Option<i64> {
 /// Parses seconds in the form of Python and others: `1700000000.5`, `-0.25`, `1e-05`. Fractions of a
 /// nanosecond are truncated.
 fn seconds(text: &[u8]) -> Option<i64> {
-    let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
-    let exponent_at = text.iter().position(|byte| matches!(byte, b'e' | b'E'));
-    let (mantissa, exponent) = text.split_at_checked(exponent_at.unwrap_or(text.len()))?;
-    let exponent: i32 = match exponent.get(1..) {
+    let fraction = opt(preceded(char('.'), digit1));
+    let exponent = opt(preceded(one_of("eE"), recognize((opt(one_of("+-")), digit1))));
+    let number = (opt(char('-')), digit1::<_, Error<&[u8]>>, fraction, exponent);
+    let (_, (minus, whole, fraction, exponent)) = all_consuming(number).parse_complete(text).ok()?;
+    let exponent: i32 = match exponent {
         Some(digits) => std::str::from_utf8(digits).ok()?.parse().ok()?,
         None => 0,
     };
-    let point = mantissa.iter().position(|byte| *byte == b'.');
-    let (whole, fraction) = mantissa.split_at_checked(point.unwrap_or(mantissa.len()))?;
-    let fraction = fraction.get(1..).unwrap_or_default();
-    let is_number = !whole.is_empty()
-        && (point.is_none() || !fraction.is_empty())
-        && whole.len() + fraction.len() <= MOST_DIGITS
-        && whole.iter().chain(fraction).all(u8::is_ascii_digit);
-    if !is_number {
+    let fraction = fraction.unwrap_or_default();
+    if whole.len() + fraction.len() > MOST_DIGITS {
         return None;
     }
     let digits = whole.iter().chain(fraction);
@@ -82,7 +83,7 @@ fn seconds(text: &[u8]) -> Option<i64> {
         None if power < 0 || value == 0 => 0,
         None => return None,
     };
-    i64::try_from(if negative { -nanoseconds } else { nanoseconds }).ok()
+    i64::try_from(if minus.is_some() { -nanoseconds } else { nanoseconds }).ok()
 }
 
 /// Data bytes of a row.

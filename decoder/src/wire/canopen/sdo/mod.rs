@@ -19,6 +19,7 @@ pub use message::{BlockEnd, Payload, Sdo, Segment};
 
 use super::ObjectAddress;
 use crate::wire::Malformed;
+use crate::wire::parser::{Parsed, bit_field, field_sequence, parse_message};
 
 /// Sender of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -50,34 +51,21 @@ const LENGTH: usize = 8;
 /// If the message is shorter than its command needs. A message of fewer than eight bytes is accepted if it
 /// contains all fields of its command.
 pub fn parse(data: &[u8], side: Side, phase: Phase) -> Result<Sdo<'_>, Malformed> {
-    let [command, rest @ ..] = data else { return Err(Malformed::at("sdo", 0, 1, 0)) };
-    let command = *command;
+    parse_message("sdo", data, |data| parse_fields(data, side, phase))
+}
+
+#[inline]
+fn parse_fields(data: &[u8], side: Side, phase: Phase) -> Parsed<'_, Sdo<'_>> {
+    let (rest, command) = byte(data)?;
     if phase == Phase::BlockSegments && (command != ABORT || data.len() < LENGTH) {
-        return Ok(Sdo::BlockSegment { sequence: command & 0x7F, last: command & 0x80 != 0, data: rest });
+        let segment =
+            Sdo::BlockSegment { sequence: bit_field(command, 0, 7), last: command & 0x80 != 0, data: rest };
+        return Ok((rest, segment));
     }
-    by_command(command, rest, side).map(|(_, message)| message).map_err(|missing| {
-        let left = match missing {
-            nom::Err::Incomplete(_) => 0,
-            nom::Err::Error(error) | nom::Err::Failure(error) => error.input.len(),
-        };
-        let offset = data.len().saturating_sub(left);
-        let whole = 1 + needed(command, rest, side);
-        Malformed::at("sdo", offset, whole.saturating_sub(offset), data.len())
-    })
+    field_sequence(|rest| by_command(command, rest, side)).parse(rest)
 }
 
-/// Bytes that the command needs after byte 0. Only the parsers define it, so growing lengths are tried.
-fn needed(command: u8, rest: &[u8], side: Side) -> usize {
-    let mut filled = [0; LENGTH - 1];
-    for (target, source) in filled.iter_mut().zip(rest) {
-        *target = *source;
-    }
-    let is_enough =
-        |length: &usize| filled.get(..*length).is_some_and(|bytes| by_command(command, bytes, side).is_ok());
-    (rest.len()..filled.len()).find(is_enough).unwrap_or(filled.len())
-}
-
-fn by_command(command: u8, rest: &[u8], side: Side) -> Parsed<'_> {
+fn by_command(command: u8, rest: &[u8], side: Side) -> Parsed<'_, Sdo<'_>> {
     match side {
         _ if command == ABORT => abort(rest),
         Side::Client => client(command, rest),
@@ -85,9 +73,7 @@ fn by_command(command: u8, rest: &[u8], side: Side) -> Parsed<'_> {
     }
 }
 
-type Parsed<'a> = nom::IResult<&'a [u8], Sdo<'a>>;
-
-fn client(command: u8, rest: &[u8]) -> Parsed<'_> {
+fn client(command: u8, rest: &[u8]) -> Parsed<'_, Sdo<'_>> {
     match command >> 5 {
         0 => segment(command, rest).map(|(rest, segment)| (rest, Sdo::DownloadSegment(segment))),
         1 => {
@@ -108,7 +94,7 @@ fn client(command: u8, rest: &[u8]) -> Parsed<'_> {
     }
 }
 
-fn client_block_upload(command: u8, rest: &[u8]) -> Parsed<'_> {
+fn client_block_upload(command: u8, rest: &[u8]) -> Parsed<'_, Sdo<'_>> {
     match command & 3 {
         0 => {
             let (rest, object) = multiplexer(rest)?;
@@ -125,7 +111,7 @@ fn client_block_upload(command: u8, rest: &[u8]) -> Parsed<'_> {
     }
 }
 
-fn server(command: u8, rest: &[u8]) -> Parsed<'_> {
+fn server(command: u8, rest: &[u8]) -> Parsed<'_, Sdo<'_>> {
     match command >> 5 {
         0 => segment(command, rest).map(|(rest, segment)| (rest, Sdo::UploadSegment(segment))),
         1 => Ok((rest, Sdo::DownloadSegmentAccepted { toggle: command & 0x10 != 0 })),
@@ -146,7 +132,7 @@ fn server(command: u8, rest: &[u8]) -> Parsed<'_> {
     }
 }
 
-fn server_block_download(command: u8, rest: &[u8]) -> Parsed<'_> {
+fn server_block_download(command: u8, rest: &[u8]) -> Parsed<'_, Sdo<'_>> {
     match command & 3 {
         0 => {
             let (rest, object) = multiplexer(rest)?;
@@ -162,44 +148,44 @@ fn server_block_download(command: u8, rest: &[u8]) -> Parsed<'_> {
     }
 }
 
-fn abort(rest: &[u8]) -> Parsed<'_> {
+fn abort(rest: &[u8]) -> Parsed<'_, Sdo<'_>> {
     let (rest, object) = multiplexer(rest)?;
     let (rest, code) = le_u32(rest)?;
     Ok((rest, Sdo::Abort { object, code }))
 }
 
-fn multiplexer(rest: &[u8]) -> nom::IResult<&[u8], ObjectAddress> {
+fn multiplexer(rest: &[u8]) -> Parsed<'_, ObjectAddress> {
     (le_u16, byte).map(|(index, sub)| ObjectAddress { index, sub }).parse(rest)
 }
 
 /// Initiate message: bits 3..2 are n, bit 1 is e, bit 0 is s.
-fn payload(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Payload<'_>> {
+fn payload(command: u8, rest: &[u8]) -> Parsed<'_, Payload<'_>> {
     let (expedited, sized) = (command & 2 != 0, command & 1 != 0);
     if !expedited {
         let (rest, size) = if sized { le_u32.map(Some).parse(rest)? } else { (rest, None) };
         return Ok((rest, Payload::Segmented { size }));
     }
     let available = rest.len().min(4);
-    let wanted = if sized { 4 - usize::from(command >> 2 & 3) } else { available };
+    let wanted = if sized { 4 - bit_field::<usize>(command, 2, 2) } else { available };
     let (rest, data) = take(wanted).parse(rest)?;
     Ok((rest, Payload::Expedited { data, sized }))
 }
 
 /// Segment: bit 4 is the toggle, bits 3..1 are n, bit 0 is c.
-fn segment(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Segment<'_>> {
-    let wanted = 7 - usize::from(command >> 1 & 7);
+fn segment(command: u8, rest: &[u8]) -> Parsed<'_, Segment<'_>> {
+    let wanted = 7 - bit_field::<usize>(command, 1, 3);
     let (rest, data) = take(wanted).parse(rest)?;
     Ok((rest, Segment { toggle: command & 0x10 != 0, last: command & 1 != 0, data }))
 }
 
-fn block_size_indication(command: u8, rest: &[u8]) -> nom::IResult<&[u8], Option<u32>> {
+fn block_size_indication(command: u8, rest: &[u8]) -> Parsed<'_, Option<u32>> {
     if command & 2 == 0 { Ok((rest, None)) } else { le_u32.map(Some).parse(rest) }
 }
 
 /// End of a block transfer: bits 4..2 of byte 0 are n, bytes 1..3 are the CRC.
-fn block_end(command: u8, rest: &[u8]) -> nom::IResult<&[u8], BlockEnd> {
+fn block_end(command: u8, rest: &[u8]) -> Parsed<'_, BlockEnd> {
     let (rest, crc) = le_u16(rest)?;
-    Ok((rest, BlockEnd { unused: command >> 2 & 7, crc }))
+    Ok((rest, BlockEnd { unused: bit_field(command, 2, 3), crc }))
 }
 
 #[cfg(test)]
