@@ -126,7 +126,8 @@ impl Screen {
 /// The row of all pane titles on a screen that is wide enough for it.
 pub fn tab_bar() -> String {
     let titles = PaneId::ALL.iter().map(|pane| format!(" {} {} ", *pane as usize, pane.title()));
-    format!("  {}", titles.collect::<String>()).trim_end().to_owned()
+    let titles: Vec<_> = titles.collect();
+    format!("  {}", titles.concat()).trim_end().to_owned()
 }
 
 /// Words of a shell command with single quotes.
