@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use crate::harness;
 use crate::harness::expectations::{differences, judge, verdicts};
 use crate::rules::{Annotated, captures, read};
-use crate::support::workspace;
+use crate::support::{step, workspace};
 
 /// All kinds of expectations.
 const KINDS: [&str; 8] = ["always", "never", "within", "every", "count", "order", "bounds", "rate"];
@@ -315,6 +315,7 @@ proptest! {
     fn a_live_bus_is_judged_as_its_recording(steps in prop::collection::vec(1_i64..400, 1..8)) {
         let mut all: Vec<(String, String, SessionOptions, Setup)> = captures()
             .iter()
+            .step_by(step(3))
             .map(|path| read(path))
             .map(|capture| (capture.name, capture.frames, capture.options, capture.setup))
             .collect();

@@ -23,6 +23,11 @@ pub fn corpus() -> PathBuf {
     env::var_os("COBSCOPE_CORPUS").map_or_else(beside, PathBuf::from)
 }
 
+/// Step between the cases of a long test: 1 with `COBSCOPE_FULL`, else `usual`.
+pub fn step(usual: usize) -> usize {
+    if env::var_os("COBSCOPE_FULL").is_some() { 1 } else { usual }
+}
+
 /// Whether this build can read a file: without the feature `gzip`, compressed captures are unsupported.
 pub fn is_readable(name: &str) -> bool {
     cfg!(feature = "gzip") || !name.to_ascii_lowercase().ends_with(".gz")

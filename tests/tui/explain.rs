@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use cobscope_decoder::profile::Catalogue;
 
 use crate::cli::run;
+use crate::support::step;
 
 fn explain(thing: &str) -> String {
     let output = run(&["explain", thing], "");
@@ -314,14 +315,14 @@ fn every_code_of_every_manual_is_explained() {
             let device = catalogue.device(&name).unwrap();
             let codes = device.emcy.code.iter().map(|it| (format!("{:04X}", it.code), it.text.clone()));
             let aborts = device.aborts.iter().map(|it| (format!("{:08X}", it.code), it.text.clone()));
-            for (code, text) in codes.chain(aborts) {
+            for (code, text) in codes.chain(aborts).step_by(step(3)) {
                 let output = unfolded(&by(&name, &code));
                 assert!(output.contains(&text), "{code} of {name}: {output}");
                 told.entry(code).or_default().insert((id.clone(), text));
             }
         }
     }
-    assert!(told.len() > 60, "{}", told.len());
+    assert!(told.len() > 60 / step(3), "{}", told.len());
     for (code, answers) in told {
         let output = unfolded(&explain(&code));
         for (id, text) in answers {

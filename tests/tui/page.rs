@@ -10,7 +10,7 @@ use cobscope_web::files::MemoryFiles;
 use serde_json::{Value, json};
 
 use crate::cli::run;
-use crate::support::{corpus, is_readable, skip, workspace};
+use crate::support::{corpus, is_readable, skip, step, workspace};
 
 /// Lines of events compared per capture.
 const COMPARED: usize = 200;
@@ -146,7 +146,7 @@ fn compare_all(folder: &Path) {
     files(folder, &mut all);
     all.sort();
     assert!(!all.is_empty());
-    let differences: Vec<_> = all.iter().flat_map(|path| compare(path)).collect();
+    let differences: Vec<_> = all.iter().step_by(step(5)).flat_map(|path| compare(path)).collect();
     assert!(differences.is_empty(), "{} of {}\n{}", differences.len(), all.len(), differences.join("\n"));
 }
 

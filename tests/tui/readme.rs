@@ -123,10 +123,11 @@ fn shown_output_is_current() {
     }
 }
 
-/// The picture of the README is the upper part of a tested screen.
+/// The picture of the README is the upper part of a tested screen, with the row of all pane titles.
 #[test]
 fn the_picture_is_a_tested_screen() {
     use crate::docs::is_current;
+    use crate::screens::tab_bar;
 
     let _lock = DOCUMENTS.lock();
     let session = fs::read_to_string(workspace().join("tests/tui/screens/nodes_machine.txt")).unwrap();
@@ -134,7 +135,9 @@ fn the_picture_is_a_tested_screen() {
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
     let (before, rest) = readme.split_once("```text\n  can0 ").unwrap();
     let (shown, after) = rest.split_once("```\n").unwrap();
-    let lines: Vec<&str> = screen.lines().take(shown.lines().count()).collect();
+    let titles = tab_bar();
+    let mut lines: Vec<&str> = screen.lines().take(shown.lines().count() - 1).collect();
+    lines.insert(1, &titles);
     is_current("README.md", &format!("{before}```text\n{}\n```\n{after}", lines.join("\n")));
 }
 
