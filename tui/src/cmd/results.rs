@@ -4,6 +4,8 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use anyhow::bail;
+use cobscope_decoder::answers::statistics::CaptureStatistics;
+use cobscope_decoder::answers::stories::StoriesAnswer;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::diagnosis::Setting;
@@ -12,14 +14,13 @@ use cobscope_decoder::frame::{BusIndex, CanId, Frame};
 use cobscope_decoder::profile::{Field, Layout};
 use cobscope_decoder::rules::{Engine, Judge, Setup};
 use cobscope_decoder::session::{Bus, Observer, Preview, SessionOptions};
-use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
+use cobscope_decoder::sink::findings::{CaptureResult, Report};
 use cobscope_decoder::statistics::Statistics;
 use serde_json::Value;
 
 use super::decoding::{CaptureObserver, decode_quietly};
 use super::facts::{Facts, diagnosis, question};
-use super::{stats, why};
-use crate::cli::{InputArgs, ReportFormat, SelectArgs, StatsArgs};
+use crate::cli::{InputArgs, SelectArgs};
 use crate::select::Span;
 use crate::source::Series;
 use crate::timeline::signal::carried;
@@ -80,7 +81,9 @@ impl Results {
         let setting = Setting { zero: first.time, end: None, is_growing: false };
         let stories = diagnosis(&findings, &selected, setting, (&question, buses));
         let answer = why_facts.report(stories, buses, &options.catalogue);
-        let why = serde_json::from_str(&why::line(&answer, buses, first.time, &name))?;
+        let why = serde_json::to_value(StoriesAnswer::new(&answer, buses, first.time, None, &name))?;
+        let statistics = CaptureStatistics::new((&name, read.format), &statistics, buses, Bus::bit_rate);
+        let statistics = serde_json::to_value(statistics)?;
         let findings = findings_of(CaptureResult {
             capture: name.clone(),
             frames: read.decoder.frames(),
@@ -93,24 +96,9 @@ impl Results {
         let mut warnings = read.warnings;
         warnings.extend(unreadable);
         let failure = read.failure.map(|failure| format!("{failure:#}"));
-        let (statistics, decoder) =
-            statistics_of((name, input), read.format, (statistics, read.decoder), select)?;
         let signals = signals.into_iter().collect();
-        Ok(Self { decoder, first, statistics, why, findings, signals, warnings, failure })
+        Ok(Self { decoder: read.decoder, first, statistics, why, findings, signals, warnings, failure })
     }
-}
-
-/// The object of `stats -f json`, and the decoder again.
-fn statistics_of(
-    (capture, input): (String, &InputArgs),
-    format: &'static str,
-    (statistics, decoder): (Statistics, Decoder),
-    select: SelectArgs,
-) -> anyhow::Result<(Value, Decoder)> {
-    let arguments =
-        StatsArgs { input: input.clone(), bitrate: Vec::new(), select, format: ReportFormat::Json };
-    let report = stats::Report { capture, format, statistics, decoder, arguments: &arguments };
-    Ok((serde_json::from_str(&stats::json_of(&report))?, report.decoder))
 }
 
 /// The objects of `check -f jsonl`.
@@ -119,13 +107,7 @@ fn statistics_of(
 /// If they cannot be written.
 pub(super) fn findings_of(judged: CaptureResult) -> anyhow::Result<Vec<Value>> {
     let report = Report { captures: vec![judged], ..Report::default() };
-    let mut text = Vec::new();
-    let format = FINDING_FORMATS.iter().find(|format| format.name == "jsonl");
-    if let Some(format) = format {
-        (format.write)(&report, TextOptions::default(), &mut text)?;
-    }
-    let lines = text.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
-    lines.map(|line| Ok(serde_json::from_slice(line)?)).collect()
+    report.records().map(|record| Ok(serde_json::to_value(record)?)).collect()
 }
 
 /// Collects the results of all commands in one pass.

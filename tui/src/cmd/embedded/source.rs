@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
+use cobscope_decoder::answers::objects::ObjectRecord;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -18,7 +19,7 @@ use crate::cmd::decoding::{CaptureObserver, decode_quietly};
 use crate::cmd::input::{read_options, series};
 use crate::cmd::messages::Refusal;
 use crate::cmd::results::Results;
-use crate::cmd::{check, diff, objects};
+use crate::cmd::{check, diff};
 use crate::exit_code::Exit;
 use crate::source::{self, Series};
 
@@ -144,7 +145,8 @@ impl CaptureSource {
         for bus in results.decoder.buses() {
             for node in bus.nodes() {
                 let all = node.store().sorted().into_iter();
-                objects.extend(all.map(|(object, entry)| objects::record(bus, node, object, entry, &name)));
+                let all = all.map(|object| ObjectRecord::new((bus, node), object, &name));
+                objects.extend(all.filter_map(|record| serde_json::to_value(record).ok()));
             }
         }
         Ok(CaptureResults {

@@ -1,10 +1,10 @@
 //! `cobscope stats`: statistics of captures.
 
 mod j1939;
-mod json;
 mod report;
 mod text;
 
+use cobscope_decoder::answers::format_line;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -18,7 +18,7 @@ use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::{Selection, Span};
 use crate::words::unknown_bus;
-pub(super) use report::Report;
+use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
@@ -46,7 +46,7 @@ pub fn run(arguments: &StatsArgs) -> Exit {
             Report { capture, format: decoded.format, statistics, decoder: decoded.decoder, arguments };
         match arguments.format {
             ReportFormat::Text => text::write(&report, output),
-            ReportFormat::Json => json::write(&report, output),
+            ReportFormat::Json => output.push_str(&format_line(&report.figures())),
         }
         Ok(decoded.failure)
     })
@@ -66,13 +66,6 @@ fn ready(arguments: &StatsArgs) -> Result<SessionOptions, Refusal> {
         check_rules_of(Some(filter), &setup).map_err(usage)?;
     }
     Ok(options)
-}
-
-/// The object of `-f json`, with its line end.
-pub(super) fn json_of(report: &Report<'_>) -> String {
-    let mut text = String::new();
-    json::write(report, &mut text);
-    text
 }
 
 /// Observer that counts frames and events.
