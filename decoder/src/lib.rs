@@ -61,6 +61,7 @@
 //! All features are enabled by default: `gzip` and `zstd` (compressed captures), `mcap` (reads and writes
 //! MCAP), `parquet` (writes Parquet). Without a C compiler, `rust-codecs` reads zstd and LZ4.
 
+pub mod answers;
 mod ascii;
 pub mod bus_file;
 pub mod capture;

@@ -95,6 +95,25 @@ const LAYERS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "answers",
+        &[
+            "ascii",
+            "frame",
+            "wire",
+            "profile",
+            "event",
+            "finding",
+            "bus_file",
+            "session",
+            "suggestion",
+            "statistics",
+            "diagnosis",
+            "sink",
+            "comparison",
+            "why",
+        ],
+    ),
+    (
         "report",
         &[
             "words",

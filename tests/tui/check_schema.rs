@@ -1,118 +1,141 @@
-//! `docs/check.schema.json`: generated from the table of keys, and valid for the output of `check -f jsonl`;
-//! other formats are validated by their published schemas.
+//! Schemas of answers, `docs/*.schema.json`: made from the types of the library, and valid for what commands print; other
+//! formats are validated by their published schemas.
 #![expect(clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::fs;
 use std::process::Command;
 
-use cobscope_decoder::sink::findings::jsonl::{KEYS, Key, KeyType};
+use cobscope_decoder::comparison::{Kind, Section};
 use serde_json::{Map, Value, json};
 
 use crate::check::RECIPE;
 use crate::cli::run;
 use crate::docs::is_current;
+use crate::schema::{AnswerTypes, Choices, violations};
 use crate::support::{python, skip, workspace};
 
-const KINDS: [&str; 3] = ["finding", "summary", "total"];
+/// Objects of `check -f jsonl` with their types.
+const CHECK: [(&str, &str); 3] =
+    [("finding", "GroupRecord"), ("summary", "SummaryRecord"), ("total", "TotalRecord")];
 
-/// Keys of the object at `prefix`, which ends with a dot unless it is empty.
-fn keys(kind: &str, prefix: &str) -> Vec<(&'static Key, &'static str)> {
-    let own = KEYS.iter().filter(|key| key.kinds.contains(&kind));
-    own.filter_map(|key| Some((key, key.key.strip_prefix(prefix)?)))
-        .filter(|(_, name)| !name.contains('.'))
-        .collect()
+/// Objects of `objects -f json` with their types.
+const OBJECTS: [(&str, &str); 3] =
+    [("object", "ObjectRecord"), ("node", "ObjectCount"), ("wanted", "WantedObject")];
+
+const LABELS: [&str; 10] = [
+    "cause",
+    "no-cause",
+    "first-effect",
+    "more",
+    "effect",
+    "act",
+    "disproved",
+    "not-judged",
+    "manual",
+    "note",
+];
+
+/// Fields of `why -f json` with a fixed set of values.
+fn choices_of_why() -> [Choices<'static>; 3] {
+    [
+        ("StoryAnswer", "severity", "enum", vec!["error", "warning"]),
+        ("StoryText", "label", "enum", LABELS.to_vec()),
+        ("FaultMoment", "grade", "enum", vec!["fault", "minor", "refused"]),
+    ]
 }
 
-fn object(kind: &str, prefix: &str) -> Value {
-    let mut properties = Map::new();
-    for (key, name) in keys(kind, prefix) {
-        let inner = || object(kind, &format!("{}.", key.key));
-        let mut value = match key.value {
-            KeyType::Text => json!({"type": "string"}),
-            KeyType::Count => json!({"type": "integer", "minimum": 0}),
-            KeyType::Number | KeyType::Seconds => json!({"type": ["number", "null"]}),
-            KeyType::TextOrNull => json!({"type": ["string", "null"]}),
-            KeyType::Bool => json!({"type": "boolean"}),
-            KeyType::Texts => json!({"type": "array", "items": {"type": "string"}}),
-            KeyType::Frames => json!({
-                "type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2,
-            }),
-            KeyType::Group => inner(),
-            KeyType::Groups => json!({"type": "array", "items": inner()}),
-        };
-        if let Some(members) = value.as_object_mut() {
-            members.insert("description".into(), key.doc.into());
-        }
-        properties.insert(name.into(), value);
-    }
-    let required = keys(kind, prefix).into_iter().filter(|(key, _)| key.is_required);
-    let required: Vec<_> = required.map(|(_, name)| name).collect();
-    json!({"type": "object", "required": required, "properties": properties, "additionalProperties": true})
+/// Fields of `diff -f json` with a fixed set of values; kinds may be added.
+fn choices_of_diff() -> [Choices<'static>; 5] {
+    let sections: Vec<_> = Section::ALL.iter().map(|section| section.name()).collect();
+    [
+        ("DifferenceRecord", "kind", "examples", Kind::ALL.iter().map(|kind| kind.name()).collect()),
+        ("DifferenceRecord", "section", "enum", sections.clone()),
+        ("UnseenSubject", "section", "enum", sections.clone()),
+        ("UnseenSubject", "by", "enum", vec!["good", "bad"]),
+        ("EqualSubjects", "section", "enum", sections),
+    ]
 }
 
-fn schema() -> Value {
-    let choices = KINDS.map(|kind| {
+/// Adds the head of a schema.
+fn with_head(mut schema: Value, name: &str, title: &str) -> Value {
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema".into();
+    schema["$id"] = format!("urn:cobscope:{name}/v1").into();
+    schema["title"] = title.into();
+    schema["description"] =
+        "Kinds, keys and texts may be added within v1; none is removed or renamed.".into();
+    schema
+}
+
+fn schema_of_check() -> Value {
+    let types = AnswerTypes::read(false, &[]);
+    let choices = CHECK.map(|(kind, _)| {
         json!({
             "if": {"properties": {"kind": {"const": kind}}},
             "then": {"$ref": format!("#/$defs/{kind}")},
         })
     });
-    let definitions: Map<String, Value> =
-        KINDS.iter().map(|kind| ((*kind).into(), object(kind, ""))).collect();
-    json!({
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": "urn:cobscope:check/v1",
-        "title": "Output of cobscope check -f jsonl, one object per line",
-        "description": "Kinds, keys and texts may be added within v1; none is removed or renamed.",
-        "type": "object",
-        "required": ["kind"],
-        "allOf": choices,
-        "$defs": definitions,
-    })
+    let definitions: Map<_, _> =
+        CHECK.iter().map(|(kind, ty)| ((*kind).to_owned(), types.object(ty))).collect();
+    let schema = json!({"type": "object", "required": ["kind"], "allOf": choices, "$defs": definitions});
+    with_head(schema, "check", "Output of cobscope check -f jsonl, one object per line")
+}
+
+fn schema_of_objects() -> Value {
+    let types = AnswerTypes::read(false, &[]);
+    let choices = OBJECTS.map(|(name, _)| json!({"$ref": format!("#/$defs/{name}")}));
+    let definitions: Map<_, _> =
+        OBJECTS.iter().map(|(name, ty)| ((*name).to_owned(), types.object(ty))).collect();
+    let schema = json!({"type": "object", "anyOf": choices, "$defs": definitions});
+    with_head(schema, "objects", "Output of cobscope objects -f json, one object per line")
+}
+
+fn schema_of_why() -> Value {
+    let schema = AnswerTypes::read(true, &choices_of_why()).object("StoriesAnswer");
+    with_head(schema, "why", "Output of cobscope why -f json, one object per capture")
+}
+
+fn schema_of_diff() -> Value {
+    let schema = AnswerTypes::read(false, &choices_of_diff()).object("ComparisonAnswer");
+    with_head(schema, "diff", "Output of cobscope diff -f json, one object")
+}
+
+pub fn schema_of_stats() -> Value {
+    let schema = AnswerTypes::read(false, &[]).object("CaptureStatistics");
+    with_head(schema, "stats", "Output of cobscope stats -f json, one object per capture")
 }
 
 #[test]
-fn the_schema_is_that_of_the_table() {
-    is_current("docs/check.schema.json", &(serde_json::to_string_pretty(&schema()).unwrap() + "\n"));
+fn the_schemas_are_those_of_the_types() {
+    let all = [
+        ("check", schema_of_check()),
+        ("diff", schema_of_diff()),
+        ("objects", schema_of_objects()),
+        ("stats", schema_of_stats()),
+        ("why", schema_of_why()),
+    ];
+    for (name, schema) in all {
+        is_current(
+            &format!("docs/{name}.schema.json"),
+            &(serde_json::to_string_pretty(&schema).unwrap() + "\n"),
+        );
+    }
+}
+
+/// Asserts that lines conform to a schema; returns the paths of all keys.
+fn conform(lines: &str, schema: impl Fn(&Value) -> Value) -> Vec<String> {
+    let mut seen = Vec::new();
+    assert!(!lines.is_empty());
+    for line in lines.lines() {
+        let value: Value = serde_json::from_str(line).unwrap();
+        let found = violations(&value, &schema(&value), "", &mut seen);
+        assert!(found.is_empty(), "{found:?}");
+    }
+    seen
 }
 
 /// Output of many kinds: findings with and without node, suppressed, accepted, unreadable captures.
 fn captures() -> Vec<&'static str> {
     [&RECIPE[..], &["fixtures/rules", "fixtures/devices", "fixtures/malformed", "no/such.log"]].concat()
-}
-
-/// Asserts that every key is in the table and has its type, and that required keys exist.
-fn conforms(value: &Value, kind: &str, prefix: &str, seen: &mut Vec<&'static str>) {
-    let known = keys(kind, prefix);
-    let members = value.as_object().unwrap();
-    for (key, name) in &known {
-        assert!(!key.is_required || members.contains_key(*name), "{kind} without {}: {value}", key.key);
-    }
-    for (name, value) in members {
-        let Some((key, _)) = known.iter().find(|(_, known)| known == name) else {
-            panic!("{kind}: {prefix}{name} is in no table")
-        };
-        seen.push(key.key);
-        let below = format!("{}.", key.key);
-        let fits = match key.value {
-            KeyType::Text => value.is_string(),
-            KeyType::Count => value.is_u64(),
-            KeyType::Number | KeyType::Seconds => value.is_number() || value.is_null(),
-            KeyType::TextOrNull => value.is_string() || value.is_null(),
-            KeyType::Bool => value.is_boolean(),
-            KeyType::Texts => value.as_array().unwrap().iter().all(Value::is_string),
-            KeyType::Frames => value.as_array().unwrap().len() == 2,
-            KeyType::Group => {
-                conforms(value, kind, &below, seen);
-                true
-            }
-            KeyType::Groups => {
-                value.as_array().unwrap().iter().for_each(|item| conforms(item, kind, &below, seen));
-                true
-            }
-        };
-        assert!(fits, "{kind}: {}: {value}", key.key);
-    }
 }
 
 #[test]
@@ -131,17 +154,57 @@ fn what_is_written_is_as_the_schema_says() {
     }
     let parts = parts.each_ref().map(|part| part.to_str().unwrap());
     let output = run(&[&arguments[..], &captures(), &parts[..]].concat(), "").stdout;
-    let mut seen = Vec::new();
-    for line in output.lines() {
-        let value: Value = serde_json::from_str(line).unwrap();
-        conforms(&value, value["kind"].as_str().unwrap(), "", &mut seen);
+    let schema = schema_of_check();
+    let seen = conform(&output, |value| schema["$defs"][value["kind"].as_str().unwrap()].clone());
+    // Every key must be written. These need rules or captures outside this test.
+    let rare = [".cause", ".cause_finding", ".downgraded", ".worst", ".conformance"];
+    for (_, ty) in CHECK {
+        for key in paths(&AnswerTypes::read(false, &[]).object(ty), "") {
+            let is_rare = rare.iter().any(|rare| key == *rare || key.starts_with(&format!("{rare}.")));
+            assert!(seen.contains(&key) || is_rare, "{key} is never written");
+        }
     }
-    // Every key of the table must be written. These need rules or captures outside this test.
-    let rare = ["cause", "cause_finding", "downgraded", "worst", "conformance"];
-    let is_rare = |key: &str| rare.iter().any(|rare| key == *rare || key.starts_with(&format!("{rare}.")));
-    for key in KEYS {
-        assert!(seen.contains(&key.key) || is_rare(key.key), "{} is never written", key.key);
+}
+
+/// Paths of all keys of a schema.
+fn paths(schema: &Value, path: &str) -> Vec<String> {
+    let mut all = Vec::new();
+    for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
+        let place = format!("{path}.{key}");
+        all.extend(paths(inner, &place));
+        all.extend(paths(&inner["items"], &place));
+        all.push(place);
     }
+    all
+}
+
+#[test]
+fn statistics_and_objects_are_as_their_schemas_say() {
+    let stats = schema_of_stats();
+    let mut output = String::new();
+    for folder in ["canopen", "devices", "j1939", "uds"] {
+        for entry in fs::read_dir(workspace().join("fixtures").join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|suffix| suffix == "log") {
+                output += &run(&["stats", "-f", "json", path.to_str().unwrap()], "").stdout;
+            }
+        }
+    }
+    let seen = conform(&output, |_| stats.clone());
+    // These need captures that only hint at their services.
+    let rare = [".buses.unnamed_uds.", ".buses.sdo_dialogues.", ".buses.suggestions."];
+    for key in paths(&stats, "") {
+        assert!(
+            seen.contains(&key) || rare.iter().any(|rare| key.starts_with(rare)),
+            "{key} is never written"
+        );
+    }
+    let types = AnswerTypes::read(false, &[]);
+    let sydfec = ["--node", "2=rexroth-sydfec", "--node", "2", "fixtures/devices/sydfec.log"];
+    let (nodes, objects) =
+        (["objects", "-f", "json", "fixtures/devices/sydfec.log"], ["objects", "-f", "json"]);
+    conform(&run(&nodes, "").stdout, |_| types.object("ObjectCount"));
+    conform(&run(&[&objects[..], &sydfec[..]].concat(), "").stdout, |_| types.object("ObjectRecord"));
 }
 
 /// Captures with stories of CANopen and J1939, with and without a profile, and one without a fault.
@@ -153,25 +216,11 @@ const STORIES: [&[&str]; 5] = [
     &["fixtures/rules/clean/canopen.log"],
 ];
 
-/// Asserts that an object has exactly the keys of its schema.
-fn has_keys_of(value: &Value, schema: &Value) {
-    let (Some(members), Some(known)) = (value.as_object(), schema["properties"].as_object()) else { return };
-    let (found, expected): (Vec<_>, Vec<_>) = (members.keys().collect(), known.keys().collect());
-    assert_eq!(found, expected);
-    for (name, inner) in members {
-        let own = &known[name];
-        has_keys_of(inner, own);
-        inner.as_array().into_iter().flatten().for_each(|item| has_keys_of(item, &own["items"]));
-    }
-}
-
 #[test]
-fn the_schema_of_why_has_its_keys() {
-    let schema = fs::read_to_string(workspace().join("docs/why.schema.json")).unwrap();
-    let schema: Value = serde_json::from_str(&schema).unwrap();
+fn why_is_as_its_schema_says() {
+    let schema = schema_of_why();
     for arguments in STORIES {
-        let output = run(&[&["why", "-f", "json"], arguments].concat(), "").stdout;
-        has_keys_of(&serde_json::from_str(&output).unwrap(), &schema);
+        conform(&run(&[&["why", "-f", "json"], arguments].concat(), "").stdout, |_| schema.clone());
     }
 }
 

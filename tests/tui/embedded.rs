@@ -9,6 +9,7 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
 use cobscope_decoder::session::Bus;
+use serde_json::Value;
 
 use crate::cli::run;
 
@@ -53,7 +54,7 @@ fn a_pass_has_all_events_and_frames() {
     let source = CaptureSource::open(&words(&SYDFEC)).unwrap().value;
     for (has_rules, option) in [(true, "--all"), (false, "--no-findings")] {
         let expected = run(&[&["decode", "-f", "jsonl", option][..], &SYDFEC].concat(), "").stdout;
-        let kind = |line: &str| serde_json::from_str::<serde_json::Value>(line).unwrap()["kind"].clone();
+        let kind = |line: &str| serde_json::from_str::<Value>(line).unwrap()["kind"].clone();
         let mut counter = Counter::default();
         let end = source.read(has_rules, &mut counter).unwrap();
         assert_eq!(end.failure, None);
@@ -104,4 +105,46 @@ fn results_equal_the_output_of_the_commands() {
     let pair = ["fixtures/devices/sydfec.log", "fixtures/rules/node-lost.log"];
     let program = run(&[&["diff", "-f", "json"][..], &pair].concat(), "").stdout;
     assert_eq!(embedded::diff(&words(&pair)).unwrap().value.replace(&root, ""), program);
+}
+
+/// Captures whose answers are compared: of CANopen with and without timestamps, of J1939, UDS, and with a wrong line.
+const COMPARED: [&str; 4] = ["fixtures/canopen", "fixtures/devices", "fixtures/j1939", "fixtures/uds"];
+
+#[test]
+fn each_answer_is_that_of_its_command() {
+    let mut count = 0;
+    for folder in COMPARED {
+        for entry in std::fs::read_dir(crate::support::workspace().join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|suffix| suffix == "log") {
+                compare_answers(path.to_str().unwrap());
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 20, "{count}");
+}
+
+fn compare_answers(capture: &str) {
+    let lines = |command: &str, format: &str, options: &[&str]| -> Vec<Value> {
+        let output = run(&[&[command, "-f", format][..], options, &[capture]].concat(), "").stdout;
+        output.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    };
+    let Ok(source) = CaptureSource::open(&words(&[capture])) else {
+        assert!(lines("stats", "json", &[]).is_empty(), "{capture}");
+        return;
+    };
+    let results = source.value.results().unwrap();
+    assert_eq!([results.statistics], *lines("stats", "json", &[]), "{capture}");
+    assert_eq!([results.why], *lines("why", "json", &[]), "{capture}");
+    let is_of_capture = |line: &Value| line["kind"] == "finding";
+    let findings = results.findings.into_iter().filter(is_of_capture).collect::<Vec<_>>();
+    let printed = lines("check", "jsonl", &[]).into_iter().filter(is_of_capture).collect::<Vec<_>>();
+    assert_eq!(findings, printed, "{capture}");
+    for node in lines("objects", "json", &[]) {
+        let is_of_node = |object: &&Value| object["bus"] == node["bus"] && object["node"] == node["node"];
+        let own: Vec<_> = results.objects.iter().filter(is_of_node).cloned().collect();
+        let chosen = format!("{}:{}", node["bus"].as_str().unwrap(), node["node"]);
+        assert_eq!(own, lines("objects", "json", &["--node", &chosen]), "{capture}: {node}");
+    }
 }

@@ -34,6 +34,7 @@ mod profiles;
 mod readme;
 mod report;
 mod reports;
+mod schema;
 mod screens;
 mod select;
 mod series;

@@ -116,9 +116,17 @@ fn compare(path: &Path) -> Vec<String> {
     }
     let why = run(&["why", "-f", "json", &shown], "");
     let why: Value = serde_json::from_str(&why.stdout).unwrap();
-    let stories = overview.pointer("/why/stories");
-    if stories != why.get("stories") {
-        differences.push(format!("{shown}: stories\n  page    {stories:?}\n  program {why}"));
+    let statistics = run(&["stats", "-f", "json", &shown], "");
+    let statistics: Value = serde_json::from_str(&statistics.stdout).unwrap();
+    for (key, expected) in [("why", why), ("statistics", statistics)] {
+        let own = overview.get(key).unwrap_or(&Value::Null);
+        // The page has no folders in the name of a capture.
+        for (member, expected) in expected.as_object().unwrap().iter().filter(|(key, _)| *key != "capture") {
+            let own = own.get(member);
+            if own != Some(expected) {
+                differences.push(format!("{shown}: {key}.{member}\n  page    {own:?}\n  program {expected}"));
+            }
+        }
     }
     differences
 }

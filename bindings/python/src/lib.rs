@@ -20,7 +20,6 @@ use std::ffi::OsString;
 
 use cobscope::embedded;
 use pyo3::prelude::*;
-use serde_json::Value;
 
 use errors::raised;
 
@@ -28,8 +27,7 @@ use errors::raised;
 #[pyfunction]
 fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table, Vec<String>, u8)> {
     let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, &error))?;
-    let (text, exit) = answer.value;
-    let lines: Vec<Value> = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    let (text, lines, exit) = answer.value;
     Ok((text, capture::findings_of(&lines)?, answer.messages, exit as u8))
 }
 

@@ -1,12 +1,13 @@
 //! Results of a whole capture: the first thing that the page shows.
 
+use cobscope_decoder::answers::statistics::CaptureStatistics;
+use cobscope_decoder::answers::stories::StoriesAnswer;
 use cobscope_decoder::event::Kind;
 use cobscope_decoder::profile::device::Severity;
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
-use cobscope_decoder::statistics::{BusStatistics, LoadOverTime};
+use cobscope_decoder::sink::findings::{CaptureResult, Report};
+use cobscope_decoder::statistics::LoadOverTime;
 use cobscope_decoder::suggestion::suggestions;
-use cobscope_decoder::why;
 use serde_json::{Value, json};
 
 use crate::capture::Captures;
@@ -23,8 +24,8 @@ pub struct Opened<'a> {
     pub problems: &'a [String],
 }
 
-/// Findings as `cobscope check -f jsonl` prints them: one line per finding, then the summary of the capture.
-pub fn findings(survey: &CaptureSurvey, name: &str) -> String {
+/// Findings as `cobscope check -f jsonl` prints them: one object per finding, then the summary of the capture.
+fn findings(survey: &CaptureSurvey, name: &str) -> Vec<Value> {
     let result = CaptureResult {
         capture: name.to_owned(),
         frames: survey.end.frames(),
@@ -35,21 +36,15 @@ pub fn findings(survey: &CaptureSurvey, name: &str) -> String {
         ..CaptureResult::default()
     };
     let report = Report { captures: vec![result], ..Report::default() };
-    let mut text = Vec::new();
-    if let Some(format) = FINDING_FORMATS.iter().find(|format| format.name == "jsonl") {
-        // Writing to memory does not fail.
-        let _ = (format.write)(&report, TextOptions::default(), &mut text);
-    }
-    String::from_utf8(text).unwrap_or_default()
+    report.records().filter_map(|record| serde_json::to_value(record).ok()).collect()
 }
 
 /// The overview as JSON.
 pub fn overview(survey: &CaptureSurvey, opened: &Opened<'_>) -> Value {
     let buses = survey.end.buses();
     let number = |severity| survey.findings.number(severity);
-    let why = why::json::line(&survey.answer, buses, survey.zero(), None, opened.name);
-    let lines = findings(survey, opened.name);
-    let parsed = |text: &str| serde_json::from_str::<Value>(text).ok();
+    let name = (opened.name, opened.captures.format);
+    let figures = CaptureStatistics::new(name, &survey.overview.statistics, buses, Bus::bit_rate);
     let kinds = Kind::ALL.iter().zip(&survey.overview.kinds).filter(|(_, count)| **count > 0);
     let quality = &survey.overview.statistics.quality;
     let counts = survey.end.counts();
@@ -74,8 +69,9 @@ pub fn overview(survey: &CaptureSurvey, opened: &Opened<'_>) -> Value {
         "transfers": survey.overview.transfers.len(),
         "more_transfers": survey.overview.transfers.more,
         "kinds": kinds.map(|(kind, count)| json!([kind.name(), count])).collect::<Vec<_>>(),
-        "why": parsed(&why),
-        "findings": lines.lines().filter_map(parsed).collect::<Vec<_>>(),
+        "why": StoriesAnswer::new(&survey.answer, buses, survey.zero(), None, opened.name),
+        "findings": findings(survey, opened.name),
+        "statistics": figures,
         "buses": buses.iter().map(|bus| bus_facts(survey, bus)).collect::<Vec<_>>(),
         "profiles": opened.captures.options().catalogue.ids(),
     })
@@ -85,7 +81,6 @@ fn bus_facts(survey: &CaptureSurvey, bus: &Bus) -> Value {
     let place = usize::from(bus.index().0);
     let zero = survey.zero();
     let load = survey.overview.load.get(place).map(|load| load_steps(load, zero.map(|zero| zero.0)));
-    let statistics = survey.overview.statistics.buses.get(place);
     let proposals = suggestions(bus, bus.catalogue(), None);
     let proposals = proposals.iter().map(|it| {
         json!({
@@ -103,7 +98,6 @@ fn bus_facts(survey: &CaptureSurvey, bus: &Bus) -> Value {
         "protocols": protocols(bus),
         "doubt": bus.doubt(),
         "load": load,
-        "statistics": statistics.map(|statistics| figures(survey, statistics)),
         "suggestions": proposals.collect::<Vec<_>>(),
     })
 }
@@ -124,33 +118,5 @@ fn load_steps(load: &LoadOverTime, zero: Option<i64>) -> Value {
         "frames": steps.iter().map(|step| step.frames).collect::<Vec<_>>(),
         "bits": steps.iter().map(|step| step.bits).collect::<Vec<_>>(),
         "errors": steps.iter().map(|step| step.errors).collect::<Vec<_>>(),
-    })
-}
-
-#[expect(clippy::cast_precision_loss, reason = "for display")]
-fn figures(survey: &CaptureSurvey, statistics: &BusStatistics) -> Value {
-    let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
-    let end = survey.overview.statistics.quality.last;
-    let ids = statistics.ids().into_iter().map(|(id, is_remote, own)| {
-        json!({
-            "id": id.to_string(),
-            "remote": is_remote,
-            "frames": own.frames,
-            "mean": own.intervals.mean().map(millis),
-            "jitter": own.intervals.jitter().map(millis),
-            "silent": own.intervals.silent_since(end).is_some(),
-        })
-    });
-    json!({
-        "frames": statistics.load.frames,
-        "bits": statistics.load.bits,
-        "worst_frames": statistics.load.worst_frames().0,
-        "worst_bits": statistics.load.worst_bits().0,
-        "undecoded": statistics.undecoded,
-        "malformed": statistics.malformed,
-        "ids": ids.collect::<Vec<_>>(),
-        "other_ids": statistics.other_ids,
-        "syncs": statistics.master.syncs,
-        "guard_requests": statistics.master.guard_requests,
     })
 }

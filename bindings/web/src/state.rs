@@ -1,9 +1,9 @@
 //! State of nodes, identifiers, signals and objects at a position.
 
-use cobscope_decoder::event::Certainty;
+use cobscope_decoder::answers::nodes::NodeOverview;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{LatestOfNode, ReplayState, signal};
-use cobscope_decoder::session::{AssignedBy, Bus, GateStatus, Node, Watch};
+use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
@@ -45,90 +45,9 @@ pub fn state(world: &ReplayState) -> Value {
     })
 }
 
-/// `5/05`, `SA 80`.
-fn number(id: NodeId) -> String {
-    match id {
-        NodeId::Canopen(id) => format!("{id}/{id:02X}"),
-        NodeId::J1939(address) => format!("SA {address:02X}"),
-    }
-}
-
-fn node(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
-    let text = |text: Option<&str>| text.map(|text| escape(text).into_owned());
-    let states = node.device_states().map(|(channel, state)| {
-        let name = escape(&state.name);
-        json!({
-            "text": channel.map_or(name.to_string(), |channel| format!("c{channel} {name}")),
-            "tone": if state.fault { "bad" } else if state.active { "good" } else { "plain" },
-        })
-    });
-    let points = node.set_points().map(|point| {
-        json!({
-            "name": escape(&point.meaning.name),
-            "value": format!("{}{}", escape(&point.quantity.text), if point.is_assumed { "?" } else { "" }),
-            "effective": point.effective.name(),
-        })
-    });
-    let gates = bus.gates(node.id());
-    let gates = gates.iter().filter(|gate| gate.status != GateStatus::Open).map(|gate| {
-        json!({
-            "set_point": escape(&gate.name),
-            "gate": escape(&gate.gate),
-            "status": gate.status.name(),
-            "detail": escape(&gate.detail),
-            "advice": escape(&gate.advice()),
-        })
-    });
-    let dtcs = node.active_dtcs().map(|(spn, fmi)| format!("{spn}/{fmi}"));
-    let errors = node.active_errors().iter().map(|code| format!("{code:04X}")).chain(dtcs);
+fn node(world: &ReplayState, bus: &Bus, node: &Node) -> NodeOverview {
     let start = world.latest().of(bus.index(), node.id()).and_then(LatestOfNode::start);
-    json!({
-        "bus": bus.index().0,
-        "bus_name": escape(bus.name()),
-        "node": node.id().number(),
-        "j1939": matches!(node.id(), NodeId::J1939(_)),
-        "number": number(node.id()),
-        "name": text(node.name()),
-        "device": text(node.device_title()),
-        "profile": text(node.device_id()),
-        "assigned": node.assigned().map(AssignedBy::name),
-        "nmt": node.nmt().map(|nmt| nmt.state.name()),
-        "presumed": node.nmt().is_some_and(|nmt| nmt.certainty == Certainty::Presumed),
-        "lost": node.is_lost(),
-        "states": states.collect::<Vec<_>>(),
-        "set_points": points.collect::<Vec<_>>(),
-        "gates": gates.collect::<Vec<_>>(),
-        "alive": alive(world, bus, node),
-        "errors": errors.collect::<Vec<_>>(),
-        "boots": node.boots(),
-        "boot_frame": start.map(|start| start.frame),
-        "objects": node.store().len(),
-    })
-}
-
-/// Age of the last sign of life, its limit, and whether it is exceeded.
-fn alive(world: &ReplayState, bus: &Bus, node: &Node) -> Value {
-    let Some(sign) = bus.sign_of_life(node.id()) else { return json!({"text": "never", "tone": "caution"}) };
-    let Some(past) = bus.stamp_of(sign.last).zip(world.time()).map(|(last, now)| now.since(last)) else {
-        return Value::Null;
-    };
-    let kind = match &sign.by {
-        Watch::Heartbeat => "HB".to_owned(),
-        Watch::Guarding => "GD".to_owned(),
-        Watch::Message(name) => escape(name).into_owned(),
-        Watch::Boot => "boot".to_owned(),
-        Watch::Any => "rx".to_owned(),
-    };
-    #[expect(clippy::cast_precision_loss, reason = "for display")]
-    let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
-    let expected = sign.expected.map_or(String::new(), |it| format!(" of {} s", seconds(it)));
-    let is_past = |limit: Option<i64>| limit.is_some_and(|limit| past > limit);
-    let tone = match () {
-        () if node.is_lost() || is_past(sign.limit) => "bad",
-        () if is_past(sign.expected.map(|expected| expected.saturating_mul(3) / 2)) => "caution",
-        () => "plain",
-    };
-    json!({"text": format!("{kind} {:.1}{expected}", seconds(past)), "tone": tone})
+    NodeOverview::new(bus, node, world.time(), start.map(|start| start.frame))
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -165,7 +84,7 @@ fn signals(bus: &Bus, row: &IdentifierRow) -> Vec<Value> {
             "bus_name": escape(bus.name()),
             "id": row.id.to_string(),
             "from": escape(&bus.describe_id(row.id)),
-            "node": row.node.map(number),
+            "node": row.node.map(NodeId::label),
             "field": key.field,
             "name": key.name,
             "unit": key.unit,

@@ -34,7 +34,7 @@ mod uds;
 pub use crate::profile::device::GateStatus;
 pub use bus::{
     Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, PendingNodeId,
-    SdoPairHint, Store, UdsPairHint, Watch,
+    PendingValue, SdoPairHint, Store, UdsPairHint, Watch,
 };
 pub(crate) use bus::{Signs, SkippedTimes};
 pub use buses::Buses;

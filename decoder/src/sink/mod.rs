@@ -4,6 +4,7 @@ mod csv;
 mod csv_wide;
 mod escape;
 mod event_sink;
+pub mod exact_json;
 pub mod findings;
 pub mod jsonl;
 mod line_key;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Event ─Why::event─▶ changes per node, moments of findings ─┐
-//! Findings ─diagnosis─▶ stories ─────────────────────────────┴─Why::report─▶ Report ─text, json─▶ lines
+//! Findings ─diagnosis─▶ stories ─────────────────────────────┴─Why::report─▶ Report ─text─▶ lines, answers
 //! ```
 //!
 //! All state is bounded. Without a story, faults that no rule judges are reported: simultaneous ones are one
@@ -14,7 +14,6 @@ mod change;
 mod check;
 mod fault;
 mod followed;
-pub mod json;
 mod moment;
 mod node_watch;
 mod scope;

@@ -4,20 +4,21 @@ use std::sync::Arc;
 
 use anyhow::bail;
 use cobscope_decoder::Summary;
+use cobscope_decoder::answers::statistics::CaptureStatistics;
+use cobscope_decoder::answers::stories::StoriesAnswer;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::diagnosis::Setting;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{ListedSignal, SignalList};
 use cobscope_decoder::rules::Setup;
-use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
+use cobscope_decoder::session::{Bus, SessionOptions};
+use cobscope_decoder::sink::findings::{CaptureResult, Report};
 use cobscope_decoder::statistics::Statistics;
 use serde_json::Value;
 
 use super::decoding::{CaptureJob, ReadCapture};
 use super::facts::{Facts, diagnosis, question};
-use super::{stats, why};
-use crate::cli::{InputArgs, ReportFormat, SelectArgs, StatsArgs};
+use crate::cli::{InputArgs, SelectArgs};
 use crate::source::Series;
 
 /// Results of one pass.
@@ -65,7 +66,9 @@ impl Results {
         let setting = Setting { zero: first.time, end: None, is_growing: false };
         let stories = diagnosis(&findings, &selected, setting, (&question, buses));
         let answer = why_facts.report(stories, buses, &options.catalogue);
-        let why = serde_json::from_str(&why::line(&answer, buses, first.time, &name))?;
+        let why = serde_json::to_value(StoriesAnswer::new(&answer, buses, first.time, None, &name))?;
+        let statistics = CaptureStatistics::new((&name, format), &statistics, buses, Bus::bit_rate);
+        let statistics = serde_json::to_value(statistics)?;
         let findings = findings_of(CaptureResult {
             capture: name.clone(),
             frames,
@@ -75,23 +78,9 @@ impl Results {
             ..CaptureResult::default()
         })?;
         warnings.extend(unreadable);
-        let (statistics, decoder) = statistics_of((name, input), format, (statistics, decoder), select)?;
         let signals = signals.into_sorted();
         Ok(Self { decoder, first, statistics, why, findings, signals, warnings, failure })
     }
-}
-
-/// The object of `stats -f json`, and the decoder again.
-fn statistics_of(
-    (capture, input): (String, &InputArgs),
-    format: &'static str,
-    (statistics, decoder): (Statistics, Decoder),
-    select: SelectArgs,
-) -> anyhow::Result<(Value, Decoder)> {
-    let arguments =
-        StatsArgs { input: input.clone(), bitrate: Vec::new(), select, format: ReportFormat::Json };
-    let report = stats::Report { capture, format, statistics, decoder, arguments: &arguments };
-    Ok((serde_json::from_str(&stats::json_of(&report))?, report.decoder))
 }
 
 /// The objects of `check -f jsonl`.
@@ -100,11 +89,5 @@ fn statistics_of(
 /// If they cannot be written.
 pub(super) fn findings_of(judged: CaptureResult) -> anyhow::Result<Vec<Value>> {
     let report = Report { captures: vec![judged], ..Report::default() };
-    let mut text = Vec::new();
-    let format = FINDING_FORMATS.iter().find(|format| format.name == "jsonl");
-    if let Some(format) = format {
-        (format.write)(&report, TextOptions::default(), &mut text)?;
-    }
-    let lines = text.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
-    lines.map(|line| Ok(serde_json::from_slice(line)?)).collect()
+    report.records().map(|record| Ok(serde_json::to_value(record)?)).collect()
 }

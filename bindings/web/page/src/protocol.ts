@@ -101,17 +101,17 @@ export interface Finding {
 }
 
 export interface LoadSteps { start: number; step: number; frames: number[]; bits: number[]; errors: number[] }
-export interface IdFigures { id: string; remote: boolean; frames: number; mean: number | null; jitter: number | null; silent: boolean }
+/** Parts of `cobscope stats -f json` (docs/stats.schema.json) that the page shows. */
+export interface Period { min: number; mean: number; max: number; worst_from: number }
+export interface IdFigures { id: string; remote: boolean; what: string; frames: number; period_ms: Period | null; silent_since: number | null }
 export interface BusFigures {
   frames: number;
   bits: number;
-  worst_frames: number;
-  worst_bits: number;
+  worst_second: { frames: number; bits: number };
   undecoded: number;
   malformed: number;
   ids: IdFigures[];
-  other_ids: number;
-  syncs: number;
+  sync: { count: number; counter_gaps: number; period_ms: Period | null };
   guard_requests: number;
 }
 export interface Suggestion { node: number; j1939: boolean; profile: string; title: string; because: string }
@@ -122,7 +122,6 @@ export interface BusFacts {
   protocols: string[];
   doubt: string | null;
   load: LoadSteps | null;
-  statistics: BusFigures | null;
   suggestions: Suggestion[];
 }
 
@@ -149,6 +148,7 @@ export interface Overview {
   kinds: [string, number][];
   why: { stories: Story[]; notes: StoryLine[]; fault: unknown } | null;
   findings: (Finding | { kind: string })[];
+  statistics: { buses: BusFigures[] };
   buses: BusFacts[];
   profiles: string[];
 }

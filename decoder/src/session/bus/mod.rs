@@ -72,6 +72,5 @@ pub(crate) use signs::Signs;
 pub(crate) use skipped_times::SkippedTimes;
 pub use state::Bus;
 pub(in crate::session) use state_machine::{CommandStep, MachineState, continues, fits, leads, leave};
-pub(in crate::session) use store::PendingValue;
-pub use store::{Entry, Origin, OriginKind, Store};
+pub use store::{Entry, Origin, OriginKind, PendingValue, Store};
 pub use unnamed_uds::UdsPairHint;

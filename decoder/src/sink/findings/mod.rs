@@ -13,6 +13,7 @@ mod format;
 mod github;
 pub mod jsonl;
 mod junit;
+pub mod records;
 mod report;
 mod sarif;
 mod text;

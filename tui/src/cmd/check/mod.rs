@@ -13,6 +13,7 @@ use cobscope_decoder::rules::{RuleSelection, Setup};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
 use cobscope_decoder::words::plural;
+use serde_json::Value;
 
 use super::captures::{self, Source, SourceSeries};
 use super::input::{catalogue, check_rules_of, common_catalogue, options_of, setup, with_user_folder};
@@ -117,7 +118,7 @@ fn judged<'a>(
 ///
 /// # Errors
 /// As for the command.
-pub(super) fn lines(arguments: &CheckArgs) -> Result<(Vec<u8>, Exit), Refusal> {
+pub(super) fn lines(arguments: &CheckArgs) -> Result<(Vec<u8>, Vec<Value>, Exit), Refusal> {
     let (options, setup) = ready(arguments)?;
     check_names(arguments, &setup)?;
     let captures = captures_to_read(arguments).map_err(|error| (Exit::Usage, error))?;
@@ -126,7 +127,8 @@ pub(super) fn lines(arguments: &CheckArgs) -> Result<(Vec<u8>, Exit), Refusal> {
     let judged = judged(arguments, &captures, (&options, &setup), known)?;
     let mut lines = Vec::new();
     write(&judged.report, arguments, &mut lines).map_err(|error| (Exit::Capture, error.into()))?;
-    Ok((lines, judged.exit))
+    let records = judged.report.records().filter_map(|record| serde_json::to_value(record).ok());
+    Ok((lines, records.collect(), judged.exit))
 }
 
 /// Checks the rules that the options name.

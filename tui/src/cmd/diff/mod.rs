@@ -1,6 +1,5 @@
 //! `cobscope diff`: differences between two captures.
 
-mod json;
 mod pair;
 pub(super) mod quiet;
 
@@ -11,6 +10,8 @@ use std::io::Write as _;
 use std::sync::Arc;
 
 use cobscope_decoder::Summary;
+use cobscope_decoder::answers::comparison::ComparisonAnswer;
+use cobscope_decoder::answers::format_line;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::comparison::{self, CaptureRecord, Comparison, Ending, Recorder};
 use cobscope_decoder::event::Event;
@@ -110,7 +111,7 @@ fn text_of(
     let mut text = String::new();
     match arguments.format {
         DiffFormat::Text => comparison::text::write(compared, records, arguments.verbose, &mut text),
-        DiffFormat::Json => json::write(compared, records, tolerances, &mut text),
+        DiffFormat::Json => text = format_line(&ComparisonAnswer::new(compared, records, tolerances)),
         DiffFormat::Html => {
             let provenance = joined(&good.provenance, &bad.provenance);
             let (good, bad) = records;

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use cobscope_decoder::answers::comparison::ComparisonAnswer;
 use cobscope_decoder::comparison::{self, CaptureRecord, DifferenceMarks};
 use cobscope_decoder::session::SessionOptions;
 
-use super::{ensure_start, json, record};
+use super::{ensure_start, record};
 use crate::cli::{DiffArgs, DiffFormat, InputArgs};
 use crate::cmd::input::setup;
 use crate::source::Series;
@@ -23,7 +24,7 @@ pub(in crate::cmd) struct ComparisonJob {
     pub(in crate::cmd) options: SessionOptions,
 }
 
-/// The comparison as JSON.
+/// The comparison.
 ///
 /// # Errors
 /// If a capture cannot be read to its end, or a sequence has no event to start from.
@@ -31,16 +32,14 @@ pub(in crate::cmd) fn compared(
     [good, bad]: [&Series; 2],
     arguments: &DiffArgs,
     options: &SessionOptions,
-) -> anyhow::Result<String> {
+) -> anyhow::Result<ComparisonAnswer> {
     ensure_start(arguments)?;
     let [good, bad] = records([good, bad], arguments, options)?;
     let mut compared = comparison::compare(&good, &bad, &options.bus_file.diff);
     if !arguments.only.is_empty() {
         compared.keep(&arguments.only);
     }
-    let mut text = String::new();
-    json::write(&compared, (&good, &bad), &options.bus_file.diff, &mut text);
-    Ok(text)
+    Ok(ComparisonAnswer::new(&compared, (&good, &bad), &options.bus_file.diff))
 }
 
 /// # Errors

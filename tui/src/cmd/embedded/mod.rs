@@ -9,6 +9,7 @@ use std::ffi::OsString;
 use std::sync::Arc;
 
 use anyhow::anyhow;
+use cobscope_decoder::answers::format_line;
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::profile::{Device, ProfileError};
 use cobscope_decoder::sink::findings::CaptureResult;
@@ -23,16 +24,16 @@ pub use answer::{Answer, CommandError};
 use answer::{answered, check_arguments, parsed};
 pub use source::{CaptureEnd, CaptureResults, CaptureSource};
 
-/// The lines of `check -f jsonl` and its exit status, with these arguments.
+/// The lines of `check -f jsonl`, the same as objects, and its exit status, with these arguments.
 ///
 /// # Errors
 /// Those of the command; a capture that cannot be read is a line.
-pub fn check(arguments: &[OsString]) -> Result<Answer<(String, Exit)>, CommandError> {
+pub fn check(arguments: &[OsString]) -> Result<Answer<(String, Vec<Value>, Exit)>, CommandError> {
     answered(|| {
         let format = ["--format", "jsonl"].map(OsString::from);
         let arguments = check_arguments(&[&format[..], arguments].concat())?;
-        let (lines, exit) = check::lines(&arguments)?;
-        Ok((String::from_utf8_lossy(&lines).into_owned(), exit))
+        let (lines, objects, exit) = check::lines(&arguments)?;
+        Ok((String::from_utf8_lossy(&lines).into_owned(), objects, exit))
     })
 }
 
@@ -51,7 +52,8 @@ pub fn diff(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
         let catalogue = common_catalogue(&arguments.input.profiles);
         let options = options_of(&arguments.input, catalogue).map_err(|error| (Exit::Profile, error))?;
         let [good, bad] = &pair;
-        diff::quiet::compared([good, bad], &arguments, &options).map_err(|error| (Exit::Capture, error))
+        let compared = diff::quiet::compared([good, bad], &arguments, &options);
+        compared.map(|answer| format_line(&answer)).map_err(|error| (Exit::Capture, error))
     })
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::Reading;
+use cobscope_decoder::answers::objects::ObjectRecord;
 use cobscope_decoder::reading::{Borrowed, ReadingPart};
 use cobscope_decoder::rules::Setup;
 use cobscope_decoder::session::SessionOptions;
@@ -16,7 +17,7 @@ use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::{read_options, series};
 use crate::cmd::messages::Refusal;
 use crate::cmd::results::Results;
-use crate::cmd::{check, diff, objects};
+use crate::cmd::{check, diff};
 use crate::exit_code::Exit;
 use crate::source::{self, Series};
 
@@ -126,7 +127,8 @@ impl CaptureSource {
         for bus in results.decoder.buses() {
             for node in bus.nodes() {
                 let all = node.store().sorted().into_iter();
-                objects.extend(all.map(|(object, entry)| objects::record(bus, node, object, entry, &name)));
+                let all = all.map(|object| ObjectRecord::new((bus, node), object, &name));
+                objects.extend(all.filter_map(|record| serde_json::to_value(record).ok()));
             }
         }
         Ok(CaptureResults {

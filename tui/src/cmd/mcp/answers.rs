@@ -1,6 +1,7 @@
 //! Answers from the results of a whole capture.
 
 use anyhow::bail;
+use cobscope_decoder::answers::objects::ObjectRecord;
 use cobscope_decoder::session::Buses;
 use serde_json::{Map, Value, json};
 
@@ -8,7 +9,6 @@ use super::arguments::Arguments;
 use super::capture::{OpenedCapture, node_in};
 use super::fit::fit;
 use crate::cli::NodeArg;
-use crate::cmd::objects;
 use crate::select::{Bound, BoundSide};
 
 /// Overview of a capture.
@@ -189,17 +189,17 @@ fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) 
     let (bus, found) = node_in(buses, &node)?;
     let all = found.store().sorted();
     let chosen = all.into_iter().filter(|(object, _)| object.to_string().starts_with(prefix));
-    let records: Vec<_> = chosen
-        .map(|(object, entry)| {
-            let mut record = objects::record(bus, found, object, entry, "");
+    let records = chosen
+        .map(|object| {
+            let mut record = serde_json::to_value(ObjectRecord::new((bus, found), object, ""))?;
             if let Some(members) = record.as_object_mut() {
                 members.retain(|key, value| {
                     !["capture", "bus", "node"].contains(&key.as_str()) && !value.is_null()
                 });
             }
-            record
+            Ok(record)
         })
-        .collect();
+        .collect::<anyhow::Result<Vec<_>>>()?;
     Ok(fit(
         json!({"capture": capture.name, "bus": bus.name(), "node": node.id.to_string(), "objects": records}),
     ))

@@ -211,8 +211,8 @@ impl Server {
             .map(|path| diff::one(path, &options.input))
             .collect::<Result<_, _>>()?;
         let [good, bad] = both.as_slice() else { anyhow::bail!("expected two captures") };
-        let text = diff::quiet::compared([good, bad], &options, &session)?;
-        let text = fit::fit(serde_json::from_str(&text)?);
+        let answer = diff::quiet::compared([good, bad], &options, &session)?;
+        let text = fit::fit(serde_json::to_value(&answer)?);
         if self.compared.len() >= MOST_OPEN {
             self.compared.remove(0);
         }

@@ -4,14 +4,13 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, ensure};
+use cobscope_decoder::answers::{EventObject, format_line};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::reading::ListedSignal;
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::{EventSink as _, escape_json};
 use serde_json::{Value, json};
 
 use super::arguments::Arguments;
@@ -133,13 +132,12 @@ pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::
 
 /// An event as a line of `decode -f jsonl`; an event that alone is too long is shortened.
 fn line(event: &Event, bus: &Bus) -> String {
-    let mut line = Vec::new();
-    Jsonl::new(&mut line).write(event, bus);
-    let text = escape_json(String::from_utf8_lossy(&line).trim_end()).into_owned();
+    let object = EventObject::new(event, bus);
+    let text = format_line(&object).trim_end().to_owned();
     if written(&text) <= MOST_TEXT {
         return text;
     }
-    serde_json::from_slice(&line).map_or(text, |value| fit_within(value, MOST_TEXT))
+    serde_json::to_value(&object).map_or(text, |value| fit_within(value, MOST_TEXT))
 }
 
 /// A signal over the range.

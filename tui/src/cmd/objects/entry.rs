@@ -10,11 +10,6 @@ pub(super) fn label(bus: &Bus, node: &Node) -> String {
     format!("{}{name} on {}", node.id().words(), escape(bus.name()))
 }
 
-/// Hex pairs without spaces.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat()
-}
-
 /// ` {88} 1.234 s`: frame and time of a value; empty for a value from a file.
 pub(super) fn place(entry: &Entry, first: Option<Timestamp>) -> String {
     let place = entry.origin.place();

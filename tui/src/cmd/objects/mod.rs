@@ -6,14 +6,15 @@ mod want;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
+use cobscope_decoder::answers::format_line;
+use cobscope_decoder::answers::objects::{ObjectCount, ObjectRecord};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::Value;
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
-use cobscope_decoder::sink::{escape, escape_json};
+use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::plural;
-use serde_json::json;
 
 use super::decoding::{CaptureJob, report};
 use super::messages::complain;
@@ -21,7 +22,7 @@ use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::Exit;
 use crate::select::TimeLimit;
 use crate::words::present;
-use entry::{hex, label, place};
+use entry::{label, place};
 use want::Want;
 
 /// Maximum widths of the name and value columns; most lines then fit 100 columns.
@@ -96,24 +97,19 @@ fn print_bus(
     if arguments.format == ReportFormat::Text {
         return table(node, first, output);
     }
-    for (object, entry) in node.store().sorted() {
-        let record = record(bus, node, object, entry, capture).to_string();
-        let _ = writeln!(output, "{}", escape_json(&record));
+    for object in node.store().sorted() {
+        output.push_str(&format_line(&ObjectRecord::new((bus, node), object, capture)));
     }
 }
 
 fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
-    let count = node.store().len();
-    let _ = match format {
+    match format {
         ReportFormat::Text => {
-            writeln!(output, "{}: {} (--node {})", label(bus, node), plural(count, "object"), node.id())
+            let count = plural(node.store().len(), "object");
+            let _ = writeln!(output, "{}: {count} (--node {})", label(bus, node), node.id());
         }
-        ReportFormat::Json => {
-            let record =
-                json!({"capture": capture, "bus": bus.name(), "node": node.id().number(), "objects": count});
-            writeln!(output, "{}", escape_json(&record.to_string()))
-        }
-    };
+        ReportFormat::Json => output.push_str(&format_line(&ObjectCount::new(bus, node, capture))),
+    }
 }
 
 /// Prints all objects in columns; long names and values are truncated.
@@ -199,44 +195,6 @@ fn future(node: &Node, object: ObjectAddress) -> String {
         _ => "",
     };
     format!("{waiting}{persists}")
-}
-
-/// One object as a JSON record.
-pub(super) fn record(
-    bus: &Bus,
-    node: &Node,
-    object: ObjectAddress,
-    entry: &Entry,
-    capture: &str,
-) -> serde_json::Value {
-    let known = node.meaning(object);
-    let value = known.as_ref().map(|known| known.decode(&entry.value)).and_then(|value| match value {
-        Value::Unsigned(value) => Some(json!(value)),
-        Value::Integer(value) => Some(json!(value)),
-        Value::Real(value) => Some(json!(value)),
-        Value::Text(text) => Some(json!(text)),
-        Value::Bytes(_) => None,
-    });
-    json!({
-        "capture": capture,
-        "bus": bus.name(),
-        "node": node.id().number(),
-        "object": format!("0x{object}"),
-        "name": known.as_ref().map(|known| &known.name),
-        "value": value,
-        "unit": known.as_ref().map(|known| &known.unit).filter(|unit| !unit.is_empty()),
-        "data": hex(&entry.value),
-        "size": entry.size,
-        "origin": entry.origin.kind.name(),
-        "frame": Some(entry.origin.frame).filter(|frame| *frame != 0),
-        "stale": entry.stale,
-        "persists": node.persists(object),
-        "waiting": node.store().waiting(object).map(|waiting| json!({
-            "data": hex(&waiting.value),
-            "effective": waiting.effect.name(),
-            "frame": Some(waiting.origin.frame).filter(|frame| *frame != 0),
-        })),
-    })
 }
 
 /// Message if the chosen node is not present; `None` for an unknown bus, which was already reported.

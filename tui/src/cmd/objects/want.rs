@@ -4,16 +4,17 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
+use cobscope_decoder::answers::format_line;
+use cobscope_decoder::answers::objects::WantedObject;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject, Kind};
 use cobscope_decoder::profile::{DataType, Value};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
-use cobscope_decoder::sink::{escape, escape_json};
+use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
-use serde_json::json;
 
-use super::entry::{hex, label, place};
+use super::entry::{label, place};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::cmd::input::device_files;
 use crate::path_text::shown;
@@ -122,20 +123,9 @@ impl Want {
 
     fn json(&self, bus: &Bus, node: &Node, capture: &str, output: &mut String) {
         for compared in self.compared(node) {
-            let record = json!({
-                "capture": capture,
-                "bus": bus.name(),
-                "node": node.id().number(),
-                "object": format!("0x{}", compared.object.address),
-                "name": node.meaning(compared.object.address).map(|meaning| meaning.name),
-                "result": compared.result().name(),
-                "wanted": hex(&compared.wanted),
-                "data": compared.is.map(|entry| hex(&entry.value)),
-                "origin": compared.is.map(|entry| entry.origin.kind.name()),
-                "frame": compared.is.map(|entry| entry.origin.frame).filter(|frame| *frame != 0),
-                "stale": compared.is.map(|entry| entry.stale),
-            });
-            let _ = writeln!(output, "{}", escape_json(&record.to_string()));
+            let object = (compared.object.address, compared.is);
+            let result = (compared.result().name(), compared.wanted.as_slice());
+            output.push_str(&format_line(&WantedObject::new((bus, node), object, result, capture)));
         }
     }
 }

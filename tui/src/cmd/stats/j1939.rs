@@ -3,10 +3,9 @@
 use cobscope_decoder::profile;
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::table::{Align, Table};
-use cobscope_decoder::statistics::{BusStatistics, dtc_of_key};
+use cobscope_decoder::statistics::BusStatistics;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::j1939::Name;
-use serde_json::{Value, json};
 
 /// Writes one row per source address, with the state at the end of the capture.
 pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
@@ -51,39 +50,6 @@ pub(super) fn table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
         text.push_str("\n J1939 devices\n");
         table.write(1, text);
     }
-}
-
-/// J1939 devices as JSON records.
-pub(super) fn records(bus: &Bus, statistics: &BusStatistics) -> Vec<Value> {
-    if !bus.is_j1939() {
-        return Vec::new();
-    }
-    let record = |(address, figures): (u8, cobscope_decoder::statistics::AddressStatistics)| {
-        let id = NodeId::J1939(address);
-        let (known, counted) = (bus.node(id), statistics.node(id));
-        let name = known.and_then(Node::j1939_name);
-        let parts = name.map(Name::fields);
-        let faults = counted.into_iter().flat_map(|node| node.dtcs.sorted()).map(|(key, count)| {
-            let (spn, fmi) = dtc_of_key(key);
-            json!({"spn": spn, "fmi": fmi, "raised": count})
-        });
-        let active = known.into_iter().flat_map(Node::active_dtcs);
-        json!({
-            "address": address,
-            "name": known.and_then(|node| node.name()),
-            "device": known.and_then(|node| node.device_id()),
-            "j1939_name": name.map(|name| format!("0x{:016X}", name.0)),
-            "manufacturer_code": parts.map(|parts| parts.manufacturer_code),
-            "function": parts.map(|parts| parts.function),
-            "industry_group": parts.map(|parts| parts.industry_group),
-            "claims": counted.map_or(0, |node| node.claims),
-            "groups": figures.groups.iter().map(|group| group.number()).collect::<Vec<_>>(),
-            "frames": figures.frames,
-            "dtcs": faults.collect::<Vec<_>>(),
-            "dtcs_active": active.map(|(spn, fmi)| json!({"spn": spn, "fmi": fmi})).collect::<Vec<_>>(),
-        })
-    };
-    statistics.addresses().into_iter().map(record).collect()
 }
 
 /// Meaning of a trouble code: from the device manual, else from its failure mode.

@@ -1,10 +1,10 @@
 //! `cobscope stats`: statistics of captures.
 
 mod j1939;
-mod json;
 mod report;
 mod text;
 
+use cobscope_decoder::answers::format_line;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -19,7 +19,7 @@ use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::Exit;
 use crate::select::Selection;
 use crate::words::unknown_bus;
-pub(super) use report::Report;
+use report::Report;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> Exit {
@@ -49,7 +49,7 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         let report = Report { capture, format, statistics, decoder, arguments };
         match arguments.format {
             ReportFormat::Text => text::write(&report, output),
-            ReportFormat::Json => json::write(&report, output),
+            ReportFormat::Json => output.push_str(&format_line(&report.figures())),
         }
         Ok(failure)
     })
@@ -69,13 +69,6 @@ fn ready(arguments: &StatsArgs) -> Result<SessionOptions, Refusal> {
         check_rules_of(Some(filter), &setup).map_err(usage)?;
     }
     Ok(options)
-}
-
-/// The object of `-f json`, with its line end.
-pub(super) fn json_of(report: &Report<'_>) -> String {
-    let mut text = String::new();
-    json::write(report, &mut text);
-    text
 }
 
 /// Counts the frames and events of a selection.

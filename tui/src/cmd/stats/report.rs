@@ -1,5 +1,6 @@
 //! Statistics of one capture, for all formats.
 
+use cobscope_decoder::answers::statistics::CaptureStatistics;
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::statistics::Statistics;
@@ -7,15 +8,21 @@ use cobscope_decoder::statistics::Statistics;
 use crate::cli::StatsArgs;
 
 /// Statistics of one capture, and the decoder after the last frame.
-pub(in crate::cmd) struct Report<'a> {
-    pub(in crate::cmd) capture: String,
-    pub(in crate::cmd) format: &'static str,
-    pub(in crate::cmd) statistics: Statistics,
-    pub(in crate::cmd) decoder: Decoder,
-    pub(in crate::cmd) arguments: &'a StatsArgs,
+pub(super) struct Report<'a> {
+    pub(super) capture: String,
+    pub(super) format: &'static str,
+    pub(super) statistics: Statistics,
+    pub(super) decoder: Decoder,
+    pub(super) arguments: &'a StatsArgs,
 }
 
 impl Report<'_> {
+    /// All figures.
+    pub(super) fn figures(&self) -> CaptureStatistics {
+        let name = (self.capture.as_str(), self.format);
+        CaptureStatistics::new(name, &self.statistics, self.decoder.buses(), |bus| self.bit_rate(bus))
+    }
+
     /// Bit rate of a bus from the command line, else from the bus file.
     pub(super) fn bit_rate(&self, bus: &Bus) -> Option<u32> {
         let rates = &self.arguments.bitrate;

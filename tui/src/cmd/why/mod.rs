@@ -5,13 +5,14 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use cobscope_decoder::Summary;
+use cobscope_decoder::answers::format_line;
+use cobscope_decoder::answers::stories::StoriesAnswer;
 use cobscope_decoder::diagnosis;
-use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::rules::Setup;
-use cobscope_decoder::session::{Buses, SessionOptions};
+use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::why::Question;
 use cobscope_decoder::why::text::{self, Setting};
-use cobscope_decoder::why::{Question, json};
 
 use super::decoding::{CaptureJob, ReadCapture, report_with};
 use super::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
@@ -73,8 +74,7 @@ pub fn run(arguments: &WhyArgs) -> Exit {
                 text::write(&answer, &Setting { buses, first, at, to, scope: &scope }, output);
             }
             ReportFormat::Json => {
-                output.push_str(&json::line(&answer, buses, first, at, &name));
-                output.push('\n');
+                output.push_str(&format_line(&StoriesAnswer::new(&answer, buses, first, at, &name)));
             }
         }
         Ok(failure)
@@ -92,14 +92,4 @@ fn ready(arguments: &WhyArgs) -> Result<(SessionOptions, Arc<Setup>), Refusal> {
     let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
     check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(usage)?;
     Ok((options, Arc::new(setup)))
-}
-
-/// The object of `-f json`, about the whole capture.
-pub(super) fn line(
-    answer: &cobscope_decoder::why::Report,
-    buses: Buses<'_>,
-    first: Option<Timestamp>,
-    name: &str,
-) -> String {
-    json::line(answer, buses, first, None, name)
 }

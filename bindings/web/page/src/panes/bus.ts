@@ -3,12 +3,17 @@
 import uPlot from "uplot";
 
 import { bytes, fill, grouped, h } from "../dom";
-import type { BusFacts, IdFigures } from "../protocol";
+import type { BusFacts, BusFigures, IdFigures, Period } from "../protocol";
 import type { App, Pane } from "../state";
 import { Table } from "../table";
 
 function colour(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim() || "#888";
+}
+
+/** Largest deviation of an interval from the mean. */
+function jitter(period: Period | null): number | null {
+  return period && Math.max(period.max - period.mean, period.mean - period.min);
 }
 
 export function busPane(app: App): Pane {
@@ -56,18 +61,17 @@ export function busPane(app: App): Pane {
     });
   }
 
-  function facts(bus: BusFacts): HTMLElement {
-    const figures = bus.statistics;
+  function facts(bus: BusFacts, figures: BusFigures | undefined): HTMLElement {
     const box = h("div", { class: "plot", role: "img", "aria-label": `Load of ${bus.name} over time` });
     const pairs: [string, string][] = [
       ["Protocol", bus.protocols.join(", ") || "none confirmed"],
       ["Bit rate", bus.bit_rate ? `${grouped(bus.bit_rate)} bit/s` : "unknown; load in bit/s"],
     ];
     if (figures) {
-      pairs.push(["Frames", `${grouped(figures.frames)}, worst second ${grouped(figures.worst_frames)}`]);
-      const share = bus.bit_rate ? ` (${((100 * figures.worst_bits) / bus.bit_rate).toFixed(1)} %)` : "";
-      pairs.push(["Worst second", `${grouped(figures.worst_bits)} bit${share}`]);
-      pairs.push(["Master", `${grouped(figures.syncs)} SYNC, ${grouped(figures.guard_requests)} guarding requests`]);
+      pairs.push(["Frames", `${grouped(figures.frames)}, worst second ${grouped(figures.worst_second.frames)}`]);
+      const share = bus.bit_rate ? ` (${((100 * figures.worst_second.bits) / bus.bit_rate).toFixed(1)} %)` : "";
+      pairs.push(["Worst second", `${grouped(figures.worst_second.bits)} bit${share}`]);
+      pairs.push(["Master", `${grouped(figures.sync.count)} SYNC, ${grouped(figures.guard_requests)} guarding requests`]);
       pairs.push(["Not decoded", `${grouped(figures.undecoded)} frames without a known service, ${grouped(figures.malformed)} malformed`]);
     }
     if (bus.doubt) pairs.push(["Remark", bus.doubt]);
@@ -77,9 +81,9 @@ export function busPane(app: App): Pane {
       columns: [
         { title: "ID", name: "data", cell: (one) => `${one.id}${one.remote ? " R" : ""}`, order: (one) => one.id.padStart(10) },
         { title: "Frames", name: "number", cell: (one) => grouped(one.frames), order: (one) => one.frames },
-        { title: "Mean ms", name: "number", cell: (one) => one.mean?.toFixed(3) ?? "", order: (one) => one.mean ?? -1 },
-        { title: "Jitter ms", name: "number", cell: (one) => one.jitter?.toFixed(3) ?? "", order: (one) => one.jitter ?? -1 },
-        { title: "", cell: (one) => (one.silent ? h("span", { class: "caution" }, "silent at the end") : "") },
+        { title: "Mean ms", name: "number", cell: (one) => one.period_ms?.mean.toFixed(3) ?? "", order: (one) => one.period_ms?.mean ?? -1 },
+        { title: "Jitter ms", name: "number", cell: (one) => jitter(one.period_ms)?.toFixed(3) ?? "", order: (one) => jitter(one.period_ms) ?? -1 },
+        { title: "", cell: (one) => (one.silent_since !== null ? h("span", { class: "caution" }, "silent at the end") : "") },
       ],
     });
     table.set(figures?.ids ?? []);
@@ -112,7 +116,7 @@ export function busPane(app: App): Pane {
       ];
       fill(
         element,
-        overview.buses.map(facts),
+        overview.buses.map((bus, place) => facts(bus, overview.statistics.buses[place])),
         h("section", {}, h("h2", {}, "Capture"), h("dl", {}, quality.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])),
           overview.limits.length > 0 && h("ul", {}, overview.limits.map((text) => h("li", {}, text)))),
         h("section", {}, h("h2", {}, "Events by kind"), h("dl", {}, overview.kinds.flatMap(([kind, count]) => [h("dt", {}, kind), h("dd", {}, grouped(count))]))),

@@ -109,8 +109,7 @@ fn row(
         Some(Cause::Quality(_) | Cause::Fact(_)) | None => Cell::Null,
     };
     let story = stories.0.get(&group.id);
-    let mut line = Vec::new();
-    jsonl::finding(group, judged, &mut line);
+    let line = jsonl::finding(group, judged);
     push(
         began.time,
         &[
@@ -142,7 +141,7 @@ fn row(
             story.map_or(Cell::Null, |part| Cell::Number(part.place)),
             Cell::text(story.map(|part| part.title)),
             Cell::text(group.next_step.as_deref()),
-            Cell::Text(String::from_utf8_lossy(&line).trim_end()),
+            Cell::Text(&line),
         ],
     )
 }
