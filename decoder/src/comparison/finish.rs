@@ -33,8 +33,7 @@ pub struct Ending<'a> {
 
 impl Recorder {
     /// The record, after the last event and the last finding.
-    pub fn finish(mut self, ending: &Ending<'_>) -> CaptureRecord {
-        self.statistics.withdraw(ending.buses);
+    pub fn finish(self, ending: &Ending<'_>) -> CaptureRecord {
         let quality = &self.statistics.quality;
         let mut record = CaptureRecord {
             name: ending.name.to_owned(),

@@ -284,6 +284,7 @@ impl<P> Summary<P> {
 mod tests {
     use super::*;
     use crate::event::{Event, EventKind};
+    use crate::reading::ReadingBuilder;
     use crate::frame::CanId;
     use crate::session::Bus;
     use crate::wire::NodeId;
