@@ -70,7 +70,7 @@ impl Transfer {
             text: escape(&text).into(),
             duration,
             size,
-            outcome,
+            outcome: outcome.name(),
             tone: line.tone,
         })
     }

@@ -4,12 +4,13 @@ use serde_json::{Value, json};
 
 use super::{FaultGrade, Moment, NodeState, PointState, Reaction, Report, Rhythm, StoppedMessage};
 use crate::diagnosis::{Story, StoryLine};
+use crate::escape::escape_json;
 use crate::event::{Certainty, Event};
 use crate::finding::Occurrence;
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses};
+use crate::sink::EventSink as _;
 use crate::sink::jsonl::Jsonl;
-use crate::sink::{EventSink as _, escape_json};
 use crate::wire::NodeId;
 
 /// One line without its end. Events are inserted as text, because their times have more digits than a float.
@@ -24,7 +25,8 @@ pub fn line(
     let chosen = report.question.chosen.as_ref();
     let fault = report.moment.as_ref().map_or("null".to_owned(), |moment| page.moment(moment));
     let before = report.moment.as_ref().map_or(&[][..], |moment| &moment.before);
-    let checks = report.checks.iter().map(|it| json!({"text": it.text, "section": it.section, "by": it.by}));
+    let checks =
+        report.checks.iter().map(|it| json!({"text": it.text, "section": it.section, "by": it.by.name()}));
     let suggestions = report.suggestions.iter().map(|it| {
         json!({
             "bus": page.bus_name(it.bus),
@@ -49,7 +51,7 @@ pub fn line(
     let notes = report.diagnosis.notes.iter().map(|it| page.story_line(&it.line));
     let steps = report.diagnosis.stories.get(report.story).map(|story| &story.steps);
     let steps = steps.into_iter().flatten();
-    let steps = steps.map(|it| json!({"text": it.text, "section": it.section, "by": it.by}));
+    let steps = steps.map(|it| json!({"text": it.text, "section": it.section, "by": it.by.name()}));
     let checks: Vec<_> = steps.chain(checks.filter(|_| report.diagnosis.stories.is_empty())).collect();
     let members = [
         ("capture", json!(capture).to_string()),

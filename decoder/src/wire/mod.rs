@@ -7,6 +7,7 @@ pub mod canopen;
 pub mod error_frame;
 pub mod isotp;
 pub mod j1939;
+mod layer;
 mod node_id;
 mod node_map;
 pub mod uds;

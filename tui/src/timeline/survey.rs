@@ -2,7 +2,7 @@
 //! [`threads::survey`](super::threads::survey).
 
 use cobscope_decoder::diagnosis::Diagnosis;
-use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
+use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange, Kind, TransferOutcome};
 use cobscope_decoder::finding::Findings;
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::profile::device::Severity;
@@ -133,7 +133,7 @@ pub struct Exchange {
     /// Kind in at most six characters.
     pub kind: &'static str,
     /// Event kind as in filters.
-    pub event_kind: &'static str,
+    pub event_kind: Kind,
     /// Filter for the kind as it is shown.
     pub kind_filter: Box<str>,
     /// Filter for the object, PGN or service, if it has one.
@@ -147,7 +147,7 @@ pub struct Exchange {
     /// Number of bytes transferred.
     pub size: u64,
     /// Outcome as in filters.
-    pub outcome: &'static str,
+    pub outcome: TransferOutcome,
     /// Tone that decides the colour.
     pub tone: Tone,
 }

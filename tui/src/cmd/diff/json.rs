@@ -14,10 +14,9 @@ pub(super) fn write(
     tolerances: &DiffTolerances,
     output: &mut String,
 ) {
-    let equal = comparison
-        .equal
-        .iter()
-        .map(|((section, noun), count)| json!({"section": section.name(), "subject": noun, "count": count}));
+    let equal = comparison.equal.iter().map(
+        |((section, noun), count)| json!({"section": section.name(), "subject": noun.name(), "count": count}),
+    );
     let report = json!({
         "good": capture(good),
         "bad": capture(bad),
@@ -75,7 +74,7 @@ fn not_seen(it: &UnobservedSubject) -> Value {
     json!({
         "section": it.section.name(),
         "by": if it.by == Side::Good { "good" } else { "bad" },
-        "kind": it.noun,
+        "kind": it.noun.name(),
         "subject": it.subject,
         "aspect": it.aspect,
         "weight": it.weight,

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::profile::Value;
+use cobscope_decoder::profile::{Persistence, Value};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node, Observer};
 use cobscope_decoder::sink::{escape, escape_json};
 use cobscope_decoder::wire::NodeId;
@@ -220,8 +220,8 @@ fn future(node: &Node, object: ObjectAddress) -> String {
         format!("  → {} {}{}", escape(&shown), waiting.effect.when(), waiting.origin.place())
     });
     let persists = match node.persists(object) {
-        Some("no") => "  lost at a restart",
-        Some("not-stored") => "  not stored",
+        Some(Persistence::No) => "  lost at a restart",
+        Some(Persistence::NotStored) => "  not stored",
         _ => "",
     };
     format!("{waiting}{persists}")
@@ -256,7 +256,7 @@ pub(super) fn record(
         "origin": entry.origin.kind.name(),
         "frame": Some(entry.origin.frame).filter(|frame| *frame != 0),
         "stale": entry.stale,
-        "persists": node.persists(object),
+        "persists": node.persists(object).map(Persistence::name),
         "waiting": node.store().waiting(object).map(|waiting| json!({
             "data": hex(&waiting.value),
             "effective": waiting.effect.name(),

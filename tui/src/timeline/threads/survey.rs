@@ -253,7 +253,7 @@ fn exchange(told: &PlacedEvent<'_>) -> Option<Exchange> {
         who: escape(&line.who).into(),
         node: event.node,
         kind: line.kind,
-        event_kind: event.kind.name(),
+        event_kind: event.kind.kind(),
         kind_filter: kind_filter(event).into(),
         subject: subject_filter(event, told.bus).map(Into::into),
         what: escape(&line.what).into(),
