@@ -68,6 +68,7 @@ pub mod capture;
 pub mod comparison;
 pub mod decoder;
 pub mod diagnosis;
+pub mod escape;
 pub mod event;
 pub mod finding;
 pub mod frame;

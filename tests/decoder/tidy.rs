@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use regex::Regex;
+
+use crate::support::code::{Part, parts};
 use crate::support::modules::Modules;
 use crate::support::workspace;
 
@@ -13,6 +16,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("words", &[]),
     ("ascii", &[]),
     ("marked_line", &[]),
+    ("escape", &[]),
     ("frame", &[]),
     ("capture", &["words", "ascii", "frame"]),
     ("series", &["frame", "capture"]),
@@ -46,6 +50,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "sink",
         &[
             "diagnosis",
+            "escape",
             "words",
             "ascii",
             "frame",
@@ -65,6 +70,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         &[
             "diagnosis",
             "finding",
+            "escape",
             "words",
             "frame",
             "wire",
@@ -82,6 +88,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         &[
             "diagnosis",
             "finding",
+            "escape",
             "words",
             "frame",
             "wire",
@@ -116,6 +123,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "report",
         &[
+            "escape",
             "words",
             "frame",
             "capture",
@@ -139,6 +147,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "replay",
         &[
+            "escape",
             "words",
             "frame",
             "wire",
@@ -180,6 +189,21 @@ const LAYERS: &[(&str, &[&str])] = &[
 
 /// Max lines of a file without the tests at its end.
 const LONGEST_FILE: usize = 600;
+
+/// Folders that decide by types: if a word that is printed changes, the compiler must name each place that depends on it.
+const DECIDED_BY_TYPES: &[&str] = &[
+    "decoder/src/comparison",
+    "decoder/src/diagnosis",
+    "decoder/src/event",
+    "decoder/src/finding",
+    "decoder/src/replay",
+    "decoder/src/report",
+    "decoder/src/rules",
+    "decoder/src/session",
+    "decoder/src/statistics",
+    "decoder/src/why",
+    "tui/src/panes",
+];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -261,6 +285,81 @@ fn files_are_short_and_say_what_they_are_for() {
         }
     }
     assert!(report.is_empty(), "\n{report}");
+}
+
+/// Lines that decide by a word: comparisons with it or with its start or end, patterns of it, and
+/// lists of words that are searched.
+fn decisions_by_word(text: &str) -> Vec<usize> {
+    // Each string with a letter becomes `"w"`; bytes and strings without letters decide about data.
+    let has_letter = |text: &str| text.replace(r"\r", "").replace(r"\n", "").contains(char::is_alphabetic);
+    let mut code = String::new();
+    for (_, part) in parts(without_tests(text)) {
+        match part {
+            Part::Code(part) => code.push_str(part),
+            Part::String(part) if part.starts_with('"') && has_letter(part) => {
+                code.push_str("\"w\"");
+                code.extend(part.matches('\n'));
+            }
+            Part::String(part) => code.extend(part.matches('\n')),
+            Part::Comment | Part::Character => {}
+        }
+    }
+    let words = [
+        r#"[=!]=\s*&?(\w+\()*"w""#,
+        r#""w"\)*\s*[=!]="#,
+        r#"(?m)^([ |\w:(),&"]|\.\.)*"w"[^\n;{}=]*=>"#,
+        r#"(?m)^\s*\|\s[\w:(&]*"w""#,
+        r#"matches!\(([^()]|\(([^()]|\([^()]*\))*\))*"w""#,
+        r#"\[\s*("w",?\s*)+\]\s*\.contains"#,
+        r#"(contains|(starts|ends)_with)\("w""#,
+    ];
+    let mut lines: Vec<usize> = Vec::new();
+    for expression in words {
+        let found = Regex::new(expression).unwrap();
+        lines.extend(found.find_iter(&code).map(|it| code[..it.end()].matches('\n').count() + 1));
+    }
+    lines.sort_unstable();
+    lines.dedup();
+    lines
+}
+
+#[test]
+fn decisions_are_made_by_types() {
+    let mut report = String::new();
+    for (name, text) in all(DECIDED_BY_TYPES).iter().filter(|(name, _)| !name.ends_with("/tests.rs")) {
+        for line in decisions_by_word(text) {
+            writeln!(report, "{name}:{line}: {}", text.lines().nth(line - 1).unwrap().trim()).unwrap();
+        }
+    }
+    assert!(report.is_empty(), "\n{report}");
+}
+
+#[test]
+fn decisions_by_word_are_found_and_other_words_are_not() {
+    for decision in [
+        "if by == \"heartbeat\" {}",
+        "if by != Some(\"heartbeat\") {}",
+        "if \"heartbeat\" == by {}",
+        "match by {\n    \"heartbeat\" => 1,\n}",
+        "match by {\n    (1, Some(\"heartbeat\")) if x => 1,\n}",
+        "match by {\n    \"a\"\n    | \"b\" => 1,\n}",
+        "matches!(f(by), \"heartbeat\" | \"guarding\")",
+        "[\"heartbeat\", \"guarding\"].contains(&by)",
+        "if by.starts_with(\"heartbeat\") {}",
+    ] {
+        assert!(!decisions_by_word(decision).is_empty(), "{decision}");
+    }
+    for other in [
+        "// if by == \"heartbeat\"",
+        "match by {\n    Heartbeat => \"heartbeat\",\n    Guarding => \"guarding\",\n}",
+        "if by.contains(HEARTBEAT) { text.push_str(\"heartbeat\") }",
+        "if text == \"\" || text == \"-0\" || data == b\"save\" {}",
+        "if matches!(by, Heartbeat) { \"heartbeat\" } else { \"guarding\" }",
+        "let by = if by == 1 { \"heartbeat\" } else { \"guarding\" };",
+        "#[cfg(test)]\nmod tests { fn f() { assert!(by == \"heartbeat\") } }",
+    ] {
+        assert_eq!(decisions_by_word(other), [0; 0], "{other}");
+    }
 }
 
 #[test]

@@ -367,7 +367,7 @@ impl Ready {
                 "text": it.news,
                 "duration": it.duration.map(millis),
                 "size": it.size,
-                "outcome": it.outcome,
+                "outcome": it.outcome.name(),
                 "tone": tone(it.tone),
             })
         });

@@ -2,6 +2,7 @@
 
 use cobscope_decoder::answers::nodes::NodeOverview;
 use cobscope_decoder::frame::Timestamp;
+use cobscope_decoder::profile::Persistence;
 use cobscope_decoder::replay::{LatestOfNode, ReplayState, signal};
 use cobscope_decoder::session::{Bus, Node};
 use cobscope_decoder::sink::escape;
@@ -111,7 +112,7 @@ pub fn objects(world: &ReplayState, bus: u8, node: NodeId) -> Value {
             "origin": entry.origin.kind.verb(),
             "frame": entry.origin.frame,
             "time": seconds(entry.origin.time, zero),
-            "persists": node.persists(*address),
+            "persists": node.persists(*address).map(Persistence::name),
             "pending": waiting.map(|pending| hex(&pending.value)),
         })
     };

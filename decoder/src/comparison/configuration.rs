@@ -1,7 +1,7 @@
 //! Configuration: parameters with their origin, and mappings.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::record::{NodeRecord, Parameter};
 use super::scope::Scope;
 use crate::wire::canopen::ObjectAddress;
@@ -28,7 +28,7 @@ fn parameters(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
             None if is_mapped(pair.bad, *object) => {}
             None => {
                 let aspect = format!("{object} {} {}", good.name, good.text);
-                out.add_not_seen((SECTION, "object"), Side::Bad, (label, aspect), good.mark);
+                out.add_not_seen((SECTION, SubjectNoun::Object), Side::Bad, (label, aspect), good.mark);
             }
         }
     }
@@ -38,7 +38,7 @@ fn parameters(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
             continue;
         }
         let aspect = format!("{object} {} {}", bad.name, bad.text);
-        out.add_not_seen((SECTION, "object"), Side::Good, (label, aspect), bad.mark);
+        out.add_not_seen((SECTION, SubjectNoun::Object), Side::Good, (label, aspect), bad.mark);
     }
 }
 
@@ -104,7 +104,7 @@ fn parameter(
             "? uncertain after a restart",
         );
     }
-    out.add_equal(SECTION, "object");
+    out.add_equal(SECTION, SubjectNoun::Object);
 }
 
 /// Whether values are equal, or differ only by the node-ID that a COB-ID contains.
@@ -125,7 +125,7 @@ fn mappings(pair: &NodePair<'_>, out: &mut Comparison) {
     for (pdo, good) in &pair.good.mappings {
         let Some(bad) = pair.bad.mappings.get(pdo) else { continue };
         if good.objects == bad.objects {
-            out.add_equal(SECTION, "PDO mapping");
+            out.add_equal(SECTION, SubjectNoun::PdoMapping);
             continue;
         }
         let aspect = format!("{:04X} mapping of {pdo}", pdo.mapping_index());

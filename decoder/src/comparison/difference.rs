@@ -158,6 +158,73 @@ impl Difference {
     }
 }
 
+/// Noun of a subject, for counts; in the order in which counts are printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr)]
+#[non_exhaustive]
+pub enum SubjectNoun {
+    /// Contents of a PDO.
+    #[strum(serialize = "PDO mapping")]
+    PdoMapping,
+    /// Period of a PDO.
+    #[strum(serialize = "PDO period")]
+    PdoPeriod,
+    /// Boot-up of a node.
+    #[strum(serialize = "boot-up")]
+    BootUp,
+    /// Bus.
+    #[strum(serialize = "bus")]
+    Bus,
+    /// Load of a bus.
+    #[strum(serialize = "bus load")]
+    BusLoad,
+    /// Error or trouble code.
+    #[strum(serialize = "code")]
+    Code,
+    /// Error frames of a bus.
+    #[strum(serialize = "error frame")]
+    ErrorFrame,
+    /// Their rate.
+    #[strum(serialize = "error frame rate")]
+    ErrorFrameRate,
+    /// Finding or story.
+    #[strum(serialize = "finding")]
+    Finding,
+    /// CAN identifier without a name.
+    #[strum(serialize = "identifier")]
+    Identifier,
+    /// Number that identifies a device.
+    #[strum(serialize = "identity value")]
+    IdentityValue,
+    /// Node.
+    #[strum(serialize = "node")]
+    Node,
+    /// Value of an object.
+    #[strum(serialize = "object")]
+    Object,
+    /// Period of another message.
+    #[strum(serialize = "period")]
+    Period,
+    /// Response time of a node.
+    #[strum(serialize = "response time")]
+    ResponseTime,
+    /// Set point.
+    #[strum(serialize = "set point")]
+    SetPoint,
+    /// State machine of a node or device.
+    #[strum(serialize = "state machine")]
+    StateMachine,
+    /// Step after an event.
+    #[strum(serialize = "step")]
+    Step,
+}
+
+impl SubjectNoun {
+    /// Name in the singular.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
 /// Something that one capture never showed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -166,8 +233,8 @@ pub struct UnobservedSubject {
     pub section: Section,
     /// Capture that did not show it.
     pub by: Side,
-    /// Noun for the count, in the singular.
-    pub noun: &'static str,
+    /// Noun for the count.
+    pub noun: SubjectNoun,
     /// Bus, node or identifier.
     pub subject: String,
     /// Object, message, state or code, with its value in the other capture.
@@ -186,8 +253,8 @@ pub struct Comparison {
     pub differences: Vec<Difference>,
     /// What one capture never showed.
     pub not_seen: Vec<UnobservedSubject>,
-    /// Number of equal subjects by section and noun in the singular.
-    pub equal: BTreeMap<(Section, &'static str), u64>,
+    /// Number of equal subjects by section and noun.
+    pub equal: BTreeMap<(Section, SubjectNoun), u64>,
     /// Reasons why something was not compared, by section.
     pub limits: Vec<(Section, String)>,
     /// Ids of findings of the second capture that the first one does not have.
@@ -214,7 +281,7 @@ impl Comparison {
     }
 
     /// Counts an equal subject.
-    pub(super) fn add_equal(&mut self, section: Section, noun: &'static str) {
+    pub(super) fn add_equal(&mut self, section: Section, noun: SubjectNoun) {
         *self.equal.entry((section, noun)).or_default() += 1;
     }
 
@@ -232,7 +299,7 @@ impl Comparison {
     /// Adds something that one capture never showed.
     pub(super) fn add_not_seen(
         &mut self,
-        (section, noun): (Section, &'static str),
+        (section, noun): (Section, SubjectNoun),
         by: Side,
         (subject, aspect): (impl Into<String>, impl Into<String>),
         mark: Mark,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::alignment::BusPair;
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::finish::bus_place;
 use super::ranking::ranking;
 use super::record::{CaptureRecord, Code, CodeRecord, FindingRecord, NodeRecord, StoryRecord};
@@ -70,7 +70,7 @@ fn findings(scope: &Scope<'_>, out: &mut Comparison) {
                     &*bad.text,
                 );
             }
-            Some(_) => out.add_equal(SECTION, "finding"),
+            Some(_) => out.add_equal(SECTION, SubjectNoun::Finding),
         }
     }
     let ids = scope.good.findings.iter().map(|good| good.id);
@@ -110,7 +110,7 @@ fn one_sided(scope: &Scope<'_>, side: Side, ids: &BTreeSet<u64>, out: &mut Compa
         match opportunity(scope, side, it) {
             Some(reason) if side == Side::Good || !reason.counts => {
                 let text = format!("{} [{}]", it.text, it.rule);
-                out.add_not_seen((SECTION, "finding"), other(side), (place, text), it.at.first);
+                out.add_not_seen((SECTION, SubjectNoun::Finding), other(side), (place, text), it.at.first);
                 if side == Side::Bad {
                     out.raise_not_seen(ranking().weight(Kind::Finding.name()));
                 }
@@ -166,7 +166,7 @@ fn add_story(
     let reason = opportunity(scope, side, root);
     if reason.is_some_and(|reason| side == Side::Good || !reason.counts) {
         let text = format!("{} [{}]", story.title, root.rule);
-        out.add_not_seen((SECTION, "finding"), other(side), (place, text), story.mark);
+        out.add_not_seen((SECTION, SubjectNoun::Finding), other(side), (place, text), story.mark);
         if side == Side::Bad {
             out.raise_not_seen(ranking().story(story.rank, story.is_cause_visible));
         }
@@ -220,7 +220,7 @@ fn codes(
         let text = if one.text.is_empty() { &other.text } else { &one.text };
         let (name, kind) = describe(code, text);
         if !scope.counts_differ(one.at.count, other.at.count) {
-            out.add_equal(SECTION, "code");
+            out.add_equal(SECTION, SubjectNoun::Code);
             continue;
         }
         let is_ended = other.at.count == 0;
@@ -230,7 +230,7 @@ fn codes(
         let was_present = if is_ended { bad.is_present } else { good.is_present };
         if !was_present {
             let (by, mark) = if is_ended { (Side::Bad, one.at.first) } else { (Side::Good, other.at.first) };
-            out.add_not_seen((SECTION, "code"), by, (&label, name), mark);
+            out.add_not_seen((SECTION, SubjectNoun::Code), by, (&label, name), mark);
             continue;
         }
         let values = match (one.at.count, other.at.count) {

@@ -1,6 +1,6 @@
 //! Bus load and error frames.
 
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::ranking::ranking;
 use super::record::{BusRecord, CaptureRecord, Mark};
 use super::scope::Scope;
@@ -20,7 +20,7 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     for bus in &scope.alignment.buses {
         let (good, bad) = (rate(bus.good, one), rate(bus.bad, other));
         if (good - bad).abs() <= good.min(bad) * scope.tolerances.load / 100.0 {
-            out.add_equal(SECTION, "bus load");
+            out.add_equal(SECTION, SubjectNoun::BusLoad);
             continue;
         }
         let bit_rate = bus.good.bit_rate.or(bus.bad.bit_rate);
@@ -49,19 +49,26 @@ fn error_frames(scope: &Scope<'_>, out: &mut Comparison) {
     match (good, bad) {
         (0, 0) => {}
         (0, bad) => {
-            out.add_not_seen((SECTION, "error frame"), Side::Good, (text(bad), ""), Mark::default());
+            out.add_not_seen(
+                (SECTION, SubjectNoun::ErrorFrame),
+                Side::Good,
+                (text(bad), ""),
+                Mark::default(),
+            );
             // A finding that reports them is printed instead.
             if !scope.bad.findings.iter().any(|it| ranking().needs_error_frames(&it.rule)) {
                 out.raise_not_seen(ranking().weight(Kind::ErrorFrames.name()));
             }
         }
-        (good, 0) => out.add_not_seen((SECTION, "error frame"), Side::Bad, (text(good), ""), Mark::default()),
+        (good, 0) => {
+            out.add_not_seen((SECTION, SubjectNoun::ErrorFrame), Side::Bad, (text(good), ""), Mark::default())
+        }
         (good, bad) if scope.counts_differ(good, bad) => {
             let value =
                 |record: &CaptureRecord| Some(Observation::new(text(record.error_frames), Mark::default()));
             let values = (value(scope.good), value(scope.bad));
             out.add((SECTION, Kind::ErrorFrames), ("bus", "error frames"), values, "compared as rates");
         }
-        _ => out.add_equal(SECTION, "error frame rate"),
+        _ => out.add_equal(SECTION, SubjectNoun::ErrorFrameRate),
     }
 }

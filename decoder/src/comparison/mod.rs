@@ -32,7 +32,9 @@ mod timing;
 mod tolerance;
 
 pub use compare::compare;
-pub use difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
+pub use difference::{
+    Comparison, Difference, Kind, Observation, Section, Side, SubjectNoun, UnobservedSubject,
+};
 pub use finish::Ending;
 pub use marks::DifferenceMarks;
 pub use record::{

@@ -1,7 +1,7 @@
 //! Nodes: presence, identity, device, boot-ups, losses, heartbeat.
 
 use super::alignment::{BusPair, NodePair};
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::record::{CaptureRecord, Mark, NodeRecord, Occurrences};
 use super::scope::Scope;
 
@@ -11,10 +11,10 @@ const SECTION: Section = Section::Nodes;
 pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     machine(scope, out);
     for bus in &scope.alignment.only_good {
-        out.add_not_seen((SECTION, "bus"), Side::Bad, (bus.name.as_str(), ""), Mark::default());
+        out.add_not_seen((SECTION, SubjectNoun::Bus), Side::Bad, (bus.name.as_str(), ""), Mark::default());
     }
     for bus in &scope.alignment.only_bad {
-        out.add_not_seen((SECTION, "bus"), Side::Good, (bus.name.as_str(), ""), Mark::default());
+        out.add_not_seen((SECTION, SubjectNoun::Bus), Side::Good, (bus.name.as_str(), ""), Mark::default());
     }
     for bus in &scope.alignment.buses {
         missing(bus, out);
@@ -81,13 +81,13 @@ fn identity(pair: &NodePair<'_>, out: &mut Comparison) {
     }
     for (name, (text, mark)) in &good.identity {
         match bad.identity.get(name) {
-            Some((other, _)) if other == text => out.add_equal(SECTION, "identity value"),
+            Some((other, _)) if other == text => out.add_equal(SECTION, SubjectNoun::IdentityValue),
             Some((other, at)) => {
                 let values = (Some(Observation::new(text, *mark)), Some(Observation::new(other, *at)));
                 out.add((SECTION, Kind::Identity), (label, *name), values, "");
             }
             None => out.add_not_seen(
-                (SECTION, "identity value"),
+                (SECTION, SubjectNoun::IdentityValue),
                 Side::Bad,
                 (label, format!("{name} {text}")),
                 *mark,
@@ -95,7 +95,12 @@ fn identity(pair: &NodePair<'_>, out: &mut Comparison) {
         }
     }
     for (name, (text, mark)) in bad.identity.iter().filter(|(name, _)| !good.identity.contains_key(*name)) {
-        out.add_not_seen((SECTION, "identity value"), Side::Good, (label, format!("{name} {text}")), *mark);
+        out.add_not_seen(
+            (SECTION, SubjectNoun::IdentityValue),
+            Side::Good,
+            (label, format!("{name} {text}")),
+            *mark,
+        );
     }
 }
 
@@ -106,9 +111,19 @@ fn lifetime(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
     if scope.counts_differ(good.boots.count, bad.boots.count) {
         match (good.boots.count, bad.boots.count) {
             // A capture can begin in operation: the absence of the first boot-up shows nothing.
-            (1, 0) => out.add_not_seen((SECTION, "boot-up"), Side::Bad, (label, "boot-up"), good.boots.first),
+            (1, 0) => out.add_not_seen(
+                (SECTION, SubjectNoun::BootUp),
+                Side::Bad,
+                (label, "boot-up"),
+                good.boots.first,
+            ),
             (0, 1) if begins_with(bad.boots) => {
-                out.add_not_seen((SECTION, "boot-up"), Side::Good, (label, "boot-up"), bad.boots.first);
+                out.add_not_seen(
+                    (SECTION, SubjectNoun::BootUp),
+                    Side::Good,
+                    (label, "boot-up"),
+                    bad.boots.first,
+                );
             }
             _ => out.add(
                 (SECTION, Kind::BootUps),
@@ -132,7 +147,7 @@ fn lifetime(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
         out.add((SECTION, Kind::HeartbeatSilent), (label, "heartbeat"), (beat(good), beat(bad)), "");
     }
     if before == out.differences.len() {
-        out.add_equal(SECTION, "node");
+        out.add_equal(SECTION, SubjectNoun::Node);
     }
 }
 

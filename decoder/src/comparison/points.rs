@@ -1,7 +1,7 @@
 //! Set points: range of values, and whether the device acts on them.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::record::{Mark, PointRecord};
 use super::scope::Scope;
 use crate::words::plural;
@@ -16,13 +16,23 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
             match pair.bad.points.get(key) {
                 Some(bad) => point((pair, &aspect), (good, bad), scope, out),
                 None => {
-                    out.add_not_seen((SECTION, "set point"), Side::Bad, (&pair.label, aspect), good.extreme);
+                    out.add_not_seen(
+                        (SECTION, SubjectNoun::SetPoint),
+                        Side::Bad,
+                        (&pair.label, aspect),
+                        good.extreme,
+                    );
                 }
             }
         }
         for (key, bad) in pair.bad.points.iter().filter(|(key, _)| !pair.good.points.contains_key(key)) {
             let aspect = aspect(*key, bad);
-            out.add_not_seen((SECTION, "set point"), Side::Good, (&pair.label, aspect), bad.extreme);
+            out.add_not_seen(
+                (SECTION, SubjectNoun::SetPoint),
+                Side::Good,
+                (&pair.label, aspect),
+                bad.extreme,
+            );
         }
     }
 }
@@ -72,7 +82,7 @@ fn point(
     }
     following((label, aspect), (good, bad), scope, out);
     if before == out.differences.len() {
-        out.add_equal(SECTION, "set point");
+        out.add_equal(SECTION, SubjectNoun::SetPoint);
     }
 }
 

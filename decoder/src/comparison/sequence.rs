@@ -1,6 +1,6 @@
 //! Sequences: the first step that differs after an event.
 
-use super::difference::{Comparison, Kind, Observation, Section};
+use super::difference::{Comparison, Kind, Observation, Section, SubjectNoun};
 use super::record::{CaptureRecord, Sequence, SequenceStep};
 use super::scope::Scope;
 use crate::words::plural;
@@ -19,7 +19,7 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     }
     let equal = good.steps.iter().zip(&bad.steps).take_while(|(one, other)| one.text == other.text).count();
     for _ in 0..equal {
-        out.add_equal(Section::Sequence, "step");
+        out.add_equal(Section::Sequence, SubjectNoun::Step);
     }
     let (one, other) = (good.steps.get(equal), bad.steps.get(equal));
     let is_shown = match (one, other) {

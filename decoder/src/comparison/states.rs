@@ -1,7 +1,7 @@
 //! States of NMT and of devices: fault states, the state with most of the time, the last state.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::record::{StateRecord, StateTime};
 use super::scope::Scope;
 use super::times::duration;
@@ -29,7 +29,7 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
 
 fn not_seen((pair, name): (&NodePair<'_>, &str), record: &StateRecord, by: Side, out: &mut Comparison) {
     let aspect = format!("{name} {}", record.last);
-    out.add_not_seen((SECTION, "state machine"), by, (&pair.label, aspect), record.since);
+    out.add_not_seen((SECTION, SubjectNoun::StateMachine), by, (&pair.label, aspect), record.since);
 }
 
 /// A state machine that only the second capture shows: its fault states count.
@@ -64,7 +64,7 @@ fn machine(
         out.add((SECTION, Kind::State), (&pair.label, name), values, "");
     }
     if before == out.differences.len() {
-        out.add_equal(SECTION, "state machine");
+        out.add_equal(SECTION, SubjectNoun::StateMachine);
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) fn step(event: &Event) -> Option<String> {
             format!("{}{channel} {}", state.machine, state.to)
         }
         EventKind::Mode(mode) => format!("{} {} {}", mode.object, mode.name, mode.to),
-        EventKind::Procedure(procedure) => format!("{} {}", procedure.procedure, procedure.step),
+        EventKind::Procedure(procedure) => format!("{} {}", procedure.procedure, procedure.phase.name()),
         EventKind::NodeIdChange { to, .. } => format!("node-ID {to}"),
         EventKind::AddressClaim(_) => "address claim".to_owned(),
         EventKind::Dtc(dtc) => format!("SPN {} FMI {} {}", dtc.spn, dtc.fmi, dtc.action.name()),

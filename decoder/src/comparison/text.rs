@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 
-use super::difference::{Comparison, Difference, Kind, Observation, Section, Side, UnobservedSubject};
+use super::difference::{
+    Comparison, Difference, Kind, Observation, Section, Side, SubjectNoun, UnobservedSubject,
+};
 use super::record::{CaptureRecord, Mark};
 pub(crate) use super::times::seconds;
-use crate::sink::escape;
+use crate::escape::escape;
 use crate::words::{grouped, plural};
 
 /// Maximum number of lines by default.
@@ -31,7 +33,7 @@ pub fn write(
     output: &mut String,
 ) {
     let mut page = Page { output, is_complete, rest: if is_complete { usize::MAX } else { SHOWN_LINES } };
-    page.line("", &format!("GOOD {}{MARK}{}", length(good), length(bad)));
+    page.write(&format!("GOOD {}{MARK}{}", length(good), length(bad)));
     let closing = closing(comparison, is_complete);
     page.rest = page.rest.saturating_sub(closing.len());
     page.differences(comparison);
@@ -56,9 +58,11 @@ struct Page<'a> {
 
 impl Page<'_> {
     fn line(&mut self, label: &str, text: &str) {
+        self.write(&format!("{label:<LABEL$}{text}"));
+    }
+
+    fn write(&mut self, line: &str) {
         self.rest = self.rest.saturating_sub(1);
-        let line = format!("{label:<LABEL$}{text}");
-        let line = if label.is_empty() && text.starts_with("GOOD ") { text.to_owned() } else { line };
         let _ = writeln!(self.output, "{}", escape(line.trim_end()));
     }
 
@@ -162,7 +166,8 @@ pub(crate) fn title(difference: &Difference) -> &'static str {
 /// Lines after the differences: counts, limits, result.
 fn closing(comparison: &Comparison, is_complete: bool) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
-    let equal: Vec<_> = comparison.equal.iter().map(|((_, noun), count)| plural(*count, noun)).collect();
+    let equal: Vec<_> =
+        comparison.equal.iter().map(|((_, noun), count)| plural(*count, noun.name())).collect();
     if !equal.is_empty() {
         lines.push(("EQUAL", equal.join(", ")));
     }
@@ -199,8 +204,10 @@ fn absence(it: &UnobservedSubject) -> String {
 /// Counts by noun; with `-v`, and for findings, error frames and buses, each subject.
 fn not_seen(comparison: &Comparison, side: Side, is_complete: bool) -> Vec<String> {
     let own = || comparison.not_seen.iter().filter(|it| it.by == side && it.weight <= 0.0);
-    let is_listed = |noun: &str| is_complete || ["finding", "error frame", "bus"].contains(&noun);
-    let mut counts: Vec<(&str, u64)> = Vec::new();
+    let is_listed = |noun: SubjectNoun| {
+        is_complete || matches!(noun, SubjectNoun::Finding | SubjectNoun::ErrorFrame | SubjectNoun::Bus)
+    };
+    let mut counts: Vec<(SubjectNoun, u64)> = Vec::new();
     for it in own().filter(|it| !is_listed(it.noun)) {
         match counts.iter_mut().find(|(noun, _)| *noun == it.noun) {
             Some((_, count)) => *count += 1,
@@ -210,11 +217,11 @@ fn not_seen(comparison: &Comparison, side: Side, is_complete: bool) -> Vec<Strin
     let mut lines: Vec<String> = own().filter(|it| is_listed(it.noun)).map(absence).collect();
     let hidden = lines.len().saturating_sub(if is_complete { usize::MAX } else { SHOWN_ABSENT });
     lines.truncate(lines.len() - hidden);
+    let mut counts: Vec<_> = counts.into_iter().map(|(noun, count)| plural(count, noun.name())).collect();
     if hidden > 0 {
-        counts.push(("further finding", hidden as u64));
+        counts.push(plural(hidden as u64, "further finding"));
     }
     if !counts.is_empty() {
-        let counts: Vec<_> = counts.into_iter().map(|(noun, count)| plural(count, noun)).collect();
         lines.push(counts.join(", "));
     }
     lines

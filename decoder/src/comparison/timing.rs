@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::alignment::{BusPair, NodePair};
-use super::difference::{Comparison, Kind, Observation, Section, Side};
+use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
 use super::record::{Mark, MessageRecord, MessageRole};
 use super::scope::Scope;
 use super::times::{duration, seconds};
@@ -107,7 +107,7 @@ fn lone(bus: &BusPair<'_>, message: &MessageRecord, by: Side, scope: &Scope<'_>,
     let lasts = other.duration >= Some(message.gaps.longest().saturating_mul(MISSING));
     let had_opportunity = had_opportunity && lasts;
     let Some(period) = period.filter(|_| had_opportunity && scope.is_timed() && !message.is_remote) else {
-        return out.add_not_seen((SECTION, "identifier"), by, (name, ""), message.last);
+        return out.add_not_seen((SECTION, SubjectNoun::Identifier), by, (name, ""), message.last);
     };
     let mark = Mark { time: None, ..message.last };
     let value = Some(Observation::new(format!("every {}", duration(period)), mark));
@@ -125,13 +125,14 @@ fn message(
 ) {
     if !scope.is_timed() {
         return out.add_not_seen(
-            (SECTION, "period"),
+            (SECTION, SubjectNoun::Period),
             lacking_times(scope),
             (subject(bus, good), ""),
             good.last,
         );
     }
-    let noun = if matches!(good.role, MessageRole::Pdo(..)) { "PDO period" } else { "period" };
+    let noun =
+        if matches!(good.role, MessageRole::Pdo(..)) { SubjectNoun::PdoPeriod } else { SubjectNoun::Period };
     if !is_periodic(&good.gaps) || bad.gaps.count() < ENOUGH {
         return;
     }
@@ -216,5 +217,5 @@ fn latency(
             return out.add((SECTION, kind), place, (text(good), text(bad)), "");
         }
     }
-    out.add_equal(SECTION, "response time");
+    out.add_equal(SECTION, SubjectNoun::ResponseTime);
 }

@@ -17,7 +17,10 @@ pub(super) fn disproved(plot: &Plot<'_>) -> Vec<String> {
     let has = |rules: &[&str]| plot.findings.iter().any(|it| rules.contains(&&*it.group.rule));
     if let (Some(alive), false) = (&scene.alive, has(&SILENT_NODE)) {
         let (expected, age) = (interval(alive.expected), interval(alive.age));
-        all.push(format!("node off the bus ({} {age} before, expected every {expected})", alive.by));
+        all.push(format!(
+            "node off the bus ({} {age} before, expected every {expected})",
+            alive.by.message()
+        ));
     }
     if let (Some(commands), false) = (&scene.commands, has(&SILENT_CONTROLLER)) {
         all.push(format!("controller silent ({} every {})", commands.pdo, interval(commands.period)));
@@ -31,14 +34,16 @@ pub(super) fn disproved(plot: &Plot<'_>) -> Vec<String> {
     all
 }
 
+/// Limit of a capture without error frames.
+pub(crate) const WIRING: &str =
+    "wiring: no error frames, and the capture does not show whether they were recorded";
+
 /// What the capture cannot show.
 pub(super) fn unjudged(plot: &Plot<'_>, findings: &Findings) -> Vec<String> {
     let mut all = Vec::new();
     let scene: Option<&Scene> = plot.findings.first().and_then(|it| it.group.scene.as_deref());
     if findings.error_frames == 0 {
-        all.push(
-            "wiring: no error frames, and the capture does not show whether they were recorded".to_owned(),
-        );
+        all.push(WIRING.to_owned());
     }
     if let Some(scene) = scene {
         for gate in &scene.invisible {

@@ -15,6 +15,7 @@ mod plot;
 mod ranking;
 mod steps;
 
+pub(crate) use evidence::WIRING;
 pub use lines::{Label, StoryLine};
 
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! What to do now: steps from manual, rule and state machine.
 
 use super::plot::Plot;
-use crate::finding::{Advice, Group};
+use crate::finding::{Advice, AdviceSource, Group};
 use crate::profile;
 
 /// Maximum number of steps of a story.
@@ -12,9 +12,9 @@ pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
     let mut all = Vec::new();
     let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
     if let Some(fact) = plot.fact.as_ref().filter(|fact| !fact.next.is_empty()) {
-        add(&mut all, &fact.next, "", "rule");
+        add(&mut all, &fact.next, "", AdviceSource::Rule);
     }
-    advice(root, &mut all, |it| matches!(it.by, "emcy" | "dtc"));
+    advice(root, &mut all, |it| matches!(it.by, AdviceSource::Emcy | AdviceSource::Dtc));
     let is_of_device = root.rule.contains(':');
     if is_of_device {
         rule(root, &mut all);
@@ -22,13 +22,13 @@ pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
     if plot.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
         hints(LOST_SETTINGS, &mut all);
     }
-    advice(root, &mut all, |it| it.by == "code");
+    advice(root, &mut all, |it| it.by == AdviceSource::Code);
     hints(&root.rule, &mut all);
     for finding in &plot.findings {
-        advice(finding.group, &mut all, |it| it.by == "state");
+        advice(finding.group, &mut all, |it| it.by == AdviceSource::State);
     }
     rule(root, &mut all);
-    advice(root, &mut all, |it| it.by == "gate");
+    advice(root, &mut all, |it| it.by == AdviceSource::Gate);
     for finding in &plot.findings {
         rule(finding.group, &mut all);
     }
@@ -39,10 +39,12 @@ pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
 /// Rule of lost settings: its hint precedes those of the restart that lost them.
 const LOST_SETTINGS: &str = "config-lost";
 
-fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
     let text = match by {
-        "rule" | "state" | "general" => text.to_owned(),
-        _ => format!("check: {}", clause(text)),
+        AdviceSource::Rule | AdviceSource::State | AdviceSource::General => text.to_owned(),
+        AdviceSource::Emcy | AdviceSource::Dtc | AdviceSource::Gate | AdviceSource::Code => {
+            format!("check: {}", clause(text))
+        }
     };
     if !all.iter().any(|known| known.text == text) {
         all.push(Advice { text, section: section.to_owned(), by });
@@ -73,13 +75,13 @@ fn advice(group: &Group, all: &mut Vec<Advice>, is_wanted: impl Fn(&Advice) -> b
 /// Adds the next step that the rule proposes.
 fn rule(group: &Group, all: &mut Vec<Advice>) {
     if let Some(next) = &group.next_step {
-        add(all, next, "", "rule");
+        add(all, next, "", AdviceSource::Rule);
     }
 }
 
 fn hints(rule: &str, all: &mut Vec<Advice>) {
     for text in profile::fault_hints(rule) {
-        add(all, text, "", "general");
+        add(all, text, "", AdviceSource::General);
     }
 }
 

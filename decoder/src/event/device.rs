@@ -2,8 +2,39 @@
 
 use std::sync::Arc;
 
-use crate::profile::{Carrier, Effect};
+use strum::IntoStaticStr;
+
+use crate::profile::device::ProcedureStatus;
+use crate::profile::{Carrier, Effect, Persistence};
 use crate::wire::canopen::ObjectAddress;
+
+/// Source of a device assignment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AssignedBy {
+    /// The command line.
+    Option,
+    /// The bus file.
+    BusFile,
+    /// An EDS, DCF or XDD file.
+    DeviceFile,
+    /// Identity that the node sent.
+    Identity,
+    /// Device type alone, which only indicates the class of device; any other source overrides it.
+    DeviceType,
+}
+
+impl AssignedBy {
+    /// Name used in all output.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Option => "option",
+            Self::BusFile => "bus-file",
+            Self::DeviceFile => "device-file",
+            Self::Identity => "identity",
+            Self::DeviceType => "device-type",
+        }
+    }
+}
 
 /// A node whose device was identified.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -14,7 +45,7 @@ pub struct NodeIdentified {
     /// Title of the profile.
     pub title: String,
     /// Source of the identification.
-    pub by: &'static str,
+    pub by: AssignedBy,
 }
 
 /// Cause of a state change of a device.
@@ -188,8 +219,34 @@ pub struct ModeChange {
     pub consequence: String,
 }
 
-/// Step of a procedure whose status reports a failure without a start in the capture.
-pub const PROCEDURE_FAILED_EARLIER: &str = "failed earlier";
+/// Phase that a procedure has reached.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ProcedurePhase {
+    /// Started.
+    Started,
+    /// A step of the profile, by its name.
+    Step(String),
+    /// The device accepted the command and reports no end.
+    Accepted,
+    /// Ended, with any outcome.
+    Finished,
+    /// The status reports a failure without a start in the capture.
+    FailedEarlier,
+}
+
+impl ProcedurePhase {
+    /// The name used in all output.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Started => "started",
+            Self::Step(name) => name,
+            Self::Accepted => "accepted",
+            Self::Finished => "finished",
+            Self::FailedEarlier => "failed earlier",
+        }
+    }
+}
 
 /// A procedure started, advanced or ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -199,10 +256,10 @@ pub struct ProcedureEvent {
     pub procedure: String,
     /// KIND column in text output.
     pub word: Option<String>,
-    /// `started`, the name of a step, `finished`, or [`PROCEDURE_FAILED_EARLIER`].
-    pub step: String,
+    /// Phase that it has reached.
+    pub phase: ProcedurePhase,
     /// Status of the procedure.
-    pub status: &'static str,
+    pub status: ProcedureStatus,
     /// Time since its start, in ns.
     pub duration: Option<i64>,
     /// Nominal duration in seconds.
@@ -229,6 +286,25 @@ pub struct Conflict {
     pub text: String,
 }
 
+/// Reason for a change in the object store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum ChangeOrigin {
+    /// A write, confirmed by the server.
+    Download,
+    /// A restart: the value fell back to the stored one.
+    Reset,
+    /// A restart: a value that required one took effect.
+    Restart,
+}
+
+impl ChangeOrigin {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
 /// A change in the object store.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -239,11 +315,10 @@ pub struct ObjectChange {
     pub from: Option<Vec<u8>>,
     /// New value in bytes; None if it fell back to an unknown value.
     pub to: Option<Vec<u8>>,
-    /// `download` or `upload`; `reset`: fell back to the stored value; `restart`: a value that required a
-    /// restart took effect.
-    pub origin: &'static str,
+    /// Reason for the change.
+    pub origin: ChangeOrigin,
     /// Time of effect, if known.
     pub effect: Option<Effect>,
-    /// Persistence: `yes`, `no`, `needs-save`, `unknown`.
-    pub persists: Option<&'static str>,
+    /// Whether the value survives a restart, if known.
+    pub persists: Option<Persistence>,
 }

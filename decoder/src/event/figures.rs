@@ -9,19 +9,82 @@ pub struct TransferFigures {
     pub duration: Option<i64>,
     /// Number of bytes; 0 if unknown.
     pub size: u64,
-    /// Outcome as in JSON, such as `complete`.
-    pub outcome: &'static str,
+    /// Outcome of the transfer.
+    pub outcome: TransferOutcome,
+}
+
+/// Outcome of a transfer of any protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransferOutcome {
+    /// Outcome of an SDO or J1939 transfer.
+    Transfer(Outcome),
+    /// Outcome of an ISO-TP message.
+    Message(MessageOutcome),
+    /// Outcome of a UDS exchange.
+    Exchange(ExchangeOutcome),
+}
+
+/// Group of the outcomes of all protocols.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OutcomeGroup {
+    /// Complete, or nothing is missing: a request that wants no response, a response on its own.
+    Complete,
+    /// A side refused or aborted it.
+    Refused,
+    /// A side did not answer in time.
+    TimedOut,
+    /// The end is not known.
+    Other,
+}
+
+impl TransferOutcome {
+    /// The name used in all output, such as `complete`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Transfer(outcome) => outcome.name(),
+            Self::Message(outcome) => outcome.name(),
+            Self::Exchange(outcome) => outcome.name(),
+        }
+    }
+
+    /// Group of the outcome.
+    pub const fn group(self) -> OutcomeGroup {
+        match self {
+            Self::Transfer(Outcome::Complete)
+            | Self::Message(MessageOutcome::Complete)
+            | Self::Exchange(
+                ExchangeOutcome::Positive | ExchangeOutcome::Suppressed | ExchangeOutcome::Unsolicited,
+            ) => OutcomeGroup::Complete,
+            Self::Transfer(Outcome::Aborted)
+            | Self::Message(MessageOutcome::Overflow)
+            | Self::Exchange(ExchangeOutcome::Negative) => OutcomeGroup::Refused,
+            Self::Transfer(Outcome::Timeout)
+            | Self::Message(MessageOutcome::Timeout | MessageOutcome::NoFlowControl)
+            | Self::Exchange(ExchangeOutcome::NoAnswer) => OutcomeGroup::TimedOut,
+            Self::Transfer(Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished)
+            | Self::Message(
+                MessageOutcome::Superseded | MessageOutcome::Incomplete | MessageOutcome::Unfinished,
+            )
+            | Self::Exchange(ExchangeOutcome::Unfinished) => OutcomeGroup::Other,
+        }
+    }
 }
 
 impl Event {
     /// Figures of a transfer; `None` for other events, and for complete ISO-TP messages, which belong to a UDS exchange.
     pub fn transfer_figures(&self) -> Option<TransferFigures> {
         let (duration, size, outcome) = match &self.kind {
-            EventKind::SdoTransfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-            EventKind::J1939Transfer(transfer) => (transfer.duration, transfer.size, transfer.outcome.name()),
-            EventKind::UdsExchange(exchange) => (exchange.duration, 0, exchange.outcome.name()),
+            EventKind::SdoTransfer(transfer) => {
+                (transfer.duration, transfer.size, TransferOutcome::Transfer(transfer.outcome))
+            }
+            EventKind::J1939Transfer(transfer) => {
+                (transfer.duration, transfer.size, TransferOutcome::Transfer(transfer.outcome))
+            }
+            EventKind::UdsExchange(exchange) => {
+                (exchange.duration, 0, TransferOutcome::Exchange(exchange.outcome))
+            }
             EventKind::IsoTpTransfer(transfer) if transfer.outcome != MessageOutcome::Complete => {
-                (transfer.duration, transfer.size, transfer.outcome.name())
+                (transfer.duration, transfer.size, TransferOutcome::Message(transfer.outcome))
             }
             _ => return None,
         };

@@ -7,12 +7,13 @@ use strum::{EnumCount, EnumDiscriminants, EnumMessage, EnumProperty, IntoStaticS
 use super::device::{
     BitsChanged, Conflict, DeviceState, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, SetPoint,
 };
+use super::evicted::EvictedState;
 use super::finding::FindingNews;
 use super::j1939::{
     AddressClaim, CommandedAddress, Dtc, Irregularity, J1939Acknowledgement, J1939Message, J1939Request,
     J1939Transfer, MessageGap,
 };
-use super::node::{BootCause, Emergency, Silence, StateChange};
+use super::node::{BootCause, Emergency, NodeIdSource, Silence, StateChange};
 use super::transfer::{Pdo, SdoTransfer};
 use super::uds::{IsoTpTransfer, UdsExchange};
 use super::undecoded::Undecoded;
@@ -79,7 +80,7 @@ pub enum EventKind {
     #[strum_discriminants(strum(props(single_frame = true)))]
     Lss { command: u8, from_master: bool, content: Content },
     /// A node changed its node-ID.
-    NodeIdChange { from: Option<u8>, to: u8, by: &'static str },
+    NodeIdChange { from: Option<u8>, to: u8, by: NodeIdSource },
     /// The device of a node was identified.
     NodeIdentified(Box<NodeIdentified>),
     /// A device reports a new state of its state machine.
@@ -106,7 +107,7 @@ pub enum EventKind {
     #[strum_discriminants(strum(props(single_frame = true)))]
     Malformed { error: Malformed, reason: &'static str },
     /// State was evicted to keep memory bounded.
-    Evicted { what: &'static str, count: u64 },
+    Evicted { what: EvictedState, count: u64 },
     /// Timestamps went backwards, or the clock was set forward during a live capture.
     ClockStep { step: i64 },
     /// All traffic stopped for a while.
@@ -177,6 +178,11 @@ impl Kind {
     /// The name used in all output.
     pub fn name(self) -> &'static str {
         self.into()
+    }
+
+    /// The kind with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|kind| kind.name() == name)
     }
 
     /// Description of the kind: one sentence without a full stop.

@@ -4,11 +4,13 @@
 //! deadline. The names of kinds and their keys in output are defined in `query/`.
 
 mod device;
+mod evicted;
 mod figures;
 mod finding;
 mod frame_range;
 mod j1939;
 mod kind;
+mod kind_set;
 mod node;
 mod signals;
 mod transfer;
@@ -16,10 +18,11 @@ mod uds;
 mod undecoded;
 
 pub use device::{
-    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
-    PROCEDURE_FAILED_EARLIER, Path, ProcedureEvent, Quantity, SetPoint,
+    AssignedBy, BitsChanged, ChangeOrigin, Conflict, DeviceCause, DeviceState, Effective, ModeChange,
+    NodeIdentified, ObjectChange, Path, ProcedureEvent, ProcedurePhase, Quantity, SetPoint,
 };
-pub use figures::TransferFigures;
+pub use evicted::EvictedState;
+pub use figures::{OutcomeGroup, TransferFigures, TransferOutcome};
 pub use finding::FindingNews;
 pub use frame_range::FrameRange;
 pub use j1939::{
@@ -28,12 +31,18 @@ pub use j1939::{
     TransportMode,
 };
 pub use kind::{EventKind, Kind};
-pub use node::{BootCause, Certainty, EmcyAction, Emergency, PowerSign, Silence, StateCause, StateChange};
+pub use kind_set::KindSet;
+pub use node::{
+    BootCause, ByteOrderSource, Certainty, EmcyAction, Emergency, NodeIdSource, PowerSign, Silence,
+    StateCause, StateChange,
+};
 pub use transfer::{
     Abort, Crc, DataRange, Direction, Mode, Outcome, Pdo, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
 };
 pub use uds::{Endpoints, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
 pub use undecoded::Undecoded;
+
+pub use crate::profile::device::MonitoringMethod;
 
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::wire::NodeId;

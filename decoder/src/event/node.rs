@@ -1,6 +1,9 @@
 //! Events of the life cycle of a node: states, boot-up, silence, errors.
 
+use strum::IntoStaticStr;
+
 use crate::frame::CanId;
+use crate::profile::device::MonitoringMethod;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::emcy::ByteOrder;
 
@@ -127,7 +130,7 @@ pub struct Silence {
     /// Time without a frame, in ns.
     pub gap: i64,
     /// Message that was expected.
-    pub monitored_by: &'static str,
+    pub monitored_by: MonitoringMethod,
 }
 
 /// Effect of an EMCY on the set of active errors.
@@ -159,6 +162,61 @@ impl EmcyAction {
     }
 }
 
+/// Source of the byte order of EMCY codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum ByteOrderSource {
+    /// CiA 301.
+    Standard,
+    /// Profile of the device.
+    Profile,
+    /// Object read or written on the bus.
+    Wire,
+    /// The first code that the profile contains in one byte order only.
+    Learnt,
+    /// Object read or written before a restart that may have changed it.
+    Presumed,
+}
+
+impl ByteOrderSource {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// Source of a new node-ID.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum NodeIdSource {
+    /// LSS of CiA 305.
+    Lss,
+    /// A UDS service.
+    Uds,
+    /// A write to an object of the device.
+    Object,
+    /// Serial number of a node that was silent since.
+    #[strum(serialize = "serial number")]
+    SerialNumber,
+}
+
+impl NodeIdSource {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// Service that set the node-ID, for people; `None` if no service is known.
+    pub const fn service(self) -> Option<&'static str> {
+        match self {
+            Self::Lss => Some("LSS"),
+            Self::Uds => Some("UDS"),
+            Self::Object => Some("SDO"),
+            Self::SerialNumber => None,
+        }
+    }
+}
+
 /// An emergency message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -179,8 +237,8 @@ pub struct Emergency {
     pub active: u16,
     /// Active byte order.
     pub byte_order: ByteOrder,
-    /// Source of the byte order: `standard`, `profile`, `wire`, `learnt`, `presumed`.
-    pub byte_order_by: &'static str,
+    /// Source of the byte order.
+    pub byte_order_by: ByteOrderSource,
     /// Code in the other byte order, if only that one is a code of the device.
     pub alternative: Option<u16>,
     /// Boot reason, if the device sends this message in place of a boot-up message.

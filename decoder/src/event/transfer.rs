@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::frame::{CanId, MAX_DATA};
-use crate::profile::{Effect, Layout, Meaning, PdoName};
+use crate::profile::{Effect, Layout, Meaning, PdoName, Persistence};
 use crate::wire::canopen::ObjectAddress;
 
 /// A PDO with layout and payload; signals are decoded on demand.
@@ -199,8 +199,8 @@ pub struct SdoTransfer {
     pub meaning: Option<Arc<Meaning>>,
     /// Time of effect of a write, if known.
     pub effect: Option<Effect>,
-    /// Persistence of a written value: `yes`, `no`, `needs-save`, `unknown`.
-    pub persists: Option<&'static str>,
+    /// Whether a written value survives a restart, if known.
+    pub persists: Option<Persistence>,
     /// Announced size in bytes, if any.
     pub announced: Option<u32>,
     /// Transferred data up to the first byte that is missing in the capture, max 64 KiB with `later_data`.

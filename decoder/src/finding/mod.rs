@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::Arc;
 
-pub use self::scene::{Advice, Alive, CommandStream, Scene};
+pub use self::scene::{Advice, AdviceSource, Alive, CommandStream, Scene};
 pub use crate::profile::device::Severity;
 
 use crate::event::{FindingNews, FrameRange};

@@ -1,5 +1,8 @@
 //! State of a node and its bus when a finding began: evidence for and against causes.
 
+use strum::IntoStaticStr;
+
+use crate::event::MonitoringMethod;
 use crate::profile::PdoName;
 use crate::wire::canopen::NmtState;
 
@@ -28,8 +31,8 @@ pub struct Scene {
 /// Periodic sign of life of a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Alive {
-    /// `heartbeat` or `guarding response`.
-    pub by: &'static str,
+    /// Type of the sign of life.
+    pub by: MonitoringMethod,
     /// Configured interval in ns.
     pub expected: i64,
     /// Time since the last one, in ns.
@@ -47,6 +50,33 @@ pub struct CommandStream {
     pub age: i64,
 }
 
+/// Source of a proposed step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum AdviceSource {
+    /// Causes of an EMCY code in the device manual.
+    Emcy,
+    /// Causes of a trouble code in the device manual.
+    Dtc,
+    /// A closed gate of a set point.
+    Gate,
+    /// The way out of a fault state in the device manual.
+    State,
+    /// The code tables of the standards.
+    Code,
+    /// The rule of the finding.
+    Rule,
+    /// A hint that applies to any device.
+    General,
+}
+
+impl AdviceSource {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
 /// One proposed step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Advice {
@@ -54,6 +84,6 @@ pub struct Advice {
     pub text: String,
     /// Section of the device manual; empty if not from the manual.
     pub section: String,
-    /// Origin: `emcy`, `dtc`, `gate`, `state`, `code`, `rule`, `general`.
-    pub by: &'static str,
+    /// Source of the instruction.
+    pub by: AdviceSource,
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::data_type::DataType;
 use super::formula::formula;
 use super::object::{
-    Access, DefaultValue, Effect, Format, Interpretation, ObjectCondition, Repeat, Scale, Storage,
-    VariantFilter,
+    Access, DefaultValue, Effect, Format, Interpretation, ObjectCondition, Persistence, Repeat, Scale,
+    Storage, VariantFilter,
 };
 use super::reference::{ObjectRange, Reference};
 use crate::wire::canopen::ObjectAddress;
@@ -123,13 +123,12 @@ impl Object {
 impl Entry {
     /// Effect and persistence of a write, if known; none for signatures, which are commands rather than
     /// values.
-    pub(crate) fn consequence(&self) -> (Option<Effect>, Option<&'static str>) {
+    pub(crate) fn consequence(&self) -> (Option<Effect>, Option<Persistence>) {
         if self.format == Format::Ascii {
             return (None, None);
         }
         let effect = Some(self.effect).filter(|effect| *effect != Effect::Unknown);
-        let storage = Some(self.storage).filter(|storage| *storage != Storage::Unknown);
-        (effect, storage.map(Storage::persists))
+        (effect, self.storage.persists())
     }
 
     /// Factory default as a raw number; formulas such as `$NODEID+0x200` require the node-ID.

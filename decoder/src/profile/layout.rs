@@ -8,6 +8,8 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use strum::IntoStaticStr;
+
 use super::data_type::{DataType, Value, sign_extend};
 use super::meaning::Meaning;
 use crate::frame::low_bits;
@@ -178,6 +180,50 @@ pub struct Field {
     pub is_typed: bool,
 }
 
+/// Source of the fields of a PDO or message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum LayoutOrigin {
+    /// Profile of the device.
+    #[default]
+    Profile,
+    /// ISO 11783.
+    Standard,
+    /// Mapping objects seen on the bus.
+    Wire,
+    /// Bus file of the user.
+    BusFile,
+    /// EDS of the device.
+    Eds,
+    /// DCF of the device.
+    Dcf,
+    /// XDD of the device.
+    Xdd,
+    /// XDC of the device.
+    Xdc,
+    /// Message database in DBC.
+    Dbc,
+    /// Message database in JSON.
+    Json,
+}
+
+impl LayoutOrigin {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// Name for people: `EDS`, `profile`.
+    pub fn title(self) -> String {
+        if self == Self::Profile { self.name().to_owned() } else { self.name().to_ascii_uppercase() }
+    }
+
+    /// Whether the fields are those of a message database, which need not fill the message.
+    pub const fn is_database(self) -> bool {
+        matches!(self, Self::Dbc | Self::Json)
+    }
+}
+
 /// Fields of a PDO or message.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {
@@ -185,8 +231,8 @@ pub struct Layout {
     pub fields: Vec<Field>,
     /// Total length in bits, including gaps.
     pub bits: u16,
-    /// Origin: `wire` (SDO traffic seen), `bus-file`, …
-    pub origin: &'static str,
+    /// Source of the fields.
+    pub origin: LayoutOrigin,
     /// Whether it is a default or may have changed without being seen, for example after a restart of the
     /// node.
     pub assumed: bool,

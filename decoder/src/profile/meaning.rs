@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
+use strum::IntoStaticStr;
+
 use super::data_type::{DataType, Value};
 use super::error_texts::ErrorTexts;
 use super::names::{BitNames, Names};
@@ -58,9 +60,27 @@ pub enum IndicatorCoding {
     },
 }
 
+/// Code in place of a value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+pub enum IndicatorCode {
+    /// The parameter is not available.
+    #[strum(serialize = "not available")]
+    NotAvailable,
+    /// The sensor or the device reports an error.
+    #[strum(serialize = "error")]
+    Error,
+}
+
+impl IndicatorCode {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
 impl Indicators {
     /// Meaning of a code; `None` for values and reserved codes.
-    pub fn label(self, raw: u64) -> Option<&'static str> {
+    pub fn code(self, raw: u64) -> Option<IndicatorCode> {
         let all = self.greatest()?;
         if raw <= self.largest || raw > all {
             return None;
@@ -68,17 +88,17 @@ impl Indicators {
         if self.coding != IndicatorCoding::J1939 {
             const LEAST_WITH_ERROR: u64 = 15;
             return match all - raw {
-                0 if all > 1 => Some("not available"),
-                1 if all >= LEAST_WITH_ERROR => Some("error"),
+                0 if all > 1 => Some(IndicatorCode::NotAvailable),
+                1 if all >= LEAST_WITH_ERROR => Some(IndicatorCode::Error),
                 _ => None,
             };
         }
         let top = if self.bits.is_multiple_of(8) { raw >> (self.bits - 8) } else { 0 };
         match (self.bits, top) {
-            (8.., 0xFF) => Some("not available"),
-            (8.., 0xFE) => Some("error"),
-            (2.., _) if raw == all => Some("not available"),
-            (2..=7, _) if raw == all - 1 => Some("error"),
+            (8.., 0xFF) => Some(IndicatorCode::NotAvailable),
+            (8.., 0xFE) => Some(IndicatorCode::Error),
+            (2.., _) if raw == all => Some(IndicatorCode::NotAvailable),
+            (2..=7, _) if raw == all - 1 => Some(IndicatorCode::Error),
             _ => None,
         }
     }
@@ -257,10 +277,11 @@ impl Meaning {
     /// Meaning of an indicator code.
     fn indicated(&self, value: &Value) -> Option<&'static str> {
         match value {
-            Value::Unsigned(raw) => self.indicators?.label(*raw),
-            Value::Integer(raw) => self.indicators?.label(u64::try_from(*raw).ok()?),
+            Value::Unsigned(raw) => self.indicators?.code(*raw),
+            Value::Integer(raw) => self.indicators?.code(u64::try_from(*raw).ok()?),
             _ => None,
         }
+        .map(IndicatorCode::name)
     }
 
     /// Whether a value is outside the range permitted by the manual.

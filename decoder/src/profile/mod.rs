@@ -47,7 +47,8 @@ pub use entry::{Entry, Object};
 pub use error_texts::{ErrorTexts, suggested_error_text};
 pub use formula::formula;
 pub use layout::{
-    BitOrder, Carrier, Field, FixedBits, Layout, PdoDirection, PdoName, Selector, Signal, SignalId,
+    BitOrder, Carrier, Field, FixedBits, Layout, LayoutOrigin, PdoDirection, PdoName, Selector, Signal,
+    SignalId,
 };
 
 pub use letters::{BitLetter, bit_letters, letter_legend, word_letters};
@@ -58,9 +59,9 @@ pub use lookup::{
 pub(crate) use lookup::{
     ValueIn, can_errors, fault_hints, is_fast_packet, is_nmea2000_group, is_public_group,
 };
-pub use meaning::{Factor, IndicatorCoding, Indicators, Meaning, bit_words, integer, word};
+pub use meaning::{Factor, IndicatorCode, IndicatorCoding, Indicators, Meaning, bit_words, integer, word};
 pub use names::{BitName, BitNames, Names};
-pub use object::{Effect, Role, Storage};
+pub use object::{Effect, Persistence, Role, Storage};
 pub use position::TextError;
 pub use reference::Reference;
 pub use resolve::{KnownValues, NoValues, Number, Resolver};

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde::Deserialize;
+use strum::IntoStaticStr;
 
 use super::names::{BitNames, Names};
 use super::one_or_many::OneOrMany;
@@ -71,14 +72,35 @@ pub enum Storage {
 }
 
 impl Storage {
-    /// Persistence of a written value, as named in output.
-    pub const fn persists(self) -> &'static str {
+    /// Persistence of a written value; `None` if unknown.
+    pub const fn persists(self) -> Option<Persistence> {
         match self {
-            Self::Volatile => "no",
-            Self::EachWrite | Self::Fixed => "yes",
-            Self::Save => "needs-save",
-            Self::Unknown => "unknown",
+            Self::Volatile => Some(Persistence::No),
+            Self::EachWrite | Self::Fixed => Some(Persistence::Yes),
+            Self::Save => Some(Persistence::NeedsSave),
+            Self::Unknown => None,
         }
+    }
+}
+
+/// Whether a value survives a restart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Persistence {
+    /// It survives.
+    Yes,
+    /// It is lost.
+    No,
+    /// Survives if its store object is written later.
+    NeedsSave,
+    /// Not stored since it was written.
+    NotStored,
+}
+
+impl Persistence {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

@@ -7,9 +7,9 @@ use regex_lite::{Regex, RegexBuilder};
 use super::error::FilterError;
 use super::expression::{Expression, FieldCondition, Operand, Relation};
 use super::fields::{FieldType, ObjectPart, Target, nearest_name, resolve};
-use super::kinds::KindSet;
 use super::literal::Literal;
 use super::record::FieldValue;
+use crate::event::KindSet;
 use crate::wire::canopen::ObjectAddress;
 
 /// Max tests per filter; a set counts as one test.
@@ -114,7 +114,7 @@ impl Test {
         let mut may = KindSet::NONE;
         for (target, check) in &self.0 {
             if target.field.key == "kind" {
-                let kinds = KindSet::by_name(|name| check.accepts(&FieldValue::Text(name)));
+                let kinds = KindSet::choose(|kind| check.accepts(&FieldValue::Text(kind.name())));
                 return (kinds, kinds);
             }
             may = may.or(target.field.kinds);

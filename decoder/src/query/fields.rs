@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use super::kinds::KindSet;
+use crate::event::KindSet;
 
 /// Data type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

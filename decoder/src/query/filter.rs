@@ -18,10 +18,9 @@ use super::compile::{CompiledFilter, NameSet, Node, Test, compile};
 use super::error::FilterError;
 use super::expression::Expression;
 use super::fields::resolve;
-use super::kinds::KindSet;
 use super::parser::parse;
 use super::record::{self, FieldValue, Fields};
-use crate::event::Event;
+use crate::event::{Event, KindSet};
 use crate::session::Bus;
 
 pub use super::compile::MAX_TESTS;

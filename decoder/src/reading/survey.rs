@@ -4,7 +4,7 @@ use std::ops::Deref;
 
 use super::part::{FrameDemand, ReadingPart};
 use crate::capture::BusNames;
-use crate::event::{Event, EventKind, FindingNews, FrameRange, Kind, TransferFigures};
+use crate::event::{Event, EventKind, FindingNews, FrameRange, Kind, TransferFigures, TransferOutcome};
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::query::{kind_filter, subject_filter};
 use crate::replay::{EventPosition, PlacedEvent};
@@ -143,7 +143,7 @@ pub struct TransferRow {
     /// Kind in at most six characters.
     pub kind: &'static str,
     /// Event kind as in filters.
-    pub event_kind: &'static str,
+    pub event_kind: Kind,
     /// Filter for the kind as it is shown.
     pub kind_filter: Box<str>,
     /// Filter for the object, PGN or service, if it has one.
@@ -157,7 +157,7 @@ pub struct TransferRow {
     /// Number of bytes transferred.
     pub size: u64,
     /// Outcome as in filters.
-    pub outcome: &'static str,
+    pub outcome: TransferOutcome,
     /// Tone that decides the colour.
     pub tone: Tone,
 }
@@ -177,7 +177,7 @@ impl TransferRow {
             who: escape(&line.who).into(),
             node: event.node,
             kind: line.kind,
-            event_kind: event.kind.name(),
+            event_kind: event.kind.kind(),
             kind_filter: kind_filter(event).into(),
             subject: subject_filter(event, bus).map(Into::into),
             what: escape(&line.what).into(),

@@ -1,9 +1,9 @@
 //! A row of the Events pane with its event.
 
 use super::{EventPosition, PlacedEvent};
+use crate::escape::escape;
 use crate::event::{Event, EventKind, FrameRange};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags};
-use crate::sink::escape;
 use crate::sink::text::{Line, MessageChanges, Tone, TransferWords};
 use crate::wire::NodeId;
 use crate::wire::j1939::{J1939Id, Pgn};

@@ -6,10 +6,10 @@
 
 use std::sync::Arc;
 
+use crate::escape::escape;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId, FrameFlags};
 use crate::profile::{Field, Layout, SignalId, Value};
-use crate::sink::escape;
 
 /// A signal: a field in the payload of an identifier.
 #[derive(Debug, Clone)]

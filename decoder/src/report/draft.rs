@@ -17,7 +17,7 @@ use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::session::{Bus, Buses, Preview};
 use crate::sink::text::Line;
 use crate::statistics::Statistics;
-use crate::why;
+use crate::why::{self, FaultGrade, Moment};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -100,6 +100,8 @@ impl Draft {
             let setting = why::text::Setting::new(ground.buses, ground.first, ground.scope);
             why::text::write(ground.answer, &setting, &mut account);
             report.account = account.lines().map(str::to_owned).collect();
+            let is_fault = |it: &Moment| it.grade() == FaultGrade::Fault && it.time.is_some();
+            report.has_unjudged_fault = ground.answer.moment.as_ref().is_some_and(is_fault);
         }
         let mut draft = Self { report, plans, excerpt: Excerpt::default(), zero: ground.first };
         if let Some(plan) = draft.plans.first_mut() {

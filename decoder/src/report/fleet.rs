@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use jiff::civil::{Date, Weekday};
 
 use crate::finding::Severity;
+use crate::sink::findings::Outcome;
 
 /// Maximum number of weeks, the latest ones.
 const MOST_WEEKS: usize = 53;
@@ -38,8 +39,8 @@ pub struct FleetCapture {
     pub day: Option<Date>,
     /// Frames read.
     pub frames: u64,
-    /// `pass`, `fail` or `unreadable`.
-    pub verdict: String,
+    /// Overall result.
+    pub verdict: Outcome,
     /// Reason why it was not read, or not to its end.
     pub failure: Option<String>,
     /// Stories, most important first.
@@ -146,7 +147,7 @@ impl Fleet {
         match week.and_then(|week| machine.weeks.get_mut(week)) {
             Some(cell) => {
                 cell.captures += 1;
-                cell.failed += usize::from(capture.verdict == "fail");
+                cell.failed += usize::from(capture.verdict == Outcome::Failed);
                 cell.unreadable += usize::from(capture.failure.is_some());
             }
             None => self.earlier += 1,
@@ -204,13 +205,13 @@ mod tests {
             severity,
             rank: 1.0,
         });
-        let verdict =
-            if story.as_ref().is_some_and(|it| it.severity == Severity::Error) { "fail" } else { "pass" };
+        let is_failure = story.as_ref().is_some_and(|it| it.severity == Severity::Error);
+        let verdict = if is_failure { Outcome::Failed } else { Outcome::Passed };
         FleetCapture {
             machine: machine.to_owned(),
             capture: "a.log".to_owned(),
             day,
-            verdict: verdict.to_owned(),
+            verdict,
             stories: story.into_iter().collect(),
             ..FleetCapture::default()
         }
@@ -227,7 +228,7 @@ mod tests {
             capture("b", Some(date(2024, 1, 7)), None),
             FleetCapture {
                 failure: Some("empty".to_owned()),
-                verdict: "unreadable".to_owned(),
+                verdict: Outcome::Unreadable,
                 ..capture("a", None, None)
             },
         ]);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use super::glossary::marks;
 use super::model::{Claim, EvidenceFrame, NodeValues, Report};
-use crate::sink::escape;
+use crate::escape::escape;
 use crate::words::{grouped, plural};
 
 /// Minimum length of the fence of a code block.

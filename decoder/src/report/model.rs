@@ -18,6 +18,8 @@ pub struct Report {
     pub notes: Vec<String>,
     /// Lines of `why` without a finding; empty if there are claims.
     pub account: Vec<String>,
+    /// Whether it is about a fault at a known time.
+    pub has_unjudged_fault: bool,
     /// Verdicts of all active rules.
     pub coverage: Coverage,
     /// Sources of the rules behind the claims.
@@ -43,7 +45,7 @@ impl Report {
     pub(super) fn title(&self) -> String {
         match self.claims.first() {
             Some(claim) => claim.title.clone(),
-            None if self.account.iter().any(|line| line.contains("fault at")) => {
+            None if self.has_unjudged_fault => {
                 format!("{}; fault without a rule", self.within_scope("no finding"))
             }
             None => self.within_scope("no finding"),
@@ -132,13 +134,22 @@ pub struct EvidenceFrame {
     pub is_presumed: bool,
 }
 
+/// Unit of the horizontal axis of a plot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlotAxis {
+    /// Seconds after the first frame.
+    Seconds,
+    /// Numbers of frames.
+    Frames,
+}
+
 /// Signals with the same unit around a claim.
 #[derive(Debug, Clone)]
 pub struct Plot {
     /// Unit of the values; empty for plain numbers.
     pub unit: String,
-    /// Unit of the horizontal axis: `s` from the first frame, or `frame`.
-    pub axis: &'static str,
+    /// Unit of the horizontal axis.
+    pub axis: PlotAxis,
     /// First and last position on the horizontal axis.
     pub range: (f64, f64),
     /// Signals.

@@ -1,7 +1,7 @@
 //! Quality of the capture, and what it cannot show.
 
 use super::model::{CaptureFacts, Coverage};
-use crate::diagnosis::{Label, Story};
+use crate::diagnosis::{Label, Story, WIRING};
 use crate::finding::{Findings, Verdict};
 use crate::statistics::{BusStatistics, Statistics};
 use crate::words::plural;
@@ -38,10 +38,8 @@ pub(super) fn blind(stories: &[&Story], statistics: &Statistics, findings: &Find
             }
         }
     }
-    if statistics.quality.error_frames == 0 && !all.iter().any(|text| text.starts_with("wiring")) {
-        all.push(
-            "wiring: no error frames, and the capture does not show whether they were recorded".to_owned(),
-        );
+    if statistics.quality.error_frames == 0 && !all.iter().any(|text| text == WIRING) {
+        all.push(WIRING.to_owned());
     }
     if statistics.buses.iter().filter_map(BusStatistics::beginning).any(|it| !it.running.is_empty()) {
         all.push("everything before the first frame: nodes were already running".to_owned());

@@ -1,5 +1,6 @@
 //! Part of a capture around a claim.
 
+use super::model::PlotAxis;
 use crate::diagnosis::Story;
 use crate::frame::Timestamp;
 
@@ -61,10 +62,10 @@ impl Window {
     }
 
     /// Unit of the horizontal axis.
-    pub(super) const fn axis(self) -> &'static str {
+    pub(super) const fn axis(self) -> PlotAxis {
         match self {
-            Self::Times(..) => "s",
-            Self::Frames(..) => "frame",
+            Self::Times(..) => PlotAxis::Seconds,
+            Self::Frames(..) => PlotAxis::Frames,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::event::KindSet;
 use crate::finding::{Merge, RuleInfo, RuleOrigin, Severity};
 
 /// Headings of every rule documentation, in this order.
@@ -21,6 +22,32 @@ pub struct Tolerance {
     pub text: &'static str,
 }
 
+/// PDOs that a rule receives; all but [`All`](Self::All) are without remote requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PdoSubset {
+    /// PDOs of both directions and remote requests.
+    All,
+    /// PDOs that nodes transmit.
+    Transmitted,
+    /// PDOs that nodes receive.
+    Received,
+    /// PDOs that nodes receive, with a changed payload.
+    ReceivedChanged,
+    /// PDOs with a confirmed mapping.
+    Mapped,
+    /// PDOs with a confirmed mapping and a changed payload.
+    MappedChanged,
+}
+
+/// SDO transfers that a rule receives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransferSubset {
+    /// Transfers of any object.
+    All,
+    /// Transfers of objects in the communication profile area (CiA 301 §7.4.1).
+    Communication,
+}
+
 /// Declaration of a general rule.
 #[derive(Debug, Clone, Copy)]
 pub struct Declaration {
@@ -32,9 +59,12 @@ pub struct Declaration {
     pub title: &'static str,
     /// Documentation: doc comment of the rule.
     pub explanation: &'static str,
-    /// Event kinds that the rule receives. Words for PDOs: `tpdo` and `rpdo` for one direction, `pdo-changed`
-    /// and `rpdo-changed` for changed payloads, all without requests; `pdo-request` for requests only.
-    pub kinds: &'static [&'static str],
+    /// Event kinds that the rule receives.
+    pub kinds: KindSet,
+    /// PDOs that the rule receives, if `kinds` contains PDOs.
+    pub pdos: PdoSubset,
+    /// SDO transfers that the rule receives, if `kinds` contains them.
+    pub transfers: TransferSubset,
     /// What a capture must contain for a verdict of the rule.
     pub needs: &'static str,
     /// Cases of CiA's conformance test plan that the rule checks.
@@ -63,7 +93,9 @@ impl Declaration {
         severity: Severity::Warning,
         title: "",
         explanation: "",
-        kinds: &[],
+        kinds: KindSet::NONE,
+        pdos: PdoSubset::All,
+        transfers: TransferSubset::All,
         needs: "",
         cases: &[],
         shows: &[],
@@ -159,7 +191,8 @@ pub fn sections(explanation: &str) -> Vec<(&str, String)> {
 /// Documentation for display: without leading blanks and without the section for tests.
 pub fn manual(explanation: &str) -> String {
     let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
-    let lines: Vec<_> = lines.take_while(|line| line.trim() != "# Mutation").collect();
+    let lines: Vec<_> =
+        lines.take_while(|line| line.trim().strip_prefix("# ") != HEADINGS.last().copied()).collect();
     lines.join("\n").trim().to_owned()
 }
 

@@ -26,7 +26,9 @@ pub use context::pdo_slot::PdoSlot;
 pub(crate) use context::traffic::BySlot;
 pub use context::traffic::Traffic;
 pub use context::{Alarm, Context};
-pub use declaration::{Declaration, HEADINGS, Tolerance, manual, section, sections};
+pub use declaration::{
+    Declaration, HEADINGS, PdoSubset, Tolerance, TransferSubset, manual, section, sections,
+};
 pub use engine::Engine;
 pub use engine::names::check_names;
 pub use engine::setup::Setup;

@@ -6,8 +6,7 @@ use super::context::traffic::Traffic;
 use super::declaration::{Declaration, Tolerance};
 use super::need::Need;
 use super::policy::Policy;
-use crate::event::Event;
-use crate::query::KindSet;
+use crate::event::{Event, KindSet};
 
 /// Checks the events of one bus.
 pub trait Rule: Send {
@@ -66,13 +65,13 @@ pub struct Entry {
 /// Declares a rule; its doc comment becomes its documentation.
 macro_rules! declare_rule {
     ($(#[doc = $doc:literal])+ $name:literal, $severity:ident, $title:literal,
-     kinds: [$($kind:literal),+ $(,)?] $(, $field:ident: $value:expr)* $(,)?) => {
+     kinds: [$($kind:expr),+ $(,)?] $(, $field:ident: $value:expr)* $(,)?) => {
         const DECLARATION: $crate::rules::Declaration = $crate::rules::Declaration {
             name: $name,
             severity: $crate::finding::Severity::$severity,
             title: $title,
             explanation: concat!($($doc, "\n"),+),
-            kinds: &[$($kind),+],
+            kinds: $crate::event::KindSet::of(&[$($kind),+]),
             $($field: $value,)*
             ..$crate::rules::Declaration::PLAIN
         };

@@ -287,11 +287,12 @@ impl Run<'_> {
         for kind in &outcomes.events {
             let EventKind::Procedure(event) = kind else { continue };
             let status = self.sample.status.as_deref();
-            let fits = status.is_none_or(|status| event.status == status || event.step == status);
+            let fits =
+                status.is_none_or(|status| event.status.name() == status || event.phase.name() == status);
             if event.procedure == wanted && fits {
                 return;
             }
-            found.push(format!("{} {} {}", event.procedure, event.step, event.status));
+            found.push(format!("{} {} {}", event.procedure, event.phase.name(), event.status.name()));
         }
         let found = if found.is_empty() { outcomes.kinds() } else { found.join(", ") };
         let status = self.sample.status.as_deref().unwrap_or_default();

@@ -3,7 +3,7 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, FrameRange, Protocol, Undecoded};
+use crate::event::{Event, EventKind, EvictedState, FrameRange, Protocol, Undecoded};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 use crate::profile::dbc::DatabaseMessage;
 use crate::session::bus::{Bus, Service};
@@ -309,10 +309,10 @@ impl Context<'_> {
     /// Reports that a channel or an identifier was rejected because its table is full.
     pub(in crate::session) fn emit_table_full(&mut self, frame: &Frame) {
         if self.shared.bus.channels.take_refused() {
-            self.emit_can(frame, EventKind::Evicted { what: "SDO channel", count: 1 });
+            self.emit_can(frame, EventKind::Evicted { what: EvictedState::SdoChannel, count: 1 });
         }
         if self.shared.bus.routes.take_refused() {
-            self.emit_can(frame, EventKind::Evicted { what: "learnt identifier", count: 1 });
+            self.emit_can(frame, EventKind::Evicted { what: EvictedState::LearntIdentifier, count: 1 });
         }
     }
 
@@ -384,6 +384,7 @@ impl Context<'_> {
 mod tests {
     use super::*;
     use crate::frame::BusIndex;
+    use crate::profile::LayoutOrigin;
     use crate::profile::dbc::{Database, parse};
     use crate::session::BusDecoder;
     use crate::session::SessionOptions;
@@ -446,7 +447,7 @@ mod tests {
         push(&mut bus, &Frame::data_frame(CanId::Standard(0x705), &[5]));
         let events = push(&mut bus, &Frame::data_frame(CanId::Standard(0x185), &[1, 2]));
         let EventKind::Pdo(pdo) = &events[0].kind else { panic!("{events:?}") };
-        assert_eq!(pdo.layout.as_ref().map(|layout| layout.origin), Some("dbc"));
+        assert_eq!(pdo.layout.as_ref().map(|layout| layout.origin), Some(LayoutOrigin::Dbc));
         let events = push(&mut bus, &Frame::data_frame(CanId::Standard(0x285), &[1, 2]));
         let EventKind::Pdo(pdo) = &events[0].kind else { panic!("{events:?}") };
         assert!(pdo.layout.is_none());

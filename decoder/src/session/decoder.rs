@@ -17,7 +17,7 @@ use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::Subject;
 use super::uds::{IsoTp, ObdPairs, Uds};
-use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::event::{Event, EventKind, EvictedState, FrameRange, Protocol};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::wire::error_frame;
 use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
@@ -265,7 +265,7 @@ impl BusDecoder {
         };
         let slot = cx.bus.routes.add(frame.id, service);
         if slot.is_none() && !std::mem::replace(&mut cx.notices.extended_full, true) {
-            let kind = EventKind::Evicted { what: "29-bit identifier", count: 1 };
+            let kind = EventKind::Evicted { what: EvictedState::ExtendedIdentifier, count: 1 };
             cx.emit_can(frame, kind);
         }
         cx.emit_table_full(frame);

@@ -240,7 +240,7 @@ mod tests {
     use crate::bus_file::BusFile;
     use crate::event::Event;
     use crate::frame::{BusIndex, Frame, Timestamp};
-    use crate::profile::{PdoDirection, PdoName};
+    use crate::profile::{LayoutOrigin, PdoDirection, PdoName};
     use crate::session::BusDecoder;
     use crate::session::SessionOptions;
     use crate::wire::canopen::ObjectAddress;
@@ -344,7 +344,7 @@ mod tests {
         let layout = layout.unwrap();
         assert_eq!(
             (layout.origin, layout.fields[0].object()),
-            ("bus-file", Some(ObjectAddress::new(0x6041, 0)))
+            (LayoutOrigin::BusFile, Some(ObjectAddress::new(0x6041, 0)))
         );
     }
 }

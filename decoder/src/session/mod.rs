@@ -44,7 +44,8 @@ pub use limits::{
     OPEN_DATA_LIMIT, TRANSFER_DATA_LIMIT, TRANSPORT_LIMIT,
 };
 
+pub use crate::event::AssignedBy;
 pub(crate) use limits::CLOCK_SET;
 pub use observer::{NoObserver, Observer, Preview};
-pub use options::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
+pub use options::{Assignment, ProtocolChoice, SessionOptions};
 pub use snapshot::BusSnapshot;

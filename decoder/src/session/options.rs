@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::bus_file::BusFile;
+use crate::event::AssignedBy;
 use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, Device};
 use crate::wire::NodeId;
@@ -88,33 +89,5 @@ impl SessionOptions {
     pub(in crate::session) fn database(&self, bus: &str) -> Arc<Database> {
         let own = self.bus_databases.iter().find(|(name, _)| name == bus);
         Arc::clone(own.map_or(&self.database, |(_, database)| database))
-    }
-}
-
-/// Source of a device assignment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AssignedBy {
-    /// The command line.
-    Option,
-    /// The bus file.
-    BusFile,
-    /// An EDS, DCF or XDD file.
-    DeviceFile,
-    /// Identity that the node sent.
-    Identity,
-    /// Device type alone, which only indicates the class of device; any other source overrides it.
-    DeviceType,
-}
-
-impl AssignedBy {
-    /// Name used in all output.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Option => "option",
-            Self::BusFile => "bus-file",
-            Self::DeviceFile => "device-file",
-            Self::Identity => "identity",
-            Self::DeviceType => "device-type",
-        }
     }
 }

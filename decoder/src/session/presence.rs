@@ -1,6 +1,6 @@
 //! Presence of a node: last frame, loss and return.
 
-use crate::event::{EventKind, Silence};
+use crate::event::{EventKind, MonitoringMethod, Silence};
 use crate::frame::Frame;
 use crate::session::bus::Node;
 use crate::session::context::Context;
@@ -12,7 +12,8 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context
     let Some(node) = cx.bus.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, false) {
         let gap = now.saturating_sub(node.last_heard);
-        let monitored_by = if node.guarding.last_reply.is_some() { "guarding" } else { "heartbeat" };
+        let is_guarded = node.guarding.last_reply.is_some();
+        let monitored_by = if is_guarded { MonitoringMethod::Guarding } else { MonitoringMethod::Heartbeat };
         let kind = EventKind::NodeBack(silence(node, gap, monitored_by));
         node.refresh_attention();
         cx.emit(frame, id, false, kind);
@@ -30,7 +31,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context
 pub(in crate::session) fn emit_node_lost(
     id: NodeId,
     gap: i64,
-    monitored_by: &'static str,
+    monitored_by: MonitoringMethod,
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
@@ -43,7 +44,7 @@ pub(in crate::session) fn emit_node_lost(
     cx.emit(frame, id, false, EventKind::NodeLost(silence));
 }
 
-fn silence(node: &Node, gap: i64, monitored_by: &'static str) -> Silence {
+fn silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> Silence {
     Silence {
         last_frame: node.last_frame,
         last_state: node.nmt.map(|nmt| nmt.state),

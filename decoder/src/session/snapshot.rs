@@ -3,12 +3,11 @@
 
 use super::bus::{Bus, Node, Origin, OriginKind, Restart};
 use super::buses::Buses;
-use super::options::AssignedBy;
 use crate::bus_file::{
     BaseFile, InitialNmtState, InitialState, InitialValue, ObjectValue, PendingReset, ProtocolChoice,
     Settings, SpannedText, ValueOrigin, ValueRole, write,
 };
-use crate::event::Certainty;
+use crate::event::{AssignedBy, Certainty};
 use crate::profile::{DataType, TextError};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;

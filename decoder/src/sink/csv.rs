@@ -7,10 +7,10 @@
 
 use std::io::{self, Write};
 
-use super::escape::push_escaped;
 use super::values::{self, FieldNames, GroupNames, Groups};
 use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_seconds;
+use crate::escape::push_escaped;
 use crate::event::Event;
 use crate::frame::Timestamp;
 use crate::profile::word;

@@ -2,7 +2,6 @@
 
 mod csv;
 mod csv_wide;
-mod escape;
 mod event_sink;
 pub mod exact_json;
 pub mod findings;
@@ -18,7 +17,7 @@ pub mod table;
 pub mod text;
 mod values;
 
-pub use escape::{escape, escape_json};
+pub use crate::escape::{escape, escape_json};
 #[cfg(feature = "parquet")]
 pub use parquet::lake;
 

@@ -1,6 +1,6 @@
 //! Text tables with aligned columns.
 
-use super::escape;
+use crate::escape::escape;
 
 /// Alignment of the cells of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -113,7 +113,7 @@ impl Quality {
         // New counters alone are a state of the controller, not an error on the bus.
         self.error_frames += u64::from(frame.id.number() != COUNTERS);
         let names = &profile::can_errors().classes;
-        for name in names.names(frame.id.number()).filter(|name| *name != "counters") {
+        for name in names.names(frame.id.number() & !COUNTERS) {
             match self.error_classes.iter_mut().find(|(known, _)| known == name) {
                 Some((_, count)) => *count += 1,
                 None => self.error_classes.push((name.to_owned(), 1)),

@@ -2,7 +2,7 @@
 
 use super::fault::FaultKind;
 use super::state::NodeState;
-use crate::finding::Advice;
+use crate::finding::{Advice, AdviceSource};
 use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 
@@ -45,7 +45,7 @@ pub(super) fn checks(ground: &FaultContext<'_>) -> Vec<Advice> {
     all
 }
 
-fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
     if !text.is_empty() && !all.iter().any(|known| known.text == text) {
         all.push(Advice { text: text.to_owned(), section: section.to_owned(), by });
     }
@@ -56,13 +56,17 @@ fn causes(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     let Some(device) = ground.device else { return };
     for kind in ground.kinds {
         let known = match kind {
-            FaultKind::Emcy(code) => device.error(*code).map(|error| (&error.causes, &error.source)),
-            FaultKind::Dtc(spn, fmi) => device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source)),
+            FaultKind::Emcy(code) => {
+                device.error(*code).map(|error| (&error.causes, &error.source, AdviceSource::Emcy))
+            }
+            FaultKind::Dtc(spn, fmi) => {
+                device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source, AdviceSource::Dtc))
+            }
             _ => None,
         };
-        let Some((causes, source)) = known else { continue };
+        let Some((causes, source, by)) = known else { continue };
         for cause in causes {
-            add(all, cause, source, kind.name());
+            add(all, cause, source, by);
         }
     }
 }
@@ -70,7 +74,7 @@ fn causes(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
 /// Adds the conditions of closed gates.
 fn gates(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
     for gate in ground.state.into_iter().flat_map(NodeState::closed) {
-        add(all, &gate.advice(), &gate.source, "gate");
+        add(all, &gate.advice(), &gate.source, AdviceSource::Gate);
     }
 }
 
@@ -88,7 +92,7 @@ fn ways_out(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
             let from = machine.transitions.iter().filter(|it| it.from.0.contains(name) && it.to != *name);
             for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))).filter(|_| is_fault) {
                 let text = format!("from {name} to {}: {text}", it.to);
-                add(all, &text, &machine.source, "state");
+                add(all, &text, &machine.source, AdviceSource::State);
             }
         }
     }
@@ -103,7 +107,7 @@ fn codes(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
             FaultKind::Refused(code) => profile::abort_codes().find(*code),
             _ => None,
         };
-        add(all, entry.map_or("", |entry| &entry.hint), "", "code");
+        add(all, entry.map_or("", |entry| &entry.hint), "", AdviceSource::Code);
     }
 }
 
@@ -115,6 +119,6 @@ fn general(ground: &FaultContext<'_>, all: &mut Vec<Advice>) {
 
 fn hints(rule: &str, all: &mut Vec<Advice>) {
     for text in profile::fault_hints(rule) {
-        add(all, text, "", "general");
+        add(all, text, "", AdviceSource::General);
     }
 }

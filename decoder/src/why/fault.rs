@@ -4,10 +4,9 @@ use crate::event::{
     BootCause, DeviceCause, DeviceState, Direction, DtcAction, EmcyAction, Event, EventKind, Outcome,
     SdoTransfer, StateCause, StateChange,
 };
-use crate::profile;
+use crate::profile::device::ProcedureStatus;
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
-use crate::wire::error_frame::ErrorFrame;
 
 /// Severity of a fault; a lower grade is reported only if there is no higher one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -138,8 +137,10 @@ pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> O
         EventKind::NodeLost(_) => Some(FaultKind::NodeLost),
         EventKind::NmtState(change) => nmt_state(change),
         EventKind::DeviceState(state) => device_state(state, node),
-        EventKind::CanError(error) => is_grave(*error).then_some(FaultKind::BusError),
-        EventKind::Procedure(procedure) => (procedure.status == "error").then_some(FaultKind::Procedure),
+        EventKind::CanError(error) => error.is_grave().then_some(FaultKind::BusError),
+        EventKind::Procedure(procedure) => {
+            (procedure.status == ProcedureStatus::Error).then_some(FaultKind::Procedure)
+        }
         EventKind::SdoTransfer(transfer) => refused(transfer),
         _ => None,
     }
@@ -182,15 +183,6 @@ fn left_active(state: &DeviceState, node: &Node) -> bool {
     state.from.as_deref().is_some_and(is_active) && !is_active(&state.to)
 }
 
-/// Whether the controller is error-passive or bus-off.
-fn is_grave(error: ErrorFrame) -> bool {
-    let names = profile::can_errors();
-    let has_class = |wanted| names.classes.names(error.classes).any(|name| name == wanted);
-    let is_passive = |name: &str| matches!(name, "rx-passive" | "tx-passive");
-    has_class("bus-off")
-        || has_class("controller") && names.controller.names(u32::from(error.controller)).any(is_passive)
-}
-
 /// A write rejected by the server. Rejected reads are normal during scans.
 fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
     let abort = transfer.abort.filter(|abort| !abort.by_client)?;
@@ -201,6 +193,8 @@ fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile;
+    use crate::wire::error_frame::ErrorFrame;
 
     #[test]
     fn every_kind_has_three_hints() {
@@ -240,8 +234,8 @@ mod tests {
         };
         // linux/can/error.h: class 0x004 controller, 0x040 bus-off; passive 0x10 and 0x20, warning 0x04 and
         // 0x08.
-        assert!(is_grave(error(0x040, 0)));
-        assert!(is_grave(error(0x004, 0x10)) && is_grave(error(0x204, 0x20)));
-        assert!(!is_grave(error(0x004, 0x0C)) && !is_grave(error(0x080, 0x10)));
+        assert!(error(0x040, 0).is_grave());
+        assert!(error(0x004, 0x10).is_grave() && error(0x204, 0x20).is_grave());
+        assert!(!error(0x004, 0x0C).is_grave() && !error(0x080, 0x10).is_grave());
     }
 }

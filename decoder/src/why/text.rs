@@ -8,11 +8,12 @@ use super::moment::Moment;
 use super::state::{NodeState, PointState};
 use super::{FaultScope, Reaction, Report, Suggestion};
 use crate::diagnosis::{Label, stories};
+use crate::escape::escape;
 use crate::event::{Certainty, Effective, Event, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus, Node};
+use crate::sink::EventSink as _;
 use crate::sink::text::{PdoLines, Text, TextOptions};
-use crate::sink::{EventSink as _, escape};
 use crate::wire::NodeId;
 use crate::words::plural;
 

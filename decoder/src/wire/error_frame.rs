@@ -32,6 +32,30 @@ pub struct ErrorFrame {
     pub receive_errors: u8,
 }
 
+impl ErrorFrame {
+    /// Class bit of lost arbitration.
+    pub const LOST_ARBITRATION: u32 = 0x002;
+    /// Class bit of `controller`.
+    pub const CONTROLLER: u32 = 0x004;
+    /// Class bit of `protocol` and `location`.
+    pub const PROTOCOL: u32 = 0x008;
+    /// Class bit of `transceiver`.
+    pub const TRANSCEIVER: u32 = 0x010;
+    /// Class bit of a controller that is bus-off.
+    pub const BUS_OFF: u32 = 0x040;
+    /// Class bit of valid error counters.
+    pub const COUNTERS: u32 = 0x200;
+
+    /// Controller bits of an error-passive controller, by receive and by transmit errors.
+    const PASSIVE: u8 = 0x10 | 0x20;
+
+    /// Whether the controller is error-passive or bus-off.
+    pub const fn is_grave(&self) -> bool {
+        self.classes & Self::BUS_OFF != 0
+            || self.classes & Self::CONTROLLER != 0 && self.controller & Self::PASSIVE != 0
+    }
+}
+
 /// Reads an error frame; missing bytes read as 0, "unspecified".
 pub fn parse(id: u32, data: &[u8]) -> ErrorFrame {
     parse_fields(id, data).map(|(_, frame)| frame).unwrap_or_default()

@@ -8,6 +8,7 @@ pub mod canopen;
 pub mod error_frame;
 pub mod isotp;
 pub mod j1939;
+mod layer;
 mod node_id;
 mod node_map;
 mod parser;

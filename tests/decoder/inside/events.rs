@@ -6,18 +6,20 @@ use std::sync::Arc;
 use crate::capture::BusNames;
 use crate::decoder::Decoder;
 use crate::event::{
-    Abort, BitsChanged, BootCause, Certainty, Conflict, Crc, DataRange, DeviceCause, DeviceState, Direction,
-    Effective, EmcyAction, Emergency, Endpoints, Event, EventKind, ExchangeOutcome, FindingNews, FrameRange,
-    IsoTpTransfer, Message, MessageOutcome, Mode, ModeChange, NodeIdentified, ObjectChange, Outcome, Path,
-    Pdo, PowerSign, ProcedureEvent, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
+    Abort, BitsChanged, BootCause, ByteOrderSource, Certainty, ChangeOrigin, Conflict, Crc, DataRange,
+    DeviceCause, DeviceState, Direction, Effective, EmcyAction, Emergency, Endpoints, Event, EventKind,
+    EvictedState, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer, Message, MessageOutcome, Mode,
+    ModeChange, MonitoringMethod, NodeIdSource, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
+    ProcedureEvent, ProcedurePhase, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
     SetPoint, Silence, StateCause, StateChange, UdsExchange, Undecoded,
 };
 use crate::finding::Severity;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
 use crate::profile::dbc::{self, Database};
-use crate::profile::{BitName, BitNames, Names};
+use crate::profile::device::ProcedureStatus;
 use crate::profile::{
-    Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, Meaning, PdoDirection, PdoName,
+    BitName, BitNames, Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, LayoutOrigin, Meaning,
+    Names, PdoDirection, PdoName, Persistence,
 };
 use crate::session::{AssignedBy, Assignment, Bus, SessionOptions};
 use crate::wire::Malformed;
@@ -108,15 +110,15 @@ fn nodes() -> Vec<EventKind> {
         last_state: Some(NmtState::Operational),
         last_emcy: Some(0x8130),
         gap: 3_000_000_000,
-        monitored_by: "heartbeat",
+        monitored_by: MonitoringMethod::Heartbeat,
     };
     let mut object_change = ObjectChange {
         object: ObjectAddress::new(0x1017, 0),
         from: Some(vec![0xE8, 3]),
         to: Some(vec![0xF4, 1]),
-        origin: "download",
+        origin: ChangeOrigin::Download,
         effect: Some(Effect::ResetNode),
-        persists: Some("yes"),
+        persists: Some(Persistence::Yes),
     };
     let known = EventKind::ObjectChange(Box::new(object_change.clone()));
     object_change.from = None;
@@ -142,8 +144,8 @@ fn nodes() -> Vec<EventKind> {
         EventKind::GuardReply { state: None, code: 9, toggle: true, toggle_error: true },
         EventKind::NodeLost(silence),
         EventKind::NodeBack(Silence { last_state: None, last_emcy: None, ..silence }),
-        EventKind::NodeIdChange { from: Some(1), to: 2, by: "lss" },
-        EventKind::NodeIdChange { from: None, to: 2, by: "lss" },
+        EventKind::NodeIdChange { from: Some(1), to: 2, by: NodeIdSource::Lss },
+        EventKind::NodeIdChange { from: None, to: 2, by: NodeIdSource::Lss },
         known,
         EventKind::ObjectChange(Box::new(object_change)),
     ]
@@ -216,8 +218,8 @@ fn words_and_procedures() -> Vec<EventKind> {
     let procedure = ProcedureEvent {
         procedure: "store".into(),
         word: None,
-        step: "finished".into(),
-        status: "ok",
+        phase: ProcedurePhase::Finished,
+        status: ProcedureStatus::Ok,
         duration: Some(1_000_000),
         nominal: None,
         text: "completed".into(),
@@ -230,7 +232,8 @@ fn words_and_procedures() -> Vec<EventKind> {
         sources: vec![("eds".into(), vec![1]), ("upload".into(), vec![2])],
         text: "the file is of another device".into(),
     };
-    let identified = NodeIdentified { device: "acme-pump".into(), title: "PUMP".into(), by: "identity" };
+    let identified =
+        NodeIdentified { device: "acme-pump".into(), title: "PUMP".into(), by: AssignedBy::Identity };
     vec![
         EventKind::NodeIdentified(Box::new(identified)),
         EventKind::BitsChanged(Box::new(bits)),
@@ -250,7 +253,7 @@ fn layout() -> Arc<Layout> {
     Arc::new(Layout {
         fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],
         bits: 16,
-        origin: "wire",
+        origin: LayoutOrigin::Wire,
         assumed: true,
         ..Layout::default()
     })
@@ -266,7 +269,7 @@ fn messages() -> Vec<EventKind> {
         action: EmcyAction::Raised,
         active: 1,
         byte_order: ByteOrder::LsbFirst,
-        byte_order_by: "standard",
+        byte_order_by: ByteOrderSource::Standard,
         alternative: Some(0x3081),
         boot: None,
     };
@@ -336,7 +339,7 @@ fn write() -> SdoTransfer {
         object: Some(ObjectAddress::new(0x1017, 0)),
         meaning: Some(Arc::new(meaning("Producer heartbeat time"))),
         effect: Some(Effect::AtOnce),
-        persists: Some("needs-save"),
+        persists: Some(Persistence::NeedsSave),
         size: 2,
         announced: Some(2),
         unseen: 0,
@@ -618,7 +621,7 @@ fn bus_and_capture() -> Vec<EventKind> {
         EventKind::TestCase(TestMarker { group: 7, case: 101, result: Some(TestResult::Skipped) }),
         EventKind::TestCase(TestMarker { group: 7, case: 101, result: None }),
         EventKind::Malformed { error, reason: "too short" },
-        EventKind::Evicted { what: "object", count: 1 },
+        EventKind::Evicted { what: EvictedState::Object, count: 1 },
         EventKind::ClockStep { step: -1_000_000 },
         EventKind::BusSilent { gap: 2_000_000_000 },
         EventKind::LostFrames { count: Some(3) },

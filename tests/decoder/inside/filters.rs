@@ -1,8 +1,8 @@
 //! Filters applied to events.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, KindSet};
 use crate::query::record::{FieldValue, Fields, visit};
-use crate::query::{Filter, KindSet, MAX_TESTS};
+use crate::query::{Filter, MAX_TESTS};
 use proptest::prelude::*;
 
 use super::events;

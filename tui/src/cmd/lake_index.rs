@@ -8,7 +8,7 @@ use cobscope_decoder::diagnosis::Diagnosis;
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::report::fleet::{FleetCapture, FleetStory};
 use cobscope_decoder::session::Buses;
-use cobscope_decoder::sink::findings::CaptureResult;
+use cobscope_decoder::sink::findings::{CaptureResult, Outcome};
 use cobscope_decoder::sink::lake::TABLES;
 use cobscope_decoder::wire::NodeId;
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ pub(super) struct LakeEntry {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct EntrySummary {
     frames: u64,
-    verdict: String,
+    verdict: Outcome,
     failure: Option<String>,
     /// Most important first.
     stories: Vec<EntryStory>,
@@ -83,7 +83,7 @@ impl EntrySummary {
         });
         Self {
             frames: judged.frames,
-            verdict: judged.outcome(least).name().to_owned(),
+            verdict: judged.outcome(least),
             failure: judged.failure.clone(),
             stories: stories.collect(),
         }

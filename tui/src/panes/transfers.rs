@@ -11,6 +11,7 @@
 use std::borrow::Cow;
 use std::cmp::Ordering;
 
+use cobscope_decoder::event::{Kind, OutcomeGroup};
 use cobscope_decoder::replay::node_filter;
 use cobscope_decoder::sink::text::Tone;
 use cobscope_decoder::statistics::{BusStatistics, Distribution};
@@ -60,12 +61,11 @@ struct Counts {
 impl Counts {
     fn add(&mut self, exchanges: &[TransferRow]) {
         for exchange in exchanges.get(self.seen..).unwrap_or_default() {
-            match exchange.outcome {
-                // Nothing is missing in a request that wants no response, nor in a response on its own.
-                "complete" | "positive" | "suppressed" | "unsolicited" => {}
-                "aborted" | "negative" | "overflow" => self.aborted += 1,
-                "timeout" | "no-answer" => self.timed_out += 1,
-                _ => {
+            match exchange.outcome.group() {
+                OutcomeGroup::Complete => {}
+                OutcomeGroup::Refused => self.aborted += 1,
+                OutcomeGroup::TimedOut => self.timed_out += 1,
+                OutcomeGroup::Other => {
                     self.other += 1;
                     self.is_other_bad |= exchange.tone == Tone::Bad;
                 }
@@ -133,7 +133,7 @@ fn compare(one: &TransferRow, other: &TransferRow, column: usize) -> Ordering {
         5 => one.kind.cmp(other.kind),
         CONTENT => one.what.cmp(&other.what),
         7 => one.size.cmp(&other.size),
-        _ => one.outcome.cmp(other.outcome),
+        _ => one.outcome.name().cmp(other.outcome.name()),
     }
 }
 
@@ -241,7 +241,7 @@ impl Transfers {
             (first, last) if first == last => format!("frame {last}"),
             (first, last) => format!("frames {first}-{last}"),
         };
-        divider(theme, Rect { height: 1, ..area }, &format!("{} {}", exchange.outcome, frames), buf);
+        divider(theme, Rect { height: 1, ..area }, &format!("{} {}", exchange.outcome.name(), frames), buf);
         let lines = [Line::from(vec![
             Span::raw(format!("{}  {}  ", exchange.who, exchange.kind)),
             Span::styled(exchange.what.to_string(), theme.style(role_of(exchange.tone))),
@@ -411,7 +411,8 @@ impl Pane for Transfers {
             (NODES, Some(node), _) => node_filter(node),
             (CONTENT, _, Some(subject)) => subject.to_string(),
             (OUTCOME, ..) => {
-                format!("kind == {:?} && outcome == {:?}", exchange.event_kind, exchange.outcome)
+                let (kind, outcome) = (exchange.event_kind.name(), exchange.outcome.name());
+                format!("kind == {kind:?} && outcome == {outcome:?}")
             }
             _ => exchange.kind_filter.to_string(),
         })
@@ -439,11 +440,11 @@ fn row(core: &Core, exchange: &TransferRow, widths: (u16, u16)) -> Row<'static> 
         Cell::new(exchange.kind, tone),
         Cell::new(fit(&exchange.news, widths.1, theme), tone),
         Cell::new(size(exchange), quiet),
-        Cell::new(exchange.outcome, tone),
+        Cell::new(exchange.outcome.name(), tone),
     ])
 }
 
 /// Bytes transferred; empty for UDS, whose content contains them.
 fn size(exchange: &TransferRow) -> String {
-    if exchange.event_kind == "uds-exchange" { String::new() } else { exchange.size.to_string() }
+    if exchange.event_kind == Kind::UdsExchange { String::new() } else { exchange.size.to_string() }
 }

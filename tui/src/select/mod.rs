@@ -7,10 +7,10 @@ mod limit;
 
 use std::cmp::Ordering;
 
-use cobscope_decoder::event::{Event, EventKind, Protocol};
+use cobscope_decoder::event::{Event, EventKind, KindSet, Protocol};
 use cobscope_decoder::finding::{Group, Occurrence};
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::query::{Filter, KindSet};
+use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;

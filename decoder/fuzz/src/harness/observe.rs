@@ -123,7 +123,7 @@ impl Observer for Checker {
         assert!(event.node.is_none_or(NodeId::is_valid), "{event:?}");
         self.events += 1;
         if let EventKind::Evicted { what, .. } = &event.kind {
-            self.evicted.push(what);
+            self.evicted.push(what.name());
         }
         self.json.write(event, bus);
         self.json_line(event);

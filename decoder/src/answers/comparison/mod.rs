@@ -139,7 +139,7 @@ impl ComparisonAnswer {
         let equal = comparison.equal.iter().map(|((section, subject), count)| EqualSubjects {
             count: *count,
             section: section.name(),
-            subject,
+            subject: subject.name(),
         });
         Self {
             bad: ComparedCapture::new(bad),
@@ -197,7 +197,7 @@ impl UnseenSubject {
             aspect: unseen.aspect.clone(),
             by: if unseen.by == Side::Good { "good" } else { "bad" },
             frame,
-            kind: unseen.noun,
+            kind: unseen.noun.name(),
             seconds,
             section: unseen.section.name(),
             subject: unseen.subject.clone(),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::ascii::push_hex;
-use crate::profile::Value;
+use crate::profile::{Persistence, Value};
 use crate::session::{Bus, Entry, Node, PendingValue};
 use crate::wire::canopen::ObjectAddress;
 
@@ -119,7 +119,7 @@ impl ObjectRecord {
             node: node.id().number(),
             object: format!("0x{object}"),
             origin: entry.origin.kind.name(),
-            persists: node.persists(object),
+            persists: node.persists(object).map(Persistence::name),
             size: entry.size,
             stale: entry.stale,
             unit: known.map(|known| known.unit.clone()).filter(|unit| !unit.is_empty()),

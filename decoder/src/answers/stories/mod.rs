@@ -269,7 +269,7 @@ impl SuggestionOnBus {
 
 impl CheckStep {
     fn new(advice: &Advice) -> Self {
-        Self { by: advice.by, section: advice.section.clone(), text: advice.text.clone() }
+        Self { by: advice.by.name(), section: advice.section.clone(), text: advice.text.clone() }
     }
 }
 

@@ -10,11 +10,13 @@ mod uds;
 
 use std::ops::Range;
 
+use strum::VariantArray as _;
+
 pub use ids::check_ids;
 
 use super::authored::TextProblem;
 use super::data_type::DataType;
-use super::device::{Device, MessageSpec, PdoField, ProfileFile};
+use super::device::{Device, MessageSpec, PdoField, PdoTrigger, ProfileFile};
 use super::entry::Object;
 use super::formula::formula;
 use super::layout::PdoName;
@@ -33,8 +35,6 @@ const MESSAGE_BITS: u16 = 1_785 * 8;
 const LAST_PGN: u32 = 0x3_FFFF;
 
 /// Triggers of a TPDO; `rpdo` is the reception of the RPDO with the same number.
-const PDO_TRIGGERS: [&str; 5] = ["sync", "event", "rpdo", "timer", "request"];
-
 /// Max entries of a profile, including repeats: more than four times the entries defined in CiA 301.
 const MOST_ENTRIES: usize = 1 << 20;
 
@@ -115,8 +115,9 @@ impl Check<'_> {
             if pdo.when.is_none() {
                 ended.push(pdo.pdo);
             }
-            if let Some(trigger) = pdo.trigger.as_deref().filter(|it| !PDO_TRIGGERS.contains(it)) {
-                let known = PDO_TRIGGERS.join(", ");
+            if let Some(trigger) = pdo.trigger.as_deref().filter(|_| pdo.trigger().is_none()) {
+                let known = PdoTrigger::VARIANTS.iter().map(|known| known.name());
+                let known = known.collect::<Vec<_>>().join(", ");
                 self.report(
                     span,
                     format!("{}: unknown trigger '{trigger}'; expected one of {known}", pdo.pdo),

@@ -15,13 +15,13 @@ use super::{
     DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_RANGES, MOST_SIGNALS, Parameter,
 };
 use crate::frame::CanId;
-use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, Selector, SignalId};
+use crate::profile::layout::{BitOrder, DEEPEST_SELECTION, Field, Layout, LayoutOrigin, Selector, SignalId};
 use crate::profile::quoted::quote;
 use crate::wire::j1939::{J1939Id, Pgn};
 use crate::words::plural;
 
 /// Origin of the layouts.
-const ORIGIN: &str = "dbc";
+const ORIGIN: LayoutOrigin = LayoutOrigin::Dbc;
 
 /// A field whose multiplexor is not yet resolved.
 struct PendingField {

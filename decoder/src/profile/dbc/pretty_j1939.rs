@@ -25,13 +25,13 @@ use super::problem::{Problem, Problems};
 use super::read::spn;
 use super::signal::Signal;
 use super::{DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter};
-use crate::profile::layout::{BitOrder, Field, Layout};
+use crate::profile::layout::{BitOrder, Field, Layout, LayoutOrigin};
 use crate::profile::names::Names;
 use crate::profile::quoted::quote;
 use crate::wire::j1939::Pgn;
 
 /// Origin of the layouts.
-const ORIGIN: &str = "json";
+const ORIGIN: LayoutOrigin = LayoutOrigin::Json;
 
 #[derive(Debug, Deserialize)]
 struct PrettyJ1939File {

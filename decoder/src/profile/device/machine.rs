@@ -1,6 +1,7 @@
 //! State machines of a device.
 
 use serde::Deserialize;
+use strum::IntoStaticStr;
 
 use super::network::TextList;
 use crate::profile::object::{ONCE, Repeat, VariantFilter};
@@ -96,6 +97,24 @@ pub struct Transition {
     pub text: Option<String>,
 }
 
+/// Cause of a transition that is neither a command nor an EMCY.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, IntoStaticStr)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum ForcingEvent {
+    /// Life guarding expired.
+    LifeGuard,
+    /// The node booted.
+    BootUp,
+}
+
+impl ForcingEvent {
+    /// The name in profiles.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
 /// Transition with a cause other than the control word.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -106,9 +125,9 @@ pub struct ForcedTransition {
     /// EMCY that causes it: `true` for any code except 0000, or codes.
     #[serde(default)]
     pub emcy: Option<EmcyCodes>,
-    /// Other cause: `life-guard` or `boot-up`.
+    /// Other cause.
     #[serde(default)]
-    pub event: Option<String>,
+    pub event: Option<ForcingEvent>,
     /// Possible start states; any if empty.
     #[serde(default)]
     pub from: TextList,

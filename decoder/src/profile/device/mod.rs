@@ -33,12 +33,13 @@ pub use file::ProfileFile;
 pub use gate::{Gate, GateFallback};
 pub use import::Import;
 pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
-pub use machine::{EmcyCodes, ForcedTransition, Machine, Masked, State, Transition};
+pub use machine::{EmcyCodes, ForcedTransition, ForcingEvent, Machine, Masked, State, Transition};
 pub use network::{
     AbortText, Area, AtBoot, Boot, ClearMeaning, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint,
-    Identity, IdentityChange, Monitoring, NmtName, NmtSpec, Order, OrderName, Sign, TextList, VendorField,
+    Identity, IdentityChange, Monitoring, MonitoringMethod, NmtName, NmtSpec, Order, OrderName, Sign,
+    TextList, VendorField,
 };
-pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec};
+pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec, PdoTrigger};
 pub use procedure::{
     Fallback, Procedure, ProcedureStatus, ProcedureStep, StatusCode, StatusCodes, StatusSpec,
 };

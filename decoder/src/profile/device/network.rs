@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use strum::IntoStaticStr;
 
 use crate::profile::data_type::little_endian;
 use crate::profile::object::VariantFilter;
@@ -317,6 +318,32 @@ pub enum Boot {
     ReadyTelegram,
 }
 
+/// Error control by which a node is monitored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, IntoStaticStr)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum MonitoringMethod {
+    /// Heartbeats of the node.
+    Heartbeat,
+    /// Responses to guarding requests.
+    Guarding,
+}
+
+impl MonitoringMethod {
+    /// The name used in all output.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
+    /// The message that is expected from the node, for people.
+    pub const fn message(self) -> &'static str {
+        match self {
+            Self::Heartbeat => "heartbeat",
+            Self::Guarding => "guarding response",
+        }
+    }
+}
+
 /// NMT error control of a device, with factory settings.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -325,8 +352,8 @@ pub struct Monitoring {
     pub guarding: Option<GuardingSpec>,
     /// Heartbeat; `None` if not supported.
     pub heartbeat: Option<HeartbeatSpec>,
-    /// Service that takes precedence if both are enabled: `heartbeat` or `guarding`.
-    pub wins: Option<String>,
+    /// Service that takes precedence if both are enabled.
+    pub wins: Option<MonitoringMethod>,
     /// Whether the device is a heartbeat consumer.
     pub consumer: bool,
     /// EMCY code of an expired life guarding.

@@ -1,6 +1,7 @@
 //! PDOs of a device.
 
 use serde::Deserialize;
+use strum::{IntoStaticStr, VariantArray};
 
 use crate::profile::layout::PdoName;
 use crate::profile::object::{ObjectCondition, VariantFilter};
@@ -14,7 +15,7 @@ pub struct PdoSpec {
     pub pdo: PdoName,
     /// Source of the mapping.
     pub mapping: Mapping,
-    /// Trigger that makes the device send it.
+    /// Name of the trigger that makes the device send it; a check reports unknown ones.
     #[serde(default)]
     pub trigger: Option<String>,
     /// Time at which an RPDO takes effect.
@@ -38,6 +39,36 @@ pub struct PdoSpec {
     /// Section of the manual.
     #[serde(default)]
     pub source: String,
+}
+
+impl PdoSpec {
+    /// Trigger that makes the device send it; `None` if it is not stated or unknown.
+    pub fn trigger(&self) -> Option<PdoTrigger> {
+        PdoTrigger::VARIANTS.iter().copied().find(|known| Some(known.name()) == self.trigger.as_deref())
+    }
+}
+
+/// Trigger that makes a device send a PDO.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, IntoStaticStr, VariantArray)]
+#[strum(serialize_all = "kebab-case")]
+pub enum PdoTrigger {
+    /// SYNC.
+    Sync,
+    /// A change of the device.
+    Event,
+    /// An RPDO.
+    Rpdo,
+    /// A period.
+    Timer,
+    /// A remote request.
+    Request,
+}
+
+impl PdoTrigger {
+    /// The name in profiles.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
 }
 
 /// Source of a PDO mapping.

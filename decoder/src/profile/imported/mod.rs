@@ -21,6 +21,7 @@ use super::device::{Device, Identity};
 use super::device_file::{DeviceFile, Kind};
 use super::dictionary::Dictionary;
 use super::layer::Layer;
+use super::layout::LayoutOrigin;
 use super::standards::plain_device;
 use crate::wire::canopen::ObjectAddress;
 
@@ -54,10 +55,10 @@ impl Device {
     }
 
     /// Source of an object's default: `profile`, or the kind of the device file.
-    pub(crate) fn default_origin(&self, object: ObjectAddress) -> &'static str {
+    pub(crate) fn default_origin(&self, object: ObjectAddress) -> LayoutOrigin {
         let layer = self.dictionary.layer_of(object);
         let import = self.file.as_ref().filter(|import| layer == Some(import.layer));
-        import.map_or("profile", |import| import.file.kind.name())
+        import.map_or(LayoutOrigin::Profile, |import| import.file.kind.into())
     }
 
     /// Copy of the device in which a device file adds the objects that its profile lacks.
@@ -82,6 +83,17 @@ impl Device {
             address.index == spec.pdo.mapping_index()
                 || spec.cob_id.is_some() && address == ObjectAddress::new(spec.pdo.communication_index(), 1)
         })
+    }
+}
+
+impl From<Kind> for LayoutOrigin {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Eds => Self::Eds,
+            Kind::Dcf => Self::Dcf,
+            Kind::Xdd => Self::Xdd,
+            Kind::Xdc => Self::Xdc,
+        }
     }
 }
 
@@ -190,8 +202,8 @@ mod tests {
             found.entry.unwrap().default_number(None)
         };
         assert_eq!((default(0x1800, 1), default(0x1A00, 0)), (Some(0x3A0), None));
-        assert_eq!(filled.default_origin(ObjectAddress::new(0x1800, 1)), "eds");
-        assert_eq!(filled.default_origin(ObjectAddress::new(0x1A00, 0)), "profile");
+        assert_eq!(filled.default_origin(ObjectAddress::new(0x1800, 1)), LayoutOrigin::Eds);
+        assert_eq!(filled.default_origin(ObjectAddress::new(0x1A00, 0)), LayoutOrigin::Profile);
         assert!(!filled.is_file_alone());
     }
 }

@@ -1,7 +1,7 @@
 //! Fields and texts of events about the bus and the capture.
 
 use super::{FieldValue, Fields, number_or_null, signals};
-use crate::event::Undecoded;
+use crate::event::{EvictedState, Undecoded};
 use crate::frame::{FrameFlags, LinkState};
 use crate::profile;
 use crate::wire::Malformed;
@@ -41,8 +41,8 @@ pub(super) fn malformed(error: &Malformed, reason: &str, fields: &mut dyn Fields
     fields.field("reason", FieldValue::Text(reason));
 }
 
-pub(super) fn evicted(what: &str, count: u64, fields: &mut dyn Fields) {
-    fields.field("what", FieldValue::Text(what));
+pub(super) fn evicted(what: EvictedState, count: u64, fields: &mut dyn Fields) {
+    fields.field("what", FieldValue::Text(what.name()));
     fields.field("count", FieldValue::Unsigned(count));
 }
 
@@ -91,11 +91,11 @@ fn frame_flags(flags: FrameFlags, fields: &mut dyn Fields) {
 
 pub(super) fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
     let names = profile::can_errors();
-    let classes: Vec<&str> = names.classes.names(error.classes).filter(|name| *name != "counters").collect();
+    let classes: Vec<&str> = names.classes.names(error.classes & !ErrorFrame::COUNTERS).collect();
     fields.field("class", FieldValue::Text(&classes.join(",")));
     fields.field("text", FieldValue::Text(&can_error_text(error)));
     // linux/can/error.h: the counters are valid with class bit 0x200; older drivers fill them anyway.
-    if error.classes & 0x200 != 0 || error.transmit_errors != 0 || error.receive_errors != 0 {
+    if error.classes & ErrorFrame::COUNTERS != 0 || error.transmit_errors != 0 || error.receive_errors != 0 {
         fields.field("tx_errors", FieldValue::Unsigned(u64::from(error.transmit_errors)));
         fields.field("rx_errors", FieldValue::Unsigned(u64::from(error.receive_errors)));
     }
@@ -105,36 +105,34 @@ pub(super) fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
 pub fn can_error_text(error: ErrorFrame) -> String {
     let names = profile::can_errors();
     let mut parts: Vec<String> = Vec::new();
-    for class in names.classes.names(error.classes) {
+    let is_named = |class: &u32| error.classes & class != 0 && names.classes.names(*class).next().is_some();
+    for class in (0..29).map(|bit| 1 << bit).filter(is_named) {
         let details: Vec<&str> = match class {
-            "controller" => names.controller.texts(u32::from(error.controller)).collect(),
-            "protocol" => {
+            ErrorFrame::CONTROLLER => names.controller.texts(u32::from(error.controller)).collect(),
+            ErrorFrame::PROTOCOL => {
                 let location =
                     names.location.text_of(u32::from(error.location)).filter(|_| error.location != 0);
                 names.protocol.texts(u32::from(error.protocol)).chain(location).collect()
             }
-            "transceiver" => names.transceiver.text_of(u32::from(error.transceiver)).into_iter().collect(),
-            "counters" => continue,
-            _ => names.classes.texts(error.classes & class_bit(class)).collect(),
+            ErrorFrame::TRANSCEIVER => {
+                names.transceiver.text_of(u32::from(error.transceiver)).into_iter().collect()
+            }
+            ErrorFrame::COUNTERS => continue,
+            _ => names.classes.texts(class).collect(),
         };
-        let at = if class == "lost-arbitration" && error.arbitration_bit != 0 {
+        let at = if class == ErrorFrame::LOST_ARBITRATION && error.arbitration_bit != 0 {
             format!(" at bit {}", error.arbitration_bit)
         } else {
             String::new()
         };
         let details = if details.is_empty() {
-            names.classes.texts(error.classes & class_bit(class)).collect::<String>()
+            names.classes.texts(class).collect::<String>()
         } else {
             details.join(", ")
         };
         parts.push(format!("{details}{at}"));
     }
     if parts.is_empty() { format!("unknown error class {:08X}", error.classes) } else { parts.join("; ") }
-}
-
-fn class_bit(name: &str) -> u32 {
-    let names = &profile::can_errors().classes;
-    (0..29).map(|bit| 1 << bit).find(|bit| names.names(*bit).any(|found| found == name)).unwrap_or(0)
 }
 
 /// Converts a TIME message to a date (CiA 301 §7.1.6.5: days since 1984-01-01).

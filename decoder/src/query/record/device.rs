@@ -24,7 +24,7 @@ fn channel(channel: Option<u8>, fields: &mut dyn Fields) {
 
 pub(super) fn node_identified(node: &NodeIdentified, fields: &mut dyn Fields) {
     fields.field("title", FieldValue::Text(&node.title));
-    fields.field("by", FieldValue::Text(node.by));
+    fields.field("by", FieldValue::Text(node.by.name()));
 }
 
 pub(super) fn device_state(state: &DeviceState, fields: &mut dyn Fields) {
@@ -113,8 +113,8 @@ pub(super) fn mode_change(mode: &ModeChange, fields: &mut dyn Fields) {
 
 pub(super) fn procedure(event: &ProcedureEvent, fields: &mut dyn Fields) {
     fields.field("procedure", FieldValue::Text(&event.procedure));
-    fields.field("step", FieldValue::Text(&event.step));
-    fields.field("status", FieldValue::Text(event.status));
+    fields.field("step", FieldValue::Text(event.phase.name()));
+    fields.field("status", FieldValue::Text(event.status.name()));
     if let Some(duration) = event.duration {
         fields.field("duration", FieldValue::Seconds(duration));
     }
@@ -144,11 +144,11 @@ pub(super) fn object_change(change: &ObjectChange, fields: &mut dyn Fields) {
     fields.field("object", FieldValue::Object(change.object));
     fields.field("from", change.from.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
     fields.field("to", change.to.as_deref().map_or(FieldValue::Null, FieldValue::Bytes));
-    fields.field("origin", FieldValue::Text(change.origin));
+    fields.field("origin", FieldValue::Text(change.origin.name()));
     if let Some(effect) = change.effect {
         fields.field("effective", FieldValue::Text(effect.name()));
     }
     if let Some(persists) = change.persists {
-        fields.field("persists", FieldValue::Text(persists));
+        fields.field("persists", FieldValue::Text(persists.name()));
     }
 }

@@ -51,7 +51,7 @@ pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
         EventKind::Lss { command, from_master, content } => {
             node::lss(*command, *from_master, content, fields);
         }
-        EventKind::NodeIdChange { from, to, by } => node::node_id_change(*from, *to, by, fields),
+        EventKind::NodeIdChange { from, to, by } => node::node_id_change(*from, *to, *by, fields),
         EventKind::NodeIdentified(node) => device::node_identified(node, fields),
         EventKind::DeviceState(state) => device::device_state(state, fields),
         EventKind::BitsChanged(bits) => device::bits_changed(bits, fields),
@@ -76,7 +76,7 @@ pub(super) fn details(event: &Event, bus: &Bus, fields: &mut dyn Fields) {
         EventKind::TestCase(marker) => bus::test_case(*marker, fields),
         EventKind::Frame(undecoded) => bus::undecoded(undecoded, fields),
         EventKind::Malformed { error, reason } => bus::malformed(error, reason, fields),
-        EventKind::Evicted { what, count } => bus::evicted(what, *count, fields),
+        EventKind::Evicted { what, count } => bus::evicted(*what, *count, fields),
         EventKind::ClockStep { step } => fields.field("step", FieldValue::Seconds(*step)),
         EventKind::BusSilent { gap } => fields.field("gap", FieldValue::Seconds(*gap)),
         EventKind::LostFrames { count } => bus::lost_frames(*count, fields),

@@ -1,7 +1,7 @@
 //! Fields of node events: NMT state, boot-up, loss, EMCY, LSS.
 
 use super::{FieldValue, Fields, number_or_null};
-use crate::event::{BootCause, Certainty, Emergency, Silence, StateChange};
+use crate::event::{BootCause, Certainty, Emergency, NodeIdSource, Silence, StateChange};
 use crate::profile::{self, Device};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::lss::Content;
@@ -82,10 +82,10 @@ pub(super) fn guard_reply(
     }
 }
 
-pub(super) fn node_id_change(from: Option<u8>, to: u8, by: &str, fields: &mut dyn Fields) {
+pub(super) fn node_id_change(from: Option<u8>, to: u8, by: NodeIdSource, fields: &mut dyn Fields) {
     fields.field("from", number_or_null(from));
     fields.field("to", FieldValue::Unsigned(u64::from(to)));
-    fields.field("by", FieldValue::Text(by));
+    fields.field("by", FieldValue::Text(by.name()));
 }
 
 pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {
@@ -99,7 +99,7 @@ pub(super) fn node_silence(silence: &Silence, fields: &mut dyn Fields) {
         silence.last_emcy.map_or(FieldValue::Null, |code| FieldValue::Code(u64::from(code), 4)),
     );
     fields.field("gap", FieldValue::Seconds(silence.gap));
-    fields.field("monitored_by", FieldValue::Text(silence.monitored_by));
+    fields.field("monitored_by", FieldValue::Text(silence.monitored_by.name()));
 }
 
 pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fields) {
@@ -126,7 +126,7 @@ pub(super) fn emcy(emergency: &Emergency, device: &Device, fields: &mut dyn Fiel
     fields.field("action", FieldValue::Text(emergency.action.name()));
     fields.field("active", FieldValue::Unsigned(u64::from(emergency.active)));
     fields.field("byte_order", FieldValue::Text(emergency.byte_order.name()));
-    fields.field("byte_order_origin", FieldValue::Text(emergency.byte_order_by));
+    fields.field("byte_order_origin", FieldValue::Text(emergency.byte_order_by.name()));
     if let Some(cause) = emergency.boot {
         fields.open("boot");
         boot_up(cause, 0, fields);

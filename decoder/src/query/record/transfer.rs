@@ -45,7 +45,7 @@ pub(crate) fn signal(layout: &Layout, (field, raw, value): (&Field, u64, &Value)
         Some(meaning) => meant(meaning, value, fields),
         None => value_field("value", value, fields),
     }
-    fields.field("origin", FieldValue::Text(layout.origin));
+    fields.field("origin", FieldValue::Text(layout.origin.name()));
     if layout.assumed || field.meaning.as_deref().is_some_and(|meaning| meaning.assumed) {
         fields.field("assumed", FieldValue::Bool(true));
     }
@@ -162,7 +162,7 @@ pub(super) fn sdo_transfer(transfer: &SdoTransfer, device: &Device, fields: &mut
         fields.field("effective", FieldValue::Text(effect.name()));
     }
     if let Some(persists) = transfer.persists {
-        fields.field("persists", FieldValue::Text(persists));
+        fields.field("persists", FieldValue::Text(persists.name()));
     }
     if let Some(abort) = transfer.abort {
         fields.open("abort");

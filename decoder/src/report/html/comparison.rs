@@ -219,7 +219,7 @@ fn not_seen(comparison: &Comparison, side: Side) -> Markup {
                         tbody {
                             @for it in own {
                                 tr {
-                                    td.short { (it.noun) } td.short { (it.subject) }
+                                    td.short { (it.noun.name()) } td.short { (it.subject) }
                                     td { (it.aspect) (place(it.mark)) }
                                 }
                             }
@@ -234,7 +234,7 @@ fn not_seen(comparison: &Comparison, side: Side) -> Markup {
 fn equal(comparison: &Comparison) -> Markup {
     let mut sections: BTreeMap<Section, Vec<String>> = BTreeMap::new();
     for ((section, noun), count) in &comparison.equal {
-        sections.entry(*section).or_default().push(plural(*count, noun));
+        sections.entry(*section).or_default().push(plural(*count, noun.name()));
     }
     html! {
         @if !sections.is_empty() {

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::sink::escape;
+use crate::escape::escape;
 
 /// Style of all pages, also of those that embed parts of a report.
 pub const STYLE: &str = include_str!("style.css");

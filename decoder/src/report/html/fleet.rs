@@ -165,7 +165,7 @@ fn capture_row(capture: &FleetCapture) -> Markup {
             td.short { @if let Some(day) = capture.day { (day) } }
             td.data { (capture.capture) }
             td.number { (grouped(capture.frames)) }
-            td { (capture.verdict) }
+            td { (capture.verdict.name()) }
             td {
                 @if let Some(failure) = &capture.failure {
                     div { span.severity.warning { "INCOMPLETE" } " " (failure) }

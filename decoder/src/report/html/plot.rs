@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use maud::{Markup, html};
 
-use crate::report::model::{Curve, Plot};
+use crate::report::model::{Curve, Plot, PlotAxis};
 
 /// Size of a plot, and margins around its area, in units of the view box.
 const WIDTH: f64 = 720.0;
@@ -137,8 +137,11 @@ const fn class(place: usize) -> &'static str {
     }
 }
 
-fn axis(plot: &Plot) -> &'static str {
-    if plot.axis == "s" { "s after the first frame" } else { "number of the frame" }
+const fn axis(plot: &Plot) -> &'static str {
+    match plot.axis {
+        PlotAxis::Seconds => "s after the first frame",
+        PlotAxis::Frames => "number of the frame",
+    }
 }
 
 /// The plot in words.

@@ -2,8 +2,8 @@
 
 use super::meter::Meter;
 use super::traffic::Traffic;
-use crate::event::{Certainty, FrameRange};
-use crate::finding::{About, Advice, Alive, CommandStream, FactCause, Occurrence, Scene};
+use crate::event::{Certainty, FrameRange, MonitoringMethod};
+use crate::finding::{About, Advice, AdviceSource, Alive, CommandStream, FactCause, Occurrence, Scene};
 use crate::profile::{self, Device, PdoDirection, PdoName};
 use crate::session::{Bus, GateState, GateStatus, Node, Watch};
 use crate::wire::NodeId;
@@ -86,8 +86,8 @@ impl View<'_> {
     fn alive(&self, node: &Node) -> Option<Alive> {
         let sign = self.bus.sign_of_life(node.id())?;
         let by = match sign.by {
-            Watch::Heartbeat => "heartbeat",
-            Watch::Guarding => "guarding response",
+            Watch::Heartbeat => MonitoringMethod::Heartbeat,
+            Watch::Guarding => MonitoringMethod::Guarding,
             Watch::Message(_) | Watch::Boot | Watch::Any => return None,
         };
         let (expected, age) = (sign.expected?, self.bus.now().saturating_sub(sign.last));
@@ -113,7 +113,7 @@ fn advice(node: &Node, about: &About, gates: &[GateState]) -> Vec<Advice> {
     let device = node.device();
     causes(device, about, &mut all);
     for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
-        add(&mut all, &gate.advice(), &gate.source, "gate");
+        add(&mut all, &gate.advice(), &gate.source, AdviceSource::Gate);
     }
     // Control words have no effect outside operational.
     if node.nmt().is_none_or(|nmt| nmt.state == NmtState::Operational) {
@@ -124,12 +124,12 @@ fn advice(node: &Node, about: &About, gates: &[GateState]) -> Vec<Advice> {
         About::Fault(_, fmi) => profile::failure_modes().find(u32::from(*fmi)),
         _ => None,
     };
-    add(&mut all, code.map_or("", |entry| &entry.hint), "", "code");
+    add(&mut all, code.map_or("", |entry| &entry.hint), "", AdviceSource::Code);
     all.truncate(ADVICE);
     all
 }
 
-fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
+fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
     if !text.is_empty() && !all.iter().any(|known: &Advice| known.text == text) {
         all.push(Advice { text: text.to_owned(), section: section.to_owned(), by });
     }
@@ -137,12 +137,16 @@ fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: &'static str) {
 
 /// Adds causes that the device manual lists for the code.
 fn causes(device: &Device, about: &About, all: &mut Vec<Advice>) {
-    let (known, by) = match about {
-        About::Code(code) => (device.error(*code).map(|error| (&error.causes, &error.source)), "emcy"),
-        About::Fault(spn, fmi) => (device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source)), "dtc"),
-        _ => (None, ""),
+    let known = match about {
+        About::Code(code) => {
+            device.error(*code).map(|error| (&error.causes, &error.source, AdviceSource::Emcy))
+        }
+        About::Fault(spn, fmi) => {
+            device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source, AdviceSource::Dtc))
+        }
+        _ => None,
     };
-    let Some((causes, source)) = known else { return };
+    let Some((causes, source, by)) = known else { return };
     for cause in causes {
         add(all, cause, source, by);
     }
@@ -156,7 +160,7 @@ fn ways_out(node: &Node, all: &mut Vec<Advice>) {
             machine.transitions.iter().filter(|it| it.from.0.contains(&state.name) && it.to != state.name);
         for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))) {
             let text = format!("from {} to {}: {text}", state.name, it.to);
-            add(all, &text, &machine.source, "state");
+            add(all, &text, &machine.source, AdviceSource::State);
         }
     }
 }

@@ -8,7 +8,7 @@ use super::node::NodeRules;
 use super::plan::{RulePlan, waits_for};
 use crate::event::{Event, Pdo};
 use crate::profile::device::{DeviceRule, Mapping, PdoSpec, RuleKind, Trigger, UpdateSource};
-use crate::profile::{Device, Field, Layout, PdoDirection, PdoName};
+use crate::profile::{Device, Field, Layout, LayoutOrigin, PdoDirection, PdoName};
 use crate::session::Bus;
 use crate::wire::{NodeId, NodeMap};
 
@@ -144,7 +144,7 @@ fn is_in_all_layouts(field: &Field, device: &Device, name: PdoName) -> bool {
 fn is_trusted(layout: &Layout, device: &Device, pdo: &Pdo) -> bool {
     let mut specs = device.pdos.iter().filter(|spec| spec.pdo == pdo.name);
     !layout.assumed
-        || layout.origin == "profile"
+        || layout.origin == LayoutOrigin::Profile
             && layout.bits == u16::from(pdo.length) * 8
             && specs.all(|spec| spec.mapping == Mapping::Default && spec.when.is_none())
 }

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::info;
+use crate::event::{Kind, KindSet};
 use crate::profile::device::{
     Condition, Conditions, CountWindow, DeviceRule, RuleKind, Trigger, TriggerEvent, Triggers, VariableWindow,
 };
 use crate::profile::{Device, PdoName, Role};
-use crate::query::KindSet;
 use crate::rules::ledger::Ledger;
 use crate::wire::canopen::ObjectAddress;
 
@@ -56,48 +56,18 @@ impl RulePlan {
             requested: Vec::new(),
             kinds: (KindSet::NONE, KindSet::NONE),
         };
-        let mut names: Vec<&str> = vec![
-            "boot-up",
-            "emcy",
-            "nmt-command",
-            "nmt-state",
-            "node-lost",
-            "bus-silent",
-            "lost-frames",
-            "link",
-        ];
+        let mut kinds = ALWAYS;
         for (number, rule) in device.rules.iter().enumerate() {
             let place = ledger.add_rule(info::of(device, rule), info::relations(device, rule));
             plan.places.push(place);
             if place.is_some() {
-                plan.take(number, rule, &mut names);
+                plan.take(number, rule, &mut kinds);
             }
         }
         plan.watched.sort_by_key(|watched| watched.object);
         plan.pdos.sort_unstable();
         plan.pdos.dedup();
-        let on =
-            |is_needed: fn(&str) -> bool| KindSet::by_name(|name| names.contains(&name) && is_needed(name));
-        let is_of_canopen = |name: &str| {
-            let other = ["j1939-message", "j1939-request", "j1939-transfer", "message-gap", "dtc"];
-            !other.contains(&name)
-        };
-        let is_of_j1939 = |name: &str| {
-            let own = [
-                "j1939-message",
-                "j1939-request",
-                "j1939-transfer",
-                "message-gap",
-                "dtc",
-                "bus-silent",
-                "device-state",
-                "lost-frames",
-                "link",
-                "uds-exchange",
-            ];
-            own.contains(&name)
-        };
-        plan.kinds = (on(is_of_canopen), on(is_of_j1939));
+        plan.kinds = (kinds.and(OF_J1939.complement()), kinds.and(OF_J1939.or(OF_J1939_AND_CANOPEN)));
         plan
     }
 
@@ -140,9 +110,9 @@ impl RulePlan {
         watched.is_some_and(|(_, watched)| !watched.is_measured)
     }
 
-    fn take(&mut self, number: usize, rule: &DeviceRule, names: &mut Vec<&str>) {
+    fn take(&mut self, number: usize, rule: &DeviceRule, kinds: &mut KindSet) {
         for trigger in triggers(rule) {
-            names.extend(kinds_of(trigger));
+            *kinds = kinds.or(kinds_of(trigger));
             match trigger {
                 Trigger::Bit(bit, _) => self.watch(bit.object.object, Some(number)),
                 Trigger::Set(set) | Trigger::Shows(set) => self.watch(set.object.object, Some(number)),
@@ -151,26 +121,27 @@ impl RulePlan {
             }
         }
         for condition in rule.needs.0.iter().chain(&rule.during.0) {
-            self.condition(condition, names);
+            self.condition(condition, kinds);
         }
         for object in rule.subjects() {
-            names.extend(VALUES);
+            *kinds = kinds.or(VALUES);
             self.watch(object.object, Some(number));
         }
-        match rule.kind {
-            RuleKind::ReservedId => names.extend(["frame", "pdo", "sdo-transfer"]),
-            RuleKind::Expedited | RuleKind::AbortCode => names.push("sdo-transfer"),
-            RuleKind::RemoteLength => names.push("pdo"),
+        let own: &[Kind] = match rule.kind {
+            RuleKind::ReservedId => &[Kind::Frame, Kind::Pdo, Kind::SdoTransfer],
+            RuleKind::Expedited | RuleKind::AbortCode => &[Kind::SdoTransfer],
+            RuleKind::RemoteLength => &[Kind::Pdo],
             RuleKind::OnRequest => {
-                names.extend(["j1939-request", "j1939-message", "j1939-transfer"]);
                 self.requested.extend(rule.groups.iter().map(|group| (*group, number)));
+                &[Kind::J1939Request, Kind::J1939Message, Kind::J1939Transfer]
             }
-            RuleKind::UdsServices => names.push("uds-exchange"),
+            RuleKind::UdsServices => &[Kind::UdsExchange],
             RuleKind::MaxCount if rule.per == Some(CountWindow::Variable(VariableWindow::Sync)) => {
-                names.push("sync");
+                &[Kind::Sync]
             }
-            _ => {}
-        }
+            _ => &[],
+        };
+        *kinds = kinds.or(KindSet::of(own));
         if concerns(rule, &TriggerEvent::Sync) {
             self.syncs.push(number);
         }
@@ -179,17 +150,17 @@ impl RulePlan {
         }
     }
 
-    fn condition(&mut self, condition: &Condition, names: &mut Vec<&str>) {
+    fn condition(&mut self, condition: &Condition, kinds: &mut KindSet) {
         if let Some(object) = condition.object() {
-            names.extend(VALUES);
+            *kinds = kinds.or(VALUES);
             self.watch(object, None);
             if let Some(watched) = self.watched.iter_mut().find(|watched| watched.object == object) {
                 watched.is_condition = true;
             }
         }
         match condition {
-            Condition::State(_) => names.push("device-state"),
-            Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, names)),
+            Condition::State(_) => *kinds = kinds.or(KindSet::of(&[Kind::DeviceState])),
+            Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, kinds)),
             _ => {}
         }
     }
@@ -210,8 +181,28 @@ impl RulePlan {
     }
 }
 
+/// Event kinds that the rules of each device need.
+const ALWAYS: KindSet = KindSet::of(&[
+    Kind::BootUp,
+    Kind::Emcy,
+    Kind::NmtCommand,
+    Kind::NmtState,
+    Kind::NodeLost,
+    Kind::BusSilent,
+    Kind::LostFrames,
+    Kind::Link,
+]);
+
+/// Event kinds of J1939 nodes only.
+const OF_J1939: KindSet =
+    KindSet::of(&[Kind::J1939Message, Kind::J1939Request, Kind::J1939Transfer, Kind::MessageGap, Kind::Dtc]);
+
+/// Event kinds of J1939 and CANopen nodes.
+const OF_J1939_AND_CANOPEN: KindSet =
+    KindSet::of(&[Kind::BusSilent, Kind::DeviceState, Kind::LostFrames, Kind::Link, Kind::UdsExchange]);
+
 /// Event kinds that contain values.
-const VALUES: [&str; 3] = ["pdo", "j1939-message", "sdo-transfer"];
+const VALUES: KindSet = KindSet::of(&[Kind::Pdo, Kind::J1939Message, Kind::SdoTransfer]);
 
 /// Whether `while` must be updated after every event, not only at the triggers of the rule.
 fn follows_while(rule: &DeviceRule) -> bool {
@@ -249,20 +240,20 @@ pub(super) fn waits_for(rule: &DeviceRule, name: PdoName) -> bool {
 }
 
 /// Event kinds that may match a trigger.
-fn kinds_of(trigger: &Trigger) -> &'static [&'static str] {
-    match trigger {
-        Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &["sdo-transfer"],
-        Trigger::Bit(..) | Trigger::Set(_) | Trigger::Shows(_) => &VALUES,
-        Trigger::Pdo(_) => &["pdo"],
-        Trigger::Message(_) => &["j1939-message", "message-gap"],
-        Trigger::Dtc(_) => &["dtc"],
-        Trigger::Nmt(_) => &["nmt-command"],
-        Trigger::State(_) => &["device-state"],
-        Trigger::Sync => &["sync"],
-        Trigger::Emcy(_) => &["emcy"],
-        Trigger::Boot | Trigger::PowerOn => &["boot-up", "emcy"],
-        Trigger::Lss(_) => &["lss"],
-        Trigger::Guard => &["guard-request"],
-        Trigger::Reports(_) => &["heartbeat", "guard-reply"],
-    }
+fn kinds_of(trigger: &Trigger) -> KindSet {
+    KindSet::of(match trigger {
+        Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &[Kind::SdoTransfer],
+        Trigger::Bit(..) | Trigger::Set(_) | Trigger::Shows(_) => return VALUES,
+        Trigger::Pdo(_) => &[Kind::Pdo],
+        Trigger::Message(_) => &[Kind::J1939Message, Kind::MessageGap],
+        Trigger::Dtc(_) => &[Kind::Dtc],
+        Trigger::Nmt(_) => &[Kind::NmtCommand],
+        Trigger::State(_) => &[Kind::DeviceState],
+        Trigger::Sync => &[Kind::Sync],
+        Trigger::Emcy(_) => &[Kind::Emcy],
+        Trigger::Boot | Trigger::PowerOn => &[Kind::BootUp, Kind::Emcy],
+        Trigger::Lss(_) => &[Kind::Lss],
+        Trigger::Guard => &[Kind::GuardRequest],
+        Trigger::Reports(_) => &[Kind::Heartbeat, Kind::GuardReply],
+    })
 }

@@ -5,9 +5,8 @@ use std::sync::Arc;
 use super::node::NodeRules;
 use super::node_judge::NodeJudge;
 use super::plan::RulePlan;
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind, KindSet};
 use crate::profile::Device;
-use crate::query::KindSet;
 use crate::rules::ledger::Ledger;
 use crate::session::{Bus, Node};
 use crate::wire::{NodeId, NodeMap};
@@ -18,7 +17,7 @@ pub(in crate::rules) fn may_attach(kind: &EventKind) -> bool {
 }
 
 /// Event kinds of [`may_attach`].
-const ATTACHING: [&str; 3] = ["node-identified", "node-id-change", "address-claim"];
+const ATTACHING: KindSet = KindSet::of(&[Kind::NodeIdentified, Kind::NodeIdChange, Kind::AddressClaim]);
 
 /// Nodes with their rules.
 #[derive(Default)]
@@ -64,8 +63,7 @@ impl Roster {
 
     /// Event kinds that the rules need.
     pub(super) fn kinds(&self) -> KindSet {
-        let attaching = KindSet::by_name(|name| ATTACHING.contains(&name));
-        self.nodes.iter().fold(attaching, |kinds, (id, own)| {
+        self.nodes.iter().fold(ATTACHING, |kinds, (id, own)| {
             let (canopen, j1939) = own.record.plan.kinds;
             kinds.or(if id.canopen().is_some() { canopen } else { j1939 })
         })

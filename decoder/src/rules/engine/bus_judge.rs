@@ -146,9 +146,7 @@ impl BusJudge {
                     skips_holes: entry.declaration.skips_holes,
                     has_pdos: false,
                 };
-                judge.add(instance, |interests, place| {
-                    interests.declared(entry.declaration.kinds, place);
-                });
+                judge.add(instance, |interests, place| interests.declared(entry.declaration, place));
             }
         }
         for (number, expectation) in setup.expectations_on(bus.name()) {

@@ -3,9 +3,9 @@
 
 use strum::EnumCount as _;
 
-use crate::event::{Event, EventKind, Kind, Pdo};
+use crate::event::{Event, EventKind, Kind, KindSet, Pdo};
 use crate::profile::PdoDirection;
-use crate::query::KindSet;
+use crate::rules::declaration::{Declaration, PdoSubset, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 
 /// Combinations of four properties: direction, request or data, payload unchanged or not, mapping confirmed
@@ -17,28 +17,24 @@ const REQUEST: usize = 2;
 const ROUTINE: usize = 4;
 const MAPPED: usize = 8;
 
-/// Predicate on a PDO class.
-type ClassPredicate = fn(usize) -> bool;
+/// Whether a subset of the PDOs contains those of a class.
+const fn contains(subset: PdoSubset, class: usize) -> bool {
+    match subset {
+        PdoSubset::All => true,
+        PdoSubset::Transmitted => class & (RECEIVED | REQUEST) == 0,
+        PdoSubset::Received => class & (RECEIVED | REQUEST) == RECEIVED,
+        PdoSubset::ReceivedChanged => class & (RECEIVED | REQUEST | ROUTINE) == RECEIVED,
+        PdoSubset::Mapped => class & (REQUEST | MAPPED) == MAPPED,
+        PdoSubset::MappedChanged => class & (REQUEST | ROUTINE | MAPPED) == MAPPED,
+    }
+}
 
-/// Words with which a rule declares a subset of all PDOs.
-const PDO_WORDS: [(&str, ClassPredicate); 8] = [
-    ("pdo", |_| true),
-    ("pdo-mapped", |class| class & (REQUEST | MAPPED) == MAPPED),
-    ("pdo-mapped-changed", |class| class & (REQUEST | ROUTINE | MAPPED) == MAPPED),
-    ("tpdo", |class| class & (RECEIVED | REQUEST) == 0),
-    ("rpdo", |class| class & (RECEIVED | REQUEST) == RECEIVED),
-    ("rpdo-changed", |class| class & (RECEIVED | REQUEST | ROUTINE) == RECEIVED),
-    ("pdo-changed", |class| class & (REQUEST | ROUTINE) == 0),
-    ("pdo-request", |class| class & REQUEST != 0),
-];
+/// Bit mask of the classes of a subset of the PDOs.
+fn classes(subset: PdoSubset) -> u16 {
+    (0..PDO_CLASSES).filter(|class| contains(subset, *class)).fold(0, |all, class| all | 1 << class)
+}
 
-/// Word with which a rule declares SDO transfers of objects in the communication profile area only (CiA 301 §7.4.1).
-const SDO_OF_COMMUNICATION: &str = "sdo-transfer-communication";
-
-/// Name of the event kind of SDO transfers.
-const SDO: &str = "sdo-transfer";
-
-/// Indices of the objects in this area.
+/// Indices of the objects of [`TransferSubset::Communication`].
 const COMMUNICATION: std::ops::Range<u16> = 0x1000..0x2000;
 
 /// Indices of the rules that receive an event.
@@ -65,36 +61,30 @@ impl Default for Interests {
 }
 
 impl Interests {
-    /// Registers a rule for the event kinds and PDO words that it declares.
-    pub(super) fn declared(&mut self, words: &[&str], place: u16) {
-        let is_limited = words.contains(&SDO_OF_COMMUNICATION);
-        let kinds =
-            KindSet::by_name(|name| name != "pdo" && (words.contains(&name) || is_limited && name == SDO));
-        self.kinds(kinds, place);
-        if is_limited {
+    /// Registers a rule for the events that it declares.
+    pub(super) fn declared(&mut self, rule: &Declaration, place: u16) {
+        self.add(rule.kinds, rule.pdos, place);
+        if rule.transfers == TransferSubset::Communication {
             self.other_objects.retain(|other| *other != place);
-        }
-        let wanted: Vec<_> = PDO_WORDS.iter().filter(|(word, _)| words.contains(word)).collect();
-        let classes = (0..PDO_CLASSES).filter(|class| wanted.iter().any(|(_, means)| means(*class)));
-        let classes = classes.fold(0_u16, |all, class| all | 1 << class);
-        if classes != 0 {
-            self.members.push((place, classes, true));
-            self.list_pdos();
         }
     }
 
     /// Registers a rule for all events of these kinds.
     pub(super) fn kinds(&mut self, kinds: KindSet, place: u16) {
+        self.add(kinds, PdoSubset::All, place);
+    }
+
+    fn add(&mut self, kinds: KindSet, pdos: PdoSubset, place: u16) {
         for kind in kinds.kinds() {
             if let Some(list) = self.by_kind.get_mut(kind as usize) {
                 list.push(place);
             }
         }
-        if kinds.contains_name(SDO) {
+        if kinds.contains_kind(Kind::SdoTransfer) {
             self.other_objects.push(place);
         }
-        if kinds.contains_name("pdo") {
-            self.members.push((place, u16::MAX, true));
+        if kinds.contains_kind(Kind::Pdo) {
+            self.members.push((place, classes(pdos), true));
             self.list_pdos();
         }
     }
@@ -133,7 +123,7 @@ impl Interests {
             list.retain(|other| *other != place);
         }
         self.other_objects.retain(|other| *other != place);
-        if kinds.contains_name(SDO) {
+        if kinds.contains_kind(Kind::SdoTransfer) {
             self.other_objects.insert(0, place);
         }
         self.members.retain(|(member, ..)| *member != place);
@@ -142,7 +132,7 @@ impl Interests {
                 list.insert(0, place);
             }
         }
-        if kinds.contains_name("pdo") {
+        if kinds.contains_kind(Kind::Pdo) {
             self.members.insert(0, (place, u16::MAX, true));
         }
         self.list_pdos();
@@ -198,32 +188,20 @@ fn class(event: &Event, pdo: &Pdo) -> usize {
 }
 
 #[cfg(test)]
-pub(super) fn is_known(word: &str) -> bool {
-    KindSet::ALL.contains_name(word)
-        || word == SDO_OF_COMMUNICATION
-        || PDO_WORDS.iter().any(|(known, _)| *known == word)
-}
-
-#[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::declarations;
 
-    #[test]
-    fn rules_declare_kinds_there_are() {
-        for rule in declarations() {
-            for word in rule.kinds {
-                assert!(is_known(word), "{}: {word}", rule.name);
-            }
-        }
+    fn rule(kinds: &[Kind], pdos: PdoSubset, transfers: TransferSubset) -> Declaration {
+        Declaration { kinds: KindSet::of(kinds), pdos, transfers, ..Declaration::PLAIN }
     }
 
     #[test]
     fn sdo_transfers_of_other_objects_reach_fewer_rules() {
         let mut interests = Interests::default();
-        interests.declared(&["sdo-transfer"], 1);
-        interests.declared(&["sync", SDO_OF_COMMUNICATION], 2);
-        interests.kinds(KindSet::by_name(|name| name == SDO), 3);
+        interests.declared(&rule(&[Kind::SdoTransfer], PdoSubset::All, TransferSubset::All), 1);
+        let kinds = [Kind::Sync, Kind::SdoTransfer];
+        interests.declared(&rule(&kinds, PdoSubset::All, TransferSubset::Communication), 2);
+        interests.kinds(KindSet::of(&[Kind::SdoTransfer]), 3);
         let places = |interests: &Interests, object: Option<(u16, u8)>| {
             let object = object.map(|(index, sub)| ObjectAddress::new(index, sub));
             interests.of_transfer(object).to_vec()
@@ -233,25 +211,29 @@ mod tests {
         assert_eq!(places(&interests, Some((0x0FFF, 0))), [1, 3]);
         assert_eq!(places(&interests, Some((0x2000, 0))), [1, 3]);
         assert_eq!(places(&interests, None), [1, 3]);
-        interests.renew(3, KindSet::by_name(|name| name == SDO));
+        interests.renew(3, KindSet::of(&[Kind::SdoTransfer]));
         assert_eq!(places(&interests, None), [3, 1]);
         interests.renew(3, KindSet::NONE);
         assert_eq!(places(&interests, None), [1]);
     }
 
     #[test]
-    fn words_mean_classes() {
+    fn subsets_of_pdos_are_classes() {
         let mut interests = Interests::default();
-        interests.declared(&["rpdo", "sync"], 1);
-        interests.declared(&["pdo-changed"], 2);
-        interests.declared(&["pdo-request", "tpdo"], 3);
+        let declare = |interests: &mut Interests, pdos: PdoSubset, place: u16| {
+            interests.declared(&rule(&[Kind::Pdo], pdos, TransferSubset::All), place);
+        };
+        declare(&mut interests, PdoSubset::Received, 1);
+        declare(&mut interests, PdoSubset::ReceivedChanged, 2);
+        declare(&mut interests, PdoSubset::Transmitted, 3);
+        declare(&mut interests, PdoSubset::All, 4);
         let lists: Vec<_> = interests.pdo.iter().map(Vec::as_slice).collect();
-        let wanted: [&[u16]; 8] = [&[2, 3], &[1, 2], &[3], &[3], &[3], &[1], &[3], &[3]];
+        // By class: direction is bit 0, request bit 1, unchanged payload bit 2.
+        let wanted: [&[u16]; 8] = [&[3, 4], &[1, 2, 4], &[4], &[4], &[3, 4], &[1, 4], &[4], &[4]];
         assert_eq!(lists, [wanted, wanted].concat());
-        assert_eq!(interests.by_kind.iter().flatten().count(), 1);
         let mut interests = Interests::default();
-        interests.declared(&["pdo-mapped"], 1);
-        interests.declared(&["pdo-mapped-changed"], 2);
+        declare(&mut interests, PdoSubset::Mapped, 1);
+        declare(&mut interests, PdoSubset::MappedChanged, 2);
         let lists: Vec<_> = interests.pdo.iter().skip(MAPPED).map(Vec::as_slice).collect();
         let wanted: [&[u16]; 8] = [&[1, 2], &[1, 2], &[], &[], &[1], &[1], &[], &[]];
         assert_eq!(lists, wanted);

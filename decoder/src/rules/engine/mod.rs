@@ -13,10 +13,9 @@ use self::bus_judge::BusJudge;
 use self::setup::Setup;
 use super::ledger::causes::causes;
 use super::ledger::{GroupChange, Ledger, News};
-use crate::event::{Event, EventKind, Protocol};
+use crate::event::{Event, EventKind, Kind, KindSet, Protocol};
 use crate::finding::Findings;
 use crate::frame::{Frame, FrameFlags};
-use crate::query::KindSet;
 use crate::session::{Bus, Buses, Observer};
 use crate::statistics::{Quality, is_evidence};
 use crate::suggestion::{Suggestion, firm_suggestions};
@@ -25,10 +24,17 @@ use crate::suggestion::{Suggestion, firm_suggestions};
 const STAMPS_JUDGED: u64 = 1_000;
 
 /// Event kinds that limit the significance of verdicts.
-const LIMITING: [&str; 6] = ["unreadable", "lost-frames", "clock-step", "bus-silent", "link", "sdo-transfer"];
+const LIMITING: KindSet = KindSet::of(&[
+    Kind::Unreadable,
+    Kind::LostFrames,
+    Kind::ClockStep,
+    Kind::BusSilent,
+    Kind::Link,
+    Kind::SdoTransfer,
+]);
 
 /// Event kinds with facts that may explain findings.
-const FACTS: [&str; 3] = ["nmt-command", "sdo-transfer", "can-error"];
+const FACTS: KindSet = KindSet::of(&[Kind::NmtCommand, Kind::SdoTransfer, Kind::CanError]);
 
 /// Runs the rules over one capture. Each bus has its own instances of the rules.
 pub struct Engine {
@@ -45,17 +51,13 @@ pub struct Engine {
 impl Engine {
     /// Creates an engine in its initial state.
     pub fn new(setup: Arc<Setup>) -> Self {
-        let explaining = KindSet::by_name(|name| {
-            FACTS.contains(&name) || causes().explaining().iter().any(|by| by == name)
-        });
-        let limiting = KindSet::by_name(|name| LIMITING.contains(&name));
         Self {
             ledger: Ledger::new(&setup.policy),
             setup,
             buses: Vec::new(),
             quality: Quality::default(),
             held: Vec::new(),
-            explaining: explaining.or(limiting),
+            explaining: causes().explaining().or(FACTS).or(LIMITING),
         }
     }
 
@@ -126,7 +128,7 @@ impl Engine {
             judge.event(event, bus, &mut self.ledger);
             let explains = self.explaining.contains(&event.kind);
             if explains {
-                self.ledger.saw(event.kind.name(), bus.index(), judge.shared.now);
+                self.ledger.saw(event.kind.kind(), bus.index(), judge.shared.now);
                 self.ledger.observe(event, bus, judge.shared.now);
             }
             if explains || is_evidence(&event.kind) {

@@ -33,10 +33,9 @@ use self::plan::Plan;
 use self::task::Task;
 use super::{Context, Rule};
 use crate::bus_file;
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, KindSet};
 use crate::finding::{Merge, RuleInfo, RuleOrigin};
 use crate::profile::TextError;
-use crate::query::KindSet;
 use crate::wire::NodeId;
 
 /// KIND column of findings of all expectations.

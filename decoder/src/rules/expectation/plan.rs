@@ -8,13 +8,10 @@ use super::quoted::place;
 use super::signal::{self, SignalName};
 use super::words::{clipped, number, time};
 use crate::bus_file::{Demand, SpannedText};
-use crate::event::Event;
+use crate::event::{Event, Kind, KindSet};
 use crate::profile::TextError;
-use crate::query::{Filter, KindSet};
+use crate::query::Filter;
 use crate::rules::Context;
-
-/// Event kinds that rules emit; they are not passed to rules.
-const NEWS: [&str; 2] = ["finding-opened", "finding-closed"];
 
 /// A compiled expectation; times in ns.
 #[derive(Debug, Clone)]
@@ -98,8 +95,8 @@ impl Plan {
     /// Event kinds that the expectation needs.
     pub(super) fn kinds(&self) -> KindSet {
         let of = |asked: &QuotedExpression| asked.filter.kinds();
-        let interrupts = KindSet::by_name(|name| name == "bus-silent" || name == "clock-step");
-        let values = KindSet::by_name(|name| signal::KINDS.contains(&name));
+        let interrupts = KindSet::of(&[Kind::BusSilent, Kind::ClockStep]);
+        let values = KindSet::of(&signal::KINDS);
         match self {
             Self::Always { when, .. } | Self::Never { when } | Self::Count { when, window: None, .. } => {
                 of(when)
@@ -204,14 +201,14 @@ fn asked(written: &SpannedText, text: &str) -> Result<QuotedExpression, TextErro
     if filter.asks("capture") {
         return wrong("'capture' is not available in expectations; each capture is checked on its own");
     }
-    let findings = KindSet::by_name(|name| name.starts_with("finding-"));
-    if filter.kinds().and(findings.complement()) == KindSet::NONE && filter.kinds() != KindSet::NONE {
+    // Rules emit events of findings and do not receive them.
+    let possible = filter.kinds().and(KindSet::FINDINGS.complement());
+    if possible == KindSet::NONE && filter.kinds() != KindSet::NONE {
         return wrong(
             "finding events are not available in expectations; expected an expression on other events",
         );
     }
-    let news = KindSet::by_name(|name| NEWS.contains(&name));
-    if filter.kinds().and(news.complement()) == KindSet::NONE {
+    if possible == KindSet::NONE {
         return wrong("expression never matches: no event kind has all these fields");
     }
     Ok(QuotedExpression { text: clipped(&written.text).into(), filter })
@@ -220,10 +217,11 @@ fn asked(written: &SpannedText, text: &str) -> Result<QuotedExpression, TextErro
 /// Compiles an expression that must match events with values.
 fn valued(written: &SpannedText, text: &str) -> Result<QuotedExpression, TextError> {
     let asked = asked(written, text)?;
-    let values = KindSet::by_name(|name| signal::KINDS.contains(&name));
-    if asked.filter.kinds().and(values) == KindSet::NONE {
-        let message =
-            format!("expression matches no event with values; expected one of {}", signal::KINDS.join(", "));
+    if asked.filter.kinds().and(KindSet::of(&signal::KINDS)) == KindSet::NONE {
+        let message = format!(
+            "expression matches no event with values; expected one of {}",
+            signal::KINDS.map(Kind::name).join(", ")
+        );
         return Err(TextError::at(text, written.span.clone(), message));
     }
     Ok(asked)

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use super::nearest::Nearest;
-use crate::event::{Event, EventKind, Outcome};
+use crate::event::{Event, EventKind, Kind, Outcome};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::{Field, Layout, Meaning, SignalId, Value};
@@ -15,7 +15,8 @@ use crate::rules::Context;
 use crate::wire::canopen::ObjectAddress;
 
 /// Event kinds that contain values.
-pub(super) const KINDS: [&str; 5] = ["pdo", "sdo-transfer", "j1939-message", "j1939-transfer", "frame"];
+pub(super) const KINDS: [Kind; 5] =
+    [Kind::Pdo, Kind::SdoTransfer, Kind::J1939Message, Kind::J1939Transfer, Kind::Frame];
 
 /// Maximum number of messages other than PDOs with a cached layout; signals of further messages are ignored.
 const MESSAGE_LIMIT: usize = 4096;

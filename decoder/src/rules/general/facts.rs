@@ -94,8 +94,7 @@ const fn of_use(index: u16) -> u64 {
 #[inline]
 pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
     let layout = pdo.layout.as_deref()?;
-    let is_sure =
-        !layout.assumed && !pdo.is_request && layout.bits > 0 && !matches!(layout.origin, "dbc" | "json");
+    let is_sure = !layout.assumed && !pdo.is_request && layout.bits > 0 && !layout.origin.is_database();
     is_sure.then(|| layout.bits.div_ceil(8))
 }
 
@@ -108,11 +107,6 @@ pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &Context<'_>) -> bool {
         matches!(parameter(2), Some(254 | 255)) && parameter(5) == Some(0)
     });
     is_configured && slot.period_since(i64::MIN).is_none()
-}
-
-/// Display name of the origin of a dictionary entry: `EDS`, `profile`.
-pub(super) fn source_name(origin: &str) -> String {
-    if origin == "profile" { origin.to_owned() } else { origin.to_ascii_uppercase() }
 }
 
 /// Converts nanoseconds to milliseconds.

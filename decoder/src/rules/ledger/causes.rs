@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use serde::Deserialize;
 
 use super::fact_row::FactRow;
+use crate::event::{Kind, KindSet};
 use crate::finding::{Cause, RuleInfo, RuleOrigin};
 
 /// Name in `by` and `effects` for device rules about a parameter of the device.
@@ -36,8 +37,10 @@ pub(in crate::rules) struct Explanation {
 /// One row of the table.
 #[derive(Debug)]
 pub(in crate::rules) struct CauseEntry {
-    /// Rule or event kind of the cause.
+    /// Rule, fact or event kind of the cause.
     pub(in crate::rules) by: String,
+    /// Event kind with this name, if there is one.
+    pub(in crate::rules) kind: Option<Kind>,
     /// Description of the cause if it is an event kind.
     pub(in crate::rules) text: Arc<str>,
     /// Maximum time from cause to effect, in ns.
@@ -118,7 +121,7 @@ pub(in crate::rules) struct Causes {
     /// Facts that can be a cause.
     pub(super) facts: Vec<FactRow>,
     by_effect: HashMap<String, Vec<Arc<CauseEntry>>>,
-    by: Vec<String>,
+    explaining: KindSet,
 }
 
 impl Causes {
@@ -143,9 +146,9 @@ impl Causes {
             .map(Arc::as_ref)
     }
 
-    /// Rules and event kinds that can be a cause.
-    pub(in crate::rules) fn explaining(&self) -> &[String] {
-        &self.by
+    /// Event kinds that can be a cause.
+    pub(in crate::rules) fn explaining(&self) -> KindSet {
+        self.explaining
     }
 
     /// Whether a fact has this name.
@@ -182,8 +185,10 @@ fn table(file: CausesFile) -> Causes {
     causes.facts = file.fact;
     for row in file.cause {
         for by in &row.by {
+            let kind = Kind::from_name(by);
             let entry = |is_of_parameter| CauseEntry {
                 by: by.clone(),
+                kind,
                 text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
                 within: nanoseconds(row.seconds),
                 before: nanoseconds(row.before),
@@ -199,7 +204,7 @@ fn table(file: CausesFile) -> Causes {
                 let entry = if effect == DEVICE_WRITE { Arc::new(entry(true)) } else { Arc::clone(&common) };
                 causes.by_effect.entry(effect.clone()).or_default().push(entry);
             }
-            causes.by.push(by.clone());
+            causes.explaining = causes.explaining.or(kind.into_iter().collect());
         }
     }
     causes
@@ -208,17 +213,18 @@ fn table(file: CausesFile) -> Causes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::KindSet;
     use crate::rules::declarations;
 
     #[test]
     fn every_name_is_a_rule_or_a_kind_of_event() {
         let rules: Vec<_> = declarations().map(|rule| rule.name).collect();
         toml::from_str::<CausesFile>(include_str!("causes.toml")).unwrap();
-        assert!(!causes().explaining().is_empty());
-        for name in causes().explaining() {
-            let is_other = causes().is_fact(name) || KindSet::ALL.contains_name(name) || name == DEVICE_WRITE;
-            assert!(rules.contains(&name.as_str()) || is_other, "{name}");
+        let explaining = causes().explaining();
+        assert!(explaining.contains_kind(Kind::LostFrames) && !explaining.contains_kind(Kind::Heartbeat));
+        for entry in causes().by_effect.values().flatten() {
+            let name = entry.by.as_str();
+            let is_other = causes().is_fact(name) || entry.kind.is_some() || name == DEVICE_WRITE;
+            assert!(rules.contains(&name) || is_other, "{name}");
         }
         for name in causes().explained() {
             assert!(name == TIMING || name == DEVICE_WRITE || rules.contains(&name.as_str()), "{name}");

@@ -70,7 +70,8 @@ impl Ledger {
                 {
                     return Some(Explanation { effect: cause.effect, by: Cause::Group(by) });
                 }
-                if self.kinds.get(&(cause.by.as_str(), claim.key.bus)).is_some_and(|seen| *seen >= from) {
+                let seen = cause.kind.and_then(|kind| self.kinds.get(&(kind, claim.key.bus)));
+                if seen.is_some_and(|seen| *seen >= from) {
                     let by = Cause::Quality(Arc::clone(&cause.text));
                     return Some(Explanation { effect: cause.effect, by });
                 }

@@ -17,7 +17,7 @@ use self::causes::{Effect, Explanation};
 use self::facts::Facts;
 use super::conformance::{Run, Standing};
 use super::policy::Policy;
-use crate::event::{Event, FindingNews, FrameRange};
+use crate::event::{Event, FindingNews, FrameRange, Kind};
 use crate::finding::{
     About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene,
     Severity, Tally,
@@ -144,7 +144,7 @@ pub(super) struct Ledger {
     latest: HashMap<RulePlace, (usize, i64), FixedState>,
     taken: DeviceRuleCauses,
     /// Monotonic time of the last event of a kind on a bus.
-    kinds: HashMap<(&'static str, BusIndex), i64, FixedState>,
+    kinds: HashMap<(Kind, BusIndex), i64, FixedState>,
     /// Facts that may explain findings.
     facts: Facts,
     ungrouped: u64,
@@ -219,7 +219,7 @@ impl Ledger {
     }
 
     /// Records an event that may explain findings.
-    pub(super) fn saw(&mut self, kind: &'static str, bus: BusIndex, now: i64) {
+    pub(super) fn saw(&mut self, kind: Kind, bus: BusIndex, now: i64) {
         self.kinds.insert((kind, bus), now);
     }
 

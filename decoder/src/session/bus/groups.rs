@@ -6,7 +6,7 @@ use super::layout::of_profile;
 use super::state::Bus;
 use crate::frame::CanId;
 use crate::profile::device::{Direction, MessageSpec};
-use crate::profile::{Device, Layout, NoValues, Resolver, isobus, pgn_name};
+use crate::profile::{Device, Layout, LayoutOrigin, NoValues, Resolver, isobus, pgn_name};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
@@ -69,7 +69,7 @@ impl Bus {
             let spec = concerned.spec()?;
             let node = self.node(concerned.node)?;
             let mut resolver = node.resolver();
-            let mut layout = of_profile(&spec.fields, "profile", false, &mut resolver)?;
+            let mut layout = of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver)?;
             layout.depends = resolver.looked_at;
             Some((spec.title_of(id.pgn), layout))
         });
@@ -120,6 +120,6 @@ pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, Layout)> {
     let standard = isobus();
     let spec = standard.messages.iter().find(|spec| spec.number_of(pgn).is_some())?;
     let mut resolver = Resolver::new(&standard.dictionary, &NoValues);
-    let layout = of_profile(&spec.fields, "standard", false, &mut resolver)?;
+    let layout = of_profile(&spec.fields, LayoutOrigin::Standard, false, &mut resolver)?;
     Some((spec.title_of(pgn), layout))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::node::Node;
 use super::store::OriginKind;
 use crate::profile::device::{Mapping, PdoField, PdoSpec};
-use crate::profile::{DataType, Field, Layout, Number, PdoName, Resolver};
+use crate::profile::{DataType, Field, Layout, LayoutOrigin, Number, PdoName, Resolver};
 use crate::wire::canopen::ObjectAddress;
 
 /// Max entries of a mapping (CiA 301 §7.5.2.36).
@@ -26,13 +26,13 @@ pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
     };
     let is_fixed = spec.is_some_and(|spec| spec.mapping == Mapping::Fixed);
     let mut layout = match spec {
-        Some(spec) if is_fixed => of_profile(&spec.fields, "profile", assumed, &mut resolver)?,
+        Some(spec) if is_fixed => of_profile(&spec.fields, LayoutOrigin::Profile, assumed, &mut resolver)?,
         _ => match mapped(node, name, &mut resolver) {
             Some(layout) => layout,
             None => match (node.given_pdo(name), spec?) {
-                (Some(fields), _) => of_profile(fields, "bus-file", false, &mut resolver)?,
+                (Some(fields), _) => of_profile(fields, LayoutOrigin::BusFile, false, &mut resolver)?,
                 (None, spec) if spec.mapping == Mapping::Default => {
-                    of_profile(&spec.fields, "profile", true, &mut resolver)?
+                    of_profile(&spec.fields, LayoutOrigin::Profile, true, &mut resolver)?
                 }
                 _ => return None,
             },
@@ -59,7 +59,7 @@ fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Optio
 /// Layout from the fields in a profile; `None` if the profile lists no fields.
 pub(in crate::session) fn of_profile(
     fields: &[PdoField],
-    origin: &'static str,
+    origin: LayoutOrigin,
     assumed: bool,
     resolver: &mut Resolver<'_>,
 ) -> Option<Layout> {
@@ -104,11 +104,12 @@ fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Lay
 }
 
 /// Source of the number of mapped entries.
-fn origin(node: &Node, mapping: u16) -> &'static str {
+fn origin(node: &Node, mapping: u16) -> LayoutOrigin {
     let count = ObjectAddress::new(mapping, 0);
     match node.store().get(count).map(|entry| entry.origin.kind) {
-        Some(kind @ (OriginKind::BusFile | OriginKind::DeviceFile)) => kind.name(),
-        Some(_) => "wire",
+        Some(OriginKind::BusFile) => LayoutOrigin::BusFile,
+        Some(OriginKind::DeviceFile) => LayoutOrigin::Dcf,
+        Some(_) => LayoutOrigin::Wire,
         None => node.device().default_origin(count),
     }
 }

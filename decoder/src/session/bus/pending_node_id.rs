@@ -1,6 +1,7 @@
 //! New node-IDs that a node accepted and that a restart activates.
 
 use super::{Bus, Node, Restart};
+use crate::event::NodeIdSource;
 use crate::profile::{Effect, Role, Storage, integer};
 use crate::wire::NodeId;
 
@@ -9,13 +10,8 @@ use crate::wire::NodeId;
 pub struct PendingNodeId {
     /// New node-ID.
     pub to: u8,
-    /// Service that set it: `LSS`, `UDS` or `SDO`.
-    pub service: &'static str,
-}
-
-impl PendingNodeId {
-    /// Values of `by` in node-ID changes by these services.
-    pub const CHANGED_BY: [&'static str; 3] = ["lss", "uds", "object"];
+    /// Source of the new node-ID.
+    pub by: NodeIdSource,
 }
 
 impl Bus {
@@ -28,12 +24,12 @@ impl Bus {
         let by_lss = changes.by_lss.filter(|(from, _)| from.map(NodeId::Canopen) == Some(id) && is_activated);
         let by_uds = changes.by_uds.filter(|(from, _)| *from == id);
         let found = [
-            by_lss.map(|(_, to)| (to, "LSS")),
-            by_uds.map(|(_, to)| (to.number(), "UDS")),
-            node.node_id_object().map(|to| (to, "SDO")),
+            by_lss.map(|(_, to)| (to, NodeIdSource::Lss)),
+            by_uds.map(|(_, to)| (to.number(), NodeIdSource::Uds)),
+            node.node_id_object().map(|to| (to, NodeIdSource::Object)),
         ];
-        let (to, service) = found.into_iter().flatten().next()?;
-        Some(PendingNodeId { to, service })
+        let (to, by) = found.into_iter().flatten().next()?;
+        Some(PendingNodeId { to, by })
     }
 }
 

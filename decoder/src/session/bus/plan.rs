@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::profile::device::{Condition, Procedure, Trigger};
+use crate::profile::device::{Condition, PdoSpec, PdoTrigger, Procedure, Trigger};
 use crate::profile::{Carrier, Device, Field, Layout, PdoDirection, Role};
 use crate::wire::canopen::ObjectAddress;
 
@@ -93,8 +93,8 @@ impl Plan {
         let waits = |trigger: &Trigger| trigger.is_met_by(&carrier.into());
         plan.triggers = device.procedures.iter().flat_map(Procedure::triggers).any(waits);
         let spec = device.pdos.iter().find(|spec| Carrier::Pdo(spec.pdo) == *carrier);
-        let is_event =
-            spec.and_then(|spec| spec.trigger.as_deref()).is_some_and(|by| by == "event" || by == "rpdo");
+        let trigger = spec.and_then(PdoSpec::trigger);
+        let is_event = matches!(trigger, Some(PdoTrigger::Event | PdoTrigger::Rpdo));
         let starts = |object: ObjectAddress| {
             device
                 .procedures

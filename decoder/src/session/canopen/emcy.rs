@@ -2,7 +2,7 @@
 
 use super::boot::{boot_cause, on_restart};
 use super::nmt::presume_state;
-use crate::event::{EmcyAction, Emergency, EventKind, StateCause};
+use crate::event::{ByteOrderSource, EmcyAction, Emergency, EventKind, EvictedState, StateCause};
 use crate::frame::Frame;
 use crate::profile::device::{Boot, ClearMeaning, NmtName, Order};
 use crate::profile::{Device, emcy_codes};
@@ -69,7 +69,7 @@ impl Machine for Emcy {
         };
         cx.emit(frame, id, false, EventKind::Emcy(emergency));
         if !fits {
-            cx.emit(frame, id, false, EventKind::Evicted { what: "active error", count: 1 });
+            cx.emit(frame, id, false, EventKind::Evicted { what: EvictedState::ActiveError, count: 1 });
         }
         emit_contradiction(id, contradicted, frame, cx);
         if let Some(cause) = boot {
@@ -176,25 +176,27 @@ fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
 ///
 /// A confirmed value of the object that sets the byte order has precedence. If the value is unknown, or
 /// doubtful after a restart, the order is taken from the first code that the profile knows in one order only.
-fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, &'static str) {
-    let Some(order) = &node.device.emcy.byte_order else { return (ByteOrder::LsbFirst, "standard") };
-    let Order::ByObject { object, .. } = order else { return (order.of(None), "profile") };
+fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, ByteOrderSource) {
+    let Some(order) = &node.device.emcy.byte_order else {
+        return (ByteOrder::LsbFirst, ByteOrderSource::Standard);
+    };
+    let Order::ByObject { object, .. } = order else { return (order.of(None), ByteOrderSource::Profile) };
     let known = node.store.get(object.object);
     let value = node.store.number(object.object).and_then(|value| i64::try_from(value).ok());
     let stated = order.of(value);
     if known.is_some_and(|entry| !entry.stale) {
-        return (stated, "wire");
+        return (stated, ByteOrderSource::Wire);
     }
     if let Some(DetectedByteOrder(learnt)) = node.emcy_order {
-        return (learnt, "learnt");
+        return (learnt, ByteOrderSource::Learnt);
     }
     let other = opposite(stated);
     let (object, was_known) = (object.object, known.is_some());
-    let origin = if was_known { "presumed" } else { "profile" };
+    let origin = if was_known { ByteOrderSource::Presumed } else { ByteOrderSource::Profile };
     if !is_code(&node.device, data, stated) && is_code(&node.device, data, other) {
         node.emcy_order = Some(DetectedByteOrder(other));
         node.contradicted = was_known.then_some(object);
-        return (other, "learnt");
+        return (other, ByteOrderSource::Learnt);
     }
     if is_code(&node.device, data, stated) {
         node.emcy_order = Some(DetectedByteOrder(stated));

@@ -2,7 +2,7 @@
 
 use super::boot::on_boot_up;
 use super::nmt::confirm_state;
-use crate::event::{EventKind, StateCause};
+use crate::event::{EventKind, MonitoringMethod, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::{Bus, UNANSWERED};
 use crate::session::context::Context;
@@ -102,7 +102,7 @@ impl Timed for ErrorControl {
         // The event has the time of the deadline, and the last frame of the node as evidence.
         let mut frame = Frame { number: node.last_frame, ..Frame::EMPTY };
         frame.time = cx.bus.clock.stamp_of(deadline);
-        emit_node_lost(id, gap, "heartbeat", &frame, cx);
+        emit_node_lost(id, gap, MonitoringMethod::Heartbeat, &frame, cx);
     }
 }
 
@@ -134,7 +134,7 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let gap = guarding.last_reply.map_or(0, |last| now.saturating_sub(last));
     cx.emit(frame, id, !first, EventKind::GuardRequest);
     if is_lost {
-        emit_node_lost(id, gap, "guarding", frame, cx);
+        emit_node_lost(id, gap, MonitoringMethod::Guarding, frame, cx);
     }
 }
 

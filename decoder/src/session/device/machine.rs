@@ -6,7 +6,7 @@ use super::set_point::reassess_set_points;
 use crate::event::{DeviceCause, DeviceState, EventKind, Path};
 use crate::frame::Frame;
 use crate::profile::Device;
-use crate::profile::device::{Machine, State, TriggerEvent};
+use crate::profile::device::{ForcingEvent, Machine, State, TriggerEvent};
 use crate::session::bus::{Bus, CommandStep, MachineState, Moment, Node, continues, fits, leads, leave};
 use crate::session::context::Context;
 use crate::wire::NodeId;
@@ -249,11 +249,12 @@ fn forced(
                 ..StateReason::plain(DeviceCause::Emcy, emcy.frame)
             });
         }
-        let event = it.event.as_deref();
-        if let Some(emcy) = emcy.filter(|it| event == Some("life-guard") && Some(it.what) == life_guard) {
+        let is_expiry = it.event == Some(ForcingEvent::LifeGuard);
+        if let Some(emcy) = emcy.filter(|it| is_expiry && Some(it.what) == life_guard) {
             return Some(StateReason::plain(DeviceCause::LifeGuard, emcy.frame));
         }
-        let boot = behaviour.boot.filter(|boot| event == Some("boot-up") && is_recent(boot, known, now));
+        let is_boot = it.event == Some(ForcingEvent::BootUp);
+        let boot = behaviour.boot.filter(|boot| is_boot && is_recent(boot, known, now));
         if let Some(boot) = boot {
             return Some(StateReason::plain(DeviceCause::BootUp, boot.frame));
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::set_point::reassess_set_points;
-use crate::event::{EventKind, ProcedureEvent};
+use crate::event::{EventKind, ProcedureEvent, ProcedurePhase};
 use crate::frame::Frame;
 use crate::profile::device::{
     Condition, GateStatus, Procedure, ProcedureStatus, Trigger, TriggerEvent, UpdateSource, ValueUpdate,
@@ -119,9 +119,9 @@ pub(super) fn start_procedure(
     let range = procedure.invalidates.clone();
     mark_stale(&mut cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
     if procedure.instant {
-        let mut event = described(procedure, "finished", ProcedureStatus::Ok);
+        let mut event = described(procedure, ProcedurePhase::Finished, ProcedureStatus::Ok);
         if procedure.effect.waits() {
-            event = described(procedure, "accepted", ProcedureStatus::Ended);
+            event = described(procedure, ProcedurePhase::Accepted, ProcedureStatus::Ended);
             event.text = format!("effective {}, result unknown until then", procedure.effect.when());
         }
         return cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
@@ -133,7 +133,7 @@ pub(super) fn start_procedure(
     node.behaviour.results.retain(|result| result.place != place);
     let started = Moment { what: (), frame: frame.number, time };
     node.behaviour.running.push(RunningProcedure { place, started, step: None, streak: 0 });
-    let mut event = described(procedure, "started", ProcedureStatus::Running);
+    let mut event = described(procedure, ProcedurePhase::Started, ProcedureStatus::Running);
     event.text = unmet_preconditions(&cx.bus, id, procedure);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     if procedure.takes_over {
@@ -166,8 +166,8 @@ fn enter_step(
         return;
     }
     let duration = now.saturating_sub(running.started.time);
-    let Some(name) = procedure.steps.get(step).map(|step| step.step.as_str()) else { return };
-    let mut event = described(procedure, name, ProcedureStatus::Running);
+    let Some(name) = procedure.steps.get(step).map(|step| step.step.clone()) else { return };
+    let mut event = described(procedure, ProcedurePhase::Step(name), ProcedureStatus::Running);
     event.duration = cx.bus.clock.runs().then_some(duration);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
 }
@@ -190,7 +190,7 @@ pub(super) fn finish_procedure(
         let (ended, outcome, is_read) = (frame.number, status, false);
         node.behaviour.set_result(ProcedureResult { place, started, ended, outcome, is_read });
     }
-    let mut event = described(procedure, "finished", status);
+    let mut event = described(procedure, ProcedurePhase::Finished, status);
     let duration = started.map(|started| now.saturating_sub(started.time));
     event.duration = duration.filter(|_| cx.bus.clock.runs());
     text.clone_into(&mut event.text);
@@ -287,8 +287,8 @@ pub(in crate::session) fn emit_announcement(
     let event = ProcedureEvent {
         procedure: change.procedure.into(),
         word: Some(change.word.into()),
-        step: if change.finished { "finished" } else { "started" }.into(),
-        status: status.name(),
+        phase: if change.finished { ProcedurePhase::Finished } else { ProcedurePhase::Started },
+        status,
         duration: None,
         nominal: None,
         text: change.text,
@@ -303,12 +303,16 @@ fn is_awaited(trigger: &Trigger, event: &TriggerEvent<'_>) -> bool {
     !trigger.is_of_rules() && trigger.is_met_by(event)
 }
 
-pub(super) fn described(procedure: &Procedure, step: &str, status: ProcedureStatus) -> ProcedureEvent {
+pub(super) fn described(
+    procedure: &Procedure,
+    phase: ProcedurePhase,
+    status: ProcedureStatus,
+) -> ProcedureEvent {
     ProcedureEvent {
         procedure: procedure.name.clone(),
         word: procedure.word.clone(),
-        step: step.to_owned(),
-        status: status.name(),
+        phase,
+        status,
         duration: None,
         nominal: procedure.seconds,
         text: String::new(),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::procedure::{described, finish_procedure, start_procedure};
 use super::set_point::reassess_set_points;
-use crate::event::{EventKind, PROCEDURE_FAILED_EARLIER};
+use crate::event::{EventKind, ProcedurePhase};
 use crate::frame::Frame;
 use crate::profile::device::{Procedure, ProcedureStatus, StatusCode};
 use crate::profile::little_endian;
@@ -85,7 +85,7 @@ fn on_late_status(
 ) {
     let is_new = outcome != last.outcome && (!last.is_read || outcome == ProcedureStatus::Error);
     if is_new {
-        let mut event = described(procedure, "finished", outcome);
+        let mut event = described(procedure, ProcedurePhase::Finished, outcome);
         text.clone_into(&mut event.text);
         cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     }
@@ -101,7 +101,7 @@ fn on_earlier_failure(
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
-    let mut event = described(procedure, PROCEDURE_FAILED_EARLIER, ProcedureStatus::Error);
+    let mut event = described(procedure, ProcedurePhase::FailedEarlier, ProcedureStatus::Error);
     text.clone_into(&mut event.text);
     cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
     confirm_result(id, place, procedure, ProcedureStatus::Error, Some(0), frame, &mut cx.bus);

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::messages::refresh_messages;
-use crate::event::{EventKind, NodeIdentified};
+use crate::event::{AssignedBy, EventKind, NodeIdentified};
 use crate::frame::Frame;
 use crate::profile::imported::Import;
 use crate::profile::{Device, ReportedIdentity, little_endian};
 use crate::session::bus::Node;
 use crate::session::context::Context;
 use crate::session::objects::take_delivered;
-use crate::session::options::{AssignedBy, Assignment, ProtocolChoice};
+use crate::session::options::{Assignment, ProtocolChoice};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -121,8 +121,7 @@ pub(in crate::session) fn recognise(
     };
     let is_generic = options.catalogue.is_generic(&device.id);
     let by = if is_generic { AssignedBy::DeviceType } else { AssignedBy::Identity };
-    let identified =
-        NodeIdentified { device: device.full_id.clone(), title: device.title.clone(), by: by.name() };
+    let identified = NodeIdentified { device: device.full_id.clone(), title: device.title.clone(), by };
     assign(id, &device, by, cx);
     cx.emit(frame, id, false, EventKind::NodeIdentified(Box::new(identified)));
 }

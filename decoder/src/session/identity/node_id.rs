@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::assign::assign;
-use crate::event::EventKind;
+use crate::event::{EventKind, NodeIdSource};
 use crate::frame::{CanId, Frame};
 use crate::profile::{PdoName, Role, integer};
 use crate::session::bus::{Bus, Node, Service, predefined};
@@ -17,11 +17,11 @@ use crate::wire::canopen::ObjectAddress;
 /// Handles the first frame under `id`, if a node was configured with this node-ID.
 pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let (from, by) = if let Some((from, _)) = cx.bus.node_id_changes.take_by_lss(id) {
-        (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(&cx.bus, id)), "lss")
+        (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(&cx.bus, id)), NodeIdSource::Lss)
     } else if let Some(from) = cx.bus.node_id_changes.take_by_uds(id) {
-        (Some(from), "uds")
+        (Some(from), NodeIdSource::Uds)
     } else if let Some(from) = node_awaiting_id(&cx.bus, id) {
-        (Some(from), "object")
+        (Some(from), NodeIdSource::Object)
     } else {
         return;
     };
@@ -66,7 +66,8 @@ pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Con
     if let Some(by) = assigned.filter(|_| is_open) {
         assign(id, &device, by, cx);
     }
-    let kind = EventKind::NodeIdChange { from: Some(from.number()), to: id.number(), by: "serial number" };
+    let by = NodeIdSource::SerialNumber;
+    let kind = EventKind::NodeIdChange { from: Some(from.number()), to: id.number(), by };
     cx.emit(frame, id, false, kind);
 }
 
@@ -87,7 +88,7 @@ fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
 pub(in crate::session) fn change_node_id(
     from: Option<NodeId>,
     to: NodeId,
-    by: &'static str,
+    by: NodeIdSource,
     frame: &Frame,
     cx: &mut Context<'_>,
 ) {
@@ -199,7 +200,7 @@ mod tests {
         events
     }
 
-    fn changes(events: &[Event]) -> Vec<(Option<u8>, u8, &'static str)> {
+    fn changes(events: &[Event]) -> Vec<(Option<u8>, u8, NodeIdSource)> {
         let change = |event: &Event| match event.kind {
             EventKind::NodeIdChange { from, to, by } => Some((from, to, by)),
             _ => None,
@@ -214,7 +215,7 @@ mod tests {
         assert!(changes(&introduced(&mut bus, 2, 9, &mut number)).is_empty());
         assert!(changes(&introduced(&mut bus, 3, 8, &mut number)).is_empty(), "another serial number");
         let events = introduced(&mut bus, 5, 9, &mut number);
-        assert_eq!(changes(&events), [(Some(2), 5, "serial number")]);
+        assert_eq!(changes(&events), [(Some(2), 5, NodeIdSource::SerialNumber)]);
         // Without a serial number two equal devices cannot be distinguished.
         introduced(&mut bus, 6, 0, &mut number);
         assert!(changes(&introduced(&mut bus, 7, 0, &mut number)).is_empty());

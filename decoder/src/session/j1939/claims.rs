@@ -16,7 +16,7 @@
 use super::evidence::mark_sender_alive;
 use super::payload::Payload;
 use super::trouble_codes::{cancel_dm1_deadline, schedule_dm1_deadline};
-use crate::event::{AddressClaim, ClaimAction, CommandedAddress, Contention, EventKind};
+use crate::event::{AddressClaim, ClaimAction, CommandedAddress, Contention, EventKind, EvictedState};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::{Bus, Node};
 use crate::session::context::Context;
@@ -125,7 +125,7 @@ impl Machine for Claims {
         cx.send(&event);
         let count = std::mem::take(&mut self.evicted);
         if count > 0 {
-            cx.emit_can(frame, EventKind::Evicted { what: "device without address", count });
+            cx.emit_can(frame, EventKind::Evicted { what: EvictedState::DeviceWithoutAddress, count });
         }
     }
 
@@ -157,7 +157,7 @@ impl Claims {
         event.frames = frames;
         cx.send(&event);
         if evicted {
-            cx.emit_can(frame, EventKind::Evicted { what: "commanded address", count: 1 });
+            cx.emit_can(frame, EventKind::Evicted { what: EvictedState::CommandedAddress, count: 1 });
         }
     }
 

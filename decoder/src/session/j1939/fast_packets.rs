@@ -13,7 +13,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{EventKind, FrameRange, J1939Transfer, Outcome, TransportMode};
+use crate::event::{EventKind, EvictedState, FrameRange, J1939Transfer, Outcome, TransportMode};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
 use crate::session::context::Context;
@@ -237,7 +237,7 @@ impl FastPackets {
         let oldest = self.open.iter().min_by_key(|(_, packet)| (!packet.is_over, packet.frames.first));
         let Some(packet) = oldest.map(|(key, _)| *key).and_then(|key| self.open.remove(&key)) else { return };
         if !packet.is_over {
-            cx.emit_j1939(frame, packet.id, EventKind::Evicted { what: "fast packet", count: 1 });
+            cx.emit_j1939(frame, packet.id, EventKind::Evicted { what: EvictedState::FastPacket, count: 1 });
         }
     }
 

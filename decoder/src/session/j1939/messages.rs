@@ -9,7 +9,7 @@ use super::cadence::{
 use crate::event::{EventKind, FrameRange, J1939Message};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile::device::MessageSpec;
-use crate::profile::{Carrier, NoValues, PdoDirection, Resolver, is_nmea2000_group};
+use crate::profile::{Carrier, LayoutOrigin, NoValues, PdoDirection, Resolver, is_nmea2000_group};
 use crate::session::bus::{
     Bus, Cadence, Group, IdentifierPlan, LastPayload, Origin, OriginKind, Plan, Recent,
 };
@@ -171,7 +171,9 @@ fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Conte
 fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Frame) {
     let Some(spec) = concerned.spec() else { return };
     let mut resolver = Resolver::new(&concerned.device.dictionary, &NoValues);
-    let Some(layout) = layout_of_profile(&spec.fields, "profile", false, &mut resolver) else { return };
+    let Some(layout) = layout_of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver) else {
+        return;
+    };
     for field in &layout.fields {
         let decides = field.object().filter(|object| concerned.device.decides(*object));
         let (Some(object), Some(raw)) = (decides, field.extract(frame.data())) else { continue };

@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use super::payload::Payload;
-use crate::event::{Dtc, DtcAction, EventKind, FrameRange};
+use crate::event::{Dtc, DtcAction, EventKind, EvictedState, FrameRange};
 use crate::frame::Frame;
 use crate::profile::{Device, lamp_names};
 use crate::session::bus::{Bus, DtcChange, Node};
@@ -26,9 +26,6 @@ const PERIOD: u32 = 1_000;
 
 /// Periods without DM1 after which its codes are no longer reported.
 const PERIODS: i64 = 3;
-
-/// Name of an evicted code in the event.
-const PREVIOUS: &str = "previously active trouble code";
 
 /// DM1 and DM2 of all addresses; the codes of each are in its node.
 #[derive(Debug, Clone)]
@@ -63,7 +60,8 @@ impl Machine for TroubleCodes {
             emit_trouble_code(node_id, change, frames, frame, cx);
         }
         if should_report_overflow {
-            let what = if is_active { "active trouble code" } else { PREVIOUS };
+            let what =
+                if is_active { EvictedState::ActiveTroubleCode } else { EvictedState::PreviousTroubleCode };
             cx.emit_can(frame, EventKind::Evicted { what, count: refused });
         }
         if is_active {
@@ -118,7 +116,7 @@ fn emit_trouble_code(id: NodeId, change: DtcChange, frames: FrameRange, frame: &
     let kind = EventKind::Dtc(Box::new(Dtc { may_be_hidden, ..describe_trouble_code(&cx.bus, id, change) }));
     emit_frames(id, kind, frames, frame, cx);
     if evicted {
-        cx.emit_can(frame, EventKind::Evicted { what: PREVIOUS, count: 1 });
+        cx.emit_can(frame, EventKind::Evicted { what: EvictedState::PreviousTroubleCode, count: 1 });
     }
     match change.action {
         DtcAction::Raised | DtcAction::Recurred => {
@@ -261,7 +259,7 @@ mod tests {
         let mut observer = |event: &Event, _: &Bus| {
             all.push(match &event.kind {
                 EventKind::Dtc(dtc) => (dtc.action.name(), u64::from(dtc.spn)),
-                EventKind::Evicted { what, count } => (*what, *count),
+                EventKind::Evicted { what, count } => (what.name(), *count),
                 kind => (kind.name(), 0),
             });
         };
@@ -297,7 +295,7 @@ mod tests {
         assert_eq!(transfer_results(&mut bus, DM1, 4, &list(1..=66)), [("active trouble code", 2)]);
         let all = transfer_results(&mut bus, 0x18FE_CB80, 5, &list(100..=200));
         assert_eq!(all.len(), ACTIVE_ERROR_LIMIT + 1);
-        assert_eq!(all.last(), Some(&(PREVIOUS, 101 - limit)));
+        assert_eq!(all.last(), Some(&("previously active trouble code", 101 - limit)));
         assert_eq!(transfer_results(&mut bus, 0x18FE_CB80, 6, &list(100..=200)), []);
     }
 

@@ -4,7 +4,7 @@ use std::hash::BuildHasher as _;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Conflict, EventKind};
+use crate::event::{Conflict, EventKind, EvictedState};
 use crate::frame::Frame;
 use crate::profile::device_file::{Access, DeviceFile, DeviceObject};
 use crate::profile::{DataType, little_endian};
@@ -71,7 +71,7 @@ fn is_new_conflict(
         return conflicts.told.insert((object, FixedState::default().hash_one(value)));
     }
     if !std::mem::replace(&mut conflicts.is_full, true) {
-        cx.emit(frame, id, false, EventKind::Evicted { what: "conflict", count: 1 });
+        cx.emit(frame, id, false, EventKind::Evicted { what: EvictedState::Conflict, count: 1 });
     }
     false
 }
@@ -192,7 +192,7 @@ mod tests {
             };
             let mut observer = |event: &Event, _: &Bus| match &event.kind {
                 EventKind::Conflict(conflict) => texts.push(conflict.text.clone()),
-                EventKind::Evicted { what, .. } => texts.push(format!("evicted {what}")),
+                EventKind::Evicted { what, .. } => texts.push(format!("evicted {}", what.name())),
                 _ => {}
             };
             learn_object(transfer, &Frame::EMPTY, &mut bus.lend(&mut observer));

@@ -5,11 +5,11 @@
 use std::sync::Arc;
 
 use super::parameters::apply_object;
+use crate::event::AssignedBy;
 use crate::frame::CanId;
 use crate::profile::{Owner, PdoDirection, PdoName, formula};
 use crate::session::bus::RouteOrigin;
 use crate::session::bus::{Bus, Service, identifier};
-use crate::session::options::AssignedBy;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -193,9 +193,9 @@ mod tests {
     use std::fmt::Write as _;
 
     use super::*;
-    use crate::event::{Event, EventKind};
+    use crate::event::{Event, EventKind, NodeIdSource};
     use crate::frame::{BusIndex, Frame, Timestamp};
-    use crate::profile::{device_file, imported};
+    use crate::profile::{LayoutOrigin, device_file, imported};
     use crate::session::BusDecoder;
     use crate::session::identity::change_node_id;
     use crate::session::{Assignment, SessionOptions};
@@ -319,7 +319,13 @@ mod tests {
         let mut bus = bus(&[(5, &[("1800sub1", "$NODEID+0x1C0"), ("1801sub1", "0x2F0")])]);
         seen(&mut bus, &[0x1C5]);
         let mut observer = |_: &Event, _: &Bus| {};
-        change_node_id(Some(5.into()), 6.into(), "lss", &Frame::EMPTY, &mut bus.lend(&mut observer));
+        change_node_id(
+            Some(5.into()),
+            6.into(),
+            NodeIdSource::Lss,
+            &Frame::EMPTY,
+            &mut bus.lend(&mut observer),
+        );
         assert_eq!(seen(&mut bus, &[0x1C5, 0x1C6, 0x2F0]), ["TPDO1 of 69", "TPDO1 of 6", "TPDO2 of 6"]);
     }
 
@@ -338,12 +344,12 @@ mod tests {
             let layout = layout.unwrap();
             (layout.origin, layout.assumed, layout.fields[0].object().unwrap().index)
         };
-        assert_eq!(layout(&mut bus), ("dcf", true, 0x2000));
+        assert_eq!(layout(&mut bus), (LayoutOrigin::Dcf, true, 0x2000));
         // The heartbeat time follows from the intervals.
         assert_eq!(bus.bus().node(5).unwrap().heartbeat.configured, None);
         upload(&mut bus, 5, (0x1A00, 0), 1);
-        assert_eq!(layout(&mut bus), ("wire", true, 0x2000));
+        assert_eq!(layout(&mut bus), (LayoutOrigin::Wire, true, 0x2000));
         upload(&mut bus, 5, (0x1A00, 1), 0x2001_0010);
-        assert_eq!(layout(&mut bus), ("wire", false, 0x2001));
+        assert_eq!(layout(&mut bus), (LayoutOrigin::Wire, false, 0x2001));
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::delivered::revert_to_delivered;
 use super::parameters::{apply_object, revert_object};
 use super::values::mark_unsaved_stale;
-use crate::event::{EventKind, ObjectChange};
+use crate::event::{ChangeOrigin, EventKind, ObjectChange};
 use crate::frame::Frame;
 use crate::profile::device::Order;
 use crate::profile::object::Format;
@@ -21,7 +21,7 @@ pub(in crate::session) struct RestartChange {
     object: ObjectAddress,
     from: Option<Vec<u8>>,
     to: Option<Vec<u8>>,
-    origin: &'static str,
+    origin: ChangeOrigin,
 }
 
 /// Number of written values lost by a restart, for the boot event.
@@ -54,7 +54,7 @@ pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Fram
         if store.set(object, &value, origin).is_ok() && presumed {
             store.doubt(object);
         }
-        changes.push(RestartChange { object, from, to: Some(value), origin: "restart" });
+        changes.push(RestartChange { object, from, to: Some(value), origin: ChangeOrigin::Restart });
     }
     mark_unsaved_stale(bus, id);
     bus.routes.refresh_pdos_of(id);
@@ -80,7 +80,7 @@ pub(in crate::session) fn emit_restart_changes(
             effect: None,
             persists: None,
         }));
-        cx.emit(frame, id, origin != "restart", kind);
+        cx.emit(frame, id, origin != ChangeOrigin::Restart, kind);
     }
 }
 
@@ -116,7 +116,12 @@ fn lost(node: &Node) -> Vec<RestartChange> {
             _ => continue,
         };
         if to.as_ref() != Some(&entry.value) {
-            changes.push(RestartChange { object, from: Some(entry.value.clone()), to, origin: "reset" });
+            changes.push(RestartChange {
+                object,
+                from: Some(entry.value.clone()),
+                to,
+                origin: ChangeOrigin::Reset,
+            });
         }
     }
     changes

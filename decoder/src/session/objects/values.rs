@@ -5,11 +5,11 @@ use std::sync::Arc;
 use super::conflict::check_device_file;
 use super::parameters::apply_object;
 use crate::bus_file::encode;
-use crate::event::{EventKind, ObjectChange};
+use crate::event::{ChangeOrigin, EventKind, EvictedState, ObjectChange};
 use crate::frame::Frame;
 use crate::profile::device::Device;
 use crate::profile::object::Format;
-use crate::profile::{DataType, Effect, Entry, ResolvedObject, Storage};
+use crate::profile::{DataType, Effect, Entry, Persistence, ResolvedObject, Storage};
 use crate::session::bus::PendingValue;
 use crate::session::bus::{Bus, Node, Origin, OriginKind};
 use crate::session::context::Context;
@@ -131,7 +131,7 @@ fn set_value(
         return apply_object(&mut cx.bus, id, learnt.object);
     }
     let Ok(before) = store.set(learnt.object, learnt.value, learnt.origin) else {
-        let kind = EventKind::Evicted { what: "object", count: 1 };
+        let kind = EventKind::Evicted { what: EvictedState::Object, count: 1 };
         return cx.emit(frame, id, false, kind);
     };
     let was_sure = before.as_ref().is_some_and(|before| !before.stale);
@@ -159,7 +159,7 @@ fn emit_object_change(
         object: learnt.object,
         from,
         to: Some(learnt.value.to_vec()),
-        origin: learnt.origin.kind.name(),
+        origin: ChangeOrigin::Download,
         effect,
         persists,
     };
@@ -253,18 +253,19 @@ fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
 }
 
 impl Node {
-    /// Whether the value of an object survives a restart, from the profile: `yes`, `no`, or `not-stored` if
-    /// its store object was not written. `None` if unknown.
-    pub fn persists(&self, object: ObjectAddress) -> Option<&'static str> {
+    /// Whether the value of an object survives a restart, from the profile; `None` if unknown.
+    pub fn persists(&self, object: ObjectAddress) -> Option<Persistence> {
         let entry = self.device.dictionary.find(object)?.entry.filter(|it| it.format != Format::Ascii)?;
         let value = self.store.get(object)?;
         match entry.storage {
-            Storage::EachWrite | Storage::Fixed => Some("yes"),
-            Storage::Volatile => Some("no"),
-            Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => Some("yes"),
+            Storage::EachWrite | Storage::Fixed => Some(Persistence::Yes),
+            Storage::Volatile => Some(Persistence::No),
+            Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => {
+                Some(Persistence::Yes)
+            }
             // A value that was read and never written is the stored one.
-            Storage::Save if value.origin.kind == OriginKind::Upload => Some("yes"),
-            Storage::Save => Some("not-stored"),
+            Storage::Save if value.origin.kind == OriginKind::Upload => Some(Persistence::Yes),
+            Storage::Save => Some(Persistence::NotStored),
             Storage::Unknown => None,
         }
     }

@@ -2,7 +2,9 @@
 
 use super::reassembly::{Due, Reassembly, ReassemblyStep};
 use super::transfer::{IsoTpIrregularity, Transfer};
-use crate::event::{EventKind, FrameRange, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome};
+use crate::event::{
+    EventKind, EvictedState, FrameRange, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome,
+};
 use crate::frame::Frame;
 use crate::profile;
 use crate::session::bus::{Bus, Link};
@@ -139,11 +141,11 @@ impl IsoTp {
     fn keep_within_limits(&mut self, link: Link, frame: &Frame, cx: &mut Context<'_>) {
         let held = self.reassembly.open_bytes() + cx.open_data.uds + cx.open_data.sdo;
         if held > OPEN_DATA_LIMIT && self.reassembly.give_up_data(link) {
-            cx.emit_can(frame, EventKind::Evicted { what: "data of open ISO-TP messages", count: 1 });
+            cx.emit_can(frame, EventKind::Evicted { what: EvictedState::IsoTpData, count: 1 });
         }
         cx.open_data.isotp = self.reassembly.open_bytes();
         if self.reassembly.take_refused() {
-            cx.emit_can(frame, EventKind::Evicted { what: "open ISO-TP message", count: 1 });
+            cx.emit_can(frame, EventKind::Evicted { what: EvictedState::IsoTpMessage, count: 1 });
         }
     }
 }

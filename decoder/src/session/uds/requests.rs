@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::exchange::{Exchange, Exchanges, ResponseHeader};
 use super::isotp::CompleteMessage;
 use super::transfer::Transfer;
-use crate::event::{EventKind, ExchangeOutcome, FrameRange, Message, UdsExchange};
+use crate::event::{EventKind, EvictedState, ExchangeOutcome, FrameRange, Message, UdsExchange};
 use crate::frame::Frame;
 use crate::profile::device::UdsIdentifier;
 use crate::profile::{self, Role, integer};
@@ -45,7 +45,7 @@ impl Machine for Uds {
     fn on_frame(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut Context<'_>) {
         self.on_message(message, frame, cx);
         if self.exchanges.take_refused() {
-            cx.emit_can(frame, EventKind::Evicted { what: "waiting UDS request", count: 1 });
+            cx.emit_can(frame, EventKind::Evicted { what: EvictedState::UdsRequest, count: 1 });
         }
         cx.open_data.uds = self.exchanges.open_bytes();
     }

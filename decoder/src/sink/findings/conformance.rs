@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use super::report::CaptureResult;
+use crate::escape::escape;
 use crate::event::FrameRange;
 use crate::finding::{CaseVerdict, Verdict};
-use crate::sink::escape;
 use crate::wire::canopen::test_marker::TestResult;
 use crate::words::plural;
 

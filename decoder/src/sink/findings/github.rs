@@ -8,9 +8,9 @@ use super::format::{FindingFormat, write_at_once};
 use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
 use super::text;
 use crate::diagnosis::incident::{IncidentFinding, incidents};
+use crate::escape::escape;
 use crate::finding::phrase::{sentence, who};
 use crate::finding::{Severity, SuppressionUse};
-use crate::sink::escape;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
     name: "github",

@@ -7,9 +7,9 @@ use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString
 use super::format::{FindingFormat, write_at_once};
 use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
 use crate::diagnosis::incident::{IncidentFinding, incidents};
+use crate::escape::escape;
 use crate::finding::phrase::{sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
-use crate::sink::escape;
 use crate::words::plural;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {

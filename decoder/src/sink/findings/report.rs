@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::comparison::Comparison;
 use crate::diagnosis::incident;
 use crate::finding::phrase::{moment, notes_of, when};
@@ -66,11 +68,15 @@ pub struct CapturePart {
 }
 
 /// Overall result of a capture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// No failure.
+    #[default]
+    #[serde(rename = "pass")]
     Passed,
     /// A finding counts as a failure, or a rule is no longer exercised.
+    #[serde(rename = "fail")]
     Failed,
     /// The capture was not read, or not to its end.
     Unreadable,

@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 use super::baseline::portable;
 use super::format::{FindingFormat, write_at_once};
 use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing};
+use crate::escape::{escape, escape_json};
 use crate::finding::phrase::{sentence, what, who};
 use crate::finding::{Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
 use crate::rules::manual;
-use crate::sink::{escape, escape_json};
 
 /// Page of the program, shown next to its results.
 const INFORMATION: &str = "https://crates.io/crates/cobscope";

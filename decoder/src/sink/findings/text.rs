@@ -8,9 +8,9 @@ use super::report::{ABSENT, CaptureResult, MISSING, Outcome, Report, SILENT, Sta
 use super::{conformance, coverage};
 use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed, incidents};
 use crate::diagnosis::{Diagnosis, Setting, stories};
+use crate::escape::escape;
 use crate::finding::phrase::{seconds, sentence, what, who};
 use crate::finding::{Group, Severity, SuppressionUse, Verdict};
-use crate::sink::escape;
 use crate::sink::table::{Align, Table};
 use crate::words::plural;
 

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 use std::io::Write as _;
 
 use crate::ascii::{push_code, push_decimal, push_hex, push_integer, push_seconds};
+use crate::escape::escape_json;
 use crate::frame::CanId;
 use crate::query::record::{FieldValue, Fields};
-use crate::sink::escape_json;
 
 /// Offsets of the parts of a line that vary between events of the same kind.
 #[derive(Debug, Clone, Copy, Default)]

@@ -220,7 +220,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::profile::{BitName, BitNames, DataType, Factor, IndicatorCoding, Indicators, Names};
+    use crate::profile::{
+        BitName, BitNames, DataType, Factor, IndicatorCoding, Indicators, LayoutOrigin, Names,
+    };
     use crate::query::record::signals;
     use crate::wire::canopen::ObjectAddress;
 
@@ -304,7 +306,7 @@ mod tests {
                 fields.push(Field { meaning: meaning.map(Arc::new), ..field });
                 bits += width;
             }
-            Layout { fields, bits, origin: "profile", assumed: false, ..Layout::default() }
+            Layout { fields, bits, origin: LayoutOrigin::Profile, assumed: false, ..Layout::default() }
         })
     }
 

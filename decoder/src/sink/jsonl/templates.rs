@@ -244,7 +244,7 @@ mod tests {
     use super::*;
     use crate::event::{FrameRange, Protocol};
     use crate::frame::{BusIndex, CanId, Frame, Timestamp};
-    use crate::profile::{DataType, Field, Layout, Meaning, PdoDirection, PdoName};
+    use crate::profile::{DataType, Field, Layout, LayoutOrigin, Meaning, PdoDirection, PdoName};
     use crate::session::{BusDecoder, SessionOptions};
     use crate::sink::EventSink as _;
     use crate::wire::NodeId;
@@ -268,7 +268,7 @@ mod tests {
             ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, bits, data_type)
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
-        Arc::new(Layout { fields, bits: 48, origin: "wire", assumed: true, ..Layout::default() })
+        Arc::new(Layout { fields, bits: 48, origin: LayoutOrigin::Wire, assumed: true, ..Layout::default() })
     }
 
     #[test]

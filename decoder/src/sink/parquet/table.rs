@@ -15,7 +15,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::{ColumnPath, Type, TypePtr};
 
-use crate::sink::escape;
+use crate::escape::escape;
 
 /// Maximum number of rows in a group. Memory is bounded to one group plus some hundred bytes per finished
 /// group.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::parts::{LineContent, bytes, seconds};
 use super::pdo::push_signals;
-use crate::event::Undecoded;
+use crate::event::{EvictedState, Undecoded};
 use crate::frame::{FrameFlags, LinkState};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::wire::Malformed;
@@ -47,8 +47,8 @@ pub(super) fn malformed(error: &Malformed, reason: &str) -> LineContent {
     ("BAD", what, Tone::Caution)
 }
 
-pub(super) fn evicted(what: &str, count: u64) -> LineContent {
-    ("LIMIT", format!("{count} × {what} evicted: limit reached"), Tone::Caution)
+pub(super) fn evicted(what: EvictedState, count: u64) -> LineContent {
+    ("LIMIT", format!("{count} × {} evicted: limit reached", what.name()), Tone::Caution)
 }
 
 /// `step` in nanoseconds, negative.

@@ -1,10 +1,10 @@
 //! All fields of an event, indented below its line.
 
+use crate::escape::escape;
 use crate::event::{Event, EventKind};
 use crate::profile;
 use crate::query::record::{FieldValue, Fields, visit};
 use crate::session::Bus;
-use crate::sink::escape;
 
 /// Fields already shown in the event line.
 const ABOVE: &[&str] = &["t", "bus", "frames", "kind", "protocol", "node", "node_name", "presumed"];

@@ -5,10 +5,11 @@ use std::fmt::Write as _;
 use super::Tone;
 use super::parts::{LineContent, bytes, millis, seconds};
 use crate::event::{
-    BitsChanged, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified, ObjectChange,
-    ProcedureEvent, SetPoint,
+    BitsChanged, ChangeOrigin, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified,
+    ObjectChange, ProcedureEvent, ProcedurePhase, SetPoint,
 };
 use crate::profile::Value;
+use crate::profile::device::ProcedureStatus;
 use crate::wire::NodeId;
 
 pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> LineContent {
@@ -16,7 +17,7 @@ pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> LineConte
     let what = format!(
         "identified as {} by its {}; --node {id}={} applies from the first frame",
         node.title,
-        node.by.replace('-', " "),
+        node.by.name().replace('-', " "),
         node.device
     );
     ("IDENT", what, Tone::Good)
@@ -111,30 +112,31 @@ fn word(word: Option<&str>) -> &'static str {
 }
 
 pub(super) fn procedure(event: &ProcedureEvent) -> LineContent {
-    let mut what = format!("{} {}", event.procedure, event.step);
-    if event.step == "finished" {
-        let _ = write!(what, ": {}", event.status);
+    let mut what = format!("{} {}", event.procedure, event.phase.name());
+    if event.phase == ProcedurePhase::Finished {
+        let _ = write!(what, ": {}", event.status.name());
     }
-    if let Some(duration) = event.duration.filter(|_| event.step != "started") {
+    let is_start = event.phase == ProcedurePhase::Started;
+    if let Some(duration) = event.duration.filter(|_| !is_start) {
         let _ = write!(what, " after {} s", seconds(duration));
     }
-    if let Some(object) = event.object.filter(|_| event.step == "started") {
+    if let Some(object) = event.object.filter(|_| is_start) {
         let _ = write!(what, " ({object})");
     }
-    if let Some(nominal) = event.nominal.filter(|_| event.step == "started") {
+    if let Some(nominal) = event.nominal.filter(|_| is_start) {
         let _ = write!(what, "; about {nominal} s");
     }
-    if event.takes_over && event.step == "started" {
+    if event.takes_over && is_start {
         what.push_str("; CAN set points ignored");
     }
     if !event.text.is_empty() {
         let _ = write!(what, "; {}", event.text);
     }
     let tone = match event.status {
-        "error" => Tone::Bad,
-        "stopped" | "busy" => Tone::Caution,
-        "ok" => Tone::Good,
-        _ => Tone::Plain,
+        ProcedureStatus::Error => Tone::Bad,
+        ProcedureStatus::Stopped | ProcedureStatus::Busy => Tone::Caution,
+        ProcedureStatus::Ok => Tone::Good,
+        ProcedureStatus::Running | ProcedureStatus::Ended => Tone::Plain,
     };
     (word(event.word.as_deref()), what, tone)
 }
@@ -153,8 +155,8 @@ pub(super) fn object_change(change: &ObjectChange) -> LineContent {
     let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
     let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
     match change.origin {
-        "restart" => ("OBJ", format!("{what}, effective since the restart"), Tone::Plain),
-        "reset" => ("OBJ", format!("{what}, lost at the restart"), Tone::Plain),
-        _ => ("OBJ", what, Tone::Quiet),
+        ChangeOrigin::Restart => ("OBJ", format!("{what}, effective since the restart"), Tone::Plain),
+        ChangeOrigin::Reset => ("OBJ", format!("{what}, lost at the restart"), Tone::Plain),
+        ChangeOrigin::Download => ("OBJ", what, Tone::Quiet),
     }
 }

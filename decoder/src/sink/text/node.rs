@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::Tone;
 use super::parts::{EventWords, LineContent, millis, node_short, seconds};
-use crate::event::{BootCause, Certainty, PowerSign, Silence, StateCause, StateChange};
+use crate::event::{BootCause, Certainty, NodeIdSource, PowerSign, Silence, StateCause, StateChange};
 use crate::profile;
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -42,9 +42,9 @@ pub(super) fn guard_request(node: Option<NodeId>, bus: &Bus) -> EventWords {
     EventWords { who, kind: "GUARD", what: "guarding request".into(), tone: Tone::Quiet }
 }
 
-pub(super) fn node_id_change(from: Option<u8>, to: u8, by: &str) -> LineContent {
+pub(super) fn node_id_change(from: Option<u8>, to: u8, by: NodeIdSource) -> LineContent {
     let from = from.map_or_else(String::new, |from| format!("{from} → "));
-    ("ID", format!("node-ID {from}{to}, set by {by}"), Tone::Caution)
+    ("ID", format!("node-ID {from}{to}, set by {}", by.name()), Tone::Caution)
 }
 
 pub(super) fn guard_reply(
@@ -127,7 +127,7 @@ pub(super) fn node_back(silence: &Silence) -> LineContent {
 }
 
 fn lost(silence: &Silence) -> String {
-    let mut what = format!("silent for {} s ({})", seconds(silence.gap), silence.monitored_by);
+    let mut what = format!("silent for {} s ({})", seconds(silence.gap), silence.monitored_by.name());
     let _ = write!(what, ", last frame {{{}}}", silence.last_frame);
     if let Some(state) = silence.last_state {
         let _ = write!(what, ", was {}", state.name());

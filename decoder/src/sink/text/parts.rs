@@ -2,9 +2,9 @@
 
 use super::tone::Tone;
 use crate::ascii::{push_blanks, push_code, push_decimal, push_enclosed, push_spaced_hex};
+use crate::escape::push_escaped;
 use crate::event::FrameRange;
 use crate::session::Bus;
-use crate::sink::escape::push_escaped;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 

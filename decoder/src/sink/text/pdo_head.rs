@@ -7,10 +7,10 @@
 
 use super::parts::{push_columns, push_node};
 use super::pdo::{push_name, push_payload, push_text};
+use crate::escape::{is_plain, push_escaped};
 use crate::event::{Event, Pdo};
 use crate::frame::{BusIndex, CanId};
 use crate::session::Bus;
-use crate::sink::escape::{is_plain, push_escaped};
 use crate::sink::line_key::{PDO_SLOTS, pdo_key, pdo_slot};
 use crate::wire::NodeId;
 

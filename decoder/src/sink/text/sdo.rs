@@ -7,7 +7,7 @@ use super::parts::{push_bytes, push_millis, push_node_short, push_object, text_o
 use super::transfer::TransferWords;
 use crate::ascii::{push_code, push_decimal};
 use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
-use crate::profile::{self, DataType, Device, Effect, Meaning, Value};
+use crate::profile::{self, DataType, Device, Effect, Meaning, Persistence, Value};
 use crate::query::record::device as device_of;
 use crate::session::Bus;
 use crate::words::grouped;
@@ -138,10 +138,10 @@ fn push_consequence(transfer: &SdoTransfer, out: &mut Vec<u8>) {
         }
     }
     out.extend_from_slice(match transfer.persists {
-        Some("yes") => b" | survives a restart",
-        Some("no") => b" | lost at a restart",
-        Some("needs-save") => b" | survives only if stored (1010)",
-        _ => b"",
+        Some(Persistence::Yes) => b" | survives a restart",
+        Some(Persistence::No) => b" | lost at a restart",
+        Some(Persistence::NeedsSave) => b" | survives only if stored (1010)",
+        Some(Persistence::NotStored) | None => b"",
     });
 }
 

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::query::KindSet;
+use cobscope_decoder::event::KindSet;
 use cobscope_decoder::rules::{RuleSelection, Setup};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{Report, TextOptions};
@@ -166,10 +166,9 @@ fn check_selection(arguments: &CheckArgs, setup: &Setup) -> anyhow::Result<()> {
     arguments.select.selection()?;
     let filter = arguments.select.filter.as_ref();
     check_rules_of(filter, setup)?;
-    let findings = KindSet::by_name(|name| ["finding-opened", "finding-closed"].contains(&name));
     if let Some(filter) = filter {
         anyhow::ensure!(
-            filter.kinds().and(findings) != KindSet::NONE,
+            filter.kinds().and(KindSet::FINDINGS) != KindSet::NONE,
             "--filter '{filter}': never true for a finding; its fields are rule, severity, node, object, text"
         );
     }

@@ -2,9 +2,9 @@
 
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, FrameRange};
+use cobscope_decoder::event::{Event, FrameRange, KindSet};
 use cobscope_decoder::frame::{Frame, Timestamp};
-use cobscope_decoder::query::{Filter, KindSet};
+use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::{Bus, BusSnapshot, NoObserver, Observer, SessionOptions};
 
 use crate::cli::{ConvertArgs, NodeArg};

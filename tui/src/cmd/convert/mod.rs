@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
-use cobscope_decoder::query::KindSet;
+use cobscope_decoder::event::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 

@@ -178,7 +178,7 @@ pub(in crate::cmd) fn forced(machine: &Machine) -> Vec<String> {
             }
         });
         let nmt = forced.nmt.as_ref().map(|command| format!("NMT {command}"));
-        let event = forced.event.as_ref().map(|event| super::spaced(event));
+        let event = forced.event.map(|event| super::spaced(event.name()));
         let cause = [nmt, emcy, event].into_iter().flatten().collect::<Vec<_>>().join(", ");
         let from = if forced.from.0.is_empty() {
             String::new()

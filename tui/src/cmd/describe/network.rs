@@ -96,7 +96,7 @@ fn watched(monitoring: &Monitoring) -> String {
         parts.push(text);
     }
     if let Some(wins) = &monitoring.wins {
-        parts.push(format!("{wins} takes precedence if both are on"));
+        parts.push(format!("{} takes precedence if both are on", wins.name()));
     }
     if let Some(code) = monitoring.life_guard_emcy {
         parts.push(format!("EMCY {code:04X} if the master stops guarding"));

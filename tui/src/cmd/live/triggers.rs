@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use cobscope_decoder::event::{Event, EventKind, FindingNews};
+use cobscope_decoder::event::{Event, EventKind, FindingNews, KindSet};
 use cobscope_decoder::finding::{CAUSES, GROUP_LIMIT};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::Filter;
@@ -61,10 +61,7 @@ impl Triggers {
 
     /// Whether findings can be triggers.
     pub(super) fn needs_rules(&self) -> bool {
-        let of_findings = |filter: &Filter| {
-            let kinds = filter.kinds();
-            ["finding-opened", "finding-closed"].iter().any(|kind| kinds.contains_name(kind))
-        };
+        let of_findings = |filter: &Filter| filter.kinds().and(KindSet::FINDINGS) != KindSet::NONE;
         !self.rules.is_empty() || self.filters.iter().any(|(filter, _)| of_findings(filter))
     }
 

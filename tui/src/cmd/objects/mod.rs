@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::answers::objects::{ObjectCount, ObjectRecord};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::profile::Value;
+use cobscope_decoder::profile::{Persistence, Value};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
@@ -190,8 +190,8 @@ fn future(node: &Node, object: ObjectAddress) -> String {
         format!("  → {} {}{}", escape(&shown), waiting.effect.when(), waiting.origin.place())
     });
     let persists = match node.persists(object) {
-        Some("no") => "  lost at a restart",
-        Some("not-stored") => "  not stored",
+        Some(Persistence::No) => "  lost at a restart",
+        Some(Persistence::NotStored) => "  not stored",
         _ => "",
     };
     format!("{waiting}{persists}")

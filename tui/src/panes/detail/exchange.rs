@@ -150,7 +150,9 @@ fn value(core: &Core, node: Option<&Node>, transfer: &SdoTransfer, items: &mut V
         items.push(Item::quiet(storage));
     }
     items.extend(transfer.effect.map(|effect| Item::quiet(&format!("  active {}", effect.when()))));
-    items.extend(transfer.persists.map(|stays| Item::quiet(&format!("  survives a restart: {stays}"))));
+    items.extend(
+        transfer.persists.map(|stays| Item::quiet(&format!("  survives a restart: {}", stays.name()))),
+    );
 }
 
 fn j1939(transfer: &J1939Transfer, items: &mut Vec<Item>) {

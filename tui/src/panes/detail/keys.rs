@@ -13,6 +13,10 @@ use cobscope_decoder::session::Bus;
 /// Maximum number of data bytes shown.
 const SHOWN_BYTES: usize = 32;
 
+/// Last word in the names of fields that contain frame numbers; the field [`FRAMES`] is about the event itself.
+const FRAME: &str = "frame";
+const FRAMES: &str = "frames";
+
 /// A field of an event.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Key {
@@ -80,7 +84,7 @@ impl Fields for Keys {
 /// Whether the field contains a frame number.
 fn names_a_frame(name: &str) -> bool {
     let last = name.rsplit('.').next().unwrap_or(name);
-    last.ends_with("frame") || last.ends_with("frames") && name != "frames"
+    last.ends_with(FRAME) || last.ends_with(FRAMES) && name != FRAMES
 }
 
 /// A value in filter syntax.

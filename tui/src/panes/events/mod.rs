@@ -9,6 +9,7 @@
 mod cells;
 mod columns;
 
+use cobscope_decoder::event::KindSet;
 use cobscope_decoder::query::{kind_filter, subject_filter};
 use cobscope_decoder::replay::node_filter;
 use ratatui::buffer::Buffer;
@@ -262,7 +263,7 @@ impl Pane for Events {
 fn empty(core: &Core) -> &'static str {
     let filter = core.matcher.filter.as_ref();
     let is_of_findings =
-        filter.is_some_and(|filter| filter.kinds().names().all(|kind| kind.starts_with("finding-")));
+        filter.is_some_and(|filter| filter.kinds().and(KindSet::FINDINGS.complement()) == KindSet::NONE);
     match (&core.window, core.matcher.takes_all()) {
         (None, _) => "reading …",
         (_, true) => "no events",

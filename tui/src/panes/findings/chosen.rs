@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange};
+use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange, Kind};
 use cobscope_decoder::finding::{Findings, Group, Occurrence};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::query::Filter;
@@ -18,9 +18,6 @@ use cobscope_decoder::words::plural;
 use crate::panes::common::last_world;
 use crate::state::Core;
 use crate::timeline::{FindingOccurrence, Matches, SurveyResults};
-
-/// Event kind of a finding.
-const KIND: &str = "finding-opened";
 
 /// Inputs of the selection; it is repeated if one of them changes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,7 +41,7 @@ impl FilterKey {
 
 /// Whether the filter can match finding events.
 fn is_of_findings(filter: &Filter) -> bool {
-    filter.kinds().contains_name(KIND)
+    filter.kinds().contains_kind(Kind::FindingOpened)
 }
 
 /// The selected findings.

@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 
 use cobscope_decoder::comparison::Difference;
-use cobscope_decoder::profile::{Dictionary, Meaning, Value, integer};
+use cobscope_decoder::profile::{Dictionary, Meaning, Persistence, Value, integer};
 use cobscope_decoder::session::{Bus, Buses, Entry, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::canopen::ObjectAddress;
@@ -199,7 +199,7 @@ impl<'a> Subject<'a> {
             4 => frame(one).cmp(&frame(other)),
             // Ascending age: the latest first.
             5 => time(other).cmp(&time(one)),
-            6 => keeps(one).cmp(&keeps(other)),
+            6 => keeps(one).map(Persistence::name).cmp(&keeps(other).map(Persistence::name)),
             7 => self.waits(other).cmp(&self.waits(one)),
             _ => one.address.cmp(&other.address),
         }
@@ -278,19 +278,19 @@ fn seconds(nanoseconds: i64) -> String {
     }
 }
 
-fn keeps(word: &'static str) -> &'static str {
-    match word {
-        "yes" => "yes",
-        "no" => "no",
-        _ => "unsaved",
+const fn keeps(persistence: Persistence) -> &'static str {
+    match persistence {
+        Persistence::Yes => "yes",
+        Persistence::No => "no",
+        Persistence::NeedsSave | Persistence::NotStored => "unsaved",
     }
 }
 
-fn keeps_in_full(word: &'static str) -> &'static str {
-    match word {
-        "yes" => "kept",
-        "no" => "lost",
-        _ => "lost: not saved since it was written",
+const fn keeps_in_full(persistence: Persistence) -> &'static str {
+    match persistence {
+        Persistence::Yes => "kept",
+        Persistence::No => "lost",
+        Persistence::NeedsSave | Persistence::NotStored => "lost: not saved since it was written",
     }
 }
 

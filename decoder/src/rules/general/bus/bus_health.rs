@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule, Second};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// insert error frames within a second
     "bus-health", Error, "bus disturbed or overloaded",
-    kinds: ["can-error"],
+    kinds: [Kind::CanError],
     needs: "error frames or controller states of the interface, or a bit rate in the bus file",
     word: "BUS",
     tolerances: &[

@@ -1,6 +1,6 @@
 //! Two devices with the same node-ID.
 
-use crate::event::{BootCause, Event, EventKind, FrameRange};
+use crate::event::{BootCause, Event, EventKind, FrameRange, Kind};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// insert a second series of heartbeats with another state
     "duplicate-node-id", Error, "node-ID used by two devices",
-    kinds: ["heartbeat", "nmt-command", "boot-up"],
+    kinds: [Kind::Heartbeat, Kind::NmtCommand, Kind::BootUp],
     needs: "heartbeats or a boot-up",
     is_timing: true,
     word: "TWICE",

@@ -1,11 +1,11 @@
 //! Two producers on one identifier.
 
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::general::facts::{confirmed_number, identifier};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule, TransferSubset};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -29,7 +29,8 @@ declare_rule! {
     /// # Mutation
     /// insert a second series of a periodic PDO, half a period later, with other data
     "duplicate-producer", Warning, "two producers on one identifier",
-    kinds: ["pdo", "sdo-transfer-communication"],
+    kinds: [Kind::Pdo, Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "steady PDO intervals, or 18xx:01 of two nodes",
     is_timing: true,
     word: "TWICE",

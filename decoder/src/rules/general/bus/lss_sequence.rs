@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::finding::About;
 use crate::profile::lss;
 use crate::rules::rule::declare_rule;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// change the result of a configuration
     "lss-sequence", Warning, "LSS out of order or refused",
-    kinds: ["lss"],
+    kinds: [Kind::Lss],
     needs: "an LSS exchange",
     word: "LSS",
 }

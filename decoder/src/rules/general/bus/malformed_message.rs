@@ -1,8 +1,7 @@
 //! Payloads that are not valid for their service.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::finding::About;
-use crate::rules::general::j1939::transport_violation::is_transport;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::words::plural;
@@ -25,7 +24,10 @@ declare_rule! {
     /// # Mutation
     /// insert a 2-byte request for a J1939 group
     "malformed-message", Warning, "payload not valid for its service",
-    kinds: ["malformed", "lss", "boot-up", "sdo-transfer", "address-claim", "j1939-request", "uds-exchange"],
+    kinds: [
+        Kind::Malformed, Kind::Lss, Kind::BootUp, Kind::SdoTransfer, Kind::AddressClaim, Kind::J1939Request,
+        Kind::UdsExchange,
+    ],
     needs: "a service with a fixed length",
     word: "BYTES",
 }
@@ -40,7 +42,7 @@ impl Rule for MalformedMessage {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
         // Contradictory transfer sizes are reported by `transport-violation`.
-        if error.needed == 0 && is_transport(error.layer) {
+        if error.needed == 0 && error.is_of_connection_management() {
             return;
         }
         let alarm = context.fail(event).about(About::Name(error.layer.into()));

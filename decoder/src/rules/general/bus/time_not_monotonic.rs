@@ -1,6 +1,6 @@
 //! TIME runs backwards.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 
@@ -20,7 +20,7 @@ declare_rule! {
     /// # Mutation
     /// swap two TIME messages
     "time-not-monotonic", Warning, "TIME runs backwards",
-    kinds: ["time"],
+    kinds: [Kind::Time],
     needs: "two TIME messages",
     word: "TIME",
 }

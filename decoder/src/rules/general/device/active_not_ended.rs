@@ -3,15 +3,17 @@
 use std::sync::Arc;
 
 use super::machines::{about, commanded, machine};
-use crate::event::{DeviceCause, DeviceState, Direction, EmcyAction, Emergency, Event, EventKind};
-use crate::event::{FrameRange, Outcome, Pdo};
+use crate::event::{
+    DeviceCause, DeviceState, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Kind, Outcome,
+    Pdo,
+};
 use crate::frame::CanId;
 use crate::profile::device::Machine;
 use crate::profile::{Layout, SignalId};
 use crate::rules::context::pdo_slot::PdoSlot;
 use crate::rules::context::traffic::BySlot;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, PdoSubset, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
@@ -35,7 +37,8 @@ declare_rule! {
     /// # Mutation
     /// let the status word stay active after the control word commanded another state
     "active-not-ended", Error, "device active against its command or fault",
-    kinds: ["rpdo-changed", "device-state", "emcy", "boot-up", "nmt-command", "sdo-transfer"],
+    kinds: [Kind::Pdo, Kind::DeviceState, Kind::Emcy, Kind::BootUp, Kind::NmtCommand, Kind::SdoTransfer],
+    pdos: PdoSubset::ReceivedChanged,
     needs: "a control word that ends the active state, or an EMCY that demands a fault state",
     word: "STATE",
     tolerances: &[tolerance("time-ms", 20.0, "ms", "minimum time before the second TPDO: frames may be queued")],

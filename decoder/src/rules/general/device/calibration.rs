@@ -1,6 +1,6 @@
 //! Failed and unfinished calibrations.
 
-use crate::event::{EmcyAction, Event, EventKind, FrameRange, PROCEDURE_FAILED_EARLIER, ProcedureEvent};
+use crate::event::{EmcyAction, Event, EventKind, FrameRange, Kind, ProcedureEvent, ProcedurePhase};
 use crate::finding::{About, Severity};
 use crate::profile::device::ProcedureStatus;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// respond to the upload of a calibration's status with an error code
     "calibration", Error, "calibration failed or unfinished",
-    kinds: ["procedure", "boot-up", "emcy"],
+    kinds: [Kind::Procedure, Kind::BootUp, Kind::Emcy],
     needs: "a procedure of the profile",
     word: "CALIB",
     tolerances: &[tolerance("times", 2.0, "", "maximum duration as a multiple of the nominal time, a warning")],
@@ -76,7 +76,7 @@ fn after(time: i64) -> String {
 
 impl Calibration {
     fn procedure(&mut self, event: &Event, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
-        let is = |status: ProcedureStatus| told.status == status.name();
+        let is = |status: ProcedureStatus| told.status == status;
         if is(ProcedureStatus::Running) {
             return self.started(event, node, told, context);
         }
@@ -86,7 +86,7 @@ impl Calibration {
         self.running.retain(|running| running.node != node || running.name != told.procedure);
         let about = About::Name(told.procedure.as_str().into());
         context.close(Some(node), about.clone());
-        let (severity, what) = if told.step == PROCEDURE_FAILED_EARLIER {
+        let (severity, what) = if told.phase == ProcedurePhase::FailedEarlier {
             (Severity::Warning, "failed before this capture")
         } else if is(ProcedureStatus::Error) {
             (Severity::Error, "failed")
@@ -132,7 +132,8 @@ impl Calibration {
     }
 
     fn started(&mut self, event: &Event, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
-        let (Some(nominal), true) = (told.nominal, told.step == "started" && context.has_time) else {
+        let (Some(nominal), true) = (told.nominal, told.phase == ProcedurePhase::Started && context.has_time)
+        else {
             return;
         };
         if self.running.len() >= RUNNING_LIMIT {

@@ -4,11 +4,13 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Event, EventKind, FrameRange, J1939Message, MessageGap, Outcome, Pdo, SdoTransfer};
+use crate::event::{
+    Event, EventKind, FrameRange, J1939Message, Kind, MessageGap, Outcome, Pdo, ProcedurePhase, SdoTransfer,
+};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, PdoSubset, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
@@ -33,7 +35,10 @@ declare_rule! {
     /// # Mutation
     /// drop ten cyclic RPDOs in a row
     "command-gap", Error, "gap in cyclic commands",
-    kinds: ["rpdo", "j1939-message", "message-gap", "nmt-command", "sdo-transfer", "procedure"],
+    kinds: [
+        Kind::Pdo, Kind::J1939Message, Kind::MessageGap, Kind::NmtCommand, Kind::SdoTransfer, Kind::Procedure,
+    ],
+    pdos: PdoSubset::Received,
     needs: "a cyclic RPDO, or a J1939 command with a time limit",
     is_timing: true,
     word: "GAP",
@@ -49,9 +54,6 @@ const REGULAR: u32 = 15;
 
 /// Time after an action of the master in which it explains a gap, in nanoseconds.
 const BEFORE: i64 = 1_000_000_000;
-
-/// Last step of a procedure.
-const FINISHED: &str = "finished";
 
 /// Maximum number of J1939 identifiers; further ones are only checked by `message-gap` events.
 const AWAITED_LIMIT: usize = 4096;
@@ -260,7 +262,7 @@ impl Rule for CommandGap {
             }
             EventKind::MessageGap(gap) => Self::message_gap(event, gap, context),
             EventKind::SdoTransfer(transfer) => self.transfer(event, transfer, context.now),
-            EventKind::Procedure(procedure) if procedure.step == FINISHED => {
+            EventKind::Procedure(procedure) if procedure.phase == ProcedurePhase::Finished => {
                 if let Some(time) = event.node.and_then(|node| self.busy.entry(node)) {
                     *time = context.now;
                 }

@@ -1,12 +1,12 @@
 //! Several RPDOs per SYNC interval, of which only the last one is effective.
 
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -30,7 +30,12 @@ declare_rule! {
     /// # Mutation
     /// send the RPDO three times between two SYNCs
     "commands-per-sync", Warning, "several RPDOs in one SYNC interval",
-    kinds: ["rpdo", "sync", "sdo-transfer-communication", "boot-up", "emcy", "node-identified", "node-id-change"],
+    kinds: [
+        Kind::Pdo, Kind::Sync, Kind::SdoTransfer, Kind::BootUp, Kind::Emcy, Kind::NodeIdentified,
+        Kind::NodeIdChange,
+    ],
+    pdos: PdoSubset::Received,
+    transfers: TransferSubset::Communication,
     needs: "SYNC, and RPDOs that take effect at SYNC according to 14xx:02 or the profile",
     word: "SYNC",
     tolerances: &[

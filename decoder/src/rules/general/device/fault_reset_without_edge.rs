@@ -1,10 +1,10 @@
 //! Fault reset bits that are held instead of toggled.
 
 use super::machines::{about, edges_out, machine};
-use crate::event::{DeviceState, EmcyAction, Event, EventKind, Pdo};
+use crate::event::{DeviceState, EmcyAction, Event, EventKind, Kind, Pdo};
 use crate::profile::SignalId;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, PdoSubset, Policy, Rule};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -25,7 +25,8 @@ declare_rule! {
     /// # Mutation
     /// send the control word with the reset bit set, starting before the fault
     "fault-reset-without-edge", Warning, "fault reset bit held without an edge",
-    kinds: ["rpdo", "device-state", "emcy", "boot-up"],
+    kinds: [Kind::Pdo, Kind::DeviceState, Kind::Emcy, Kind::BootUp],
+    pdos: PdoSubset::Received,
     needs: "a reported fault that an edge of the control word resets",
     word: "STUCK",
     tolerances: &[

@@ -1,6 +1,6 @@
 //! Writes of a mode of operation without effect.
 
-use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::profile::{Effect, Role, abort_codes};
 use crate::rules::rule::declare_rule;
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// respond to the download of a mode with an abort
     "mode-change-refused-or-ignored", Error, "mode change refused or ignored",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a write to the mode of operation of the profile",
     word: "MODE",
 }

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use super::followed_messages::FollowedMessages;
-use crate::event::{Effective, Event, EventKind, FrameRange, J1939Message, ModeChange, Pdo, SetPoint};
+use crate::event::{Effective, Event, EventKind, FrameRange, J1939Message, Kind, ModeChange, Pdo, SetPoint};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::{IntegerPosition, Layout, Meaning, integer};
 use crate::rules::general::facts::is_sent_on_change;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -35,7 +35,8 @@ declare_rule! {
     /// # Mutation
     /// set the measured value in a TPDO to 0
     "not-following", Warning, "measured value not following its set point",
-    kinds: ["tpdo", "set-point", "boot-up", "mode", "j1939-message"],
+    kinds: [Kind::Pdo, Kind::SetPoint, Kind::BootUp, Kind::Mode, Kind::J1939Message],
+    pdos: PdoSubset::Transmitted,
     needs: "an effective set point and a measured value that the profile pairs with it",
     is_timing: true,
     word: "FOLLOW",
@@ -48,6 +49,9 @@ declare_rule! {
 
 /// Maximum number of pairs per bus; further ones are not checked.
 const PAIR_LIMIT: usize = 1024;
+
+/// Profile of valves, which follow faster than pumps.
+const VALVES: &str = "cia408";
 
 /// Share of the tolerance by which a value must approach its set point to count as following.
 const NEARER: f64 = 0.2;
@@ -122,7 +126,7 @@ impl NotFollowing {
         let place = match known {
             Some(place) => place,
             None if self.pairs.len() < PAIR_LIMIT => {
-                let is_valve = node.device().extends.iter().any(|standard| standard == "cia408");
+                let is_valve = node.device().extends.iter().any(|standard| standard == VALVES);
                 self.pairs.push(Pair {
                     node: id,
                     set_point: told.object,

@@ -1,6 +1,6 @@
 //! Set points without effect.
 
-use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, SetPoint};
+use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, Kind, ProcedurePhase, SetPoint};
 use crate::finding::{About, Merge, Severity};
 use crate::profile::Carrier;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// clear the enable bit of the control word while the set point stays
     "setpoint-not-effective", Warning, "set point without effect",
-    kinds: ["set-point", "procedure", "boot-up"],
+    kinds: [Kind::SetPoint, Kind::Procedure, Kind::BootUp],
     needs: "a set point of the profile other than 0",
     merge: Merge::Node,
     is_timing: true,
@@ -39,9 +39,6 @@ declare_rule! {
 
 /// Maximum number of set points per bus; further ones are not checked.
 const POINT_LIMIT: usize = 4096;
-
-/// Last step of a procedure.
-const FINISHED: &str = "finished";
 
 /// State of one set point.
 struct Point {
@@ -195,7 +192,7 @@ impl Rule for SetpointNotEffective {
                     point.acts(context);
                 }
             }
-            EventKind::Procedure(told) if told.takes_over && told.step == FINISHED => {
+            EventKind::Procedure(told) if told.takes_over && told.phase == ProcedurePhase::Finished => {
                 self.begin_anew(node, context);
             }
             _ => {}

@@ -2,7 +2,7 @@
 
 use super::machines::{about, is_control, machine, stays};
 use crate::event::{
-    BootCause, DeviceCause, DeviceState, DtcAction, EmcyAction, Event, EventKind, FrameRange,
+    BootCause, DeviceCause, DeviceState, DtcAction, EmcyAction, Event, EventKind, FrameRange, Kind,
 };
 use crate::finding::Severity;
 use crate::rules::rule::declare_rule;
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// set the status word of an active device to fault
     "state-lost", Error, "device left its active state",
-    kinds: ["device-state", "nmt-command", "boot-up", "sdo-transfer", "emcy", "dtc"],
+    kinds: [Kind::DeviceState, Kind::NmtCommand, Kind::BootUp, Kind::SdoTransfer, Kind::Emcy, Kind::Dtc],
     needs: "a device in its active state",
     word: "STATE",
 }

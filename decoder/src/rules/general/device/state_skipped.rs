@@ -1,7 +1,7 @@
 //! Device states reached with fewer control words than transitions.
 
 use super::machines::{about, is_control, machine, steps_between};
-use crate::event::{DeviceCause, DeviceState, Event, EventKind};
+use crate::event::{DeviceCause, DeviceState, Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::{NodeId, NodeMap};
@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// drop the TPDOs with the intermediate states and all control words but one
     "state-skipped", Warning, "device state skipped",
-    kinds: ["device-state", "sdo-transfer"],
+    kinds: [Kind::DeviceState, Kind::SdoTransfer],
     needs: "a profile with one transition per control word, and a commanded transition",
     word: "STATE",
 }

@@ -1,7 +1,7 @@
 //! Status words without a state in the state machine of the device.
 
 use super::machines::about;
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::session::Node;
@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// set state bits that the manual does not define
     "state-undefined", Note, "undefined device state",
-    kinds: ["device-state", "boot-up"],
+    kinds: [Kind::DeviceState, Kind::BootUp],
     needs: "a status word of the profile",
     word: "STATE",
 }

@@ -2,12 +2,12 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind};
+use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind, Kind};
 use crate::finding::About;
 use crate::profile::device::ClearMeaning;
 use crate::rules::general::facts::number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -34,7 +34,8 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload of 1003:01
     "emcy-history", Note, "error history differs from the EMCY sent",
-    kinds: ["emcy", "sdo-transfer-communication", "boot-up"],
+    kinds: [Kind::Emcy, Kind::SdoTransfer, Kind::BootUp],
+    transfers: TransferSubset::Communication,
     needs: "an EMCY with an error, then a read of 1003:01",
     cases: &["5.3", "5.6"],
     shows: &["5.6"],

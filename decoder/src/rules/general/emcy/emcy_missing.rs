@@ -1,10 +1,10 @@
 //! Missing EMCY after a short RPDO.
 
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::{Context, Need, PdoSubset, Policy, Rule};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
 
@@ -25,7 +25,8 @@ declare_rule! {
     /// # Mutation
     /// cut the last byte of an RPDO
     "emcy-missing", Note, "missing EMCY after a short RPDO",
-    kinds: ["rpdo", "emcy", "boot-up"],
+    kinds: [Kind::Pdo, Kind::Emcy, Kind::BootUp],
+    pdos: PdoSubset::Received,
     needs: "an RPDO shorter than its mapping, to an operational node",
     cases: &["5.4", "7.6", "7.106", "7.107"],
     is_on: false,

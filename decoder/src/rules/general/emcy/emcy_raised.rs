@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::event::{Certainty, EmcyAction, Event, EventKind};
+use crate::event::{Certainty, EmcyAction, Event, EventKind, Kind};
 use crate::finding::About;
 use crate::profile::suggested_error_text;
 use crate::query::record;
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// insert an EMCY with a generic error
     "emcy-raised", Warning, "error reported by EMCY",
-    kinds: ["emcy", "nmt-state", "boot-up"],
+    kinds: [Kind::Emcy, Kind::NmtState, Kind::BootUp],
     needs: "an EMCY",
     word: "EMCY",
 }

@@ -1,11 +1,11 @@
 //! Error register (1001) against the EMCY messages of a node.
 
-use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind};
+use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind, Kind};
 use crate::finding::{About, Severity};
 use crate::profile::device::ClearMeaning;
 use crate::rules::general::facts::number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -30,7 +30,8 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload of 1001
     "emcy-register", Warning, "error register differs from the active EMCY",
-    kinds: ["emcy", "sdo-transfer-communication", "boot-up"],
+    kinds: [Kind::Emcy, Kind::SdoTransfer, Kind::BootUp],
+    transfers: TransferSubset::Communication,
     needs: "an EMCY, then a read of 1001:00",
     cases: &["5.2", "5.5"],
     shows: &["5.2"],

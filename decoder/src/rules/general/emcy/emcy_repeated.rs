@@ -1,6 +1,6 @@
 //! Repeated EMCY messages for one active error.
 
-use crate::event::{EmcyAction, Event, EventKind};
+use crate::event::{EmcyAction, Event, EventKind, Kind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -22,7 +22,7 @@ declare_rule! {
     /// # Mutation
     /// duplicate an EMCY
     "emcy-repeated", Note, "EMCY repeated while the error is active",
-    kinds: ["emcy", "boot-up"],
+    kinds: [Kind::Emcy, Kind::BootUp],
     needs: "two EMCYs with an error from one node",
     word: "EMCY",
 }

@@ -1,6 +1,6 @@
 //! Late or missing guarding requests of the master.
 
-use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange};
+use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange, Kind};
 use crate::finding::{About, Severity};
 use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -31,7 +31,7 @@ declare_rule! {
     /// # Mutation
     /// drop guarding requests for longer than the life time
     "guard-late", Error, "guarding request late or missing",
-    kinds: ["guard-request", "emcy", "boot-up", "nmt-command"],
+    kinds: [Kind::GuardRequest, Kind::Emcy, Kind::BootUp, Kind::NmtCommand],
     needs: "two guarding requests, and 100C:00 and 100D:00 of the node",
     is_timing: true,
     word: "GUARD",

@@ -1,6 +1,6 @@
 //! Guarding requests without a response.
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind, MonitoringMethod};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
@@ -24,7 +24,10 @@ declare_rule! {
     /// # Mutation
     /// drop a guarding response
     "guard-no-answer", Warning, "guarding request without response",
-    kinds: ["guard-request", "guard-reply", "heartbeat", "boot-up", "nmt-command", "node-lost", "lost-frames", "link", "bus-silent"],
+    kinds: [
+        Kind::GuardRequest, Kind::GuardReply, Kind::Heartbeat, Kind::BootUp, Kind::NmtCommand, Kind::NodeLost,
+        Kind::LostFrames, Kind::Link, Kind::BusSilent,
+    ],
     needs: "a guarding request to a node that has responded",
     cases: &["7.2", "7.4", "7.203"],
     shows: &["7.2"],
@@ -135,7 +138,7 @@ impl Rule for GuardNoAnswer {
                 }
                 guarded.report_missed(event, context);
             }
-            EventKind::NodeLost(silence) if silence.monitored_by == "guarding" => {
+            EventKind::NodeLost(silence) if silence.monitored_by == MonitoringMethod::Guarding => {
                 if let Some(mut guarded) = self.nodes.remove(node) {
                     guarded.report_missed(event, context);
                 }

@@ -1,6 +1,6 @@
 //! Toggle bit of guarding responses.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeSet;
@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// flip bit 7 of a guarding response
     "guard-toggle", Warning, "guarding toggle bit not alternating",
-    kinds: ["guard-reply", "heartbeat", "boot-up"],
+    kinds: [Kind::GuardReply, Kind::Heartbeat, Kind::BootUp],
     needs: "two guarding responses of a node",
     cases: &["7.3", "7.203"],
     shows: &["7.3"],

@@ -1,6 +1,6 @@
 //! Guarding responses from a node that sends heartbeats.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind, MonitoringMethod};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// insert a write of 1017 while the node is guarded
     "guard-with-heartbeat", Warning, "guarding response despite active heartbeat",
-    kinds: ["guard-request", "guard-reply"],
+    kinds: [Kind::GuardRequest, Kind::GuardReply],
     needs: "a guarding request to a node whose 1017:00 is not 0",
     cases: &["7.202", "7.203", "7.204", "7.205", "7.206", "7.207"],
     word: "GUARD",
@@ -42,10 +42,8 @@ fn new(_policy: &Policy) -> GuardWithHeartbeat {
 impl Rule for GuardWithHeartbeat {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
-        let wins = node.device().monitoring.wins.as_deref();
-        let Some(time) =
-            confirmed_number(node, 0x1017, 0).filter(|time| *time > 0 && wins != Some("guarding"))
-        else {
+        let is_guarded = node.device().monitoring.wins == Some(MonitoringMethod::Guarding);
+        let Some(time) = confirmed_number(node, 0x1017, 0).filter(|time| *time > 0 && !is_guarded) else {
             return;
         };
         match event.kind {

@@ -1,6 +1,6 @@
 //! Heartbeat consumer times against the producer times.
 
-use crate::event::{Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
@@ -28,7 +28,7 @@ declare_rule! {
     /// # Mutation
     /// change the time written to 1016:01
     "heartbeat-consumer", Warning, "heartbeat consumer and producer time mismatch",
-    kinds: ["heartbeat", "emcy", "sdo-transfer", "boot-up"],
+    kinds: [Kind::Heartbeat, Kind::Emcy, Kind::SdoTransfer, Kind::BootUp],
     needs: "1016 of a consumer and 1017:00 of the node that it monitors",
     cases: &["7.104", "7.105", "7.106", "7.107"],
     is_timing: true,

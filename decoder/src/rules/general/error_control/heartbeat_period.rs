@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, SdoTransfer};
 use crate::finding::About;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
@@ -29,7 +29,11 @@ declare_rule! {
     /// # Mutation
     /// drop every fifth heartbeat
     "heartbeat-period", Warning, "wrong heartbeat period or NMT state",
-    kinds: ["heartbeat", "boot-up", "node-lost", "lost-frames", "link", "bus-silent", "sdo-transfer-communication"],
+    kinds: [
+        Kind::Heartbeat, Kind::BootUp, Kind::NodeLost, Kind::LostFrames, Kind::Link, Kind::BusSilent,
+        Kind::SdoTransfer,
+    ],
+    transfers: TransferSubset::Communication,
     needs: "heartbeats over 10 s of a node with a known 1017:00",
     cases: &["7.102", "7.103", "7.202", "7.204", "7.206"],
     shows: &["7.102"],

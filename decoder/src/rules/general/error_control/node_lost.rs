@@ -1,6 +1,6 @@
 //! Late or missing heartbeats and guarding responses of a node.
 
-use crate::event::{Event, EventKind, FrameRange, Silence};
+use crate::event::{Event, EventKind, FrameRange, Kind, MonitoringMethod, Silence};
 use crate::finding::{About, Severity};
 use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop all frames of a node in the second half
     "node-lost", Error, "monitored node late or silent",
-    kinds: ["heartbeat", "node-lost", "node-back", "boot-up", "nmt-command"],
+    kinds: [Kind::Heartbeat, Kind::NodeLost, Kind::NodeBack, Kind::BootUp, Kind::NmtCommand],
     needs: "a heartbeat producer or a guarded node",
     cases: &["7.102"],
     shows: &["7.102"],
@@ -96,11 +96,11 @@ impl NodeLost {
         // The node may still send other messages.
         let heartbeat = event.node.and_then(|node| self.last.get(node)).map(|(_, frame)| *frame);
         let heartbeat = heartbeat.filter(|frame| (1..silence.last_frame).contains(frame));
-        let heartbeat = heartbeat.filter(|_| silence.monitored_by == "heartbeat");
+        let heartbeat = heartbeat.filter(|_| silence.monitored_by == MonitoringMethod::Heartbeat);
         let since = event.time.map(|time| Timestamp(time.0.saturating_sub(silence.gap)));
         context.fail(event).since(since).report(|| {
             let last = silence.last_frame;
-            let by = if silence.monitored_by == "guarding" { "guarding response" } else { "heartbeat" };
+            let by = silence.monitored_by.message();
             let details = [
                 heartbeat.map(|_| format!("last frame {{{last}}}")),
                 silence.last_state.map(|state| format!("last state {}", state.name())),

@@ -1,6 +1,6 @@
 //! Contention for an address, and messages from an address that the device has lost.
 
-use crate::event::{AddressClaim, ClaimAction, Event, EventKind};
+use crate::event::{AddressClaim, ClaimAction, Event, EventKind, Kind};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Need, Policy, Rule};
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// insert the claim of a lower NAME for an address in use
     "address-contention", Error, "address claimed by two devices",
-    kinds: ["address-claim", "j1939-message"],
+    kinds: [Kind::AddressClaim, Kind::J1939Message],
     needs: "an address claim",
     word: "CLAIM",
     tolerances: &[tolerance("grace-ms", 20.0, "ms", "after the loss of the address, in which queued messages are permitted")],

@@ -1,6 +1,6 @@
 //! Failed address claims.
 
-use crate::event::{ClaimAction, Event, EventKind};
+use crate::event::{ClaimAction, Event, EventKind, Kind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// insert a claim from address 254
     "cannot-claim", Error, "address claim failed",
-    kinds: ["address-claim"],
+    kinds: [Kind::AddressClaim],
     needs: "an address claim",
     word: "CLAIM",
 }

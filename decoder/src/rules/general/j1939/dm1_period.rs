@@ -1,6 +1,6 @@
 //! DM1 period while a fault is active.
 
-use crate::event::{DtcAction, Event, EventKind, FrameRange};
+use crate::event::{DtcAction, Event, EventKind, FrameRange, Kind};
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Need, Policy, Rule};
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// report a fault, then drop one DM1
     "dm1-period", Warning, "DM1 late or too frequent",
-    kinds: ["j1939-message", "j1939-transfer", "dtc"],
+    kinds: [Kind::J1939Message, Kind::J1939Transfer, Kind::Dtc],
     needs: "DM1 with an active fault",
     is_timing: true,
     word: "DM1",

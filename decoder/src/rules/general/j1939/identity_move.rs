@@ -1,6 +1,6 @@
 //! Unexpected or incomplete changes of a node-ID or address.
 
-use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange};
+use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange, Kind, NodeIdSource};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -31,7 +31,9 @@ declare_rule! {
     /// # Mutation
     /// move a device to another address by a claim that was not commanded
     "identity-move", Warning, "unexpected node-ID or address change",
-    kinds: ["lss", "node-id-change", "pdo", "address-claim", "j1939-request", "j1939-message"],
+    kinds: [
+        Kind::Lss, Kind::NodeIdChange, Kind::Pdo, Kind::AddressClaim, Kind::J1939Request, Kind::J1939Message,
+    ],
     needs: "a change of a node-ID by LSS, or an address claim",
     word: "IDENT",
     tolerances: &[
@@ -108,13 +110,13 @@ impl IdentityMove {
         }
     }
 
-    fn changed(&mut self, event: &Event, from: Option<u8>, by: &str, context: &mut Context<'_>) {
+    fn changed(&mut self, event: &Event, from: Option<u8>, by: NodeIdSource, context: &mut Context<'_>) {
         let Some(node) = event.node else { return };
         if let (Some(from), Some(slot)) = (from, self.moved.entry(node)) {
             *slot = from;
             self.has_moved = true;
         }
-        if by != "lss" {
+        if by != NodeIdSource::Lss {
             return;
         }
         match self.configured.take() {
@@ -245,7 +247,7 @@ impl Rule for IdentityMove {
             EventKind::Lss { command, from_master: false, content: Content::Result { code: 0, .. } } => {
                 self.lss_done(*command);
             }
-            EventKind::NodeIdChange { from, by, .. } => self.changed(event, *from, by, context),
+            EventKind::NodeIdChange { from, by, .. } => self.changed(event, *from, *by, context),
             EventKind::J1939Request(request) if request.pgn == Pgn::ADDRESS_CLAIMED => {
                 self.asked = Some(context.now);
             }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Event, EventKind, FrameRange, J1939Request};
+use crate::event::{Event, EventKind, FrameRange, J1939Request, Kind};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Need, Policy, Rule};
@@ -27,7 +27,10 @@ declare_rule! {
     /// # Mutation
     /// drop the NACK of a device
     "request-unanswered", Warning, "J1939 request without response",
-    kinds: ["j1939-request", "j1939-message", "j1939-transfer", "acknowledgement", "address-claim", "bus-silent"],
+    kinds: [
+        Kind::J1939Request, Kind::J1939Message, Kind::J1939Transfer, Kind::Acknowledgement,
+        Kind::AddressClaim, Kind::BusSilent,
+    ],
     needs: "a J1939 request to a known device",
     is_timing: true,
     word: "REQ",

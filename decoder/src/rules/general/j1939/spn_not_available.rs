@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, J1939Message};
+use crate::event::{Event, EventKind, J1939Message, Kind};
 use crate::finding::{About, Severity};
 use crate::frame::low_bits;
-use crate::profile::{BitOrder, Field, IndicatorCoding, Indicators, Value};
+use crate::profile::{BitOrder, Field, IndicatorCode, IndicatorCoding, Indicators, Value};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Need, Policy, Rule};
 use crate::wire::NodeId;
@@ -28,7 +28,7 @@ declare_rule! {
     /// # Mutation
     /// set a parameter to FE
     "spn-not-available", Note, "error indicator instead of a value",
-    kinds: ["j1939-message"],
+    kinds: [Kind::J1939Message],
     needs: "a message of a database or profile",
     word: "SPN",
 }
@@ -88,14 +88,14 @@ impl SpnNotAvailable {
         for (place, field, indicators, raw) in parameters(message) {
             judged = true;
             let known = self.bad.iter().position(|bad| *bad == (node, pgn, place));
-            match (indicators.label(raw), known) {
-                (Some("error"), None) if self.bad.len() < BAD_LIMIT => {
+            match (indicators.code(raw), known) {
+                (Some(IndicatorCode::Error), None) if self.bad.len() < BAD_LIMIT => {
                     self.bad.push((node, pgn, place));
                     let about = About::Name(name(field));
                     let alarm = context.fail(event).about(about).severity(Severity::Note).ongoing();
                     alarm.report(|| format!("error indicator {raw:X} in PGN {}", message.id.pgn));
                 }
-                (Some("error"), _) | (_, None) => {}
+                (Some(IndicatorCode::Error), _) | (_, None) => {}
                 (_, Some(known)) => {
                     self.bad.swap_remove(known);
                     context.close(Some(node), About::Name(name(field)));

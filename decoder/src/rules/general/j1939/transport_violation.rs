@@ -1,7 +1,7 @@
 //! Errors in J1939 multi-packet transfers.
 
 use crate::event::{
-    Event, EventKind, Irregularity, IrregularityKind, J1939Transfer, Outcome, Protocol, TransportAbort,
+    Event, EventKind, Irregularity, IrregularityKind, J1939Transfer, Kind, Outcome, Protocol, TransportAbort,
     TransportMode,
 };
 use crate::finding::{About, Severity};
@@ -33,7 +33,7 @@ declare_rule! {
     /// # Mutation
     /// drop a packet of a broadcast
     "transport-violation", Error, "error in a multi-packet transfer",
-    kinds: ["j1939-transfer", "transport-irregularity", "malformed"],
+    kinds: [Kind::J1939Transfer, Kind::TransportIrregularity, Kind::Malformed],
     needs: "a multi-packet transfer",
     skips_holes: true,
     word: "TP",
@@ -217,15 +217,12 @@ impl Rule for TransportViolation {
                 self.irregular(event, odd, context);
             }
             // The frame is long enough, but contradicts the protocol or itself.
-            EventKind::Malformed { error, reason } if error.needed == 0 && is_transport(error.layer) => {
+            EventKind::Malformed { error, reason }
+                if error.needed == 0 && error.is_of_connection_management() =>
+            {
                 context.fail(event).severity(Severity::Warning).report(|| (*reason).to_owned());
             }
             _ => {}
         }
     }
-}
-
-/// Whether a layer is connection management of a transport protocol.
-pub(in crate::rules::general) fn is_transport(layer: &str) -> bool {
-    matches!(layer, "tp.cm" | "etp.cm")
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::event::{Dtc, DtcAction, Event, EventKind};
+use crate::event::{Dtc, DtcAction, Event, EventKind, Kind};
 use crate::finding::About;
 use crate::profile;
 use crate::query::record;
@@ -28,7 +28,7 @@ declare_rule! {
     /// # Mutation
     /// replace a DM1 without faults by one with a fault
     "trouble-code", Warning, "fault reported in DM1",
-    kinds: ["dtc", "j1939-message"],
+    kinds: [Kind::Dtc, Kind::J1939Message],
     needs: "DM1",
     word: "DTC",
 }

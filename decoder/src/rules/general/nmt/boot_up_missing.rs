@@ -1,6 +1,6 @@
 //! No boot-up message after an NMT reset.
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::Severity;
 use crate::profile::device::Boot;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop the boot-up message after a reset
     "boot-up-missing", Warning, "no boot-up after an NMT reset",
-    kinds: ["nmt-command", "boot-up", "emcy", "node-id-change"],
+    kinds: [Kind::NmtCommand, Kind::BootUp, Kind::Emcy, Kind::NodeIdChange],
     needs: "an NMT reset of a known node",
     cases: &["9.1", "10.1"],
     shows: &["10.1"],

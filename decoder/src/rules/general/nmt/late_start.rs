@@ -1,7 +1,7 @@
 //! Nodes that start long after the capture begins.
 
 use super::unexpected_boot::{boot_cause, is_first_frame};
-use crate::event::{BootCause, Event};
+use crate::event::{BootCause, Event, Kind};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
 use crate::statistics::span;
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// insert a boot-up of a new node late in the capture
     "late-start", Note, "node started later than the others",
-    kinds: ["boot-up", "emcy"],
+    kinds: [Kind::BootUp, Kind::Emcy],
     needs: "a boot sign as the first frame of a node",
     is_timing: true,
     word: "START",

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, FrameRange, StateCause};
+use crate::event::{Event, EventKind, FrameRange, Kind, StateCause};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop nothing, insert a stop command while heartbeats still report operational
     "nmt-command-ignored", Warning, "NMT command without effect on the node",
-    kinds: ["nmt-command", "nmt-state", "heartbeat", "guard-reply", "boot-up"],
+    kinds: [Kind::NmtCommand, Kind::NmtState, Kind::Heartbeat, Kind::GuardReply, Kind::BootUp],
     needs: "an NMT command, then heartbeats or guarding responses",
     cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
     word: "NMT",

@@ -1,6 +1,6 @@
 //! Undefined NMT commands.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
@@ -22,7 +22,7 @@ declare_rule! {
     /// # Mutation
     /// insert a command with specifier 3
     "nmt-command-invalid", Warning, "undefined NMT command",
-    kinds: ["nmt-command"],
+    kinds: [Kind::NmtCommand],
     needs: "an NMT command",
     word: "NMT",
 }

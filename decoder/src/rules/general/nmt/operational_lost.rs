@@ -1,6 +1,6 @@
 //! Nodes that leave the operational state without a command.
 
-use crate::event::{BootCause, EmcyAction, Event, EventKind, FrameRange};
+use crate::event::{BootCause, EmcyAction, Event, EventKind, FrameRange, Kind};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::NmtState;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// let one heartbeat of an operational node report pre-operational
     "operational-lost", Warning, "node left operational without a command",
-    kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up", "emcy"],
+    kinds: [Kind::NmtCommand, Kind::Heartbeat, Kind::GuardReply, Kind::BootUp, Kind::Emcy],
     needs: "two heartbeats or guarding responses, the first of them operational",
     word: "NMT",
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::event::{Certainty, Event, EventKind, Outcome};
+use crate::event::{Certainty, Event, EventKind, Kind, Outcome};
 use crate::finding::{About, Severity};
 use crate::profile::device::NmtName;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// insert a command that stops a node while it responds to SDO requests
     "service-in-stopped", Warning, "SDO or EMCY in NMT state stopped",
-    kinds: ["sdo-transfer", "emcy"],
+    kinds: [Kind::SdoTransfer, Kind::Emcy],
     needs: "a node in NMT state stopped",
     cases: &["9.4", "10.4"],
     word: "NMT",

@@ -1,9 +1,9 @@
 //! Traffic between an NMT reset and the boot-up.
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::profile::device::Boot;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, PdoSubset, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
@@ -25,7 +25,8 @@ declare_rule! {
     /// # Mutation
     /// insert a heartbeat between a reset and the boot-up
     "traffic-before-boot", Note, "traffic before the boot-up",
-    kinds: ["nmt-command", "boot-up", "heartbeat", "guard-reply", "emcy", "tpdo"],
+    kinds: [Kind::NmtCommand, Kind::BootUp, Kind::Heartbeat, Kind::GuardReply, Kind::Emcy, Kind::Pdo],
+    pdos: PdoSubset::Transmitted,
     needs: "an NMT reset of a node that is heard afterwards",
     word: "BOOT",
     tolerances: &[tolerance("queued-ms", 100.0, "ms", "after the reset, in which queued frames are permitted")],

@@ -1,6 +1,6 @@
 //! Node restarts without an NMT reset.
 
-use crate::event::{BootCause, Certainty, Event, EventKind};
+use crate::event::{BootCause, Certainty, Event, EventKind, Kind};
 use crate::finding::Severity;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// insert a boot-up of an operational node
     "unexpected-boot", Warning, "node restarted without an NMT reset",
-    kinds: ["boot-up", "emcy", "nmt-state"],
+    kinds: [Kind::BootUp, Kind::Emcy, Kind::NmtState],
     needs: "a boot sign",
     cases: &["9.1"],
     word: "BOOT",

@@ -1,10 +1,10 @@
 //! SDO access against the access type in the object dictionary.
 
-use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::Merge;
 use crate::profile::PdoName;
 use crate::profile::object::Access;
-use crate::rules::general::facts::{INVALID, about, confirmed_number, source_name};
+use crate::rules::general::facts::{INVALID, about, confirmed_number};
 use crate::rules::general::sdo::sdo_situation::{access, is_described, situations};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// turn the abort of a write to a read-only object into a confirmation
     "access-type", Warning, "object access differs from the dictionary",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "SDO access to an object of an EDS or profile",
     merge: Merge::Node,
     cases: &[
@@ -115,7 +115,7 @@ impl Rule for AccessType {
         alarm.report(|| {
             let code = transfer.abort.map_or_else(String::new, |abort| format!("{:08X}, ", abort.code));
             let (access, source) = if is_described(device, object) {
-                (access.name(), source_name(device.default_origin(object)))
+                (access.name(), device.default_origin(object).title())
             } else if object.sub <= 1 {
                 ("mandatory", "CiA 301".to_owned())
             } else {

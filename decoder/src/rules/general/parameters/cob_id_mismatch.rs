@@ -1,11 +1,11 @@
 //! Identifiers in use against the COB-ID objects.
 
-use crate::event::{Direction, Event, EventKind, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, Kind, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::general::facts::{about, confirmed_number, identifier, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -26,7 +26,8 @@ declare_rule! {
     /// # Mutation
     /// change the identifier in the response to an upload of 1200:01
     "cob-id-mismatch", Warning, "service on another identifier than configured",
-    kinds: ["sdo-transfer-communication", "emcy", "node-id-change"],
+    kinds: [Kind::SdoTransfer, Kind::Emcy, Kind::NodeIdChange],
+    transfers: TransferSubset::Communication,
     needs: "1014:00 or 1200, and the service that uses it",
     cases: &["2.12", "5.1", "6.1", "7.4"],
     word: "COBID",

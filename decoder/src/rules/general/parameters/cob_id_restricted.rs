@@ -1,9 +1,9 @@
 //! Restricted identifiers in COB-ID objects.
 
-use crate::event::{Direction, Event, EventKind, Outcome};
+use crate::event::{Direction, Event, EventKind, Kind, Outcome};
 use crate::rules::general::facts::{about, is_restricted_write, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -24,7 +24,8 @@ declare_rule! {
     /// # Mutation
     /// change an identifier written to 1800:01
     "cob-id-restricted", Warning, "restricted identifier in use",
-    kinds: ["sdo-transfer-communication"],
+    kinds: [Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "a written or read COB-ID",
     cases: &["8.10"],
     shows: &["8.10"],

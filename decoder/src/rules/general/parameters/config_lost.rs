@@ -1,8 +1,8 @@
 //! Settings that a restart erased and that were not rewritten before the start.
 
-use crate::event::{BootCause, Event, EventKind, FrameRange, Outcome, SdoTransfer};
+use crate::event::{BootCause, ChangeOrigin, Event, EventKind, FrameRange, Kind, Outcome, SdoTransfer};
 use crate::finding::Severity;
-use crate::profile::Role;
+use crate::profile::{Persistence, Role};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::canopen::nmt::NmtService;
@@ -27,7 +27,9 @@ declare_rule! {
     /// # Mutation
     /// insert a boot-up and a start after the configuration
     "config-lost", Error, "settings lost at restart and not rewritten",
-    kinds: ["sdo-transfer", "object-change", "boot-up", "emcy", "nmt-command", "nmt-state"],
+    kinds: [
+        Kind::SdoTransfer, Kind::ObjectChange, Kind::BootUp, Kind::Emcy, Kind::NmtCommand, Kind::NmtState,
+    ],
     needs: "written settings in RAM, a restart, then operational",
     word: "LOST",
 }
@@ -63,7 +65,7 @@ fn new(_policy: &Policy) -> ConfigLost {
 impl ConfigLost {
     fn written(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &Context<'_>) {
         let (Outcome::Complete, Some(object)) = (transfer.outcome, transfer.object) else { return };
-        if !matches!(transfer.persists, Some("no" | "needs-save")) {
+        if !matches!(transfer.persists, Some(Persistence::No | Persistence::NeedsSave)) {
             return;
         }
         let meaning = context.node(event).and_then(|node| node.meaning(object));
@@ -145,7 +147,7 @@ impl Rule for ConfigLost {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::SdoTransfer(transfer) => self.written(event, node, transfer, context),
-            EventKind::ObjectChange(change) if change.origin == "reset" => {
+            EventKind::ObjectChange(change) if change.origin == ChangeOrigin::Reset => {
                 self.fell_back(node, change.object);
             }
             EventKind::BootUp { cause, .. } => self.booted(event, node, *cause),

@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::profile::{Role, Storage};
 use crate::rules::rule::{declare_rule, tolerance};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// repeat the download of a stored object ten times
     "eeprom-wear", Error, "frequent writes to non-volatile memory",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "repeated writes to 1010 or to an object that the device stores at each write",
     is_timing: true,
     word: "EEPROM",

@@ -1,11 +1,11 @@
 //! Nodes whose identity contradicts the profile that the user assigned.
 
-use crate::event::{Direction, Event, EventKind, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, Kind, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::profile::ReportedIdentity;
 use crate::rules::general::facts::{confirmed_value, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::{AssignedBy, Node};
 use crate::wire::canopen::ObjectAddress;
 
@@ -27,7 +27,8 @@ declare_rule! {
     /// # Mutation
     /// let a read of 1018:01 return the vendor-ID of another maker
     "identity-mismatch", Error, "identity of another device",
-    kinds: ["sdo-transfer-communication"],
+    kinds: [Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "a read of 1000:00 or 1018 of a node with an assigned profile",
     word: "IDENT",
 }

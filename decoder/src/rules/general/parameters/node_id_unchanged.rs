@@ -1,6 +1,6 @@
 //! Changes of a node-ID that had no effect.
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::rules::general::nmt::unexpected_boot::boot_cause;
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// the boot-up after a change by LSS comes from the old node-ID
     "node-id-unchanged", Warning, "node-ID change without effect",
-    kinds: ["boot-up", "emcy", "node-id-change"],
+    kinds: [Kind::BootUp, Kind::Emcy, Kind::NodeIdChange],
     needs: "an accepted change of the node-ID, then a restart",
     is_timing: true,
     word: "IDENT",
@@ -58,7 +58,7 @@ impl Rule for NodeIdUnchanged {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         if let EventKind::NodeIdChange { to, by, .. } = &event.kind {
             self.open.retain(|open| open.pending.to != *to);
-            if PendingNodeId::CHANGED_BY.contains(by) {
+            if by.service().is_some() {
                 context.pass();
             }
             return;
@@ -76,7 +76,7 @@ impl Rule for NodeIdUnchanged {
         let OldBoot { node, pending, frame } = self.open.swap_remove(place);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(frame));
         alarm.report(|| {
-            let PendingNodeId { to, service } = pending;
+            let (to, service) = (pending.to, pending.by.service().unwrap_or_default());
             format!("boots as node-ID {}, although {to} was accepted by {service}", node.number())
         });
     }

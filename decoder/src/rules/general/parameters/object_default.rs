@@ -1,10 +1,10 @@
 //! Values after a restart against the defaults in the dictionary.
 
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
-use crate::event::{BootCause, Event, EventKind, SdoTransfer};
+use crate::event::{BootCause, Event, EventKind, Kind, SdoTransfer};
 use crate::profile::object::{Access, DefaultValue};
 use crate::profile::{DataType, Entry, Value, integer, word};
-use crate::rules::general::facts::{about, source_name};
+use crate::rules::general::facts::about;
 use crate::rules::general::sdo::sdo_situation::is_described;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -31,7 +31,7 @@ declare_rule! {
     /// # Mutation
     /// change a value read after a restore and a restart
     "object-default", Warning, "restored value differs from the default",
-    kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
+    kinds: [Kind::SdoTransfer, Kind::BootUp, Kind::Emcy, Kind::NmtCommand],
     needs: "a restore (1011), a restart, then a read",
     cases: &["4.2", "4.8", "8.4", "8.8"],
     word: "DEFLT",
@@ -157,7 +157,7 @@ impl ObjectDefault {
             if is_right {
                 return context.pass();
             }
-            let by = source_name(node.device().default_origin(object));
+            let by = node.device().default_origin(object).title();
             let alarm = context.fail(event).about(about(transfer));
             alarm.report(|| {
                 let (read, wanted) = shown(node, object, &transfer.data);

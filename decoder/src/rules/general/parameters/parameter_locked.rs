@@ -1,6 +1,6 @@
 //! Writes to locked parameters.
 
-use crate::event::{Abort, Direction, Event, EventKind, Outcome};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome};
 use crate::finding::Severity;
 use crate::profile::{PdoDirection, PdoName, little_endian};
 use crate::rules::general::facts::{INVALID, about, confirmed_number, number};
@@ -28,7 +28,7 @@ declare_rule! {
     /// # Mutation
     /// insert an accepted write of 1019 while SYNC has a period
     "parameter-locked", Warning, "locked parameter written",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a write to 1019, 100C, 100D or 18xx:03, and the setting that locks it",
     cases: &["6.9"],
     word: "LOCK",

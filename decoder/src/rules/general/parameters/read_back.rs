@@ -1,10 +1,10 @@
 //! Read values against the written values.
 
-use crate::event::{Direction, Event, EventKind};
+use crate::event::{Direction, Event, EventKind, Kind};
 use crate::profile::little_endian;
 use crate::rules::general::facts::{about, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::OriginKind;
 
 declare_rule! {
@@ -25,7 +25,8 @@ declare_rule! {
     /// # Mutation
     /// change the value in the response to an upload
     "read-back", Warning, "read-back differs from the written value",
-    kinds: ["sdo-transfer-communication"],
+    kinds: [Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "a write to a communication object, then a read of it",
     cases: &["2.2", "3.4", "4.9", "7.5"],
     word: "SDO",

@@ -1,9 +1,9 @@
 //! Saved parameters after a restart.
 
 use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
-use crate::event::{BootCause, Event, EventKind, SdoTransfer};
+use crate::event::{BootCause, Event, EventKind, Kind, SdoTransfer};
 use crate::finding::Severity;
-use crate::profile::{Role, little_endian};
+use crate::profile::{Persistence, Role, little_endian};
 use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -30,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// change a value read after save and restart
     "store-not-effective", Warning, "saved setting not effective after restart",
-    kinds: ["sdo-transfer", "boot-up", "emcy", "nmt-command"],
+    kinds: [Kind::SdoTransfer, Kind::BootUp, Kind::Emcy, Kind::NmtCommand],
     needs: "a stored setting, a restart, then a read",
     cases: &["2.29", "2.30", "6.8", "6.10", "8.2", "8.4", "8.6", "8.8", "8.9", "9.1"],
     word: "STORE",
@@ -75,15 +75,15 @@ fn new(_policy: &Policy) -> StoreNotEffective {
 fn is_setting(object: ObjectAddress, transfer: &SdoTransfer) -> bool {
     match object.index {
         0x1001..=0x1003 | 0x1010 | 0x1011 | 0x1013 | 0x1023..=0x1026 | 0x1F50..=0x1FFF => false,
-        0x1000..COMMUNICATION_END => transfer.persists != Some("no"),
-        _ => transfer.persists == Some("needs-save") || is_stored(transfer),
+        0x1000..COMMUNICATION_END => transfer.persists != Some(Persistence::No),
+        _ => transfer.persists == Some(Persistence::NeedsSave) || is_stored(transfer),
     }
 }
 
 /// Whether the device stores the value at each write, as the profile states. Commands and set points have a role.
 fn is_stored(transfer: &SdoTransfer) -> bool {
     let role = transfer.meaning.as_ref().and_then(|meaning| meaning.role);
-    transfer.persists == Some("yes")
+    transfer.persists == Some(Persistence::Yes)
         && !matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual))
 }
 

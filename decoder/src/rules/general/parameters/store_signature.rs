@@ -1,10 +1,10 @@
 //! Signatures of store and restore commands.
 
-use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::profile::device::{DeviceRule, RuleKind};
 use crate::rules::general::facts::{about, confirmed_number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -29,7 +29,8 @@ declare_rule! {
     /// # Mutation
     /// change a letter of an accepted "save"
     "store-signature", Warning, "wrong handling of the store signature",
-    kinds: ["sdo-transfer-communication"],
+    kinds: [Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "a write to 1010 or 1011",
     cases: &["6.10", "8.1", "8.3", "8.5", "8.7"],
     word: "STORE",

@@ -1,6 +1,7 @@
 //! Changed settings without a store command.
 
-use crate::event::{Direction, Event, EventKind, Outcome};
+use crate::event::{Direction, Event, EventKind, Kind, Outcome};
+use crate::profile::Persistence;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeMap;
@@ -25,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// drop the download of 1010
     "unsaved-change", Warning, "changed settings not stored",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a write to an object that is stored on command only",
     is_on: false,
     word: "SAVE",
@@ -53,7 +54,7 @@ impl Rule for UnsavedChange {
         let is_write =
             transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
         let (Some(node), Some(object), true) = (event.node, transfer.object, is_write) else { return };
-        if transfer.persists != Some("needs-save") {
+        if transfer.persists != Some(Persistence::NeedsSave) {
             return;
         }
         let Some(written) = self.written.entry(node) else { return };
@@ -67,7 +68,7 @@ impl Rule for UnsavedChange {
         for (id, written) in self.written.iter() {
             let Some(node) = context.bus.node(id) else { continue };
             let mut unsaved = written.clone();
-            unsaved.retain(|(object, _)| node.persists(*object) == Some("not-stored"));
+            unsaved.retain(|(object, _)| node.persists(*object) == Some(Persistence::NotStored));
             let frames = unsaved.iter().map(|(_, frame)| *frame);
             let Some((first, last)) = frames.clone().min().zip(frames.max()) else {
                 context.pass();

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use crate::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome, Pdo, SdoTransfer, UdsExchange};
+use crate::event::{
+    Direction, Event, EventKind, ExchangeOutcome, Kind, Outcome, Pdo, SdoTransfer, UdsExchange,
+};
 use crate::finding::About;
 use crate::profile::{Field, IntegerPosition, Layout, Meaning, Role, SignalId, Value};
 use crate::rules::general::uds::uds_negative::subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Need, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -29,7 +31,8 @@ declare_rule! {
     /// # Mutation
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "value outside the permitted range",
-    kinds: ["pdo-mapped-changed", "sdo-transfer", "uds-exchange"],
+    kinds: [Kind::Pdo, Kind::SdoTransfer, Kind::UdsExchange],
+    pdos: PdoSubset::MappedChanged,
     needs: "a value of an object with a range in the profile or EDS",
     word: "RANGE",
 }

@@ -1,11 +1,11 @@
 //! Invalid PDO mappings.
 
-use crate::event::{Abort, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::profile::device_file::Access;
 use crate::profile::{DataType, Device, PdoDirection, PdoName, little_endian};
 use crate::rules::general::facts::{about, confirmed_number, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -27,7 +27,8 @@ declare_rule! {
     /// # Mutation
     /// change the length of a mapping entry
     "mapping-invalid", Warning, "invalid PDO mapping",
-    kinds: ["sdo-transfer-communication"],
+    kinds: [Kind::SdoTransfer],
+    transfers: TransferSubset::Communication,
     needs: "a written or read PDO mapping",
     cases: &["3.21", "3.25", "3.26", "3.27", "3.28", "3.29", "3.30", "3.31", "3.32", "3.33"],
     word: "MAP",

@@ -1,11 +1,11 @@
 //! PDO remapping in another order than CiA 301 requires.
 
-use crate::event::{DeviceCause, DeviceState, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{DeviceCause, DeviceState, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::{About, Merge};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -31,7 +31,11 @@ declare_rule! {
     /// # Mutation
     /// drop the download that sets bit 31 of the COB-ID
     "mapping-procedure", Warning, "PDO remapped in the wrong order",
-    kinds: ["sdo-transfer-communication", "boot-up", "emcy", "device-state", "bus-silent", "lost-frames", "link"],
+    kinds: [
+        Kind::SdoTransfer, Kind::BootUp, Kind::Emcy, Kind::DeviceState, Kind::BusSilent, Kind::LostFrames,
+        Kind::Link,
+    ],
+    transfers: TransferSubset::Communication,
     needs: "a write to a PDO mapping, and the COB-ID of that PDO",
     merge: Merge::Node,
     cases: &["3.22", "3.23", "3.24"],

@@ -1,10 +1,10 @@
 //! TPDOs against their event timer.
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -23,7 +23,12 @@ declare_rule! {
     /// # Mutation
     /// drop two PDOs of one with an event timer
     "pdo-event-timer", Warning, "TPDO later than its event timer",
-    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: [
+        Kind::Pdo, Kind::SdoTransfer, Kind::BootUp, Kind::NmtState, Kind::LostFrames, Kind::Link,
+        Kind::BusSilent,
+    ],
+    pdos: PdoSubset::Transmitted,
+    transfers: TransferSubset::Communication,
     needs: "a TPDO with a known event timer (18xx:05) above 0",
     cases: &["3.5"],
     shows: &["3.5"],

@@ -1,10 +1,10 @@
 //! TPDOs against their inhibit time.
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::finding::About;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -24,7 +24,12 @@ declare_rule! {
     /// # Mutation
     /// insert further PDOs on an identifier with an inhibit time
     "pdo-inhibit-time", Warning, "TPDO earlier than its inhibit time",
-    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: [
+        Kind::Pdo, Kind::SdoTransfer, Kind::BootUp, Kind::NmtState, Kind::LostFrames, Kind::Link,
+        Kind::BusSilent,
+    ],
+    pdos: PdoSubset::Transmitted,
+    transfers: TransferSubset::Communication,
     needs: "a TPDO of type 254 or 255 with a known inhibit time (18xx:03) above 0",
     is_timing: true,
     word: "PDO",

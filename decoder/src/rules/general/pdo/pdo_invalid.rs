@@ -1,12 +1,12 @@
 //! PDOs whose COB-ID is marked as not valid.
 
-use crate::event::{Direction, Event, EventKind, FrameRange, Pdo, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, FrameRange, Kind, Pdo, SdoTransfer};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{Effect, PdoName};
 use crate::rules::general::facts::{INVALID, identifier, number};
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -29,7 +29,8 @@ declare_rule! {
     /// # Mutation
     /// write bit 31 of a TPDO's COB-ID while the TPDO continues
     "pdo-invalid", Error, "PDO sent although marked as not valid",
-    kinds: ["pdo", "sdo-transfer-communication", "boot-up", "node-id-change"],
+    kinds: [Kind::Pdo, Kind::SdoTransfer, Kind::BootUp, Kind::NodeIdChange],
+    transfers: TransferSubset::Communication,
     needs: "a PDO with bit 31 of its COB-ID set",
     cases: &["3.4", "3.20"],
     is_timing: true,

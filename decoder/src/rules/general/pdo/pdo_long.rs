@@ -1,10 +1,10 @@
 //! PDOs longer than their mapping.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::finding::About;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::{Context, Need, PdoSubset, Policy, Rule};
 use crate::words::plural;
 
 declare_rule! {
@@ -23,7 +23,8 @@ declare_rule! {
     /// # Mutation
     /// add a byte to a PDO
     "pdo-long", Note, "PDO longer than its mapping",
-    kinds: ["pdo-mapped"],
+    kinds: [Kind::Pdo],
+    pdos: PdoSubset::Mapped,
     needs: "a PDO with a known mapping",
     word: "PDO",
 }

@@ -1,11 +1,11 @@
 //! Periodic TPDOs that end.
 
 use super::pdo_period::{MISSING, Period, is_operational, silence};
-use crate::event::{Event, EventKind, FrameRange, Outcome};
+use crate::event::{Event, EventKind, FrameRange, Kind, Outcome};
 use crate::finding::{About, Severity};
 use crate::profile::PdoName;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSlot, Policy, Rule, Traffic};
+use crate::rules::{Context, PdoSlot, PdoSubset, Policy, Rule, Traffic, TransferSubset};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap};
@@ -30,7 +30,12 @@ declare_rule! {
     /// # Mutation
     /// drop all PDOs of a periodic TPDO in the second half
     "pdo-lost", Error, "periodic TPDO missing",
-    kinds: ["tpdo", "sync", "heartbeat", "guard-reply", "boot-up", "sdo-transfer-communication", "nmt-command"],
+    kinds: [
+        Kind::Pdo, Kind::Sync, Kind::Heartbeat, Kind::GuardReply, Kind::BootUp, Kind::SdoTransfer,
+        Kind::NmtCommand,
+    ],
+    pdos: PdoSubset::Transmitted,
+    transfers: TransferSubset::Communication,
     needs: "a periodic TPDO of an operational node",
     is_timing: true,
     word: "LOST",

@@ -1,6 +1,6 @@
 //! PDOs of nodes that are not operational.
 
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// insert a command that stops the node while it still sends PDOs
     "pdo-outside-operational", Error, "PDO outside NMT state operational",
-    kinds: ["nmt-command", "heartbeat", "guard-reply", "boot-up", "pdo"],
+    kinds: [Kind::NmtCommand, Kind::Heartbeat, Kind::GuardReply, Kind::BootUp, Kind::Pdo],
     needs: "a PDO of a node with a known NMT state",
     cases: &[
         "3.4", "3.5", "3.6", "3.7", "3.9", "3.10", "3.11", "3.12", "3.13", "3.14", "3.15", "3.16", "3.17", "3.18",

@@ -1,6 +1,6 @@
 //! TPDOs requested by remote frames.
 
-use crate::event::{Event, EventKind, FrameRange, Pdo};
+use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop the response to a remote frame
     "pdo-rtr", Warning, "wrong response to a PDO remote frame",
-    kinds: ["pdo"],
+    kinds: [Kind::Pdo],
     needs: "a remote frame for a TPDO with known 18xx:01 and 18xx:02",
     cases: &["3.3", "3.9", "3.15"],
     word: "PDO",

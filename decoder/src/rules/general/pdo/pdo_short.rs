@@ -1,11 +1,11 @@
 //! PDOs shorter than their mapping.
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::finding::About;
 use crate::profile::PdoDirection;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::{Context, Need, PdoSubset, Policy, Rule};
 use crate::words::plural;
 
 declare_rule! {
@@ -24,7 +24,8 @@ declare_rule! {
     /// # Mutation
     /// cut the last byte of a PDO
     "pdo-short", Error, "PDO shorter than its mapping",
-    kinds: ["pdo-mapped"],
+    kinds: [Kind::Pdo],
+    pdos: PdoSubset::Mapped,
     needs: "a PDO with a known mapping",
     cases: &["5.4"],
     word: "PDO",

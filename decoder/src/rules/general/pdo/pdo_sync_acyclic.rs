@@ -1,10 +1,10 @@
 //! TPDOs of transmission type 0 (acyclic synchronous).
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::finding::About;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::{Context, Need, PdoSubset, Policy, Rule, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -23,7 +23,12 @@ declare_rule! {
     /// # Mutation
     /// duplicate PDOs of an acyclic TPDO
     "pdo-sync-acyclic", Warning, "acyclic TPDO without a SYNC",
-    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: [
+        Kind::Pdo, Kind::SdoTransfer, Kind::BootUp, Kind::NmtState, Kind::LostFrames, Kind::Link,
+        Kind::BusSilent,
+    ],
+    pdos: PdoSubset::Transmitted,
+    transfers: TransferSubset::Communication,
     needs: "SYNC, and a TPDO with 18xx:02 = 0",
     cases: &["3.7"],
     shows: &["3.7"],

@@ -1,12 +1,12 @@
 //! TPDOs of transmission types 1 to 240 (cyclic synchronous).
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{Event, EventKind, Kind, Pdo};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::general::facts::identifier;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule};
+use crate::rules::{BySlot, Context, Need, PdoSlot, PdoSubset, Policy, Rule, TransferSubset};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -27,7 +27,12 @@ declare_rule! {
     /// # Mutation
     /// drop every third PDO of a synchronous TPDO
     "pdo-sync-cyclic", Warning, "synchronous TPDO out of step with SYNC",
-    kinds: ["tpdo", "sdo-transfer-communication", "boot-up", "nmt-state", "lost-frames", "link", "bus-silent"],
+    kinds: [
+        Kind::Pdo, Kind::SdoTransfer, Kind::BootUp, Kind::NmtState, Kind::LostFrames, Kind::Link,
+        Kind::BusSilent,
+    ],
+    pdos: PdoSubset::Transmitted,
+    transfers: TransferSubset::Communication,
     needs: "SYNC, and 20 TPDOs with 18xx:02 = 1 to 240",
     cases: &["3.6", "3.8", "6.3"],
     shows: &["3.6", "6.3"],

@@ -4,12 +4,72 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
+/// Kind of request that a server must refuse, by its identifier in `abort_codes.toml`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(in crate::rules::general) enum SituationId {
+    /// Write to a read-only or constant object.
+    ReadOnlyWritten,
+    /// Read of a write-only object.
+    WriteOnlyRead,
+    /// Access to an object that does not exist.
+    NoObject,
+    /// Access to a sub-index that does not exist.
+    NoSubIndex,
+    /// More bytes written than the object has.
+    TooLong,
+    /// Fewer bytes written than the object has.
+    TooShort,
+    /// Value above the upper limit written.
+    TooHigh,
+    /// Value below the lower limit written.
+    TooLow,
+    /// Request with an unknown command specifier.
+    UnknownCommand,
+    /// Segment with the toggle bit of the previous segment.
+    WrongToggle,
+    /// Block transfer requested from a server without block transfer.
+    NoBlockTransfer,
+    /// Block size outside 1 to 127.
+    BlockSize,
+    /// Sequence number acknowledged that was not sent.
+    BlockSequence,
+    /// CRC at the end of a block transfer does not match.
+    BlockCrc,
+    /// No response from the other side, as required of a stopped node.
+    NoAnswer,
+    /// Mapping entry written while sub-index 0 is not 0.
+    MappingEnabled,
+    /// Mapping of a valid PDO written (COB-ID bit 31 = 0).
+    MappingOfValidPdo,
+    /// More objects or bytes mapped than the PDO can contain.
+    MappingTooLarge,
+    /// Object mapped that does not exist, is not mappable or has the other direction.
+    NotMappable,
+    /// PDO parameter not supported, or locked while the PDO is valid.
+    PdoParameter,
+    /// Restricted CAN-ID written to a COB-ID object.
+    RestrictedCanId,
+    /// Entry of the error history read while it is empty.
+    EmptyHistory,
+    /// Value other than 0 written to the number of errors in the history.
+    HistoryCount,
+    /// Save or restore without its signature.
+    WrongSignature,
+    /// Reserved SYNC counter overflow value, 1 or 241 to 255, written.
+    CounterOverflowValue,
+    /// SYNC counter overflow value written while the period is not 0.
+    CounterOverflowLocked,
+    /// One node entered twice in the heartbeat consumer list.
+    SameProducerTwice,
+}
+
 /// Kind of request that a server must refuse.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Situation {
     /// Identifier.
-    pub(super) id: String,
+    pub(super) id: SituationId,
     /// Description of the request.
     pub(super) text: String,
     /// Abort codes that are a correct response.
@@ -30,7 +90,7 @@ struct AbortCodesFile {
 }
 
 /// Looks up a situation by its identifier.
-pub(super) fn situation(id: &str) -> Option<&'static Situation> {
+pub(super) fn situation(id: SituationId) -> Option<&'static Situation> {
     static TABLE: OnceLock<Vec<Situation>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
         let file: Result<AbortCodesFile, _> = toml::from_str(include_str!("abort_codes.toml"));
@@ -45,8 +105,8 @@ mod tests {
 
     #[test]
     fn the_table_is_read() {
-        let situation = situation("read-only-written").unwrap();
+        let situation = situation(SituationId::ReadOnlyWritten).unwrap();
         assert!(situation.accepted.contains(&0x0601_0002) && situation.ctt.contains(&"2.3".to_owned()));
-        assert!(super::situation("nothing").is_none());
+        assert!(super::situation(SituationId::SameProducerTwice).is_some());
     }
 }

@@ -1,8 +1,8 @@
 //! Wrong or unknown SDO abort codes.
 
-use super::abort_codes::{Situation, situation};
+use super::abort_codes::{Situation, SituationId, situation};
 use super::sdo_situation::situations;
-use crate::event::{Event, EventKind, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::abort_codes;
 use crate::query::record;
@@ -32,7 +32,7 @@ declare_rule! {
     /// # Mutation
     /// change the code of an abort
     "sdo-abort-code", Warning, "wrong or unknown SDO abort code",
-    kinds: ["sdo-transfer", "malformed"],
+    kinds: [Kind::SdoTransfer, Kind::Malformed],
     needs: "a refused SDO request",
     cases: &[
         "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9", "2.10", "2.11", "2.17", "2.19", "2.20", "2.21", "2.22",
@@ -71,7 +71,7 @@ impl SdoAbortCode {
         let unknown = event.node.and_then(|node| self.unknown.remove(node));
         let mut names = situations(transfer, node);
         if transfer.direction.is_none() && unknown.is_some_and(|frame| frame < event.frames.first) {
-            names = vec!["unknown-command"];
+            names = vec![SituationId::UnknownCommand];
         }
         let found: Vec<&'static Situation> = names.into_iter().filter_map(situation).collect();
         if found.is_empty() {
@@ -87,7 +87,7 @@ impl SdoAbortCode {
         let Some(first) = found.first() else { return };
         cases(first, transfer.object).for_each(|case| context.fail_case(case));
         // A read of a history entry that may not exist is common.
-        let severity = if first.id == "empty-history" { Severity::Note } else { Severity::Warning };
+        let severity = if first.id == SituationId::EmptyHistory { Severity::Note } else { Severity::Warning };
         context.fail(event).about(about(transfer)).severity(severity).report(|| {
             let accepted = first.accepted.iter().map(|code| format!("{code:08X}"));
             let accepted = accepted.collect::<Vec<_>>().join(" or ");
@@ -104,12 +104,12 @@ impl SdoAbortCode {
 fn cases(situation: &'static Situation, object: Option<ObjectAddress>) -> impl Iterator<Item = &'static str> {
     let index = object.map_or(0, |object| object.index);
     let sub = object.map_or(0, |object| object.sub);
-    let is_its = move |case: &&str| match (situation.id.as_str(), *case) {
-        ("read-only-written", "2.3") | ("no-sub-index", "2.5") => index == 0x1000,
-        ("read-only-written", _) => index != 0x1000,
-        ("no-sub-index", "4.5") => sub == 255,
-        ("no-object", "2.6") => index == 0x1004,
-        ("no-object", _) => (0x1201..=0x12FF).contains(&index),
+    let is_its = move |case: &&str| match (situation.id, *case) {
+        (SituationId::ReadOnlyWritten, "2.3") | (SituationId::NoSubIndex, "2.5") => index == 0x1000,
+        (SituationId::ReadOnlyWritten, _) => index != 0x1000,
+        (SituationId::NoSubIndex, "4.5") => sub == 255,
+        (SituationId::NoObject, "2.6") => index == 0x1004,
+        (SituationId::NoObject, _) => (0x1201..=0x12FF).contains(&index),
         _ => true,
     };
     situation.ctt.iter().map(String::as_str).filter(is_its)
@@ -119,7 +119,7 @@ impl Rule for SdoAbortCode {
     fn event(&mut self, event: &Event, context: &mut Context<'_>) {
         match &event.kind {
             EventKind::SdoTransfer(transfer) => self.aborted(event, transfer, context),
-            EventKind::Malformed { error, .. } if error.layer == "sdo" && error.needed == 0 => {
+            EventKind::Malformed { error, .. } if error.is_of_sdo() && error.needed == 0 => {
                 if let Some(frame) = event.node.and_then(|node| self.unknown.entry(node)) {
                     *frame = event.frames.last;
                 }

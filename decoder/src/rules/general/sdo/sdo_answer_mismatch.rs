@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, Outcome, SdoTransfer};
 use crate::finding::About;
 use crate::frame::CanId;
 use crate::rules::rule::declare_rule;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// change the index in a response
     "sdo-answer-mismatch", Warning, "SDO response for another object",
-    kinds: ["sdo-transfer", "lost-frames", "link", "bus-silent"],
+    kinds: [Kind::SdoTransfer, Kind::LostFrames, Kind::Link, Kind::BusSilent],
     needs: "an SDO transfer",
     cases: &["2.7"],
     word: "SDO",

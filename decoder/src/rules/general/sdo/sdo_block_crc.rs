@@ -1,6 +1,6 @@
 //! CRC of SDO block transfers.
 
-use crate::event::{Crc, Event, EventKind, Outcome};
+use crate::event::{Crc, Event, EventKind, Kind, Outcome};
 use crate::finding::Severity;
 use crate::rules::general::facts::about;
 use crate::rules::rule::declare_rule;
@@ -24,7 +24,7 @@ declare_rule! {
     /// # Mutation
     /// change a byte in a segment of a block
     "sdo-block-crc", Error, "CRC error in SDO block transfer",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a block transfer with CRC, captured completely",
     skips_holes: true,
     cases: &["2.23", "2.24", "2.25"],

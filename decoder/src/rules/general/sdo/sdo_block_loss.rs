@@ -1,6 +1,6 @@
 //! Segments of SDO blocks that are lost on the bus.
 
-use crate::event::{Event, EventKind, Mode, Outcome};
+use crate::event::{Event, EventKind, Kind, Mode, Outcome};
 use crate::rules::general::facts::about;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// acknowledge a block with a lower sequence number
     "sdo-block-loss", Warning, "SDO block segments lost on the bus",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a block transfer",
     skips_holes: true,
     word: "SDO",

@@ -1,6 +1,6 @@
 //! Sequence numbers and sizes of SDO blocks.
 
-use crate::event::{Event, EventKind, Mode, Outcome, SdoIrregularityKind};
+use crate::event::{Event, EventKind, Kind, Mode, Outcome, SdoIrregularityKind};
 use crate::rules::general::facts::about;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -22,7 +22,7 @@ declare_rule! {
     /// # Mutation
     /// acknowledge a block with sequence number 128
     "sdo-block-sequence", Warning, "wrong sequence number or size in SDO block",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a block transfer",
     skips_holes: true,
     cases: &["2.19", "2.20", "2.21", "2.22", "2.23", "2.24", "2.25", "2.26", "2.27"],

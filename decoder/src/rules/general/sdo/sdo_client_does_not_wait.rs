@@ -1,6 +1,6 @@
 //! SDO clients that send a request before the response to the one before.
 
-use crate::event::{Event, EventKind, Outcome};
+use crate::event::{Event, EventKind, Kind, Outcome};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
 
@@ -22,7 +22,7 @@ declare_rule! {
     /// # Mutation
     /// send a second request before the response to the first
     "sdo-client-does-not-wait", Warning, "SDO client does not wait for the response",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "an SDO transfer",
     skips_holes: true,
     word: "SDO",

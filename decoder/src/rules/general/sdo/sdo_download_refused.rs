@@ -1,6 +1,6 @@
 //! SDO downloads that a device refuses.
 
-use crate::event::{Abort, Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Mode, Outcome, SdoTransfer};
 use crate::finding::{About, Merge};
 use crate::profile::abort_codes;
 use crate::query::record;
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// turn the response to a download into an abort
     "sdo-download-refused", Error, "SDO download refused",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "an SDO download",
     merge: Merge::Node,
     word: "REFUSE",

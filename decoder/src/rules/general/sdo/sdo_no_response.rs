@@ -1,6 +1,6 @@
 //! Missing and late SDO responses.
 
-use crate::event::{Certainty, Event, EventKind, Mode, Outcome, SdoTransfer, StateChange};
+use crate::event::{Certainty, Event, EventKind, Kind, Mode, Outcome, SdoTransfer, StateChange};
 use crate::finding::{Merge, Severity};
 use crate::rules::general::facts::about;
 use crate::rules::rule::{declare_rule, tolerance};
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// drop the SDO responses of a node
     "sdo-no-response", Error, "no SDO response in time",
-    kinds: ["sdo-transfer", "nmt-state"],
+    kinds: [Kind::SdoTransfer, Kind::NmtState],
     needs: "an SDO transfer",
     merge: Merge::Node,
     is_timing: true,

@@ -1,5 +1,6 @@
 //! Reasons for which a server must refuse an SDO request, according to bus and object dictionary.
 
+use super::abort_codes::SituationId;
 use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
 use crate::profile::object::Access;
 use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
@@ -30,27 +31,27 @@ pub(in crate::rules::general) fn access(device: &Device, object: ObjectAddress) 
 
 /// Identifiers in `abort_codes.toml` of the errors in a request; several if the order of the checks is up to
 /// the device.
-pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node) -> Vec<&'static str> {
+pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node) -> Vec<SituationId> {
     if let Some(protocol) = of_protocol(transfer) {
         return vec![protocol];
     }
     let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return Vec::new() };
     let mut found = Vec::new();
     if transfer.mode == Some(Mode::Block) && transfer.size == 0 {
-        found.push("no-block-transfer");
+        found.push(SituationId::NoBlockTransfer);
     }
     if let Some(missing) = missing(node.device(), object) {
         found.push(missing);
         return found;
     }
     match (access(node.device(), object), direction) {
-        (Some(Access::Ro | Access::Const), Direction::Download) => found.push("read-only-written"),
-        (Some(Access::Wo), Direction::Upload) => found.push("write-only-read"),
+        (Some(Access::Ro | Access::Const), Direction::Download) => found.push(SituationId::ReadOnlyWritten),
+        (Some(Access::Wo), Direction::Upload) => found.push(SituationId::WriteOnlyRead),
         _ => {}
     }
     if direction == Direction::Upload {
         if object.index == 0x1003 && object.sub > 0 && confirmed_number(node, 0x1003, 0) == Some(0) {
-            found.push("empty-history");
+            found.push(SituationId::EmptyHistory);
         }
         return found;
     }
@@ -64,27 +65,27 @@ pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node)
 }
 
 /// Errors of the SDO protocol.
-fn of_protocol(transfer: &SdoTransfer) -> Option<&'static str> {
+fn of_protocol(transfer: &SdoTransfer) -> Option<SituationId> {
     let by_client = transfer.irregularity.filter(|irregularity| irregularity.by_client);
     match by_client.map(|irregularity| irregularity.what) {
-        Some(SdoIrregularityKind::Toggle) => Some("wrong-toggle"),
-        Some(SdoIrregularityKind::BlockSize) => Some("block-size"),
-        Some(SdoIrregularityKind::Sequence) => Some("block-sequence"),
-        None => (transfer.crc == Some(Crc::Wrong)).then_some("block-crc"),
+        Some(SdoIrregularityKind::Toggle) => Some(SituationId::WrongToggle),
+        Some(SdoIrregularityKind::BlockSize) => Some(SituationId::BlockSize),
+        Some(SdoIrregularityKind::Sequence) => Some(SituationId::BlockSequence),
+        None => (transfer.crc == Some(Crc::Wrong)).then_some(SituationId::BlockCrc),
     }
 }
 
 /// Missing object or sub-index.
-fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
+fn missing(device: &Device, object: ObjectAddress) -> Option<SituationId> {
     if object.index == RESERVED {
-        return Some("no-object");
+        return Some(SituationId::NoObject);
     }
     let has_index = |list: &[Object]| list.iter().any(|known| known.nth(object.index).is_some());
     if device.is_file_alone() {
         let own = device.dictionary.own();
         return match has_index(own) {
-            false if object.index >= 0x1000 => Some("no-object"),
-            true if !device.dictionary.is_own(object) => Some("no-sub-index"),
+            false if object.index >= 0x1000 => Some(SituationId::NoObject),
+            true if !device.dictionary.is_own(object) => Some(SituationId::NoSubIndex),
             _ => None,
         };
     }
@@ -92,49 +93,49 @@ fn missing(device: &Device, object: ObjectAddress) -> Option<&'static str> {
         && object.sub != 0
         && device.dictionary.find(object).is_none()
         && device.dictionary.find(ObjectAddress::new(object.index, 0)).is_some();
-    is_variable.then_some("no-sub-index")
+    is_variable.then_some(SituationId::NoSubIndex)
 }
 
 /// Length that does not match the data type. Four bytes may be a request without a size indicator.
-fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<&'static str> {
+fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<SituationId> {
     let is_told = is_described(device, object) || object.index < COMMUNICATION;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     let sent = transfer.announced.map_or(transfer.size, u64::from);
     let wanted = u64::from(bits.div_ceil(8));
     let says_length = transfer.abort.is_some_and(|abort| abort.code >> 16 == 0x0607);
     if sent > wanted && (sent != 4 || says_length) {
-        return Some("too-long");
+        return Some(SituationId::TooLong);
     }
-    (sent > 0 && sent < wanted).then_some("too-short")
+    (sent > 0 && sent < wanted).then_some(SituationId::TooShort)
 }
 
-fn of_range(transfer: &SdoTransfer) -> Vec<&'static str> {
+fn of_range(transfer: &SdoTransfer) -> Vec<SituationId> {
     let Some(meaning) = transfer.meaning.as_deref() else { return Vec::new() };
     let value = meaning.decode(&transfer.data);
     if !meaning.is_outside(&value) {
         return Vec::new();
     }
     match (meaning.range, integer(&value)) {
-        (Some([_, most]), Some(number)) if number > most => vec!["too-high"],
-        (Some([least, _]), Some(number)) if number < least => vec!["too-low"],
-        _ => vec!["too-high", "too-low"],
+        (Some([_, most]), Some(number)) if number > most => vec![SituationId::TooHigh],
+        (Some([least, _]), Some(number)) if number < least => vec![SituationId::TooLow],
+        _ => vec![SituationId::TooHigh, SituationId::TooLow],
     }
 }
 
 /// Errors for single objects of CiA 301.
-fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Option<&'static str> {
+fn of_object(number: u64, data: &[u8], node: &Node, object: ObjectAddress) -> Option<SituationId> {
     if is_restricted_write(object, number) {
-        return Some("restricted-can-id");
+        return Some(SituationId::RestrictedCanId);
     }
     match (object.index, object.sub) {
-        (0x1003, 0) => (number != 0).then_some("history-count"),
-        (0x1010, 1..) => (data != b"save").then_some("wrong-signature"),
-        (0x1011, 1..) => (data != b"load").then_some("wrong-signature"),
-        (0x1016, 1..) => is_second(node, object, number).then_some("same-producer-twice"),
-        (0x1019, 0) if matches!(number, 1 | 241..=255) => Some("counter-overflow-value"),
-        (0x1019, 0) => {
-            confirmed_number(node, 0x1006, 0).filter(|period| *period != 0).map(|_| "counter-overflow-locked")
-        }
+        (0x1003, 0) => (number != 0).then_some(SituationId::HistoryCount),
+        (0x1010, 1..) => (data != b"save").then_some(SituationId::WrongSignature),
+        (0x1011, 1..) => (data != b"load").then_some(SituationId::WrongSignature),
+        (0x1016, 1..) => is_second(node, object, number).then_some(SituationId::SameProducerTwice),
+        (0x1019, 0) if matches!(number, 1 | 241..=255) => Some(SituationId::CounterOverflowValue),
+        (0x1019, 0) => confirmed_number(node, 0x1006, 0)
+            .filter(|period| *period != 0)
+            .map(|_| SituationId::CounterOverflowLocked),
         (0x1600..=0x17FF | 0x1A00..=0x1BFF, sub) => of_mapping(node, object, sub, number),
         _ => None,
     }
@@ -150,18 +151,18 @@ fn is_second(node: &Node, object: ObjectAddress, number: u64) -> bool {
 }
 
 /// Errors in the remapping procedure of CiA 301 §7.5.2.36.
-fn of_mapping(node: &Node, object: ObjectAddress, sub: u8, number: u64) -> Option<&'static str> {
+fn of_mapping(node: &Node, object: ObjectAddress, sub: u8, number: u64) -> Option<SituationId> {
     let name = PdoName::of_parameter(object.index)?;
     if confirmed_number(node, name.communication_index(), 1).is_some_and(|cob_id| cob_id & INVALID == 0) {
-        return Some("mapping-of-valid-pdo");
+        return Some(SituationId::MappingOfValidPdo);
     }
     if sub > 0 {
         return confirmed_number(node, object.index, 0)
             .filter(|count| *count != 0)
-            .map(|_| "mapping-enabled");
+            .map(|_| SituationId::MappingEnabled);
     }
     let count = u8::try_from(number).ok()?.min(64);
     let bits: Option<u64> =
         (1..=count).map(|sub| confirmed_number(node, object.index, sub).map(|entry| entry & 0xFF)).sum();
-    bits.filter(|bits| *bits > 64).map(|_| "mapping-too-large")
+    bits.filter(|bits| *bits > 64).map(|_| SituationId::MappingTooLarge)
 }

@@ -1,7 +1,7 @@
 //! Sizes of SDO transfers.
 
 use super::sdo_situation::is_described;
-use crate::event::{Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
+use crate::event::{Direction, Event, EventKind, Kind, Mode, Outcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::DataType;
 use crate::rules::general::facts::about;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// change the announced size of a segmented transfer
     "sdo-size", Warning, "wrong SDO transfer size",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "an SDO transfer with an announced size or of a known object",
     skips_holes: true,
     cases: &[

@@ -1,6 +1,6 @@
 //! Toggle bits of SDO segments.
 
-use crate::event::{Event, EventKind, Mode, Outcome, SdoIrregularityKind};
+use crate::event::{Event, EventKind, Kind, Mode, Outcome, SdoIrregularityKind};
 use crate::rules::general::facts::about;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// flip bit 4 of the first byte of a segment
     "sdo-toggle", Warning, "wrong toggle bit in SDO segment",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "a segmented transfer",
     skips_holes: true,
     cases: &["2.13", "2.14", "2.15", "2.16", "2.17", "2.18", "4.1", "4.7", "4.9"],

@@ -1,6 +1,6 @@
 //! SDO servers that send responses without a request.
 
-use crate::event::{Event, EventKind, Outcome};
+use crate::event::{Event, EventKind, Kind, Outcome};
 use crate::rules::rule::{declare_rule, tolerance};
 use crate::rules::{Context, Policy, Rule};
 use crate::wire::NodeMap;
@@ -23,7 +23,7 @@ declare_rule! {
     /// # Mutation
     /// repeat a response
     "sdo-unrequested-response", Warning, "SDO responses without a request",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "an SDO transfer",
     word: "SDO",
     tolerances: &[tolerance("responses", 3.0, "", "responses in sequence without a request")],

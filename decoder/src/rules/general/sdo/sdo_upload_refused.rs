@@ -1,6 +1,6 @@
 //! SDO uploads that a device refuses.
 
-use crate::event::{Abort, Direction, Event, EventKind, Outcome};
+use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome};
 use crate::finding::Merge;
 use crate::profile::abort_codes;
 use crate::query::record;
@@ -26,7 +26,7 @@ declare_rule! {
     /// # Mutation
     /// turn the response to an upload into an abort
     "sdo-upload-refused", Note, "SDO upload refused",
-    kinds: ["sdo-transfer"],
+    kinds: [Kind::SdoTransfer],
     needs: "an SDO upload",
     merge: Merge::Node,
     is_on: false,

@@ -1,6 +1,6 @@
 //! SYNC counter against its sequence and the overflow value (1019).
 
-use crate::event::{Event, EventKind};
+use crate::event::{Event, EventKind, Kind};
 use crate::rules::general::facts::{PRODUCES, confirmed_number};
 use crate::rules::rule::declare_rule;
 use crate::rules::{Context, Policy, Rule};
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// drop a SYNC with a counter
     "sync-counter", Warning, "wrong SYNC counter",
-    kinds: ["sync"],
+    kinds: [Kind::Sync],
     needs: "SYNC with a counter, or 1019:00 of its producer",
     cases: &["6.6", "6.7", "6.8"],
     shows: &["6.7"],

@@ -1,11 +1,11 @@
 //! SYNC period against 1006 or the usual period.
 
-use crate::event::{Event, EventKind, FrameRange};
+use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::{About, Severity};
 use crate::frame::Timestamp;
 use crate::rules::general::facts::confirmed_value;
 use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::session::{Bus, Node};
 use crate::wire::canopen::ObjectAddress;
 
@@ -29,7 +29,8 @@ declare_rule! {
     /// # Mutation
     /// drop a SYNC; insert a second stream of SYNC
     "sync-period", Error, "SYNC period out of tolerance",
-    kinds: ["sync", "sdo-transfer-communication", "boot-up"],
+    kinds: [Kind::Sync, Kind::SdoTransfer, Kind::BootUp],
+    transfers: TransferSubset::Communication,
     needs: "SYNC at a steady interval",
     is_timing: true,
     word: "SYNC",

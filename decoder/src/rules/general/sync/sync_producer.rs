@@ -1,9 +1,9 @@
 //! SYNC from a node whose producer bit was cleared.
 
-use crate::event::{Event, EventKind, FrameRange, SdoTransfer};
+use crate::event::{Event, EventKind, FrameRange, Kind, SdoTransfer};
 use crate::rules::general::facts::{PRODUCES, number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Context, Policy, Rule, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -26,7 +26,8 @@ declare_rule! {
     /// # Mutation
     /// clear bit 30 of 1005 in the middle
     "sync-producer", Warning, "SYNC still sent after producer was disabled",
-    kinds: ["sync", "sdo-transfer-communication", "boot-up", "test-case"],
+    kinds: [Kind::Sync, Kind::SdoTransfer, Kind::BootUp, Kind::TestCase],
+    transfers: TransferSubset::Communication,
     needs: "bit 30 of 1005:00 cleared in the capture",
     cases: &["6.2", "6.4", "9.2", "9.3"],
     word: "SYNC",

@@ -1,7 +1,7 @@
 //! Incomplete or irregular ISO-TP messages.
 
 use crate::event::{
-    Event, EventKind, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome, Protocol,
+    Event, EventKind, Irregularity, IrregularityKind, IsoTpTransfer, Kind, MessageOutcome, Protocol,
 };
 use crate::finding::{About, Severity};
 use crate::rules::rule::{declare_rule, tolerance};
@@ -25,7 +25,7 @@ declare_rule! {
     /// # Mutation
     /// drop a consecutive frame
     "isotp-violation", Warning, "ISO-TP message incomplete or unexpected",
-    kinds: ["isotp-transfer", "transport-irregularity"],
+    kinds: [Kind::IsoTpTransfer, Kind::TransportIrregularity],
     needs: "a segmented ISO-TP message",
     skips_holes: true,
     word: "ISOTP",

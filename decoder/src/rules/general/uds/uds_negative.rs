@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, ExchangeOutcome, UdsExchange};
+use crate::event::{Event, EventKind, ExchangeOutcome, Kind, UdsExchange};
 use crate::finding::{About, Severity};
 use crate::profile::uds;
 use crate::query::record;
@@ -29,7 +29,7 @@ declare_rule! {
     /// # Mutation
     /// replace the response to a write by a negative response
     "uds-negative", Warning, "UDS request refused",
-    kinds: ["uds-exchange"],
+    kinds: [Kind::UdsExchange],
     needs: "a UDS request with a response",
     word: "UDS",
 }

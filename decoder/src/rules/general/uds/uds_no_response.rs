@@ -1,7 +1,7 @@
 //! UDS requests without a response.
 
 use super::uds_negative::{service_name, subject};
-use crate::event::{Endpoints, Event, EventKind, ExchangeOutcome, UdsExchange};
+use crate::event::{Endpoints, Event, EventKind, ExchangeOutcome, Kind, UdsExchange};
 use crate::finding::{About, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::declare_rule;
@@ -27,7 +27,7 @@ declare_rule! {
     /// # Mutation
     /// drop the response of a server
     "uds-no-response", Warning, "UDS request without response",
-    kinds: ["uds-exchange"],
+    kinds: [Kind::UdsExchange],
     needs: "a UDS request to a server that has responded",
     skips_holes: true,
     is_timing: true,

@@ -18,9 +18,9 @@ use transfer::Transfer;
 use transfers::{Due, Transfers};
 
 use crate::bus_file::encode;
-use crate::event::{Direction, EventKind, Outcome, SdoTransfer};
+use crate::event::{Direction, EventKind, EvictedState, Outcome, SdoTransfer};
 use crate::frame::{Frame, FrameFlags, Timestamp};
-use crate::profile::{Effect, Entry, Meaning};
+use crate::profile::{Effect, Entry, Meaning, Persistence};
 use crate::session::bus::{Bus, OriginKind};
 use crate::session::context::Context;
 use crate::session::machine::{Machine, Timed};
@@ -81,7 +81,7 @@ impl Machine for Sdo {
             value = emit_transfer(node, transfer, frame, cx);
         }
         if self.transfers.take_overflow() {
-            let kind = EventKind::Evicted { what: "data of open SDO transfers", count: 1 };
+            let kind = EventKind::Evicted { what: EvictedState::SdoData, count: 1 };
             cx.emit(frame, node, false, kind);
         }
         if cx.bus.clock.runs() {
@@ -210,7 +210,7 @@ fn previous(bus: &Bus, server: NodeId, object: Option<ObjectAddress>) -> (Option
 }
 
 /// Effect and persistence of a write, from the device's profile.
-fn consequence(bus: &Bus, server: NodeId, transfer: &Transfer) -> (Option<Effect>, Option<&'static str>) {
+fn consequence(bus: &Bus, server: NodeId, transfer: &Transfer) -> (Option<Effect>, Option<Persistence>) {
     let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
     let object = transfer.object.filter(|_| is_write);
     let entry = object.and_then(|object| bus.node(server)?.device().dictionary.find(object)?.entry);

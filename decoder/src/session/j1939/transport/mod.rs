@@ -17,7 +17,8 @@ use session::{Ending, Opening, SHORTEST, Session, TransferStep, TransportIrregul
 use sessions::{Due, Key, Sessions};
 
 use crate::event::{
-    EventKind, Irregularity, IrregularityKind, J1939Transfer, Outcome, TransportAbort, TransportMode,
+    EventKind, EvictedState, Irregularity, IrregularityKind, J1939Transfer, Outcome, TransportAbort,
+    TransportMode,
 };
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
@@ -249,7 +250,7 @@ impl Transports {
         let (place, evicted) = self.sessions.open(key, session);
         cx.bus.open_transfers.set(place, Some((key.source, pgn)));
         if let Some(evicted) = evicted {
-            let kind = EventKind::Evicted { what: "J1939 transfer", count: 1 };
+            let kind = EventKind::Evicted { what: EvictedState::J1939Transfer, count: 1 };
             cx.emit_j1939(part.frame, evicted.id(), kind);
         }
         self.arm(place, cx);
@@ -306,7 +307,7 @@ impl Transports {
         let step = session.packet(sequence, bytes, part.frame, now);
         let about = TransportFrame { pgn: session.pgn, ..part };
         if self.sessions.grew(place, before) {
-            let kind = EventKind::Evicted { what: "data of open J1939 transfers", count: 1 };
+            let kind = EventKind::Evicted { what: EvictedState::J1939Data, count: 1 };
             cx.emit_j1939(part.frame, part.id, kind);
         }
         self.after_frame(about, place, step, cx)

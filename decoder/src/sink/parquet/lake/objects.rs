@@ -10,7 +10,7 @@ use std::io;
 use super::partitions::PushRow;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
-use crate::profile::Value;
+use crate::profile::{Persistence, Value};
 use crate::session::{Bus, Buses, Entry, Node, Origin, OriginKind};
 use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};
 use crate::sink::parquet::time::{micros_of_date, nanos, node_number};
@@ -53,7 +53,7 @@ struct Interval {
     value: Option<f64>,
     text: Option<String>,
     unit: Option<String>,
-    persists: Option<&'static str>,
+    persists: Option<Persistence>,
 }
 
 /// Objects of a node that may have changed; `None` for all objects.
@@ -208,7 +208,7 @@ impl ObjectIntervals {
                 Cell::Number(i64::try_from(interval.entry.size).unwrap_or(i64::MAX)),
                 Cell::Text(interval.since.kind.name()),
                 Cell::Truth(interval.entry.stale),
-                Cell::text(interval.persists),
+                Cell::text(interval.persists.map(Persistence::name)),
             ],
         )
     }

@@ -205,7 +205,7 @@ impl PayloadPlace<'_> {
             }
         }
         let assumed = if layout.assumed { ", presumed: a default, or possibly changed since" } else { "" };
-        let source = format!("layout: {}{assumed}", layout.origin);
+        let source = format!("layout: {}{assumed}", layout.origin.name());
         Payload { title: self.title(), bytes: bytes.to_vec(), parts, source }
     }
 

@@ -35,7 +35,7 @@ pub fn escape_json(json: &str) -> std::borrow::Cow<'_, str> {
 }
 
 /// Appends escaped text; bytes that are not valid UTF-8 are replaced.
-pub(super) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
+pub(crate) fn push_escaped(out: &mut Vec<u8>, text: &[u8]) {
     if is_plain(text) {
         out.extend_from_slice(text);
     } else {
@@ -54,7 +54,7 @@ fn is_terminal_control(c: char) -> bool {
 }
 
 /// Quick check: `true` if no ASCII control character and no first byte of another character to escape occurs.
-pub(super) fn is_plain(text: &[u8]) -> bool {
+pub(crate) fn is_plain(text: &[u8]) -> bool {
     let special = |byte: u8| u8::from(byte < b' ') | u8::from(matches!(byte, 0x7F | 0xC2 | 0xD8 | 0xE2));
     text.iter().fold(0, |found, byte| found | special(*byte)) == 0
 }
