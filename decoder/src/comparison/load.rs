@@ -61,7 +61,12 @@ fn error_frames(scope: &Scope<'_>, out: &mut Comparison) {
             }
         }
         (good, 0) => {
-            out.add_not_seen((SECTION, SubjectNoun::ErrorFrame), Side::Bad, (text(good), ""), Mark::default())
+            out.add_not_seen(
+                (SECTION, SubjectNoun::ErrorFrame),
+                Side::Bad,
+                (text(good), ""),
+                Mark::default(),
+            );
         }
         (good, bad) if scope.counts_differ(good, bad) => {
             let value =
