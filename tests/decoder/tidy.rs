@@ -237,6 +237,58 @@ fn every_layer_imports_only_from_the_left() {
     assert!(report.is_empty(), "\n{report}");
 }
 
+/// Calls that belong to the pass, and files outside of `reading/` that contain them, with the reason.
+const CALLS_OF_THE_PASS: &[(&str, &[&str])] = &[
+    ("Engine::new", &[]),
+    // A baseline decides after the pass which findings the text has.
+    ("Diagnosis::of", &["decoder/src/sink/findings/text.rs"]),
+    // Statistics of all buses call those of one.
+    (".withdraw(", &["decoder/src/statistics/mod.rs"]),
+];
+
+/// Maximum number of implementations of `Observer`.
+const MOST_OBSERVERS: usize = 12;
+
+#[test]
+fn only_the_pass_runs_rules_and_combines_observers() {
+    let mut report = String::new();
+    let mut observers = Vec::new();
+    for (name, text) in all(&["decoder/src", "tui/src", "bindings"]) {
+        let text = without_tests(&text);
+        for (call, others) in CALLS_OF_THE_PASS {
+            let is_permitted = name.starts_with("decoder/src/reading/") || others.contains(&name.as_str());
+            if text.contains(call) && !is_permitted && !name.contains("/tests") {
+                writeln!(report, "{name}: {call}").unwrap();
+            }
+        }
+        let own = text.lines().filter(|line| line.starts_with("impl") && line.contains(" Observer for "));
+        observers.extend(own.map(|line| format!("{name}: {line}")));
+    }
+    assert!(report.is_empty(), "\n{report}");
+    assert!(observers.len() <= MOST_OBSERVERS, "{}\n{}", observers.len(), observers.join("\n"));
+}
+
+/// Files of the program and the page that parse JSON of others: requests, the index of a lake, schemas of tools.
+const READERS_OF_JSON: &[&str] = &[
+    "bindings/web/src/session.rs",
+    "tui/src/cmd/lake_index.rs",
+    "tui/src/cmd/mcp/arguments.rs",
+    "tui/src/cmd/mcp/rpc.rs",
+];
+
+/// An answer is typed: it is not printed and parsed again.
+#[test]
+fn no_output_is_parsed_again() {
+    let parses = |(name, text): &(String, String)| {
+        without_tests(text).contains("serde_json::from_")
+            && !name.contains("/tests")
+            && !READERS_OF_JSON.contains(&name.as_str())
+    };
+    let found: Vec<_> =
+        all(&["tui/src", "bindings"]).into_iter().filter(parses).map(|(name, _)| name).collect();
+    assert_eq!(found, Vec::<String>::new());
+}
+
 /// A folder without circular imports can be read and moved together with its dependencies. A `mod.rs` counts
 /// as a file: if its submodules use its definitions and it uses theirs, they all form one file.
 #[test]

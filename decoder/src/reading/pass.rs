@@ -284,8 +284,8 @@ impl<P> Summary<P> {
 mod tests {
     use super::*;
     use crate::event::{Event, EventKind};
-    use crate::reading::ReadingBuilder;
     use crate::frame::CanId;
+    use crate::reading::ReadingBuilder;
     use crate::session::Bus;
     use crate::wire::NodeId;
 

@@ -1,4 +1,19 @@
 //! Frames without an event: what the rules need of the next ones, and what they count of those that were skipped.
+//!
+//! - A rule states in `Rule::need`, once per identifier, what it needs of the next frames: payload bits, the shortest and the
+//!   longest interval, the number of frames, contents in turn, error indicators of J1939, or each frame; and whether a frame
+//!   without an event counts as passed. A rule calls `Context::ask_again` if its answer changes; a new layout and a silence of
+//!   the bus ask again, too, and a new usual interval if the answer follows it.
+//! - If only few rules need the event of a PDO, the frame is counted for all others in the same call, and its event reaches
+//!   only these few (`Engine::event_for_few`).
+//! - Device rules read the last values of a PDO from its last payload (`rules/device/values.rs`) until a bit changes that a
+//!   condition or a rule about changes uses.
+//! - A frame after a deadline of a rule gets its event, unless the rule only sets the next deadline (`Rule::postpone`). The
+//!   engine keeps the time up to which no deadline, end of a second or held finding needs an event: a skipped frame is
+//!   compared with this time only.
+//!
+//! A question per frame was preferred to bounds that the session keeps for its observers: these would have to be kept up to
+//! date for every observer and checkpoint.
 
 use std::cmp::Reverse;
 
