@@ -29,6 +29,32 @@ mod tests {
         assert!(!differ(0, 1, 5.0, 1));
     }
 
+    /// 5 % of 1000 are 50, of 1051 52.55; the limit is that of the smaller value. A floor of 20 is not exceeded by 20.
+    #[test]
+    fn the_smaller_value_sets_the_limit() {
+        for (good, bad, is_other) in
+            [(1000, 1050, false), (1000, 1051, true), (1051, 1000, true), (1050, 1000, false)]
+        {
+            assert_eq!(differ(good, bad, 5.0, 0), is_other, "{good} {bad}");
+        }
+        assert!(!differ(100, 80, 5.0, 20));
+        assert!(differ(100, 79, 5.0, 20));
+        // A negative value has no percentage: the floor decides.
+        assert!(differ(-5, 1, 5.0, 5));
+        assert!(!differ(-5, 0, 5.0, 5));
+    }
+
+    /// Rates of 10/s and 11/s differ by 10 % of the smaller one, which is 9.1 % of the larger one.
+    #[test]
+    fn the_smaller_rate_sets_the_limit() {
+        assert!(!counts_differ((10, 1.0), (11, 1.0), 10.0));
+        assert!(counts_differ((10, 1.0), (11, 1.0), 9.5));
+        assert!(counts_differ((11, 1.0), (10, 1.0), 9.5));
+        // Without durations the counts are compared.
+        assert!(counts_differ((10, 0.0), (20, 0.0), 99.0));
+        assert!(!counts_differ((10, 0.0), (20, 0.0), 100.0));
+    }
+
     #[test]
     fn counts_are_compared_as_rates() {
         // 10 in 100 s and 4 in 40 s are the same rate; 3 in 40 s instead of 1 in 60 s is more than twice as often.

@@ -96,6 +96,31 @@ fn values_of_all_types() {
     assert_eq!(matching("node_name == ABCD").len(), events::all().len());
 }
 
+/// The only SYNC has counter 5, the only silence is 2 s long, and only object 1017:00 changes.
+#[test]
+fn comparisons_on_both_sides_of_a_value() {
+    let cases = [
+        ("counter", ["4", "5", "6"], "sync"),
+        ("gap", ["1.999", "2", "2.001"], "bus-silent"),
+        ("object", ["1016:FF", "1017:00", "1017:01"], "object-change"),
+    ];
+    for (field, [below, equal, above], kind) in cases {
+        let is_found = |operator: &str, value: &str| {
+            !matching(&format!("kind == {kind} && {field} {operator} {value}")).is_empty()
+        };
+        let found = |operator: &str| [below, equal, above].map(|value| is_found(operator, value));
+        assert_eq!(found("<"), [false, false, true], "{field}");
+        assert_eq!(found("<="), [false, true, true], "{field}");
+        assert_eq!(found(">"), [true, false, false], "{field}");
+        assert_eq!(found(">="), [true, true, false], "{field}");
+        assert_eq!(found("=="), [false, true, false], "{field}");
+        assert_eq!(found("!="), [true, false, true], "{field}");
+        let range = |from: &str, to: &str| is_found("in", &format!("{{{from}..{to}}}"));
+        assert!(range(below, equal) && range(equal, above) && range(equal, equal), "{field}");
+        assert!(!range(below, below) && !range(above, above), "{field}");
+    }
+}
+
 #[test]
 fn a_key_of_several_meanings_goes_by_the_value() {
     assert_eq!(matching("from == 1"), ["node-id-change"]);

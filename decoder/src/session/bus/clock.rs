@@ -246,6 +246,16 @@ mod tests {
     }
 
     #[test]
+    fn a_step_back_of_1_s_is_jitter_and_a_longer_one_is_not() {
+        for (stamp, then, now) in [(4_000, 4_500, 5_000), (3_999, 4_499, 5_500)] {
+            let mut clock = Clock::default();
+            at(&mut clock, 5_000);
+            assert_eq!(at(&mut clock, stamp).now, 5_000 * MS);
+            assert_eq!(at(&mut clock, then).now, now * MS);
+        }
+    }
+
+    #[test]
     fn a_gap_of_more_than_ten_times_the_longest_is_unusual() {
         let mut clock = Clock::default();
         for index in 0..300 {
