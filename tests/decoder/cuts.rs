@@ -36,7 +36,7 @@ const LARGEST: u64 = 1 << 20;
 /// Maximum number of frames of a capture of the corpus.
 const MOST_FRAMES: usize = 3_000;
 
-/// Kinds of events that report a change since the last report, each with the keys of what is reported.
+/// Kinds of events that report a change since the last report, each with the keys of the reported values.
 const CHANGES: [(&str, &[&str]); 8] = [
     ("device-state", &["node", "machine", "channel"]),
     ("bits-changed", &["node", "object"]),

@@ -118,7 +118,7 @@ fn content(name: &str, bytes: &[u8]) -> Content {
 }
 
 /// Whether damage is reported; an assumption counts only for an unfinished file.
-fn is_told(content: &Content) -> bool {
+fn is_reported(content: &Content) -> bool {
     let is_remark = |notice: &Notice| match notice {
         Notice::Assumption(text) => text.contains("not finished"),
         _ => true,
@@ -171,7 +171,7 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
                 // Groups of MDF4 are merged by time, so frames of a damaged group are missing in between.
                 assert!(is_within(&part.frames, &whole.frames), "{name}: {cut} bytes");
                 before = part.frames.len();
-                silent += usize::from(before < whole.frames.len() && !is_told(&part));
+                silent += usize::from(before < whole.frames.len() && !is_reported(&part));
                 continue;
             }
             let same = same(&part.frames, &whole.frames);
@@ -188,7 +188,7 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
                 let lines = content(name, &bytes[..lines]).frames.len();
                 assert!(same >= lines.min(whole.frames.len()) && same <= lines + 1, "{name}: {cut} bytes");
             }
-            silent += usize::from(part.frames.len() < whole.frames.len() && !is_told(&part));
+            silent += usize::from(part.frames.len() < whole.frames.len() && !is_reported(&part));
             before = same;
         }
         // In MDF4, other blocks may depend on the last one.

@@ -252,11 +252,11 @@ fn a_sequence_compares_the_first_occurrences_since_the_start() {
     let start: &[&str] = &["082#"];
     assert_eq!(order(&[start, &kind, &range]), 0);
     assert_eq!(order(&[start, &range, &kind]), 1);
-    // The second time is no set-up, and a refused write is no step.
+    // The second time is not a set-up, and a refused write is not a step.
     assert_eq!(order(&[start, &kind, &range, &kind]), 0);
     assert_eq!(order(&[start, &range, &kind, &kind]), 1);
     assert_eq!(order(&[start, &range, &refused]), 0);
-    // Unknown before the first start; a restart begins anew.
+    // Unknown before the first start, and again after a restart.
     assert_eq!(order(&[&range, &kind]), 0);
     assert_eq!(order(&[start, &range, start, &kind]), 0);
 }
@@ -303,11 +303,11 @@ fn a_precondition_with_ms_must_be_false_for_this_time() {
     assert!(!found(&|_| 2));
     assert!(!found(&|number| if number < 10 { 0 } else { 2 }));
     assert!(found(&|number| if number < 13 { 0 } else { 2 }));
-    // Two short deviations are no long one.
+    // Two short deviations do not add up to a long one.
     assert!(!found(&|number| if number % 8 == 0 { 2 } else { 0 }));
 }
 
-/// RE 30027-Z, 19.5: power-on switches the angle controller on. A reset by NMT is no power-on.
+/// RE 30027-Z, 19.5: power-on switches the angle controller on. A reset by NMT is not a power-on.
 #[test]
 fn a_power_on_is_a_start_without_a_command() {
     let rule = "angle-controller-on-after-power-on".to_owned();
@@ -363,7 +363,7 @@ fn a_pdo_that_another_node_has_on_the_identifier_is_not_of_the_device() {
     assert_eq!(of_devices(&judged(IFB, &command)), [ifb("one-pdo-pair")]);
 }
 
-/// RE 29015-01-Z/09.06 §3: a response that was sent before the reset took effect is no state after it.
+/// RE 29015-01-Z/09.06 §3: a response that was sent before the reset took effect does not show the state after it.
 #[test]
 fn a_state_is_judged_only_some_time_after_a_reset_command() {
     let until = |frames: usize| {

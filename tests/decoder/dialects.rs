@@ -143,7 +143,7 @@ fn raw_dlc_survives() {
 }
 
 #[test]
-fn can_xl_is_said_to_be_unsupported() {
+fn can_xl_is_reported_as_unsupported() {
     for (name, count) in [("candump_L_xl.log", 5), ("candump_ta_xl.txt", 2)] {
         let content = read(name);
         assert_eq!(content.frames.len(), 2, "{name}");

@@ -46,7 +46,7 @@ fn every_kind_has_a_fixture_in_which_it_is_broken_and_met() {
 }
 
 #[test]
-fn what_names_nobody_knows_is_not_judged_and_said_so() {
+fn unknown_names_are_not_judged_and_are_reported() {
     let capture = read(&workspace().join("fixtures/rules/expect-bounds.log"));
     let findings = recorded(&capture);
     assert_eq!(verdict(&findings, "raw-position"), Verdict::NotExercised);
@@ -72,7 +72,7 @@ fn judged(fixture: &str, text: &str) -> Findings {
 }
 
 #[test]
-fn severity_and_suppression_are_said_of_expectations_as_of_rules() {
+fn severity_and_suppression_apply_to_expectations_as_to_rules() {
     let expect = "[[expect]]\nid = \"no-sync\"\nkind = \"never\"\nwhen = 'kind == sync'\nreason = \"r\"\n";
     let findings = judged("expect-within.log", expect);
     assert_eq!(findings.groups[0].severity.name(), "error");
@@ -98,7 +98,7 @@ fn broken(kind: &str, lines: &str) -> String {
 }
 
 #[test]
-fn what_is_wrong_with_the_table_is_told_with_its_place() {
+fn an_error_in_the_table_is_reported_with_its_place() {
     let all = [
         ("never", "when = 'sync'\nwehn = 'x'", "6:1: unknown field `wehn`, expected one of"),
         ("nevr", "when = 'x'", "3:8: unknown kind 'nevr'; expected always, never, within, every, count"),
@@ -157,7 +157,7 @@ fn what_is_wrong_with_the_table_is_told_with_its_place() {
 }
 
 #[test]
-fn what_is_wrong_with_an_expression_is_told_with_its_place_in_it() {
+fn an_error_in_an_expression_is_reported_with_its_place() {
     let all = [
         ("never", "when = 'nod == 5'", "5:9: unknown field 'nod'; did you mean node?"),
         ("never", "when = \"nod == 5\"", "5:9: unknown field 'nod'"),

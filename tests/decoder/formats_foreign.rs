@@ -340,7 +340,7 @@ fn corpus_files(folder: &Path, found: &mut Vec<(String, PathBuf)>) {
     }
 }
 
-/// A lenient format must not take a file of another one, nor a file that is not a capture. The table holds for builds that
+/// A lenient format must not take a file of another one, nor a file without frames. The table holds for builds that
 /// can decompress and that know all formats.
 #[test]
 fn no_file_of_the_corpus_changes_its_format() {

@@ -144,7 +144,7 @@ fn a_wrong_bit_anywhere_never_changes_frames_unsaid() {
 }
 
 #[test]
-fn a_chunk_that_is_not_what_it_was_is_told_with_its_place() {
+fn a_changed_chunk_is_reported_with_its_place() {
     let Made { mut bytes, chunks } = made(Packing::None);
     let (second, ..) = *records(&bytes).iter().filter(|(_, kind, _)| *kind == 6).nth(1).unwrap();
     // The last byte of the last message: a byte of data.
@@ -180,7 +180,7 @@ fn lengths_that_lie_are_bounded_by_what_is_there() {
 
 /// Wrong sizes of each record and chunk.
 #[test]
-fn records_and_chunks_without_end_are_told() {
+fn records_and_chunks_without_end_are_reported() {
     let Made { bytes, .. } = made(Packing::Zstd);
     for (number, (at, kind, _)) in records(&bytes).into_iter().enumerate() {
         let mut lying = bytes.clone();

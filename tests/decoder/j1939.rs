@@ -66,7 +66,7 @@ fn told(frames: &[Frame], of: fn(Protocol) -> bool) -> Vec<String> {
 }
 
 #[test]
-fn canopen_and_j1939_on_one_bus_are_told_as_each_alone() {
+fn canopen_and_j1939_on_one_bus_are_decoded_as_each_alone() {
     let (mut canopen_events, mut j1939_events) = (0, 0);
     let ours = captures("canopen");
     for (theirs, own) in captures("j1939").iter().zip(ours.iter().cycle().skip(3)) {
@@ -94,7 +94,7 @@ fn canopen_and_j1939_on_one_bus_are_told_as_each_alone() {
 }
 
 /// A frame of a transport protocol, as identifier and payload.
-type Part = (u32, Vec<u8>);
+type RawFrame = (u32, Vec<u8>);
 
 /// A message of the proprietary group EF00 from one address to another, or to all.
 #[derive(Debug, Clone)]
@@ -111,14 +111,14 @@ fn identifier(group: u8, source: u8, destination: u8) -> u32 {
 }
 
 impl Message {
-    fn managed(&self, is_answer: bool, head: [u8; 5]) -> Part {
+    fn managed(&self, is_answer: bool, head: [u8; 5]) -> RawFrame {
         let (from, to) =
             if is_answer { (self.destination, self.source) } else { (self.source, self.destination) };
         (identifier(0xEC, from, to), [&head[..], &[0x00, 0xEF, 0x00]].concat())
     }
 
     /// Frames of the message in the format of J1939-21 §5.10.3.
-    fn frames(&self) -> Vec<Part> {
+    fn frames(&self) -> Vec<RawFrame> {
         let [low, high] = u16::try_from(self.payload.len()).unwrap().to_le_bytes();
         let packets: Vec<&[u8]> = self.payload.chunks(7).collect();
         let count = u8::try_from(packets.len()).unwrap();

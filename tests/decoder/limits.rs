@@ -250,7 +250,7 @@ fn learnt_identifiers() {
 /// A boot-up drops learnt entries. With the max number of entries, it must not search all of them for each
 /// identifier.
 #[test]
-fn boot_ups_of_a_node_that_was_told_much() {
+fn boot_ups_of_a_node_with_many_writes() {
     let mut scene = Scene::new();
     for pdo in 0..500 {
         scene.write(5, 0x1800 + pdo, 1, cob_id(0x1000 + u32::from(pdo)));

@@ -178,7 +178,7 @@ fn every_rule_has_a_mutation() {
     assert!(missing.is_empty(), "no row in fixtures/rules/mutations: {missing:?}");
 }
 
-/// Rows that prove a statement name it; their rule is one that judges it.
+/// Rows that prove a statement name it; their rule judges it.
 #[test]
 fn every_judged_statement_has_a_mutation() {
     let mut report = String::new();

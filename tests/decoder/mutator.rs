@@ -71,14 +71,14 @@ pub fn text(lines: &[Line]) -> String {
 }
 
 /// Parsed words of an operator: the selector, then keys with their values.
-struct Words<'a> {
+struct OperatorWords<'a> {
     first: &'a str,
     keys: Vec<(&'a str, &'a str)>,
     begin: i64,
     end: i64,
 }
 
-impl<'a> Words<'a> {
+impl<'a> OperatorWords<'a> {
     fn new(text: &'a str, lines: &[Line]) -> Self {
         let mut words = text.split_whitespace();
         let first = words.next().unwrap_or_else(|| panic!("nothing to change: {text}"));
@@ -203,7 +203,7 @@ fn expedited(operator: &str, what: &str, bytes: &str) -> Vec<String> {
 /// Applies an operator; panics if it changes nothing.
 pub fn apply(step: &str, lines: &mut Vec<Line>) {
     let (operator, rest) = step.split_once(": ").unwrap_or_else(|| panic!("no operator: {step}"));
-    let words = Words::new(rest, lines);
+    let words = OperatorWords::new(rest, lines);
     let inserted = match operator {
         "insert" => Some(vec![words.first.to_owned()]),
         "write" | "read" => Some(expedited(operator, words.first, words.need("is"))),
@@ -229,7 +229,7 @@ pub fn apply(step: &str, lines: &mut Vec<Line>) {
     lines.sort_by_key(|line| line.time);
 }
 
-fn change(operator: &str, words: &Words<'_>, places: &[usize], lines: &mut Vec<Line>) {
+fn change(operator: &str, words: &OperatorWords<'_>, places: &[usize], lines: &mut Vec<Line>) {
     match operator {
         "drop" => places.iter().rev().for_each(|place| drop(lines.remove(*place))),
         "delay" => {

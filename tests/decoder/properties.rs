@@ -297,7 +297,7 @@ fn pieces_of_any_size_read_as_the_whole() {
 }
 
 #[test]
-fn reading_goes_on_from_any_position() {
+fn reading_resumes_at_any_position() {
     for (name, bytes) in ["dialects", "canopen", "malformed", "recorders"].into_iter().flat_map(fixtures) {
         let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
         let mut batch = Batch::new();
@@ -324,36 +324,36 @@ fn reading_goes_on_from_any_position() {
 // Checkpoints.
 
 /// An item of a reader's output.
-enum Kept {
+enum ReaderItem {
     Frame(Frame),
     Notice(Notice),
 }
 
-fn kept(bytes: &[u8], most: usize) -> (Vec<Kept>, BusNames) {
+fn kept(bytes: &[u8], most: usize) -> (Vec<ReaderItem>, BusNames) {
     let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut all = Vec::new();
     while all.len() < most && reader.read(&mut batch).unwrap_or(false) {
         all.extend(batch.items().map(|item| match item {
-            Item::Frame(frame) => Kept::Frame(*frame),
-            Item::Notice(notice) => Kept::Notice(notice.clone()),
+            Item::Frame(frame) => ReaderItem::Frame(*frame),
+            Item::Notice(notice) => ReaderItem::Notice(notice.clone()),
         }));
     }
     (all, reader.buses().clone())
 }
 
-fn push(decoder: &mut Decoder, item: &Kept, names: &BusNames, checker: &mut Checker) {
+fn push(decoder: &mut Decoder, item: &ReaderItem, names: &BusNames, checker: &mut Checker) {
     match item {
-        Kept::Frame(frame) => {
+        ReaderItem::Frame(frame) => {
             checker.last_frame = frame.number;
             decoder.push(frame, names, checker);
         }
-        Kept::Notice(notice) => decoder.notice(notice, names, checker),
+        ReaderItem::Notice(notice) => decoder.notice(notice, names, checker),
     }
 }
 
 /// Continues decoding from a clone at each of `places`; the lines must equal those of the original decoder.
-fn goes_on_from(name: &str, items: &[Kept], names: &BusNames, places: &[usize]) {
+fn resumes_from(name: &str, items: &[ReaderItem], names: &BusNames, places: &[usize]) {
     let mut decoder = Decoder::new(SessionOptions::default());
     let mut checker = Checker::keeping();
     let mut clones = Vec::new();
@@ -382,14 +382,14 @@ fn goes_on_from(name: &str, items: &[Kept], names: &BusNames, places: &[usize]) 
 }
 
 #[test]
-fn decoding_goes_on_from_a_clone_at_any_frame_of_every_fixture() {
+fn decoding_resumes_from_a_clone_at_any_frame_of_every_fixture() {
     for (name, bytes) in fixtures("canopen") {
         let (items, names) = kept(&bytes, usize::MAX);
         // Every position of short captures, 40 of long ones; not only multiples of the step.
         let step = (items.len() / 40).max(1);
         let places: Vec<_> =
             (0..=items.len()).step_by(step).map(|place| place.saturating_sub(place % 3)).collect();
-        goes_on_from(&name, &items, &names, &places);
+        resumes_from(&name, &items, &names, &places);
     }
 }
 
@@ -397,7 +397,7 @@ fn decoding_goes_on_from_a_clone_at_any_frame_of_every_fixture() {
 fn checkpoints_of_corpus_captures_are_small_and_go_on() {
     for (name, bytes) in corpus_captures().into_iter().step_by(step(4)) {
         let (items, names) = kept(&bytes, CORPUS_FRAMES);
-        goes_on_from(&name, &items, &names, &[items.len() / 3, items.len() * 2 / 3]);
+        resumes_from(&name, &items, &names, &[items.len() / 3, items.len() * 2 / 3]);
     }
 }
 
@@ -406,7 +406,7 @@ proptest! {
 
     /// Sessions with random frames, not only those of the fixtures.
     #[test]
-    fn decoding_goes_on_from_a_clone_in_any_session(bytes in prop::collection::vec(any::<u8>(), 1..2_000)) {
+    fn decoding_resumes_from_a_clone_in_any_session(bytes in prop::collection::vec(any::<u8>(), 1..2_000)) {
         target("session").1(&bytes);
     }
 }

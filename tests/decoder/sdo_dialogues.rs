@@ -1,4 +1,4 @@
-//! SDO dialogues on identifiers of PDOs that nobody configured.
+//! SDO dialogues on identifiers of PDOs that are not configured.
 
 use std::fmt::Write as _;
 

@@ -31,10 +31,10 @@ fn crc(data: &[u8]) -> u16 {
 }
 
 /// A frame of an upload: from the server?, and data.
-type Step = (bool, [u8; 8]);
+type UploadStep = (bool, [u8; 8]);
 
 /// Block upload of 2010:00 from node 5, byte by byte after CiA 301 figures 40 to 45.
-fn upload(data: &[u8]) -> Vec<Step> {
+fn upload(data: &[u8]) -> Vec<UploadStep> {
     let size = u32::try_from(data.len()).unwrap().to_le_bytes();
     let mut steps = vec![
         (false, [0xA4, 0x10, 0x20, 0, u8::try_from(BLOCK).unwrap(), 0, 0, 0]),
@@ -61,7 +61,7 @@ fn upload(data: &[u8]) -> Vec<Step> {
 }
 
 /// A capture with a heartbeat before the steps.
-fn capture(steps: impl Iterator<Item = Step>) -> String {
+fn capture(steps: impl Iterator<Item = UploadStep>) -> String {
     let mut text = String::from("(1.000000) can0 705#05\n");
     for (place, (from_server, data)) in steps.enumerate() {
         let id = if from_server { 0x585 } else { 0x605 };
@@ -104,7 +104,7 @@ fn printed(text: &str, as_json: bool) -> String {
     String::from_utf8(out).unwrap()
 }
 
-fn without(steps: &[Step], dropped: &[usize]) -> String {
+fn without(steps: &[UploadStep], dropped: &[usize]) -> String {
     let kept = steps.iter().enumerate().filter(|(place, _)| !dropped.contains(place));
     capture(kept.map(|(_, step)| *step))
 }
@@ -177,9 +177,9 @@ fn an_acknowledged_segment_is_missing_in_the_capture() {
 fn each_kind_of_frame_may_be_missing() {
     let whole = value(200);
     let steps = upload(&whole);
-    let is_ack = |(from_server, data): &Step| !from_server && data[0] == 0xA2;
-    let second = |(from_server, data): &Step| *from_server && data[0] & 0x7F == 2;
-    let places = |test: &dyn Fn(&Step) -> bool| {
+    let is_ack = |(from_server, data): &UploadStep| !from_server && data[0] == 0xA2;
+    let second = |(from_server, data): &UploadStep| *from_server && data[0] & 0x7F == 2;
+    let places = |test: &dyn Fn(&UploadStep) -> bool| {
         (0..steps.len()).filter(|place| test(&steps[*place])).collect::<Vec<_>>()
     };
     let count = steps.len();
@@ -241,7 +241,7 @@ fn repeated_segments_are_neither_missing_nor_double() {
 }
 
 /// A block and its acknowledgement are missing: nothing shows where, but 35 of 200 bytes are missing in the capture, so
-/// the CRC blames nobody.
+/// the CRC shows no defect.
 #[test]
 fn a_missing_block_is_no_crc_error() {
     let whole = value(200);
@@ -266,7 +266,7 @@ fn a_start_within_a_block_invents_nothing() {
 
 /// Segmented transfer of 2010:00, byte by byte after CiA 301 figures 32 to 37: the client asks for, or sends, segments of
 /// seven bytes.
-fn segmented(data: &[u8], is_upload: bool) -> Vec<Step> {
+fn segmented(data: &[u8], is_upload: bool) -> Vec<UploadStep> {
     let size = u32::try_from(data.len()).unwrap().to_le_bytes();
     let start = |command| [command, 0x10, 0x20, 0, size[0], size[1], size[2], size[3]];
     let mut steps = if is_upload {
@@ -312,7 +312,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever frames between the start and the end of a segmented transfer are missing in one run: each captured byte keeps
-    /// its position, or the transfer is known to be incomplete; nobody is blamed.
+    /// its position, or the transfer is known to be incomplete; no defect is reported.
     #[test]
     fn a_run_of_missing_segments_invents_nothing(
         (length, is_upload) in (15_usize..120, any::<bool>()),
@@ -342,7 +342,7 @@ proptest! {
     fn no_byte_moves(length in 8_usize..300, mask in any::<u64>()) {
         let whole = value(length);
         let steps = upload(&whole);
-        let is_segment = |step: &Step| step.0 && step.1[0] & 0x7F <= 5 && step.1[0] != 0xC6;
+        let is_segment = |step: &UploadStep| step.0 && step.1[0] & 0x7F <= 5 && step.1[0] != 0xC6;
         let dropped: Vec<_> = (3..steps.len() - 2)
             .filter(|place| is_segment(&steps[*place]) && mask >> (place % 64) & 1 == 1)
             .collect();

@@ -106,9 +106,9 @@ fn keep(event: &Event, events: &mut Vec<(bool, String)>) {
 
 /// Needs no event.
 #[derive(Default)]
-struct Nobody(usize);
+struct EventlessObserver(usize);
 
-impl Observer for Nobody {
+impl Observer for EventlessObserver {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
     fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
@@ -187,10 +187,10 @@ fn assert_same_continuation(
     let start = dice.roll(recording.items.len());
     let mut whole = Decoder::new(options.clone());
     let mut quiet = Decoder::new(options.clone());
-    let mut nobody = Nobody::default();
+    let mut eventless = EventlessObserver::default();
     for place in 0..start {
         recording.push(&mut whole, place, &mut |_: &Event, _: &Bus| {});
-        recording.push(&mut quiet, place, &mut nobody);
+        recording.push(&mut quiet, place, &mut eventless);
     }
     let mut quiet = quiet.clone();
     let (mut wanted, mut found) = (Vec::new(), Vec::new());
@@ -201,7 +201,7 @@ fn assert_same_continuation(
         wanted.clear();
         found.clear();
     }
-    nobody.0
+    eventless.0
 }
 
 /// Counts frames and events; with `takes_all` it needs the event of each frame.
@@ -251,7 +251,7 @@ fn assert_same_statistics(name: &str, recording: &Recording, options: &SessionOp
         counting.statistics.withdraw(decoder.buses());
         format!("{:#?}", counting.statistics)
     });
-    // The place of the next search is no result.
+    // The place of the next search is not a result.
     let lines = |text: &str| {
         text.lines().filter(|line| !line.contains("next_pdo_id")).map(str::to_owned).collect::<Vec<_>>()
     };

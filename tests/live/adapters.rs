@@ -205,7 +205,7 @@ fn frames_and_their_times_come_from_a_socketcand_server() {
 }
 
 #[test]
-fn a_server_that_went_away_and_came_back_is_heard_again() {
+fn a_server_that_returns_is_read_again() {
     if !in_guest() {
         return;
     }

@@ -22,7 +22,7 @@ fn it_ends_after_so_many_frames() {
 }
 
 #[test]
-fn it_ends_when_nothing_came_for_so_long() {
+fn it_ends_after_the_given_time_without_a_frame() {
     if !in_guest() {
         return;
     }

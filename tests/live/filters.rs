@@ -45,7 +45,7 @@ fn a_value_and_its_mask_let_pass_what_fits() {
 }
 
 #[test]
-fn the_bits_above_an_identifier_tell_standard_data_frames_from_others() {
+fn the_bits_above_an_identifier_distinguish_standard_data_frames() {
     passes("123:C00007FF", &["123#01", "123##108"]);
 }
 

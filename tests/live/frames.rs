@@ -66,7 +66,7 @@ fn played_frames_are_recorded_with_the_time_the_kernel_gave_them() {
 }
 
 #[test]
-fn the_kernel_stamps_frames_of_a_virtual_bus_and_that_is_said() {
+fn the_kernel_stamps_frames_of_a_virtual_bus_which_is_reported() {
     if !in_guest() {
         return;
     }
@@ -104,7 +104,7 @@ fn any_means_every_bus_also_one_that_comes_later() {
 }
 
 #[test]
-fn several_buses_are_told_apart() {
+fn several_buses_are_distinguished() {
     if !in_guest() {
         return;
     }

@@ -49,12 +49,12 @@ pub fn has_devices() -> bool {
 
 /// Output of a program so far.
 #[derive(Default)]
-struct Said {
+struct ProgramOutput {
     out: Vec<String>,
     err: Vec<String>,
 }
 
-type Shared = Arc<(Mutex<Said>, Condvar)>;
+type Shared = Arc<(Mutex<ProgramOutput>, Condvar)>;
 
 /// A running program; killed when dropped.
 pub struct Program {
@@ -104,14 +104,14 @@ impl Program {
     }
 
     /// The first result of `find` on the output, or `None` after `limit`.
-    fn find<T>(&self, limit: Duration, find: impl Fn(&Said) -> Option<T>) -> Option<T> {
+    fn find<T>(&self, limit: Duration, find: impl Fn(&ProgramOutput) -> Option<T>) -> Option<T> {
         let (said, changed) = &*self.said;
         let said = said.lock().unwrap();
         let (said, _) = changed.wait_timeout_while(said, limit, |said| find(said).is_none()).unwrap();
         find(&said)
     }
 
-    fn wait<T>(&self, what: &str, find: impl Fn(&Said) -> Option<T>) -> T {
+    fn wait<T>(&self, what: &str, find: impl Fn(&ProgramOutput) -> Option<T>) -> T {
         self.find(LIMIT, find).unwrap_or_else(|| panic!("no {what} from {}\n{}", self.name, self.said()))
     }
 
@@ -135,7 +135,7 @@ impl Program {
 
     /// Waits until the events of this kind meet a condition.
     pub fn wait_events(&self, kind: &str, are: impl Fn(&[Value]) -> bool) -> Vec<Value> {
-        let wanted = |said: &Said| Some(events(&said.out, kind)).filter(|events| are(events));
+        let wanted = |said: &ProgramOutput| Some(events(&said.out, kind)).filter(|events| are(events));
         self.wait(&format!("{kind} events as wanted"), wanted)
     }
 
@@ -187,7 +187,7 @@ impl Program {
             thread::sleep(GLANCE);
         };
         self.readers.drain(..).for_each(|reader| reader.join().unwrap());
-        let Said { out, err } = std::mem::take(&mut *self.said.0.lock().unwrap());
+        let ProgramOutput { out, err } = std::mem::take(&mut *self.said.0.lock().unwrap());
         Ended { status, out, err }
     }
 
@@ -213,7 +213,7 @@ impl Drop for Program {
 fn listen(
     stream: impl Read + Send + 'static,
     said: &Shared,
-    place: fn(&mut Said) -> &mut Vec<String>,
+    place: fn(&mut ProgramOutput) -> &mut Vec<String>,
 ) -> thread::JoinHandle<()> {
     let said = Arc::clone(said);
     thread::spawn(move || {

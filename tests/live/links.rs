@@ -28,7 +28,7 @@ fn assert_idle(live: &Program) {
 }
 
 #[test]
-fn an_interface_switched_off_and_on_is_told_and_heard_again() {
+fn an_interface_switched_off_and_on_is_reported_and_read_again() {
     if !in_guest() {
         return;
     }
@@ -54,7 +54,7 @@ fn an_interface_switched_off_and_on_is_told_and_heard_again() {
 }
 
 #[test]
-fn an_interface_deleted_and_made_again_is_told_and_heard_again() {
+fn an_interface_deleted_and_created_again_is_reported_and_read_again() {
     if !in_guest() {
         return;
     }
@@ -73,7 +73,7 @@ fn an_interface_deleted_and_made_again_is_told_and_heard_again() {
 }
 
 #[test]
-fn one_of_several_buses_goes_and_the_others_are_heard_on() {
+fn if_one_of_several_buses_disappears_the_others_are_still_read() {
     if !in_guest() {
         return;
     }

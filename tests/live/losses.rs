@@ -71,7 +71,7 @@ fn a_killed_program_leaves_a_readable_record() {
 }
 
 #[test]
-fn a_full_disk_is_told_and_watching_goes_on() {
+fn a_full_disk_is_reported_and_watching_continues() {
     if !in_guest() {
         return;
     }

@@ -53,7 +53,7 @@ def check_schema(path, expected):
     assert [key for key, _ in version] == ["cobscope.version"] and version[0][1], version
 
 
-def steers(character):
+def is_terminal_control(character):
     """Whether it is a control character or changes the text direction."""
     number = ord(character)
     return number < 32 or 0x7F <= number < 0xA0 or number in (0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
@@ -62,7 +62,7 @@ def steers(character):
 def escaped(text):
     """The text with these characters escaped."""
     short = {"\t": "\\t", "\r": "\\r", "\n": "\\n"}
-    return text and "".join(short.get(c, f"\\u{{{ord(c):x}}}") if steers(c) else c for c in text)
+    return text and "".join(short.get(c, f"\\u{{{ord(c):x}}}") if is_terminal_control(c) else c for c in text)
 
 
 def nanoseconds(seconds):
@@ -86,7 +86,7 @@ def check_events(path, lines):
         same(f"event {line}", row[:11], expected)
         same(f"time of {line}", row[14], None if row[0] is None else row[0] // 1000)
         text = row[12]
-        assert text and not any(steers(c) for c in text), text
+        assert text and not any(is_terminal_control(c) for c in text), text
     return events
 
 

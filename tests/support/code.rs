@@ -4,7 +4,7 @@
 
 /// A part of a source text.
 #[derive(Clone, Copy)]
-pub enum Part<'a> {
+pub enum CodePart<'a> {
     Code(&'a str),
     Comment,
     /// A string with its quotes.
@@ -13,7 +13,7 @@ pub enum Part<'a> {
 }
 
 /// Parts of a text, each with its offset.
-pub fn parts(text: &str) -> Vec<(usize, Part<'_>)> {
+pub fn parts(text: &str) -> Vec<(usize, CodePart<'_>)> {
     let (mut parts, mut at) = (Vec::new(), 0);
     while let Some(c) = text[at..].chars().next() {
         let rest = &text[at..];
@@ -23,7 +23,7 @@ pub fn parts(text: &str) -> Vec<(usize, Part<'_>)> {
             let is_word = |c: char| c.is_alphanumeric() || c == '_';
             let word = rest.find(|c| !is_word(c)).unwrap_or(rest.len());
             let length = word.max(c.len_utf8());
-            parts.push((at, Part::Code(&rest[..length])));
+            parts.push((at, CodePart::Code(&rest[..length])));
             at += length;
         } else {
             parts.push((at, literal_kind(&rest[..length])));
@@ -33,19 +33,19 @@ pub fn parts(text: &str) -> Vec<(usize, Part<'_>)> {
     parts
 }
 
-fn literal_kind(text: &str) -> Part<'_> {
+fn literal_kind(text: &str) -> CodePart<'_> {
     if text.starts_with('/') {
-        Part::Comment
+        CodePart::Comment
     } else if text.ends_with('\'') {
-        Part::Character
+        CodePart::Character
     } else {
-        Part::String(text)
+        CodePart::String(text)
     }
 }
 
 /// The text without comments, strings and characters.
 pub fn blanked(text: &str) -> String {
-    let code = |(_, part)| if let Part::Code(code) = part { Some(code) } else { None };
+    let code = |(_, part)| if let CodePart::Code(code) = part { Some(code) } else { None };
     parts(text).into_iter().filter_map(code).collect()
 }
 

@@ -128,7 +128,7 @@ fn only_a_baseline_is_replaced_by_one() {
 }
 
 #[test]
-fn suppressions_and_what_is_gone_are_said_in_formats_for_programs() {
+fn suppressions_and_missing_findings_are_reported_in_formats_for_programs() {
     let folder = known();
     let bus = "[[suppress]]\nrule = 'node-lost'\nreason = 'known gateway'\n\
                [[suppress]]\nrule = 'sdo-no-response'\nreason = 'old master'\n\

@@ -124,7 +124,7 @@ fn areas_of_the_bus_file() {
 }
 
 #[test]
-fn a_bus_the_capture_does_not_have_is_said() {
+fn a_bus_missing_in_the_capture_is_reported() {
     let path = file("unknown.toml", "[bus.can7]\nbitrate = 250000\n");
     let output = run(&["decode", "--bus", path.to_str().unwrap()], "(1700000000.0) can0 705#00\n");
     assert_eq!(output.code, 0);
@@ -183,7 +183,7 @@ fn a_profile_that_is_not_there_is_shown_with_its_place() {
 }
 
 #[test]
-fn types_are_said_in_plain_words() {
+fn types_are_described_in_plain_words() {
     for (bus, expected) in [
         ("[expect]\nid = 'a'\n", "bus.toml:1:1: found a table, expected [[expect]]\n"),
         ("[bus.can0]\nbitrate = 'fast'\n", "2:11: found \"fast\", expected a whole number\n"),

@@ -86,7 +86,7 @@ fn the_footer_names_the_option_that_prints_a_story() {
 }
 
 #[test]
-fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
+fn a_node_that_sends_without_its_heartbeat_is_not_silent() {
     // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
     let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);
     assert!(output.stdout.contains(
@@ -96,7 +96,7 @@ fn a_node_that_goes_on_without_its_heartbeat_is_not_called_silent() {
 
 #[cfg(feature = "gzip")]
 #[test]
-fn the_reason_of_a_cut_capture_is_said_once() {
+fn the_reason_of_a_cut_capture_is_printed_once() {
     // A gzip member (RFC 1952) with one stored block (RFC 1951 §3.2.4) of 64 bytes, truncated after a line of
     // 40.
     let mut bytes = vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0, 0, 3, 0, 64, 0, !64, 0xFF];
@@ -218,7 +218,7 @@ fn the_bus_file_says_how_strict() {
 }
 
 #[test]
-fn suppressions_are_said() {
+fn suppressions_are_printed() {
     let file = folder("suppressed").join("bus.toml");
     let bus = "[[suppress]]\nrule = \"node-lost\"\nnode = 5\nuntil = 2026-06-30\nreason = \"known gateway\"\n\
                [[suppress]]\nrule = \"sdo-no-response\"\nreason = \"old master\"\n";
@@ -257,7 +257,7 @@ fn output_is_the_same_for_any_number_of_threads() {
 }
 
 #[test]
-fn a_folder_stands_for_the_captures_below_it() {
+fn a_folder_selects_the_captures_below_it() {
     let folder = folder("below");
     fs::create_dir_all(folder.join("b/c")).unwrap();
     fs::create_dir_all(folder.join(".git")).unwrap();
@@ -336,7 +336,7 @@ fn a_baseline_accepts_what_is_known() {
 }
 
 #[test]
-fn a_worse_finding_a_gone_one_and_a_silent_rule_are_told() {
+fn worse_and_missing_findings_and_a_silent_rule_are_reported() {
     let folder = folder("worse");
     let file = folder.join("baseline.json");
     let known = capture(&folder, "");

@@ -115,7 +115,7 @@ fn of_several_the_option_goes_before_the_bus_and_the_bus_before_all() {
 }
 
 #[test]
-fn what_is_left_out_is_said_once_and_what_is_no_dbc_ends_the_program() {
+fn omissions_are_printed_once_and_an_invalid_dbc_ends_the_program() {
     let half =
         "BO_ 100 HALF: 2 N\n SG_ Gone : 60|8@1+ (1,0) [0|0] \"\" N\n SG_ There : 0|8@1+ (1,0) [0|0] \"\" N\n";
     let folder =

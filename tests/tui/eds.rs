@@ -121,7 +121,7 @@ fn a_profile_goes_before_a_device_file() {
 }
 
 #[test]
-fn problems_of_a_file_are_told_and_do_not_stop() {
+fn problems_of_a_file_are_printed_and_do_not_stop() {
     let output = ok(&["decode", "--eds", "5=fixtures/device_files/defects.eds", "-"], PDOS);
     let lines: Vec<_> = output.stderr.lines().collect();
     // 33 problems in total (defects.eds.expected.txt).
@@ -193,7 +193,7 @@ fn device_files_of_a_folder_are_recognised_by_what_a_node_says() {
 }
 
 #[test]
-fn what_contradicts_the_file_is_told_once() {
+fn contradictions_to_the_file_are_reported_once() {
     // Device type 0191 instead of 0198, twice; 2010:00 of one byte; product code 5 as in the file.
     let text = "(1700000001.0) can0 605#4000100000000000\n(1700000001.1) can0 585#4300100091010000\n\
         (1700000001.2) can0 605#4000100000000000\n(1700000001.3) can0 585#4300100091010000\n\

@@ -93,7 +93,7 @@ fn a_trouble_code_in_hex_in_either_order() {
 }
 
 #[test]
-fn a_misspelt_rule_is_told_the_right_one() {
+fn a_misspelt_rule_suggests_the_right_one() {
     let texts = |thing: &str| run(&["explain", thing], "").stderr;
     let expected = "cobscope: explain: unknown rule 'node-los'; did you mean 'node-lost'?\n";
     assert_eq!(texts("node-los"), expected);
@@ -131,7 +131,7 @@ fn anything_else_says_what_is_understood() {
 }
 
 #[test]
-fn a_group_may_be_written_as_its_letters_tell() {
+fn a_group_may_be_written_with_its_letters() {
     let all = ["pgn:65226", "pgn:0xFECA", "pgn:FECA"].map(|thing| run(&["explain", thing], "").stdout);
     assert!(all[0].contains("FECA") && all.iter().all(|text| *text == all[0]), "{all:?}");
 }

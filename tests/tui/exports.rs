@@ -109,7 +109,7 @@ fn bits(messages: u32) -> (String, String) {
 }
 
 #[test]
-fn signals_without_a_column_are_said() {
+fn signals_without_a_column_are_reported() {
     let folder = folder("columns");
     let dbc = folder.join("bits.dbc");
     let (text, frames) = bits(65);
@@ -190,7 +190,7 @@ fn the_terminal_ui_exports_in_every_format() {
 
 #[cfg(unix)]
 #[test]
-fn a_full_disk_is_said() {
+fn a_full_disk_is_reported() {
     let output = run(&[&["decode", "-f", "csv-wide", "-o", "/dev/full"][..], &SYDFEC].concat(), "");
     assert_eq!(output.code, 3);
     assert!(output.stderr.contains("cobscope: /dev/full: No space left"), "{}", output.stderr);

@@ -34,7 +34,7 @@ fn sentences_describe_the_interfaces() {
 }
 
 #[test]
-fn calls_with_errors_are_told() {
+fn calls_with_errors_are_reported() {
     for (words, expected) in [
         (&["--extcap-dlts"][..], "--extcap-interface is missing"),
         (&["--extcap-config", "--extcap-interface", "eth0"], "--extcap-interface eth0: unknown"),
@@ -83,7 +83,7 @@ fn a_capture_goes_through_the_pipe_with_its_meaning() {
     fs::write(folder.path().join("a.pcapng"), bytes).unwrap();
     let decode = |capture| run_in(folder.path(), &["decode", "-f", "jsonl", capture], "").stdout;
     assert_eq!(decode("a.pcapng"), decode("a.log"));
-    // The pipe is no file: nothing else was created.
+    // The pipe is not a file: nothing else was created.
     assert!(!folder.path().join("pipe.part").exists());
 }
 
@@ -200,7 +200,7 @@ impl Ended {
 
 impl Drop for Ended {
     fn drop(&mut self) {
-        // SIGTERM: a killed tshark leaves dumpcap and its extcap program behind.
+        // SIGTERM: a killed tshark leaves dumpcap and its extcap program running.
         let _ = Command::new("kill").arg(self.0.id().to_string()).status();
         let _ = self.0.wait();
     }

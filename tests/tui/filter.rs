@@ -154,7 +154,7 @@ fn a_capture_without_times_has_no_seconds() {
 }
 
 #[test]
-fn a_beginning_behind_the_end_is_said() {
+fn a_start_after_the_end_is_reported() {
     // 44 frames, the last one at 1700000010.002.
     for (from, says) in [
         ("10.1", "guarding.log: --from is after the last frame, #44 at 10.002 s"),
@@ -186,7 +186,7 @@ fn stamps_that_step_back_are_differences_on_a_screen_and_a_step_in_a_log() {
 }
 
 #[test]
-fn nothing_printed_is_said_with_the_reason() {
+fn an_empty_output_is_reported_with_its_reason() {
     const CAPTURE: &str = "fixtures/canopen/nmt_heartbeat.log";
     let texts = |words: &[&str]| {
         let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");

@@ -80,10 +80,10 @@ fn play(journey: &Journey) {
 }
 
 /// A step: keys in the form of the keymap, and texts that the screen then shows.
-type Step = (&'static str, &'static [&'static str]);
+type KeyStep = (&'static str, &'static [&'static str]);
 
-/// What is done most, from the first screen on, with max [`FEW_KEYS`] keys each.
-const SHORT: [(&str, &[Step]); 4] = [
+/// Frequent tasks, from the first screen on, with max [`FEW_KEYS`] keys each.
+const SHORT: [(&str, &[KeyStep]); 4] = [
     (
         "find the fault",
         &[
@@ -103,7 +103,7 @@ const SHORT: [(&str, &[Step]); 4] = [
     ("export", &[("V", &["selected from #104"]), ("G", &["#190/190"]), ("w<enter>", &["87 frames written"])]),
 ];
 
-/// Max keys of what is done most.
+/// Max keys of a frequent task.
 const FEW_KEYS: usize = 6;
 
 #[test]

@@ -170,7 +170,7 @@ fn a_window_is_completed_after_the_first_finding() {
     let all = fixture("machine/machine.log");
     let ended = run(&arguments, &all);
     assert_eq!(ended.code, 1, "{}", ended.stderr);
-    // The first frame later than 10.361 s + 1 s closes the window; it is the last one that is counted.
+    // The first frame later than 10.361 s + 1 s closes the window; it is the last counted frame.
     let title = ended.stdout.lines().find(|line| line.starts_with("== can0 (")).unwrap();
     let count: usize = title.trim_start_matches("== can0 (").split(' ').next().unwrap().parse().unwrap();
     let lines: Vec<&str> = all.lines().collect();
@@ -233,7 +233,7 @@ fn it_ends_after_frames_and_after_silence() {
 }
 
 #[test]
-fn a_record_holds_what_came() {
+fn a_record_contains_all_received_frames() {
     let folder = folder("record");
     for suffix in ["log", "pcapng"] {
         let path = folder.join(format!("run.{suffix}"));
@@ -249,7 +249,7 @@ fn a_record_holds_what_came() {
     }
 }
 
-/// A file that may not grow beyond 4 or 8 KiB: the frames behind are missing, and the exit status says so.
+/// A file that may not grow beyond 4 or 8 KiB: later frames are missing, and the exit status shows it.
 #[test]
 fn frames_missing_in_a_record_are_an_error() {
     let folder = folder("limited");
@@ -336,7 +336,7 @@ fn files_of_several_formats_are_followed() {
 }
 
 #[test]
-fn what_cannot_be_watched_is_said_with_what_to_do() {
+fn an_unusable_source_is_reported_with_a_remedy() {
     let refused = |arguments: &[&str], code: i32, text: &str| {
         let output = run(&[&["live"], arguments].concat(), "");
         assert_eq!(output.code, code, "{arguments:?}: {}", output.stderr);
@@ -356,7 +356,7 @@ fn what_cannot_be_watched_is_said_with_what_to_do() {
 
 /// While frames arrive, the screen follows them, stops on request, and follows again.
 #[test]
-fn on_the_screen_it_follows_pauses_and_goes_on() {
+fn on_the_screen_it_follows_pauses_and_continues() {
     let folder = folder("screen");
     let (pipe, record) = (folder.join("bus"), folder.join("run.pcapng"));
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());

@@ -139,7 +139,7 @@ fn ten_questions_are_answered() {
     assert_eq!(differences["equal"], false);
     assert!(!differences["differences"].as_array().unwrap().is_empty());
 
-    // 9 What is configured in this node?
+    // 9 Which configuration has this node?
     let objects = client.ask("objects", &pump(&json!({"node": "2"})));
     assert!(objects["objects"].as_array().unwrap().len() > 5, "{objects}");
 
@@ -276,7 +276,7 @@ fn bad_requests_are_answered_and_nothing_outside_is_read() {
     assert_eq!(client.receive()["error"]["code"], -32_700);
     client.send(&vec![b'x'; 2 << 20]);
     assert_eq!(client.receive()["error"]["code"], -32_600);
-    // A damaged capture without a finding is no clean one.
+    // A damaged capture without a finding is not clean.
     std::fs::write(inner.join("damaged.log"), "(1.0) can0 705#05\nrubbish\n(2.0) can0 705#05\n").unwrap();
     for tool in ["why", "findings", "summary"] {
         let answer = client.ask(tool, &json!({"capture": "damaged.log"}));

@@ -9,7 +9,7 @@ fn the_nodes_that_have_objects() {
 }
 
 #[test]
-fn a_node_that_is_not_there_is_said() {
+fn an_absent_node_is_reported() {
     let output = run(&["objects", "--node", "9", "fixtures/canopen/guarding.log"], "");
     assert_eq!((output.code, output.stdout.as_str()), (0, ""));
     assert!(
@@ -20,7 +20,7 @@ fn a_node_that_is_not_there_is_said() {
 }
 
 #[test]
-fn a_bus_that_is_not_there_is_said_with_those_there_are() {
+fn an_absent_bus_is_reported_with_the_present_ones() {
     const CAPTURE: &str = "fixtures/canopen/guarding.log";
     let texts = |by: &str| format!("cobscope: {CAPTURE}: unknown bus 5 in {by}; buses present: can0\n");
     for (words, by) in [

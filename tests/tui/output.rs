@@ -126,7 +126,7 @@ fn a_report_may_lie_in_the_folder() {
 }
 
 #[test]
-fn a_full_disk_is_told_by_every_command() {
+fn a_full_disk_is_reported_by_every_command() {
     let full = || Stdio::from(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
     let commands = [
         &["stats", "fixtures/canopen/emcy.log"][..],

@@ -1,4 +1,4 @@
-//! The library behind the page `cobscope.html` gives what the program prints, for every capture of this
+//! The library of the page `cobscope.html` gives what the program prints, for every capture of this
 //! repository and of the corpus.
 
 use std::fs;

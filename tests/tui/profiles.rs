@@ -77,7 +77,7 @@ fn bus_files_beside_profiles_are_passed_over() {
 }
 
 #[test]
-fn of_two_profiles_with_one_id_the_last_is_used_and_said() {
+fn of_two_profiles_with_one_id_the_last_is_used_and_reported() {
     let folder = folder("twice", PUMP);
     fs::write(folder.join("valve.toml"), PUMP).unwrap();
     fs::write(folder.join("own.toml"), PUMP.replace("acme-pump", "rexroth-vpcd")).unwrap();
@@ -94,7 +94,7 @@ fn of_two_profiles_with_one_id_the_last_is_used_and_said() {
 }
 
 #[test]
-fn a_profile_that_shows_nothing_by_samples_is_told_so() {
+fn a_profile_without_samples_is_reported() {
     let unshown = folder("unshown", PUMP);
     let file = path(&unshown.join("pump.toml"));
     let output = run(&["profiles", "check", &file], "");
@@ -242,7 +242,7 @@ fn a_profile_that_is_not_there_is_a_mistake_of_the_command_line() {
 }
 
 #[test]
-fn a_right_profile_is_said_to_be_right() {
+fn a_valid_profile_is_reported_as_valid() {
     let folder = folder("right", PUMP);
     let name = path(&folder.join("pump.toml"));
     let output = run(&["profiles", "check", &name], "");

@@ -361,7 +361,7 @@ fn a_folder_gives_an_index() {
 fn a_folder_without_captures_has_no_index() {
     let empty = folder("report_empty");
     let pages = folder("report_empty_pages");
-    // At first without a file, then with one that is not a capture.
+    // At first without a file, then with a text file.
     for _ in 0..2 {
         for words in [&["report", text(&empty), "-o"][..], &["check", text(&empty), "--report"]] {
             let output = run(&[words, &[text(&pages)]].concat(), "");

@@ -30,7 +30,7 @@ fn hostile() -> (String, String) {
 }
 
 #[test]
-fn nothing_of_a_capture_steers_a_terminal_or_a_server() {
+fn no_text_of_a_capture_controls_a_terminal_or_a_server() {
     let (capture, bus) = hostile();
     let captures = [
         capture.as_str(),

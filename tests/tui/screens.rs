@@ -188,7 +188,7 @@ fn play(session: &str) -> String {
 }
 
 #[test]
-fn every_session_shows_what_stands_in_its_file() {
+fn every_session_shows_the_content_of_its_file() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tui/screens");
     let mut paths: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.sort();
@@ -330,7 +330,7 @@ fn a_key_assigns_the_profile_that_the_behaviour_suggests() {
 }
 
 #[test]
-fn a_wrong_assignment_is_told_in_the_prompt() {
+fn a_wrong_assignment_is_reported_in_the_prompt() {
     let mut screen = Screen::open(
         "cobscope view --layout one --color never --pane nodes fixtures/rules/node-lost.log",
         140,

@@ -309,7 +309,7 @@ fn a_part_whose_clock_steps_stays_in_its_place() {
 
 #[test]
 fn a_folder_of_other_captures_is_not_joined() {
-    // Consecutive in time, but the names are no counter; on the command line they follow each other.
+    // Consecutive in time, but the names do not count; on the command line they follow each other.
     let files = [("brake.log", heartbeats(1, 3)), ("pump.log", heartbeats(4, 5))];
     let all: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
     let place = with_files("folder", &all);

@@ -70,7 +70,7 @@ fn transfers_by_outcome_and_code() {
 }
 
 #[test]
-fn made_up_stamps_and_missing_error_frames_are_said() {
+fn synthetic_timestamps_and_missing_error_frames_are_reported() {
     let lines = every_millisecond(1_200, "705#05");
     let text = run(&["stats", "-"], &lines).stdout;
     assert!(text.contains("timestamps synthetic (every 1.000 ms)"), "{text}");
@@ -129,7 +129,7 @@ fn the_tables_of_a_guarded_node() {
 }
 
 #[test]
-fn what_stopped_is_said() {
+fn stopped_messages_are_reported() {
     // Every 100 ms until 1.0 s; node 6 until 3.0 s.
     let line = |n: u32, id: u32| format!("({}.{}00000) can0 {id:03X}#05\n", 1_700_000_000 + n / 10, n % 10);
     let lines: String =

@@ -22,14 +22,14 @@ const NO_HOME: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-home");
 
 /// Output of the program so far.
 #[derive(Default)]
-struct Seen {
+struct ProgramOutput {
     parser: Parser,
     /// All bytes that the program wrote.
     written: Vec<u8>,
     has_ended: bool,
 }
 
-type Shared = Arc<(Mutex<Seen>, Condvar)>;
+type Shared = Arc<(Mutex<ProgramOutput>, Condvar)>;
 
 /// A program in a terminal.
 pub struct Session {
@@ -96,7 +96,7 @@ impl Session {
         self.wait("verdict", |screen| screen.lines().next().is_some_and(is_judged) && is_known(screen));
     }
 
-    fn wait_seen(&self, what: &str, is_so: impl Fn(&Seen) -> bool) {
+    fn wait_seen(&self, what: &str, is_so: impl Fn(&ProgramOutput) -> bool) {
         let seen = self.seen.0.lock().unwrap();
         let (seen, timeout) = self.seen.1.wait_timeout_while(seen, LIMIT, |seen| !is_so(seen)).unwrap();
         assert!(!timeout.timed_out(), "no {what} on\n{}", seen.parser.screen().contents());
@@ -204,7 +204,7 @@ fn a_key_pressed_while_the_size_changes_is_not_lost() {
 }
 
 #[test]
-fn a_program_told_to_end_gives_the_terminal_back() {
+fn a_terminated_program_restores_the_terminal() {
     for signal in ["-TERM", "-INT"] {
         let session = Session::view(PVE);
         session.wait_text("BOOT");
@@ -252,7 +252,7 @@ fn without_a_terminal_it_says_what_to_use_instead() {
 }
 
 #[test]
-fn a_capture_that_cannot_be_opened_is_told_before_the_screen_is_taken() {
+fn an_unreadable_capture_is_reported_before_the_screen_opens() {
     let session = Session::view(&["no-such-file.log"]);
     session.wait_text("no-such-file.log: cannot be opened");
     assert_eq!(session.wait_end().code(), Some(3));
@@ -286,7 +286,7 @@ fn a_layout_is_remembered_until_it_is_discarded() {
     let session = at_home(home.path(), &[]);
     session.wait_text("--layout list");
     quit(session);
-    // An option goes before what is remembered, and is not remembered itself.
+    // An option overrides the remembered value, and is not remembered itself.
     let session = at_home(home.path(), &["--layout", "signals"]);
     session.wait_text("5 Signals ──");
     quit(session);

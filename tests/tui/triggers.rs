@@ -239,7 +239,7 @@ fn impossible_triggers_are_refused_before_recording() {
         let live = run(&["live", "-", "--trigger", "kind", "--record", file], "");
         assert!(live.code == 2 && live.stderr.contains("need a folder"), "{}", live.stderr);
     }
-    // Nobody can create files there, not even root.
+    // No user can create files there, not even root.
     let live = run(&["live", "-", "--trigger", "kind", "--record", "/proc"], "");
     assert!(live.code == 2 && live.stderr.contains("/proc: cannot create files in it"), "{}", live.stderr);
 }

@@ -67,13 +67,13 @@ fn a_late_heartbeat_is_no_lost_node() {
 }
 
 #[test]
-fn a_finding_names_the_rules_it_stands_for() {
+fn a_finding_names_the_rules_it_covers() {
     let text = run(&["check", "fixtures/rules/store-not-effective.log"], "").stdout;
     assert!(text.contains("\n         also covers 1 finding of other rules: read-back\n"), "{text}");
 }
 
 #[test]
-fn what_limits_all_captures_is_said_once() {
+fn limits_of_all_captures_are_printed_once() {
     let folder = tempfile::tempdir().unwrap();
     let bus = folder.path().join("bus.toml");
     let rule =

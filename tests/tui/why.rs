@@ -154,7 +154,7 @@ fn looking_back_from_a_moment() {
 }
 
 #[test]
-fn a_set_point_without_effect_is_told_where_nothing_is_worse() {
+fn a_set_point_without_effect_is_reported_unless_something_is_worse() {
     // The calibration starts with frame 147 at 59.861 s and ignores the master's set points.
     let arguments = ["--node", "2=rexroth-sydfec", "--at", "#170", "fixtures/devices/sydfec.log"];
     let answer = answer(&arguments, "");
@@ -330,7 +330,7 @@ fn faults_within_20_ms_are_one() {
 }
 
 #[test]
-fn of_a_ramp_the_last_set_point_is_told() {
+fn of_a_ramp_the_last_set_point_is_reported() {
     // Frames 10 to 29 raise the set point; frame 30 is the EMCY.
     let ramp: Vec<String> = (1..=20).map(|n| format!("220#0F0000{n:02X}")).collect();
     let mut more: Vec<&str> = ramp.iter().map(String::as_str).collect();

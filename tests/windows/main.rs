@@ -132,7 +132,7 @@ fn files_of_other_programs() {
     let mut log = File::options().append(true).open(folder.join("a.log")).unwrap();
     assert!(stdout(&cobscope(&folder, &["decode", "a.log"])).contains("BOOT"));
     log.write_all(b"(1700000000.200000) can0 705#05\n").unwrap();
-    // A file that its owner shares with nobody.
+    // A file that its owner does not share.
     let whole = File::options()
         .write(true)
         .create(true)

@@ -113,7 +113,7 @@ fn frame(number: u64) -> Reading {
 }
 
 #[test]
-fn listen_only_mode_is_set_and_read_back_before_the_channel_goes_on_the_bus() {
+fn listen_only_mode_is_set_and_read_back_before_the_channel_joins_the_bus() {
     let driver = Driver::start("");
     drop(listen(AdapterKind::Pcan, "USB1"));
     let expected = "CAN_GetValue 0D\nCAN_SetValue 08 1\nCAN_GetValue 08\nCAN_Initialize 001C\n\

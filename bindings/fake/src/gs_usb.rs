@@ -197,7 +197,7 @@ impl GsUsbDevice {
         }
     }
 
-    /// Answers waiting reads with what is to be played; false once the adapter is unplugged.
+    /// Answers waiting reads with the items of the scenario; false once the adapter is unplugged.
     fn play(&mut self, stream: &mut impl Write) -> io::Result<bool> {
         while self.adapter.is_on_bus && !self.reads.is_empty() {
             let number = self.adapter.next;

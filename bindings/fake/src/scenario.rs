@@ -1,6 +1,6 @@
-//! What is played.
+//! Items that the simulated adapter plays.
 
-/// How listen-only mode is treated.
+/// Treatment of listen-only mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Listen {
     /// It works.
@@ -32,7 +32,7 @@ pub(crate) struct Scenario {
     pub(crate) unplug_at: Option<u64>,
     /// A message with an impossible length and identifier before this frame.
     invalid_at: Option<u64>,
-    /// How listen-only mode is treated.
+    /// Treatment of listen-only mode.
     pub(crate) listen: Listen,
     /// Another program uses the channel.
     pub(crate) is_in_use: bool,

@@ -243,7 +243,7 @@ impl Decoder {
         self.state().frames
     }
 
-    /// Rows that were dropped because nobody fetched them: of events, and of signals.
+    /// Rows that were dropped because they were not fetched: of events, and of signals.
     #[getter]
     fn dropped(&self) -> (usize, usize) {
         self.state().tables().map_or((0, 0), |tables| (tables.events.dropped, tables.signals.dropped))

@@ -41,7 +41,7 @@ impl Messages {
     }
 }
 
-/// A pass over a capture.
+/// One reading of a capture.
 #[derive(Clone)]
 pub struct Pass {
     /// The capture.

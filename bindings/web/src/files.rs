@@ -21,7 +21,7 @@ pub type Blocks = Vec<Box<[u8]>>;
 /// Content of a capture: a file, or its decompressed content in memory.
 #[derive(Clone)]
 pub enum Content {
-    /// A file that is not compressed.
+    /// An uncompressed file.
     File(Arc<dyn Files>, u32),
     /// A decompressed file, and the error that ended decompression early.
     Memory(Arc<Blocks>, Option<Arc<str>>),

@@ -81,7 +81,7 @@ impl Filtering {
     /// Searches up to `frames` more frames; `false` at the end.
     ///
     /// # Errors
-    /// If the capture can no longer be read; a capture that ends early is no error at the same place.
+    /// If the capture can no longer be read; a capture that ends early causes no error at the same place.
     pub fn step(
         &mut self,
         frames: u64,

@@ -1,4 +1,4 @@
-//! Files beside the captures: bus file, device files, databases.
+//! Files next to the captures: bus file, device files, databases.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use cobscope_decoder::wire::NodeId;
 use crate::files::Files;
 use crate::request::{NamedFile, OpenRequest};
 
-/// Maximum size of a file beside a capture.
+/// Maximum size of a file next to a capture.
 const MOST_BYTES: u64 = 64 << 20;
 
 /// Maximum number of problems reported per file.
@@ -28,7 +28,7 @@ pub struct Input {
     pub problems: Vec<String>,
 }
 
-/// Kind of a file beside a capture.
+/// Kind of a file next to a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BesideKind {
     /// TOML with names, devices and expectations.
@@ -108,7 +108,7 @@ impl Reader<'_> {
     }
 }
 
-/// Reads the files beside the captures.
+/// Reads the files next to the captures.
 ///
 /// # Errors
 /// If a file is unreadable or invalid, or a profile is unknown.

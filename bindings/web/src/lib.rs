@@ -1,4 +1,4 @@
-//! The library behind the page `cobscope.html`: captures are read in a worker of the browser, in slices and in
+//! The library of the page `cobscope.html`: captures are read in a worker of the browser, in slices and in
 //! bounded steps, and nothing leaves the machine.
 //!
 //! ```text

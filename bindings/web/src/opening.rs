@@ -38,14 +38,14 @@ pub struct ReadCaptures {
     pub captures: Captures,
     /// Selection and tolerances of the rules.
     pub setup: Arc<Setup>,
-    /// Problems in the files beside the captures.
+    /// Problems in the files next to the captures.
     pub problems: Vec<String>,
     /// Results of the first reading.
     pub survey: CaptureSurvey,
 }
 
 impl Opening {
-    /// Reads the files beside the captures.
+    /// Reads the files next to the captures.
     ///
     /// # Errors
     /// If one of them is invalid.

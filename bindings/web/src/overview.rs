@@ -20,7 +20,7 @@ pub struct Opened<'a> {
     pub name: &'a str,
     /// The captures.
     pub captures: &'a Captures,
-    /// Problems in the files beside the captures.
+    /// Problems in the files next to the captures.
     pub problems: &'a [String],
 }
 

@@ -75,7 +75,7 @@ impl Plotting {
     }
 }
 
-/// Times, last, lowest and highest values; a value that is not a number is null.
+/// Times, last, lowest and highest values; NaN is null.
 fn curve(signal: &SignalKey, points: &Points, zero: Timestamp) -> Value {
     #[expect(clippy::cast_precision_loss, reason = "for display")]
     let time = |bucket: &Bucket| Timestamp(bucket.t).since(zero) as f64 / 1e9;

@@ -46,7 +46,7 @@ pub enum Request {
     Bytes { what: Product },
 }
 
-/// Captures with the files beside them.
+/// Captures with the files next to them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub struct OpenRequest {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::files::Source;
 use crate::filter::Matcher;
 
-/// What is searched.
+/// Condition that the event must fulfil.
 #[derive(Clone)]
 pub struct Question {
     /// Pattern for the text of the row.

@@ -1,4 +1,4 @@
-//! All state of the page's worker: what is opened, and what is in progress.
+//! All state of the page's worker: the open captures, and the job in progress.
 //!
 //! ```text
 //! open ─▶ Unpack ─▶ CaptureSurvey ─▶ ready ─▶ rows, state, …      at once

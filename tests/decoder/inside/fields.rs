@@ -81,7 +81,7 @@ impl Fields for Check {
 }
 
 #[test]
-fn every_field_told_is_in_the_table_and_every_field_of_the_table_is_told() {
+fn every_emitted_field_is_in_the_table_and_every_field_of_the_table_is_emitted() {
     let bus = events::bus();
     let mut check = Check { kind: "", path: Vec::new(), told: BTreeSet::new() };
     for event in events::all() {

@@ -5,6 +5,7 @@ use std::fs;
 use regex::{Regex, RegexBuilder};
 use serde::Deserialize;
 
+use super::shares::NameShares;
 use crate::support::workspace;
 
 /// `budget.toml`.
@@ -17,6 +18,8 @@ pub struct Budget {
     pub expressions: Vec<Expression>,
     pub doc_comment_start: DocCommentStart,
     pub names: Names,
+    /// Highest shares of names.
+    pub name_limits: NameShares,
     #[serde(default)]
     pub allowed: Vec<Allowed>,
 }

@@ -2,6 +2,7 @@
 
 mod budget;
 mod ceilings;
+mod shares;
 mod sources;
 
 use std::collections::BTreeMap;
@@ -10,6 +11,7 @@ use std::fmt::Write as _;
 
 use budget::{Budget, Expression};
 use ceilings::Ceilings;
+use shares::DefinedNames;
 use sources::Passage;
 
 const CRATES: [(&str, &str); 3] =
@@ -213,4 +215,40 @@ fn names_are_judged_by_their_words() {
     let wrong: Vec<_> =
         functions.into_iter().filter(|name| names.error_in_function(name).is_some()).collect();
     assert_eq!(wrong, ["say_lost", "is_sure", "goes_on_for"]);
+}
+
+#[test]
+fn names_are_unique_and_have_two_words() {
+    let limits = Budget::read().name_limits;
+    let (shares, report) = DefinedNames::read().measure();
+    let pairs = [
+        ("types with a name that is not unique", shares.repeated_types, limits.repeated_types),
+        ("types with one word", shares.short_types, limits.short_types),
+        ("functions with one word", shares.short_functions, limits.short_functions),
+        ("functions named with a bare participle", shares.bare_participles, limits.bare_participles),
+    ];
+    for (what, share, limit) in pairs {
+        assert!(share <= limit, "{what}: {share:.1} % > {limit} %\n{report}");
+    }
+}
+
+#[test]
+fn shares_are_counted_per_definition() {
+    let code = "
+        pub struct Row;
+        mod other { pub(super) enum Row {} trait NodeRow {} }
+        impl Row {
+            pub const fn new() -> Self { Self }
+            fn refused(&self) {}
+            pub(crate) async fn is_refused(&self) {}
+            fn embed(&self) {}
+        }
+        #[cfg(test)]
+        mod tests { struct Row; fn read() {} }";
+    let (shares, _) = DefinedNames::find(&code.replace("{ ", "{\n").replace("} ", "}\n")).measure();
+    // Row, Row, NodeRow; refused, is_refused, embed.
+    assert!((shares.repeated_types - 200.0 / 3.0).abs() < 1e-9, "{shares:?}");
+    assert!((shares.short_types - 200.0 / 3.0).abs() < 1e-9, "{shares:?}");
+    assert!((shares.short_functions - 200.0 / 3.0).abs() < 1e-9, "{shares:?}");
+    assert!((shares.bare_participles - 100.0 / 3.0).abs() < 1e-9, "{shares:?}");
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::support::code::{Part, parts};
+use crate::support::code::{CodePart, parts};
 use crate::support::workspace;
 
 /// A text with its position.
@@ -72,7 +72,7 @@ pub fn string_literals(folder: &str) -> Vec<Passage> {
     for (file, text) in files(folder, "rs") {
         let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or(&text);
         for (at, part) in parts(code) {
-            if let Part::String(literal) = part {
+            if let CodePart::String(literal) = part {
                 let line = code[..at].matches('\n').count() + 1;
                 literals.push(Passage { file: file.clone(), line, text: joined(literal) });
             }

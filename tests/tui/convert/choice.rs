@@ -206,7 +206,7 @@ fn numbers_of_buses_are_those_of_the_file() {
 }
 
 #[test]
-fn what_is_true_of_several_captures_is_said_once() {
+fn common_notes_of_several_captures_are_printed_once() {
     let folder = Folder::new();
     let lines = |first: u32| {
         (0..6)

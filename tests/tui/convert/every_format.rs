@@ -166,7 +166,7 @@ fn safe(name: &str) -> String {
 }
 
 #[test]
-fn every_capture_comes_back_from_every_format_and_what_it_lost_is_said_once() {
+fn every_capture_is_read_back_from_every_format_and_its_losses_are_printed_once() {
     let captures = captures();
     assert!(captures.len() > 150, "{}", captures.len());
     let folder = Folder::new();
@@ -220,7 +220,7 @@ fn losses_are_counted_by_hand() {
 }
 
 #[test]
-fn times_below_zero_are_told_where_they_have_no_place() {
+fn negative_times_are_reported_by_formats_without_them() {
     let folder = Folder::new();
     folder.write(
         "a.csv",

@@ -107,7 +107,7 @@ fn an_event_of_a_frame_that_is_left_out_splits_before_the_next_one() {
 }
 
 #[test]
-fn times_before_the_first_of_a_part_are_said() {
+fn times_before_the_first_of_a_part_are_reported() {
     let folder = Folder::new();
     // The second part starts at 12; 11 is after the first frame of the capture, but before that of its part.
     folder.write(
@@ -171,7 +171,7 @@ fn nothing_is_written_over_unasked_and_never_what_is_read() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_said() {
+fn impossible_requests_are_reported() {
     let folder = Folder::new();
     folder.write("a.log", log(&["705#00"]));
     for (words, says) in [

@@ -1,4 +1,4 @@
-// The page: what is open, the cursor in time, and the panes.
+// The page: the open captures, the cursor in time, and the panes.
 
 import { Client, PageError } from "./client";
 import { bytes, fill, grouped, h, plural, seconds } from "./dom";
@@ -11,13 +11,13 @@ import { eventsPane } from "./panes/events";
 import { signalsPane } from "./panes/signals";
 import { findingsPane, framesPane, nodesPane, objectsPane, transfersPane } from "./panes/tables";
 import { whyPane } from "./panes/why";
-import type { BusState, ListName, NodeProfile, Place, Overview, Progress } from "./protocol";
+import type { BusState, ListName, NodeProfile, RowPosition, Overview, Progress } from "./protocol";
 import { Navigation } from "./navigation";
 import { copy, download } from "./save";
 import { countingOf, type App, type Core, type Pane, type PaneName } from "./state";
 import { Strip } from "./strip";
 
-/** Suffixes of files beside a capture. */
+/** Suffixes of files next to a capture. */
 const BESIDE = /\.(toml|eds|dcf|xdd|xdc|dbc|json)$/i;
 
 /** Suffixes of exported files. */
@@ -319,7 +319,7 @@ export class Page implements App {
     this.moved();
   }
 
-  private async locate(at: { spot: Place } | { time: number }, frame?: number, ordinal = 0): Promise<void> {
+  private async locate(at: { spot: RowPosition } | { time: number }, frame?: number, ordinal = 0): Promise<void> {
     const { client, list, total } = this.core;
     const found = await client.call<{ row: number; frame: number }>({ do: "locate", list: total > 0 ? list : "all", at });
     const target = frame ?? found.frame;

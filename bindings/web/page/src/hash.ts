@@ -1,4 +1,4 @@
-// The link to a position: `#t=12.5&pane=findings`. It contains nothing of the capture.
+// The link to a position: `#t=12.5&pane=findings`. It contains no data of the capture.
 
 export interface Link { time: number | null; frame: number | null; pane: string | null; filter: string }
 

@@ -2,10 +2,10 @@
 
 import { nextClock } from "./clock";
 import { h } from "./dom";
-import { countingOf, since, type App, type Place } from "./state";
+import { countingOf, since, type App, type RowPosition } from "./state";
 
 export class Navigation {
-  private marks = new Map<string, Place>();
+  private marks = new Map<string, RowPosition>();
   private sought = "";
   /** What the next letter is for: to set a mark, or to go to one. */
   private awaits: "m" | "'" | null = null;
@@ -53,7 +53,7 @@ export class Navigation {
     return key === "m" || key === "'" || action !== undefined;
   }
 
-  private here(): Place {
+  private here(): RowPosition {
     const { cursor, ordinal } = this.app.core;
     return { frame: cursor.frame, ordinal };
   }
@@ -85,7 +85,7 @@ export class Navigation {
 
   private async error(backward: boolean): Promise<void> {
     const { app } = this;
-    const found = await app.core.client.call<Place | null>({ do: "error", from: this.here(), backward });
+    const found = await app.core.client.call<RowPosition | null>({ do: "error", from: this.here(), backward });
     if (!found) return app.say(backward ? "No earlier error event" : "No later error event");
     await app.goTo(found.frame, found.ordinal);
   }

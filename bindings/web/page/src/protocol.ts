@@ -7,7 +7,7 @@ export type Request =
   | { do: "step"; frames: number }
   | { do: "overview" }
   | { do: "rows"; list: ListName; from: number; count: number }
-  | { do: "locate"; list: ListName; at: { spot: Place } | { time: number } }
+  | { do: "locate"; list: ListName; at: { spot: RowPosition } | { time: number } }
   | { do: "filter"; text: string; only_news: boolean }
   | { do: "complete"; text: string }
   | { do: "state"; frame: number }
@@ -18,12 +18,12 @@ export type Request =
   | { do: "curves" }
   | { do: "report"; finding: number | null; page: string }
   | { do: "export"; format: string; list: ListName; frames: [number, number] | null }
-  | { do: "error"; from: Place; backward: boolean }
-  | { do: "search"; text: string; list: ListName; from: Place; backward: boolean }
+  | { do: "error"; from: RowPosition; backward: boolean }
+  | { do: "search"; text: string; list: ListName; from: RowPosition; backward: boolean }
   | { do: "bytes"; what: "report" | "cut" | "export" };
 
 /** Position of an event. */
-export interface Place { frame: number; ordinal: number }
+export interface RowPosition { frame: number; ordinal: number }
 export interface NamedFile { file: number; name: string; size: number; node?: number }
 export type NodeName = { canopen: number } | { j1939: number };
 export interface NodeProfile { bus: string | null; node: NodeName; profile: string }
@@ -52,7 +52,7 @@ export interface Progress {
   findings?: number;
   total?: number;
   cut?: number;
-  place?: Place | null;
+  place?: RowPosition | null;
   invalid?: { reason: string; start: number };
 }
 

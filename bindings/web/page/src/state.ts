@@ -1,10 +1,10 @@
-// State shared by all panes: what is open, and the cursor in time.
+// State shared by all panes: the open captures, and the cursor in time.
 
 import type { Client } from "./client";
 import type { Clock } from "./clock";
 import type { BusState, Finding, ListName, NodeProfile, Overview, SignalName } from "./protocol";
 
-export type { Place } from "./protocol";
+export type { RowPosition } from "./protocol";
 
 export interface Cursor { frame: number; time: number | null }
 
@@ -16,7 +16,7 @@ export interface ChosenSignal extends SignalName { name: string; unit: string; f
 export interface Core {
   client: Client;
   overview: Overview;
-  /** Names of the files beside the captures. */
+  /** Names of the files next to the captures. */
   beside: string[];
   nodes: NodeProfile[];
   cursor: Cursor;
@@ -52,7 +52,7 @@ export interface App {
   assign(profile: NodeProfile | null, node: { bus: string; node: number; j1939: boolean }): void;
   say(text: string): void;
   fail(error: unknown): void;
-  /** Called by panes that change what is shared. */
+  /** Called by panes that change the shared state. */
   changed(): void;
 }
 
@@ -60,7 +60,7 @@ export interface Pane {
   name: PaneName;
   title: string;
   element: HTMLElement;
-  /** The pane was shown, or what is open changed. */
+  /** The pane was shown, or the open captures changed. */
   open(): void;
   /** The cursor moved; only called while the pane is shown. */
   moved(): void;

@@ -207,7 +207,7 @@ export class VirtualList<T> {
     this.waiting.splice(0).forEach((resolve) => resolve());
   }
 
-  /** Selected row that is not read yet. */
+  /** Selected row, still to be read. */
   private pendingTell = -1;
   private waiting: (() => void)[] = [];
 
@@ -224,7 +224,7 @@ export class VirtualList<T> {
   }
 
   private draw(): void {
-    // A list that is not shown reads nothing.
+    // A hidden list reads nothing.
     if (!this.scroller.isConnected || this.scroller.clientHeight === 0) return this.settle();
     if (!this.drawn) {
       this.drawn = true;

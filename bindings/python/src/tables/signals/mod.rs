@@ -123,7 +123,7 @@ impl ValueTable for SignalColumns {
 }
 
 impl SignalColumns {
-    /// The rows since the last batch. Cells that the rows of an event or of a signal share are no columns yet.
+    /// The rows since the last batch. Cells that the rows of an event or of a signal share become columns later.
     fn take(&mut self) -> Result<SignalBatch, ArrowError> {
         let rows = std::mem::replace(&mut self.rows, self.spare.take());
         let count = rows.signals.len();

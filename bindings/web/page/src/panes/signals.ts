@@ -10,7 +10,7 @@ import { Table } from "../table";
 /** Signals plotted together at most. */
 const MOST = 12;
 
-/** Dashes tell curves apart without colours. */
+/** Dashes distinguish curves without colours. */
 const DASHES = [[], [8, 4], [2, 3], [8, 3, 2, 3], [12, 4], [4, 4]];
 
 function colour(name: string): string {
